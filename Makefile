@@ -14,7 +14,15 @@ WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 # As many of them as there are cores: none computes in several threads.
 export OPENBLAS_NUM_THREADS ?= 1
 export OPENCV_FOR_THREADS_NUM ?= 1
-PYTEST := tools/run python -m pytest -n $(WORKERS) --no-loadscope-reorder
+PYTEST := tools/run python -m pytest
+BESIDE := -n $(WORKERS) --no-loadscope-reorder
+# A test of live nodes can fail because the machine stood still: what has failed (exit code 1) is run
+# once more, alone. The output of both runs is shown.
+define pytest_twice
+@$(PYTEST) $(1) -p cacheprovider -o cache_dir=.pytest_cache/$@ || { code=$$?; [ $$code = 1 ] || exit $$code; \
+	echo "make $@: what has failed is run once more, alone"; \
+	$(PYTEST) $(SELECT) $(2) -p cacheprovider -o cache_dir=.pytest_cache/$@ --last-failed --last-failed-no-failures=none; }
+endef
 
 .PHONY: help setup demo test test-all validation keeping-pace the-others lint bench docs tables study coverage wheels clean
 
@@ -46,13 +54,13 @@ test-all: setup
 	@$(MAKE) --no-print-directory --jobs=1 SELECT=--hypothesis-profile=search the-others keeping-pace validation
 
 validation: setup
-	@nice -n 5 $(PYTEST) $(SELECT) validation
+	@nice -n 5 $(PYTEST) $(BESIDE) $(SELECT) validation
 
 keeping-pace:
-	@tools/run python -m pytest $(SELECT) $(REAL_TIME)
+	$(call pytest_twice,$(SELECT) $(REAL_TIME),$(REAL_TIME))
 
 the-others:
-	@$(PYTEST) $(SELECT) $(TESTS) $(REAL_TIME:%=--ignore=%)
+	$(call pytest_twice,$(BESIDE) $(SELECT) $(TESTS) $(REAL_TIME:%=--ignore=%),$(TESTS) $(REAL_TIME:%=--ignore=%))
 
 coverage: setup
 	@tools/run python -m pip install --quiet --no-deps -r requirements/coverage.txt

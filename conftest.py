@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import signal
 from collections.abc import Iterator
 from typing import Any
@@ -12,6 +14,8 @@ from hypothesis import settings
 from slosh_msgs_py.node.dead_ports import free_dead_ports
 from slosh_msgs_py.node.domain import own_domain
 
+FIRST_DOMAINS = itertools.count(os.getpid(), 7)
+"""Where each file's tests look for a free domain: not where those before them were."""
 REAL_TIME = "tests/real_time/"
 """Tests of processes that must keep pace: one worker runs them all, one after the other."""
 
@@ -22,10 +26,14 @@ settings.register_profile("search", deadline=None)
 settings.load_profile("same")
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def domain() -> Iterator[int]:
-    """The DDS domain of this run, or of this worker of it, alone; every test speaks in it."""
-    with own_domain() as number, pytest.MonkeyPatch.context() as environment:
+    """The DDS domain of a file's tests alone.
+
+    What an earlier file's tests have killed is still known in its domain for some seconds, and
+    holds up who publishes there.
+    """
+    with own_domain(next(FIRST_DOMAINS)) as number, pytest.MonkeyPatch.context() as environment:
         environment.setenv("ROS_DOMAIN_ID", str(number))
         environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         free_dead_ports()

@@ -1,5 +1,6 @@
 """The built pages: a browser loads nothing from outside; formulae and search need no network."""
 
+import importlib
 import re
 import subprocess
 import sys
@@ -7,6 +8,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+
+from slosh_bringup.processes import NODES
+from slosh_model.effects.registry import EFFECTS
 
 ROOT = Path(__file__).resolve().parent.parent
 pytestmark = pytest.mark.timeout(300)
@@ -63,6 +67,21 @@ def test_formulae_are_written_and_not_fetched(built):
     page = built / "physics.html"
     assert Addresses(page).formulae > 50
     assert not re.search(r"<m[ion][^>]*>[^<]*\\", page.read_text(encoding="utf-8"))
+
+
+def test_generated_text_is_in_its_pages(built):
+    for name, effect in EFFECTS.items():
+        page = (built / "effects" / f"{name}.html").read_text(encoding="utf-8")
+        assert f"Acts on: {effect.stages[0].value}" in page
+        assert all(f">{parameter.name}<" in page for parameter in effect.parameters)
+        assert f"{name}.svg" in page
+    index = (built / "effects" / "index.html").read_text(encoding="utf-8")
+    assert index.count("<td><p><a ") == len(EFFECTS)
+    interfaces = (built / "interfaces.html").read_text(encoding="utf-8")
+    for node, module in NODES.items():
+        assert f'id="{node}"' in interfaces
+        for spec in importlib.import_module(module).PARAMETERS:
+            assert f">{spec.name}<" in interfaces
 
 
 def test_there_is_an_icon_and_the_words_to_search(built):

@@ -176,6 +176,7 @@ def test_a_recording_that_is_played_without_its_clock_is_recognised(domain, tmp_
     assert "s behind this machine's clock" in running.said
 
 
+@pytest.mark.long
 def test_a_cell_goes_on_when_its_nodes_are_killed(domain, tmp_path, write_cell):
     """Each is started again; the recorder into a bag of its own, so that the first one stays."""
     folder = tmp_path / "out" / "latest"
@@ -260,7 +261,7 @@ def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(
     assert "measured_limit" in (folder / "report.html").read_text()
 
 
-@pytest.mark.parametrize("said", ["nothing", "camera: none"])
+@pytest.mark.parametrize("said", [pytest.param("nothing", marks=pytest.mark.long), "camera: none"])
 def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     """No camera node, no alarm, an event of the estimate, a report, a replay and a page."""
     text = f"model: {config_folder() / 'model.yaml'}\n"

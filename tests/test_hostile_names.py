@@ -101,6 +101,7 @@ def said_by(words: list[str]) -> tuple[int, str]:
     [
         ("simulate IN-model.yaml IN0.csv -o OUT-s.csv --plot OUT-s.png", 0),
         ("predict IN-model.yaml IN0.csv IN1.csv -o OUT-predicted.csv", 0),
+        ("predict IN-model.yaml IN0.csv --plot OUT-p.svg --page OUT-p.html", 0),
         ("shape IN-model.yaml IN-smooth.csv --filter zv -o OUT-shaped.csv", 0),
         ("calibrate IN-still.png --camera IN-camera.yaml -o OUT.yaml --picture OUT-c.png", 0),
         ("detect IN-images --camera IN-camera.yaml --jobs 1 -o OUT-d.csv --worst OUT-w.png 2", 0),

@@ -161,7 +161,7 @@ class EchoingCamera:
             self._publisher.publish(surface)
 
 
-@pytest.mark.parametrize("degrees", [90, 180])
+@pytest.mark.parametrize("degrees", [90, pytest.param(180, marks=pytest.mark.long)])
 def test_an_azimuth_that_is_wrong_reaches_the_state_within_the_motion(
     tmp_path: Path, domain: int, degrees: int
 ) -> None:

@@ -120,6 +120,7 @@ INPUT_AS_OUTPUT = [
     ("simulate SHOP/model.yaml SHOP/motion.csv -o OUT", "model.yaml"),
     ("simulate SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
     ("predict SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
+    ("predict SHOP/model.yaml SHOP/motion.csv --page OUT", "model.yaml"),
     ("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT", "path.csv"),
     ("shape SHOP/model.yaml SHOP/smooth.csv --filter zv -o OUT", "smooth.csv"),
     (f"{CALIBRATE} -o OUT", "still.png"),
@@ -270,6 +271,16 @@ CASES = {
         "simulate SHOP/model.yaml SHOP/many_rows.csv -o OUT/a.csv",
     ),
     "predict": Case("predict SHOP/model.yaml SHOP/motion.csv -o OUT/a.csv", "a.csv"),
+    "predict --page": Case(
+        "predict SHOP/model.yaml SHOP/motion.csv --page OUT/a.html", "a.html", limit=2_000
+    ),
+    "predict --plot": Case(
+        "predict SHOP/model.yaml SHOP/motion.csv --plot OUT/a.png", "a.png", limit=2_000
+    ),
+    "calibrate --page": Case(
+        "calibrate SHOP/still.png --model SHOP/model.yaml -o NEW --page OUT/a.html", "a.html",
+        limit=2_000,
+    ),
     "plan": Case("plan SHOP/model.yaml SHOP/path.csv --limit 0.02 -o OUT/a.csv", "a.csv"),
     "shape": Case("shape SHOP/model.yaml SHOP/smooth.csv --filter zv -o OUT/a.csv", "a.csv"),
     "plan --report": Case(

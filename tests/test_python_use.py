@@ -72,7 +72,7 @@ def test_an_example_is_short(path):
     ("name", "picture", "words"),
     [
         ("simulate_and_plot", "heights.png", ["3D-L Response", "3D-NL Response"]),
-        ("replay_and_compare", "replay.png", ["4609 of 4609 bit for bit", "3D-NL: σ 0.1"]),
+        ("replay_and_compare", "replay.png", ["4609 of 4609 bit for bit", "3D-NL: MAE 0.1"]),
         pytest.param(
             "discover_from_python", "discovery.png", ["named surface_nonlinearity"],
             marks=pytest.mark.long,

@@ -71,7 +71,7 @@ def test_one_bag(recorded, capsys):
     assert table(out)["bag"] == ["images", "dropped", "events", "estimates"]
     assert table(out)["a"][0] == "188"
     assert table(out)["a"][3] == "1500 bit for bit"
-    assert "σ 3D-NL" in out
+    assert "MAE 3D-NL" in out
 
 
 def test_a_folder_of_bags(recorded, capsys):
@@ -126,7 +126,7 @@ def test_a_manifest_that_was_written_passes_and_then_sees_every_change(
         "FAILED",
     ]
     a, c, last = errors
-    assert re.match(r"slosh replay: a: σ 3D-L: [\d.]+ mm, expected [\d.]+ … [\d.]+ mm", a)
+    assert re.match(r"slosh replay: a: MAE 3D-L: [\d.]+ mm, expected [\d.]+ … [\d.]+ mm", a)
     assert re.match(r"slosh replay: c: limit events: \d, expected 0", c)
     assert last == "1 of 3 bags as expected"
 
@@ -152,7 +152,7 @@ def test_a_model_of_the_manifest_is_replayed_with_and_kept(bags, capsys, changed
     assert stated["estimates"] == "exact"  # which this model cannot give
     code, _, errors = replay(capsys, bags / "a", "--check")
     assert code == 1
-    assert not any("σ" in line for line in errors)  # with it all other figures are as stated
+    assert not any("MAE" in line for line in errors)  # with it all other figures are as stated
     assert any("alpha" in line for line in errors)
     changed_model.write_text("container: 5\n")
     code, _, errors = replay(capsys, bags / "a", "--check")
@@ -346,7 +346,7 @@ def test_junit_names_everything_that_was_looked_at(bags, capsys, changed_model):
     suites = {suite.get("name"): suite for suite in root}
     assert list(suites) == ["a", "b", "c"]
     names = [case.get("name") for case in suites["a"]]
-    assert names[:2] == ["replay", "σ 2D-L"]
+    assert names[:2] == ["replay", "MAE 2D-L"]
     assert "recorded estimates" in names
     failed = [case for case in suites["a"] if case.find("failure") is not None]
     assert {case.get("name") for case in failed} == {"recorded estimates"}

@@ -105,7 +105,7 @@ def test_what_is_unknown_stands_last_and_a_hostile_name_is_text(browser, tmp_pat
         IndexRow("blind", Verdict.NO_EXPECTATION),
         IndexRow("good", Verdict.PASSED, "3D-NL", 1e-4, 0.01, 0.02, 9),
         IndexRow(hostile, None, reason="is no bag"),
-        IndexRow("bad", Verdict.FAILED, "3D-NL", 2e-4, -0.02, 0.01, 9, reason="σ too large"),
+        IndexRow("bad", Verdict.FAILED, "3D-NL", 2e-4, -0.02, 0.01, 9, reason="MAE too large"),
     ]
     (tmp_path / "index.html").write_text(render_index("bags", rows))
     page = opened(browser, tmp_path / "index.html")

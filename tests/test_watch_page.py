@@ -357,6 +357,12 @@ class TestRecording:
         page.wait_until("!document.getElementById('slider').hidden")
         last = page.value("source.about.frames - 1")
         assert last > 50
+        # It plays by itself, from shortly before something happens.
+        start = page.value("source.about.start")
+        assert 0 < start < last
+        page.wait_until(f"source.at > {start + 3}")
+        page.value("document.getElementById('play').click()")
+        assert text(page, "play") == "play"
         page.value(f"source.seek({last})")
         page.wait_until("Math.max(...heights.rows[1]) > 22")
         assert page.value("Math.max(...heights.rows[1])") == pytest.approx(22.3, abs=0.1)

@@ -17,20 +17,21 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from result_tables import fill
+
 from slosh_bringup.cell.motions import MOTIONS
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_replay.replay import replay_bag, replay_table
-from slosh_replay.replay.result import update_table
+from slosh_replay.replay.result import accuracy_table
 from slosh_replay.tables.antisloshing import import_antisloshing
 from slosh_tables.motion_table import read_motion_table
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "results" / "accuracy.md"
-START, END = "<!-- table cell -->", "<!-- end cell -->"
 HEAD = (
-    "| motion | camera / truth σ | ε | 3D-NL / truth σ | ε | 3D-NL / camera σ | ε | "
-    "3D-L / camera σ | ε | images | lost |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n"
+    "| motion | camera / truth MAE | ε | 3D-NL / truth MAE | ε | 3D-NL / camera MAE | ε | "
+    "3D-L / camera MAE | ε | images | lost |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n"
 )
 PAIRS = ("camera / truth", "3D-NL / truth", "3D-NL / camera", "3D-L / camera")
 
@@ -49,9 +50,7 @@ def cell_table() -> None:
     """Runs every motion of the simulated cell."""
     names = [name for name in MOTIONS if "-" in name]
     rows = [cell_row(name, run_cell(name)) for name in names]
-    head, rest = PAGE.read_text().split(START)
-    tail = rest.split(END)[1]
-    PAGE.write_text(f"{head}{START}\n\n{HEAD}" + "".join(rows) + f"\n{END}{tail}")
+    fill(PAGE, "cell", HEAD + "".join(rows))
 
 
 def run_cell(name: str) -> dict[str, Any]:
@@ -67,7 +66,7 @@ def run_cell(name: str) -> dict[str, Any]:
 
 
 def cell_row(name: str, figures: dict[str, Any]) -> str:
-    """One line of the table; σ in mm, ε in %."""
+    """One line of the table; MAE in mm, ε in %."""
     by_name = {row["name"]: row for row in figures["agreements"]}
     cells = []
     for pair in PAIRS:
@@ -86,11 +85,11 @@ def measured_tables() -> None:
         bags = import_antisloshing(data / "antisloshing", Path(folder))
         results = [replay_bag(bag) for bag in bags]
     upright = [result for result in results if not result.name.startswith("Tilt")]
-    update_table(page, "antisloshing", upright)
-    update_table(page, "tilted", [result for result in results if result not in upright])
+    fill(page, "antisloshing", accuracy_table(upright))
+    fill(page, "tilted", accuracy_table([one for one in results if one not in upright]))
     cup = Model(Cylinder(0.05, 0.07))
     tables = [(name, read_motion_table(data / "cfd" / f"{name}.csv.gz")) for name in ("l1", "e1")]
-    update_table(page, "cfd", [replay_table(name, table, cup) for name, table in tables])
+    fill(page, "cfd", accuracy_table([replay_table(*table, cup) for table in tables]))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,8 @@ import sys
 from collections import defaultdict
 from pathlib import Path
 
+from result_tables import with_files
+
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "out" / "coverage"
 PAGE = ROOT / "docs" / "results" / "coverage.md"
@@ -52,7 +54,7 @@ def main(arguments: list[str]) -> int:
     text = table(report["files"])
     print(text)
     if not arguments and tests == 0:
-        PAGE.write_text(HEAD + text, encoding="utf-8")
+        PAGE.write_text(with_files(PAGE, "", HEAD + text), encoding="utf-8")
     return tests
 
 

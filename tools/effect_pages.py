@@ -1,4 +1,4 @@
-"""Writes what the registry and simulations say into docs/effects, and draws the pictures.
+"""What the registry and simulations say, for the pages in docs/effects; draws their pictures.
 
 tools/run python tools/effect_pages.py
 """
@@ -30,8 +30,6 @@ from slosh_model.simulate import Inputs
 Array = NDArray[np.float64]
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "effects"
-START = "<!-- from the registry: tools/effect_pages.py -->"
-END = "<!-- by hand -->"
 
 CUP = Cylinder(radius=0.05, fill_height=0.07)
 TANK = Rectangle(width=0.1, depth=0.08, fill_height=0.07)
@@ -108,29 +106,10 @@ CONTAINERS = {"round": "cylinder", "rectangular": "rectangle"}
 
 
 def main() -> int:
-    """Writes every page's generated part and its picture."""
-    for effect in EFFECTS.values():
-        page = FOLDER / f"{effect.name}.md"
-        text = page.read_text(encoding="utf-8")
-        page.write_text(with_part(text, part(effect)), encoding="utf-8")
-        picture(effect.name).write_text(drawn(effect.name), encoding="utf-8")
-    index = FOLDER / "index.md"
-    text = index.read_text(encoding="utf-8")
-    index.write_text(with_part(text, table()), encoding="utf-8")
+    """Draws every effect's picture."""
+    for name in EFFECTS:
+        picture(name).write_text(drawn(name), encoding="utf-8")
     return 0
-
-
-def with_part(text: str, generated: str) -> str:
-    """The page with its generated part replaced.
-
-    Raises:
-        ValueError: the page lacks a marker.
-    """
-    head, _, rest = text.partition(START)
-    _, end, prose = rest.partition(END)
-    if not end:
-        raise ValueError(f"a page needs the lines {START} and {END}")
-    return f"{head}{START}\n\n{generated}\n{END}{prose}"
 
 
 def picture(name: str) -> Path:

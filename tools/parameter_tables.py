@@ -1,26 +1,11 @@
-"""Writes the nodes' parameter tables into docs/interfaces.md.
-
-tools/run python tools/parameter_tables.py
-"""
+"""The nodes' parameters as tables of docs/interfaces.md."""
 
 from __future__ import annotations
 
 import importlib
-import sys
-from pathlib import Path
 
 from slosh_bringup.processes import NODES
 from slosh_msgs_py.node.parameters import ParameterSpec
-
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "interfaces.md"
-START = "<!-- parameters -->"
-
-
-def main() -> int:
-    """Replaces everything after the marker."""
-    head = PAGE.read_text(encoding="utf-8").split(START)[0]
-    PAGE.write_text(f"{head}{START}\n{tables()}", encoding="utf-8")
-    return 0
 
 
 def tables() -> str:
@@ -50,7 +35,3 @@ def line(spec: ParameterSpec) -> str:
 def escaped(text: str) -> str:
     """Without bars that would end a cell."""
     return text.replace("|", "\\|")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

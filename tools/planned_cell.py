@@ -25,6 +25,7 @@ import rclpy
 from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from result_tables import fill
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from slosh_base.files.nanoseconds import SECOND
@@ -51,7 +52,6 @@ from slosh_plan.planning.waypoints import Waypoints
 Array = NDArray[np.float64]
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "plan.md"
-BEGIN, END = "<!-- cell -->", "<!-- end of cell -->"
 NAMES = ("l3", "e3", "c3", "p2p")
 LIMITS = PlanLimits(0.015, 0.002, 9.5, 74.0)
 NAMESPACE = "/slosh"
@@ -252,9 +252,7 @@ def main() -> int:
             print(line(rows[-1]), flush=True)
     print(table(rows))
     if arguments.docs:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        after = rest.partition(END)[2]
-        PAGE.write_text(f"{before}{BEGIN}\n{table(rows)}{END}{after}", encoding="utf-8")
+        fill(PAGE, "cell", table(rows))
     return int(any(one.prediction.state != MotionPrediction.KEPT for one in rows))
 
 

@@ -38,6 +38,10 @@ SIMULATE = "simulate cup/model.yaml {} -o heights.csv --json"
 PEAK = (5.8e-3, 6.0e-3)
 """Of the motion in the cup, in whatever form its table comes [m]."""
 HEADING = "t,ax,ay,az"
+LINES = "command line"
+"""The mistakes that the page shows as the file in which they are listed."""
+LONGEST = 140
+"""Of an answer on the page [characters]."""
 STAMP = 1_750_000_000
 """When the motion was recorded [s since 1970]."""
 
@@ -229,7 +233,7 @@ def line_mistakes() -> Iterator[Mistake]:
             words, _, phrase = line.partition(" => ")
             code = re.match(r"\[(\d)\] ", phrase)
             wanted = re.escape(phrase[4:] if code else phrase)
-            yield Mistake("command line", f"`{words}`", words, int(code[1]) if code else 2, wanted)
+            yield Mistake(LINES, f"`{words}`", words, int(code[1]) if code else 2, wanted)
 
 
 def prepare(folder: Path) -> list[Mistake]:
@@ -251,9 +255,9 @@ def page(rows: list[tuple[Mistake, Answer, str]]) -> str:
     kinds = list(dict.fromkeys(mistake.kind for mistake, _, _ in rows))
     lines = [
         "# Answers to mistakes", "",
-        "Typical mistakes and the answers of the commands: the *right* number or warning, or one "
-        "line with the *remedy* and exit code 2. Command lines are shown without `slosh`.",
-        "Written by `tools/run python tools/stranger.py --docs`, and checked by the tests.", "",
+        "Typical mistakes and the part of the answer that names the doubt or the remedy. "
+        "*Right*: the right peak, or a warning with exit code 1. *Remedy*: one line with exit "
+        "code 2. `tools/run python tools/stranger.py --docs` writes the page.", "",
         "| | mistakes | right | remedy | wrong |", "|---|--:|--:|--:|--:|",
     ]  # fmt: skip
     for kind in kinds:
@@ -265,27 +269,37 @@ def page(rows: list[tuple[Mistake, Answer, str]]) -> str:
             "",
             f"## {kind[0].upper()}{kind[1:]}",
             "",
-            "| mistake | answer | |",
-            "|---|---|---|",
         ]
-        lines += [
-            f"| {mistake.name} | {_shown(mistake, answer)} | {mark} |"
-            for mistake, answer, mark in rows
-            if mistake.kind == kind
-        ]
+        if kind == LINES:
+            lines += [
+                "```{literalinclude} ../tools/stranger_mistakes.txt",
+                ":language: none",
+                "```",
+            ]
+            continue
+        own = [(mistake, answer) for mistake, answer, _ in rows if mistake.kind == kind]
+        if plain := [mistake.name for mistake, _ in own if not mistake.phrase]:
+            lines += [f"Right peak, without a warning: {'; '.join(plain)}.", ""]
+        lines += ["| mistake | answer |", "|---|---|"]
+        lines += [f"| {one.name} | {_shown(one, answer)} |" for one, answer in own if one.phrase]
     return "\n".join(lines) + "\n"
 
 
 def _shown(mistake: Mistake, answer: Answer) -> str:
-    """The line that answers."""
-    if not mistake.phrase:
-        return f"peak {1e3 * json.loads(answer.output)['peak']:.1f} mm"
+    """The clauses of the answer that hold the phrase."""
     said = [*answer.errors, *answer.output.splitlines()]
-    line = next(
-        (line for line in said if re.search(mistake.phrase, line)), said[0] if said else ""
-    )
-    line = line.replace("`", "'").replace("|", "\\|")
-    return f"`{line[:160]}{'…' * (len(line) > 160)}`"
+    for line in said:
+        if found := re.search(mistake.phrase, line):
+            begin = line.rfind("; ", 0, found.start()) + 2
+            text = (
+                line[begin if begin > 1 else 0 : found.end()] + line[found.end() :].split("; ")[0]
+            )
+            break
+    else:
+        text = said[0] if said else ""
+    text = re.sub(r"^slosh \w+: (warning: )?([\w.]+: )?", "", text)
+    text = text.replace("`", "'").replace("|", "\\|")
+    return f"`{text[:LONGEST]}{'…' * (len(text) > LONGEST)}`"
 
 
 def main() -> int:

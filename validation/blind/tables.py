@@ -40,6 +40,12 @@ def share(rows: Iterable[Row], judge: Judge) -> str:
     return f"{100.0 * sum(values) / len(values):.0f} % ({sum(values)}/{len(values)})"
 
 
+def tally(rows: Iterable[Row], judge: Judge) -> str:
+    """'38/40', or a dash where there is nothing to count."""
+    values = [bool(judge(row)) for row in rows]
+    return f"{sum(values)}/{len(values)}" if values else "-"
+
+
 def right(row: Row) -> bool:
     """Whether the answer is what the case asks for."""
     return bool(row["right"])
@@ -102,7 +108,7 @@ def overview(rows: Sequence[Row]) -> str:
         ),
         ("any case: no answer", "-", share(rows, lambda row: bool(row["error"]))),
     ]
-    return table(("case", "goal", "score"), lines)
+    return table(("case", "goal", "score"), [line for line in lines if line[2] != "-"])
 
 
 def by_effect(rows: Sequence[Row]) -> str:
@@ -112,19 +118,9 @@ def by_effect(rows: Sequence[Row]) -> str:
     for name in LISTED:
         own = [row for row in single if row["hidden"] == [name]]
         pairs = [row for row in counted(rows, "pairs") if name in row["hidden"]]
-        confused = sorted({effect["name"] for row in own for effect in row["found"]} - {name})
-        lines.append(
-            (
-                f"`{name}`",
-                share(own, right),
-                share(own, lambda row: row["in_set"]),
-                closed_text(own),
-                share(pairs, right),
-                ", ".join(confused) or "-",
-            )
-        )
-    head = ("effect", "right", "by a set", "gap closed", "pairs with it", "other named effects")
-    return table(head, lines)
+        if own or pairs:
+            lines.append((f"`{name}`", tally(own, right), closed_text(own), tally(pairs, right)))
+    return table(("effect", "right", "gap closed", "pairs with it"), lines)
 
 
 def by_outside(rows: Sequence[Row]) -> str:
@@ -141,10 +137,10 @@ def by_outside(rows: Sequence[Row]) -> str:
         lines.append(
             (
                 f"`{name}`",
-                share(own, right),
+                tally(own, right),
                 said or "-",
                 ", ".join(names) or "-",
-                share(own, lambda row: row["misled"]),
+                tally(own, lambda row: row["misled"]),
             )
         )
     return table(("hidden", "right", "verdicts", "named effects", "misled"), lines)
@@ -159,7 +155,7 @@ def by_group(rows: Sequence[Row], title: str, groups: Sequence[tuple[str, Judge]
         lines.append(
             (
                 name,
-                *(share(counted(own, kind), right) for kind in kinds),
+                *(tally(counted(own, kind), right) for kind in kinds),
                 closed_text(counted(own, "single")),
             )
         )
@@ -204,7 +200,7 @@ def reliability(rows: Sequence[Row]) -> str:
             (
                 f"{low:g} … {min(high, 1.0):g}",
                 "-" if mean is None else f"{mean:.2f}",
-                share(own, right),
+                tally(own, right),
                 str(len(others)),
             )
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
-from pathlib import Path
 from statistics import mean, median
 
 from validation.blind.tables import share, table
@@ -74,7 +73,9 @@ def reliability(answers: Answers) -> str:
         ]
         for low, high in pairwise(CONFIDENCES):
             own = [each for each in said if low <= each["confidence"] < high]
-            average = f"{mean(each['confidence'] for each in own):.2f}" if own else "-"
+            if not own:
+                continue
+            average = f"{mean(each['confidence'] for each in own):.2f}"
             limits = f"{low:g} … {min(high, 1.0):g}"
             right = share(own, lambda each: bool(each["right"]))
             lines.append((title, noise, limits, average, right))
@@ -90,6 +91,7 @@ def networks(answers: Answers) -> str:
             _percent(regression[LABELS[0]][method]["closed"] if regression else None)
             for method in METHODS
         ]
+        shares = list(dict.fromkeys(shares))
         ours = answers.discovery.get(case)
         lines.append(
             (
@@ -98,21 +100,11 @@ def networks(answers: Answers) -> str:
                 _percent(row["fit_closed"]),
                 _percent(row["closed"]),
                 _percent(ours["closed"] if ours else None),
-                *shares,
+                ", ".join(shares),
             )
         )
     head = ("hidden", "noise of the heights", "network, its own motions", "network", OURS)
-    return table((*head, *(f"{method}, {LABELS[0]}" for method in METHODS)), lines)
-
-
-def settings(answers: Answers) -> str:
-    """What the tuning cases chose."""
-    lines = [
-        (method, noise, ", ".join(f"{k} {v:g}" for k, v in answers.tuned[noise][method].items()))
-        for method in METHODS
-        for noise in LABELS
-    ]
-    return table(("method", "noise", "settings"), lines)
+    return table((*head, f"regressions, {LABELS[0]}"), lines)
 
 
 TABLES: dict[str, Callable[[Answers], str]] = {
@@ -120,18 +112,7 @@ TABLES: dict[str, Callable[[Answers], str]] = {
     "effects": by_effect,
     "reliability": reliability,
     "networks": networks,
-    "settings": settings,
 }
-
-
-def write(page: Path, answers: Answers) -> None:
-    """Fills the page's tables; the text around them stays."""
-    text = page.read_text()
-    for title, make in TABLES.items():
-        start, end = f"<!-- table {title} -->", f"<!-- end {title} -->"
-        head, rest = text.split(start)
-        text = f"{head}{start}\n\n{make(answers)}\n{end}{rest.split(end)[1]}"
-    page.write_text(text)
 
 
 def _columns(answers: Answers) -> list[tuple[str, str, list[Row]]]:

@@ -17,9 +17,9 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
-PAGE = ROOT / "docs" / "results" / "validation.peers.md"
+PAGE = ROOT / "docs" / "results" / "peers.md"
 NEEDED = ("pysindy", "cvxpy", "jax")
 
 
@@ -33,8 +33,10 @@ def main() -> int:
     # The methods are compared by what they say, not by their threads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.nice(10)
+    from result_tables import fill
+
     from validation.peers.run import known, run
-    from validation.peers.tables import TABLES, write
+    from validation.peers.tables import TABLES
 
     folder = ROOT / "out" / "peers"
     if not options.known:
@@ -43,7 +45,8 @@ def main() -> int:
     for title, make in TABLES.items():
         print(f"\n{title}\n\n{make(answers)}")
     if options.docs:
-        write(PAGE, answers)
+        for title, make in TABLES.items():
+            fill(PAGE, title, make(answers))
     return 0
 
 

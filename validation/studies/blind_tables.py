@@ -20,7 +20,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
+
+from result_tables import fill  # noqa: E402
 
 from validation.blind.cases import KINDS, case_name  # noqa: E402
 from validation.blind.dirt import DIRT, Dirt, noisy_inputs  # noqa: E402
@@ -142,15 +144,10 @@ def write_page(rows: list[Row], prefix: str = "") -> None:
         rows: what was answered.
         prefix: of the tables' names; those that the page does not have are left out.
     """
-    text = PAGE.read_text()
+    text = PAGE.read_text(encoding="utf-8")
     for name, make in TABLES.items():
-        title = prefix + name
-        if f"<!-- table {title} -->" not in text:
-            continue
-        start, end = f"<!-- table {title} -->", f"<!-- end {title} -->"
-        head, rest = text.split(start)
-        text = f"{head}{start}\n\n{make(rows)}\n{end}{rest.split(end)[1]}"
-    PAGE.write_text(text)
+        if f"<!-- table {prefix}{name} -->" in text:
+            fill(PAGE, prefix + name, make(rows))
     print(f"{PAGE}: {len(rows)} cases, right in {share(rows, lambda row: bool(row['right']))}")
 
 

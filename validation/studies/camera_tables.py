@@ -8,6 +8,7 @@ from pathlib import Path
 
 from camera_figures import HeightFigures, SequenceFigures
 from camera_robustness import DisturbedFigures, Spread
+from result_tables import fill
 
 from slosh_camera.errors import SloshCameraError
 
@@ -16,10 +17,7 @@ _FLAGS = (
     "| edges and flags | left | right | SATURATED where cut | where the peak is outside | "
     "cut, no flag | bound broken | false SATURATED | other flags |"
 )
-_DISTURBED = (
-    "| {} | still too | warned | flags | RMS | max | × | worst × | "
-    "fitted RMS | max | × | worst × | verdict |"
-)
+_DISTURBED = "| {} | still too | warned | flags | RMS | max | × | worst × | fitted RMS | max |"
 
 
 def accuracy_tables(rows: Sequence[SequenceFigures]) -> str:
@@ -65,15 +63,12 @@ def replace_table(page: Path, name: str, table: str) -> None:
     Raises:
         SloshCameraError: the page cannot be read or has no such place.
     """
-    start, end = f"<!-- table {name} -->\n", f"<!-- end {name} -->"
     try:
-        head, rest = page.read_text(encoding="utf-8").split(start)
-        _, tail = rest.split(end)
-        page.write_text(f"{head}{start}\n{table}\n{end}{tail}", encoding="utf-8")
+        fill(page, name, table)
     except OSError as error:
         raise SloshCameraError(f"{page}: {error.strerror}") from None
-    except ValueError:
-        raise SloshCameraError(f"{page}: needs {start.strip()!r} and {end!r} once each") from None
+    except ValueError as error:
+        raise SloshCameraError(str(error)) from None
 
 
 def _height_shortfalls(row: HeightFigures, kind: str) -> list[str]:
@@ -131,9 +126,9 @@ def _disturbed_row(row: DisturbedFigures, parts: Sequence[DisturbedFigures]) -> 
     warned = f"{row.warned}/{row.frames}" + (" refused" if row.refusals else "")
     raw = _spread_cells(row.raw, [part.raw for part in parts])
     fitted = _spread_cells(row.fitted, [part.fitted for part in parts])
-    verdict = "ok" if not row.shortfalls else f"**{', '.join(row.shortfalls)}**"
+    name = row.name + "".join(f", **{shortfall}**" for shortfall in row.shortfalls)
     still = "yes" if row.on_still else "no"
-    return _line([row.name, still, warned, _counts(row.flags), *raw, *fitted, verdict])
+    return _line([name, still, warned, _counts(row.flags), *raw, *fitted[:2]])
 
 
 def _spread_cells(row: Spread, parts: Sequence[Spread]) -> list[str]:

@@ -17,7 +17,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import with_tools  # noqa: F401
 from cylinder_waves import CylinderWaves
+from result_tables import fill
 
 from slosh_bringup.cell.motions import make_motion
 from slosh_discovery.discover import Finding, MeasuredMotion, discover
@@ -34,7 +36,7 @@ NOISE, CAMERA_RATE, DWELL = 3e-4, 60.0, 2.0
 READ_AT = 0.95  # of the radius: where the heights of the motions by CFD were read
 DL22_FIT = ("l3-2.5", "e3-2.5", "c3-2.5")
 DL22_HELD_OUT = ("l3-4.5", "e3-4.5", "c3-4.5")
-DECAY = 0.0075  # damping ratio of a free decay in the set-up of the motions by CFD
+LEAST_PROBABILITY = 0.0005  # of an explanation that is listed
 CUP = Cylinder(0.05, 0.07)
 ROBOT_CUP = Cylinder(0.049, 0.078)
 USES = {Role.FIT: "fit", Role.HOLDOUT: "held out"}
@@ -53,7 +55,7 @@ def main() -> int:
         for table, text in {"dl22": dl22, "cfd": cfd, "untilted": untilted, "tilted": tilted}[
             name
         ]():
-            fill(table, text)
+            fill(PAGE, table, text)
             print(f"{table}\n{text}", flush=True)
     return 0
 
@@ -83,12 +85,12 @@ def dl22_motion(truth: Model, name: str, seed: int) -> MeasuredMotion:
 
 
 def cfd() -> Iterable[tuple[str, str]]:
-    """Each of the two motions held out in turn, and both fitted, for two bases."""
+    """One of the two motions held out, and both fitted, for two bases."""
     one, other = (read_motions(DATA / "cfd" / f"{name}.csv.gz") for name in ("e1", "l1"))
     for base in (Model(CUP), Model(CUP).spatial().nonlinear()):
         yield f"cfd_e1 {base.name}", described(discover(one, base, other))
-        yield f"cfd_l1 {base.name}", described(discover(other, base, one))
-    yield "cfd_decay 3D-NL", described(discover(one, replace(base, damping_ratio=DECAY), other))
+        if base.name == "2D-L":
+            yield f"cfd_l1 {base.name}", described(discover(other, base, one))
     both = discover([*one, *other], base)
     yield "cfd_both 3D-NL", described(both)
     yield "flow", flow_table(base, both.model)
@@ -165,44 +167,39 @@ def path_of(run: str) -> str:
 
 def described(finding: Finding) -> str:
     """A finding as Markdown."""
-    effects = [
-        f"`{effect.name}` ({_fitted(effect)}; confidence {effect.confidence:.2f}"
-        + (f"; or {', '.join(effect.alternatives)}" if effect.alternatives else "")
-        + ")"
-        for effect in finding.effects
-    ]
+    most = max((effect.confidence for effect in finding.effects), default=finding.confidence)
+    effects = [_named(effect, most) for effect in finding.effects]
     gap = finding.gap
-    lines = [
-        f"Verdict `{finding.verdict.value}`: {', '.join(effects) or 'no effect'}.",
-        "",
-        "| explanation | probability | rms fit | rms left out |",
-        "|---|--:|--:|--:|",
-    ]
     tried = [candidate for candidate in finding.candidates if not candidate.reason]
-    lines += [
-        f"| {' + '.join(marked(row.effects, row.per_group)) or 'the base'} | "
-        f"{row.probability:.3f} | "
-        f"{1e3 * row.fit_rms:.2f} | {1e3 * row.holdout_rms:.2f} |"
-        for row in tried[:5]
+    best, *others = [row for row in tried[:5] if row.probability >= LEAST_PROBABILITY]
+    words = [
+        f"{' + '.join(marked(row.effects, row.per_group)) or 'the base'} ({row.probability:.3f})"
+        for row in others
+    ]
+    lines = [
+        f"Verdict `{finding.verdict.value}`, confidence {most:.2f}: "
+        f"{', '.join(effects) or 'no effect'}.",
+        f"Residual {1e3 * best.fit_rms:.2f} mm rms, left out {1e3 * best.holdout_rms:.2f} mm."
+        + (f" Other explanations, with their probabilities: {'; '.join(words)}." if words else ""),
     ]
     lines += [
         "",
-        "| motion | used for | σ before | σ after | ε before | ε after | rms before | rms after |",
-        "|---|---|--:|--:|--:|--:|--:|--:|",
+        "| motion | used for | MAE before | MAE after | ε before | ε after |",
+        "|---|---|--:|--:|--:|--:|",
     ]
     for case in finding.motions:
         before, after = case.before, case.after
         lines.append(
             f"| {case.motion.name} | {USES[case.role]} | "
             f"{1e3 * before.sigma:.2f} | {1e3 * after.sigma:.2f} | "
-            f"{1e2 * before.epsilon:+.1f} | {1e2 * after.epsilon:+.1f} | "
-            f"{1e3 * before.rms:.2f} | {1e3 * after.rms:.2f} |"
+            f"{1e2 * before.epsilon:+.1f} | {1e2 * after.epsilon:+.1f} |"
         )
-    lines.append(_mean_row(finding))
+    if sum(case.role is judged_by(finding) for case in finding.motions) > 1:
+        lines.append(_mean_row(finding))
     lines += [
         "",
-        f"Heights in mm, ε in %. Of the removable gap {1e2 * gap.closed:.0f} % is closed on "
-        f"the {WORDS[judged_by(finding)]} motions.",
+        f"Removable gap closed on the {WORDS[judged_by(finding)]} motions: "
+        f"{1e2 * gap.closed:.0f} %.",
     ]
     return "\n".join(lines)
 
@@ -221,7 +218,17 @@ def _mean_row(finding: Finding) -> str:
         f"{1e2 * np.mean([abs(case.before.epsilon) for case in held]):.1f}",
         f"{1e2 * np.mean([abs(case.after.epsilon) for case in held]):.1f}",
     ]
-    return f"| **mean, size of ε** | {USES[judged_by(finding)]} | {' | '.join(cells)} | | |"
+    return f"| **mean, size of ε** | {USES[judged_by(finding)]} | {' | '.join(cells)} |"
+
+
+def _named(effect: FoundEffect, most: float) -> str:
+    """An effect with what was fitted, and its confidence if that is less than the greatest."""
+    notes = [_fitted(effect)] if _fitted(effect) != "–" else []
+    if effect.confidence < most - 0.015:
+        notes.append(f"confidence {effect.confidence:.2f}")
+    if effect.alternatives:
+        notes.append(f"or {', '.join(effect.alternatives)}")
+    return f"`{effect.name}`" + (f" ({'; '.join(notes)})" if notes else "")
 
 
 def _fitted(effect: FoundEffect) -> str:
@@ -235,14 +242,6 @@ def _fitted(effect: FoundEffect) -> str:
 
 def _values(parameters: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in parameters.items()) or "–"
-
-
-def fill(table: str, text: str) -> None:
-    """Replaces a table of the page."""
-    start, end = f"<!-- table {table} -->", f"<!-- end {table} -->"
-    head, rest = PAGE.read_text(encoding="utf-8").split(start)
-    _, tail = rest.split(end)
-    PAGE.write_text(f"{head}{start}\n\n{text}\n\n{end}{tail}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import with_tools  # noqa: F401
+from result_tables import fill
 
 from slosh_discovery.discover.input_series import motion_span
 from slosh_discovery.discover.motion import MeasuredMotion
@@ -48,8 +50,10 @@ def main() -> int:
     """Fills the tables."""
     runs = untilted_runs(DATA / "antisloshing")
     decays = {name: free_decay(run) for name, run in runs.items()}
-    fill("runs", by_run(runs, decays))
-    fill("joint", joint(runs, decays))
+    for name, make in (("runs", by_run), ("joint", joint)):
+        text = make(runs, decays)
+        print(f"{name}\n{text}", flush=True)
+        fill(PAGE, name, text)
     return 0
 
 
@@ -127,7 +131,7 @@ def joint(runs: Motions, decays: Motions) -> str:
         damping_ratio=model.damping_ratio,
         natural_frequency=model.natural_frequency,
     )
-    lines += ["", "| run not used | σ as it was | with the motions' values | with the decays' |",
+    lines += ["", "| run not used | MAE as it was | with the motions' values | with the decays' |",
               "|---|--:|--:|--:|"]  # fmt: skip
     models = (driven_model(), identify(halves, driven_model()).overall.model, decayed)
     sigmas = np.array([sigma_of(model, rest) for model in models]).T
@@ -138,7 +142,7 @@ def joint(runs: Motions, decays: Motions) -> str:
 
 
 def sigma_of(model: Model, runs: Sequence[MeasuredMotion]) -> list[float]:
-    """σ of a model for runs, with nothing but their clocks fitted [m]."""
+    """MAE of a model for runs, with nothing but their clocks fitted [m]."""
     return [motion.sigma for motion in answered(runs, model)]
 
 
@@ -167,15 +171,6 @@ def interval(entry: FoundParameter) -> str:
         shown_value("", entry.unit, end, entry.error).value for end in (entry.lower, entry.upper)
     )
     return f"{shown(entry)} ({low} … {high})"
-
-
-def fill(table: str, text: str) -> None:
-    """Replaces a table of the page."""
-    start, end = f"<!-- table {table} -->", f"<!-- end {table} -->"
-    head, rest = PAGE.read_text(encoding="utf-8").split(start)
-    _, tail = rest.split(end)
-    PAGE.write_text(f"{head}{start}\n\n{text}\n\n{end}{tail}", encoding="utf-8")
-    print(f"{table}\n{text}", flush=True)
 
 
 if __name__ == "__main__":

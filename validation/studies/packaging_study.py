@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import with_tools  # noqa: F401
+from result_tables import with_files
 from tm20.camera_sample import Sample, sample
 from tm20.design import GEOMETRIES, IDENTIFICATION, SPEEDS, VALIDATION, Series
 from tm20.drawings import draw_all
@@ -129,7 +130,8 @@ def main() -> int:
         with NewFile(images / name) as file, file.open() as stream:
             stream.write(drawing.encode())
     with NewFile(target) as file, file.open() as stream:
-        stream.write(page(study, "../images/" if arguments.docs else "").encode())
+        text = page(study, "../images/" if arguments.docs else "")
+        stream.write((with_files(target, "", text) if arguments.docs else text).encode())
     say(f"{target}")
     return 0
 

@@ -20,7 +20,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import with_tools  # noqa: F401
 from numpy.typing import NDArray
+from result_tables import fill
 from scipy.interpolate import make_interp_spline
 
 from slosh_bringup.cell.motions import MOTIONS, PATHS, make_motion
@@ -36,7 +38,6 @@ from slosh_plan.planning.time_law import Motion, motion_along
 Array = NDArray[np.float64]
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "plan.md"
-BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 CONTAINERS = {
     "cylinder R 50, h 70": Model(Cylinder(0.05, 0.07)).spatial().nonlinear(),
     "cylinder R 35, h 90": Model(Cylinder(0.035, 0.09)).spatial().nonlinear(),
@@ -163,29 +164,31 @@ def measure(container: str, limit: float, name: str, points: Array) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as a page's text: named motions one by one, random paths by their medians."""
+    """The rows as a page's text: a figure for each limit in a cell, medians of random paths."""
     heads = (
-        "container [mm]", "limit [mm]", "path", "DL22's law [s]", "best known law [s]",
-        "fallback [s]", "planned [s]", "to best", "to DL22's", "planning [s]",
+        "container [mm]", "path", "DL22's law [s]", "best known law [s]", "fallback [s]",
+        "planned [s]", "planning [s]",
     )  # fmt: skip
-    lines = [f"| {' | '.join(heads)} |", f"|---|--:|---|{'--:|' * (len(heads) - 3)}"]
-    groups: dict[tuple[str, float, str], list[Row]] = {}
-    for row in sorted(rows, key=lambda row: (row.name.split()[0], row.container, row.limit)):
+    lines = [f"| {' | '.join(heads)} |", f"|---|---|{'--:|' * (len(heads) - 2)}"]
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in sorted(rows, key=lambda row: (row.name.split()[0], row.container)):
         kind = "random" if row.name.startswith("random") else row.name
-        groups.setdefault((row.container, row.limit, kind), []).append(row)
-    for (container, limit, kind), group in groups.items():
-        name = f"{len(group)} random" if kind == "random" else kind
+        groups.setdefault((row.container, kind), []).append(row)
+    for (container, kind), group in groups.items():
+        by_limit = [[row for row in group if row.limit == limit] for limit in LIMITS]
+        name = f"{len(by_limit[0])} random" if kind == "random" else kind
         figures = (
-            ("2f", [row.dl22 for row in group]),
-            ("2f", [row.best for row in group]),
-            ("2f", [row.fallback for row in group]),
-            ("2f", [row.optimal for row in group]),
-            ("2f", [row.optimal / row.best for row in group]),
-            ("2f", [row.optimal / row.dl22 for row in group]),
-            ("1f", [row.seconds for row in group]),
+            ("2f", [[row.dl22 for row in own] for own in by_limit]),
+            ("2f", [[row.best for row in own] for own in by_limit]),
+            ("2f", [[row.fallback for row in own] for own in by_limit]),
+            ("2f", [[row.optimal for row in own] for own in by_limit]),
+            ("1f", [[row.seconds for row in own] for own in by_limit]),
         )
-        cells = [f"{statistics.median(values):.{form}}" for form, values in figures]
-        lines.append(f"| {container} | {1e3 * limit:g} | {name} | {' | '.join(cells)} |")
+        cells = [
+            ", ".join(f"{statistics.median(own):.{form}}" if own else "–" for own in values)
+            for form, values in figures
+        ]
+        lines.append(f"| {container} | {name} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n\n" + closing(rows)
 
 
@@ -241,10 +244,7 @@ def main() -> int:
         print(rows[-1], flush=True)
     print(table(rows))
     if arguments.docs:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        after = rest.partition(END)[2]
-        text = f"{before}{BEGIN}\n## Durations\n\n{table(rows)}{END}{after}"
-        PAGE.write_text(text, encoding="utf-8")
+        fill(PAGE, "durations", table(rows))
     return 0
 
 

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from discovery_findings import ROBOT_CUP, fill, runs_of_kind
+from discovery_findings import PAGE, ROBOT_CUP, runs_of_kind
+from result_tables import fill
 
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.explanation import Explanation, starts
@@ -50,7 +51,7 @@ def main() -> int:
     base = Model(ROBOT_CUP).nonlinear().spatial().with_effect("gravity_tilt")
     runs = [prepare(motion) for motions in runs_of_kind("Tilt").values() for motion in motions]
     lines = [
-        "| with `gravity_tilt` and `lever_arm` | σ of the fit to all six | σ predicted |",
+        "| with `gravity_tilt` and `lever_arm` | MAE of the fit to all six | MAE predicted |",
         "|---|--:|--:|",
     ]
     for words, wanted in SETS.items():
@@ -65,7 +66,7 @@ def main() -> int:
         lines.append(f"| {words} | {1e3 * seen:.2f} | {1e3 * foretold:.2f} |")
         print(lines[-1], flush=True)
     if "--docs" in sys.argv[1:]:
-        fill("tilted fits", "\n".join(lines))
+        fill(PAGE, "tilted fits", "\n".join(lines))
     return 0
 
 

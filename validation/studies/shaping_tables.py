@@ -15,7 +15,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import with_tools  # noqa: F401
 from numpy.typing import NDArray
+from result_tables import fill
 
 from slosh_bringup.cell.motions import make_motion
 from slosh_model import Cylinder, Model
@@ -42,7 +44,6 @@ from slosh_plan.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "shape.md"
-BEGIN, END = "<!-- table -->", "<!-- end of table -->"
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 MODE = Damped(CUP.mode_constants()[0].natural_frequency, CUP.mode_constants()[0].damping_ratio)
 ACCELERATION = 2.0
@@ -193,13 +194,12 @@ def main() -> int:
                 continue
             print(rows[-1], flush=True)
     text = (
-        f"{BEGIN}\n{table(rows)}\nTheoretical residual of the linear model's wave, "
-        f"by the error of the frequency:\n\n{robustness()}{END}"
+        f"{table(rows)}\nTheoretical residual of the linear model's wave, "
+        f"by the error of the frequency:\n\n{robustness()}"
     )
     print(text)
     if arguments.docs:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        PAGE.write_text(before + text + rest.partition(END)[2], encoding="utf-8")
+        fill(PAGE, "filters", text)
     return 0
 
 

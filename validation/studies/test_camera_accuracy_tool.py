@@ -335,10 +335,13 @@ def test_a_refusal_warns_of_all_and_a_crash_is_a_shortfall(
 def test_tables_replace_what_stands_between_their_marks(tool, tmp_path):
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- table camera -->\nold\n<!-- end camera -->\nafter\n")
-    tool.tables.replace_table(page, "camera", "| new |\n")
+    tool.tables.replace_table(page, "camera", "| a | b |\n|---|--:|\n| 1, 2 | x\\|y |\n\nNew.\n")
     assert page.read_text() == (
-        "before\n<!-- table camera -->\n\n| new |\n\n<!-- end camera -->\nafter\n"
+        "before\n<!-- table camera -->\n\n```{csv-table}\n:file: results/tables/page_camera.csv\n"
+        ":header-rows: 1\n```\n\nNew.\n\n<!-- end camera -->\nafter\n"
     )
+    table = tmp_path / "results" / "tables" / "page_camera.csv"
+    assert table.read_text() == 'a,b\n"1, 2",x|y\n'
     with pytest.raises(SloshCameraError, match="needs '<!-- table other -->'"):
         tool.tables.replace_table(page, "other", "")
 

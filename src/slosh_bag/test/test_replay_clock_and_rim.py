@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_replay.in_force import in_force
+from slosh_replay.recording.settings import NodeStart
 from slosh_replay.replay.replay_table import replay_table
+from slosh_replay.replay.report import replay_report, report_start
+from slosh_report.run_report import render_report
 from slosh_tables.motion_table import MotionTable
 
 MODEL = Model(Cylinder(0.05, 0.07), damping_ratio=0.02).spatial().nonlinear()
@@ -41,3 +48,34 @@ def test_a_replay_holds_the_liquid_to_the_rim_of_its_model() -> None:
     assert events
     assert all("(rim 5.0 mm" in event.description for event in events)
     assert replay_table("table", MotionTable(t, moved, msh=seen), MODEL).events == ()
+
+
+@pytest.mark.parametrize(
+    ("told", "expected"),
+    [
+        ({}, "measured 20 mm, estimated 15 mm, disagreement 10 mm"),
+        ({"rim": 0.0123}, "measured 12.3 mm (rim), estimated 12.3 mm (rim), disagreement 10 mm"),
+        ({"rim": 0.05}, "measured 20 mm, estimated 15 mm, disagreement 10 mm, rim 50.0 mm"),
+    ],
+)
+def test_the_limits_in_force_name_the_rim(told: dict[str, float], expected: str) -> None:
+    given = {"measured_limit": 0.02, "estimated_limit": 0.015, "disagreement_limit": 0.01}
+    start = NodeStart("monitor", 0, 0, "", "", {**given, **told}, {})
+    assert in_force({"monitor": start})["limits"] == expected
+
+
+def test_the_page_draws_the_limit_that_holds_and_names_it() -> None:
+    t = np.arange(0.0, 3.0, 0.01)
+    moved = np.where(t > 1.0, np.sin(14.0 * t), 0.0)[:, None] * np.array([2.0, 0.0, 0.0])
+    table = MotionTable(t, moved, msh=simulate(MODEL, Inputs(t, moved))[0].msh)
+    replayed = replay_table("table", table, MODEL)
+    given = MonitorSettings(0.02, 0.02)
+    low, high = replace(given, rim=0.005), replace(given, rim=0.05)
+    # As in each run: the monitor learns of the rim before the first input.
+    for settings, expected in ((low, (0.005, "rim")), (high, (0.02, "limit"))):
+        found = replay_report(replace(replayed, limits=given, limit_changes=((0, settings),)))
+        assert (found.limit, found.limit_name) == expected
+        assert f"{expected[1]} {1e3 * expected[0]:g} mm" in render_report(found)
+    later = report_start(replayed) + 1
+    found = replay_report(replace(replayed, limits=given, limit_changes=((later, low),)))
+    assert found.limit is None

@@ -15,7 +15,7 @@ LARGEST_FILE = 200_000_000
 
 
 def read_model_error(paths: Sequence[Path], model: str) -> ModelError:
-    """The largest σ and ε of a model that some results tell.
+    """The largest MAE and ε of a model that some results tell.
 
     Args:
         paths: NAME.json of `slosh replay -o`, or result.json of `slosh demo` or `slosh cell`.

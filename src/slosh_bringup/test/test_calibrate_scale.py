@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -92,6 +93,31 @@ def test_one_line_says_what_is_missing(images, capsys, words, reason):
     assert len(said) == 1
     assert reason in said[0]
     assert not output.exists()
+
+
+def test_the_models_lengths_are_used_and_a_diameter_is_no_radius(images, capsys):
+    still, output, model = (str(images / n) for n in ("still.png", "camera.yaml", "model.yaml"))
+    Path(model).write_text("container: {shape: cylinder, radius: 0.06, fill_height: 0.07}\n")
+    words = ["calibrate", still, *ENDS, "--model", model, "-o", output]
+    assert main(words) == 0
+    assert "0.500 mm/px" in capsys.readouterr().out
+    for given, told in (
+        (["--radius", "0.12"], "--radius: 120 mm is the diameter of the container in"),
+        (["--radius", "0.05"], "--radius: 50 mm, but"),
+        (["--fill-height", "0.08"], "--fill-height: 80 mm, but"),
+    ):
+        assert main([*words, *given]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert told in line
+    Path(model).write_text(
+        "container: {shape: rectangle, width: 0.12, depth: 0.1, fill_height: 0.07}\n"
+    )
+    assert main(words) == 0
+    assert "0.500 mm/px" in capsys.readouterr().out
+    assert main(["calibrate", still, "--model", model, "-o", output]) == 2
+    assert "a side view needs --scale" in capsys.readouterr().err
+    assert main([*words, "--page", str(images / "page.html")]) == 2
+    assert "do not give both" in capsys.readouterr().err
 
 
 def test_json(images, capsys):

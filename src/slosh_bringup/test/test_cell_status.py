@@ -27,6 +27,12 @@ def test_without_a_camera_the_estimate_is_told_with_its_limit(status):
     assert status.line(5.1) == "SAFE · estimated 11.2 of 15.0 mm, no camera · camera 60 Hz"
 
 
+def test_a_rim_that_is_lower_than_the_limit_is_told(status):
+    status.take_parameters("monitor", {"measured_limit": 0.02, "rim": 0.015})
+    status.take_comparison(0.0123, 0.0112, 0, 5.0)
+    assert "estimated 11.2 of 15.0 mm (rim) ·" in status.line(5.1)
+
+
 def test_silence_is_told_in_place_of_old_heights(status):
     status.take_comparison(0.0123, float("nan"), 0, 5.0)
     assert "estimated – of" in status.line(5.1)

@@ -1,15 +1,28 @@
 """`slosh explain`: what the registry and the messages say, in text that a terminal shows."""
 
+import inspect
 import re
+from importlib import resources
 
 import pytest
 
+from slosh_bringup.cli import predict, quantities, replay
 from slosh_bringup.cli.main import main
+from slosh_bringup.detect import table as detected
 from slosh_bringup.explain.flags import flags
+from slosh_bringup.explain.model_names import NAMES
 from slosh_bringup.explain.plain_equation import plain_equation
+from slosh_bringup.live import run_result
+from slosh_bringup.simulate import table as simulated
 from slosh_camera.measurement import Flag
+from slosh_discovery.discovery_report import text as discovered
+from slosh_discovery.identification_report import text as identified
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.effects.registry import EFFECTS
+from slosh_plan.tables.path_table import PLACES
+from slosh_plan.validity import MotionFlag
+from slosh_report.page.units import UNITS
+from slosh_tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, MOTION
 
 
 def explained(name, capsys):
@@ -78,11 +91,127 @@ def test_alone_it_lists_everything(capsys):
     [
         ("tilt", "nearest: gravity_tilt, sensor_tilt, static_tilt"),
         ("swirll", "nearest: swirl_stiffening"),
-        ("SATURATE", "nearest: SATURATED, frame_saturation, surface_nonlinearity"),
+        ("SATURATE", "nearest: SATURATED, frame_saturation, state"),
         ("xyz", "`slosh explain` lists them"),
     ],
 )
 def test_an_unknown_name_is_one_line_with_the_nearest(name, told, capsys):
     assert main(["explain", name]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line == f"slosh explain: '{name}' is neither an effect nor a flag; {told}"
+    assert line == f"slosh explain: '{name}' is no effect, flag, column, model or unit; {told}"
+
+
+PAGES = (
+    ("slosh_report.page", "macros.html.j2"),
+    ("slosh_report.run_report", "report.html.j2"),
+    ("slosh_report.index_page", "index.html.j2"),
+    ("slosh_plan.plan_report", "plan.html.j2"),
+    ("slosh_discovery.discovery_report", "discovery.html.j2"),
+    ("slosh_discovery.identification_report", "identification.html.j2"),
+    ("slosh_bringup.predict", "predict.html.j2"),
+    ("slosh_bringup.watch.page", "index.html"),
+)
+
+
+def page_headings():
+    """Of the tables and the figures of each page, those that no run fills in."""
+    for package, name in PAGES:
+        text = resources.files(package).joinpath(name).read_text("utf-8")
+        found = re.findall(r"<(?:th(?! scope=.row)|dt)\b[^>]*>(.*?)</(?:th|dt)>", text)
+        plain = [re.sub(r"<[^>]+>|{{.*?}}", "", one).strip() for one in found if one]
+        yield from (one for one in plain if one and one not in ("bars", "parameter"))
+
+
+def printed_heads():
+    """Of the tables that commands print, as their code has them."""
+    for module in (discovered, identified, replay_tables(), run_result):
+        source = inspect.getsource(module)
+        tuples = re.findall(
+            r"(?:rows: list\[Row\] = \[|head = |aligned\(\[)\((.*?)\)\]?\n", source
+        )
+        yield from (one for found in tuples for one in re.findall(r'"(\w[^"]*)"', found))
+        yield from re.findall(r"{'([^']+)':>\d+}", source)
+
+
+def replay_tables():
+    from slosh_bringup.replay import tables
+
+    return tables
+
+
+COLUMNS = sorted(
+    {
+        *simulated.COLUMNS, *detected.COLUMNS, *predict.COLUMNS, *predict.HEADING, *replay.HEADS,
+        *MOTION, *ATTITUDE, *ANGULAR_VELOCITY, *PLACES, "eta_045", "clock", *page_headings(),
+        *printed_heads(), "MAE 3D-NL", "ε 2D-L", "highest measured", "limit events",
+    }
+)  # fmt: skip
+
+
+def test_the_lists_of_columns_are_found():
+    assert {"σ", "x"} & set(COLUMNS) == {"x"}
+    assert {"rms residual", "explanation", "MAE [mm]", "linear peak [mm]", "rate [Hz]"} <= set(
+        COLUMNS
+    )
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_each_column_of_each_table_is_explained(name, capsys):
+    assert ": column or figure\n" in explained(name, capsys)
+    for unit in re.findall(r"\[([^\]]+)\]$", name):
+        assert ": unit\n" in explained(unit, capsys)
+
+
+@pytest.mark.parametrize(
+    "flag",
+    [*Flag, *EstimateFlag, *MotionFlag],
+    ids=lambda flag: f"{type(flag).__name__}.{flag.name}",
+)
+def test_each_flag_is_explained_by_name_and_by_number(flag, capsys):
+    said = explained(flag.name, capsys)
+    assert said.startswith(f"{flag.name}: flag of a")
+    meaning = said.splitlines()[1]
+    for number in (f"0x{flag.value:x}", f"0x{flag.value:04X}", str(flag.value)):
+        assert f"  {flag.name} ({flag.value}): {meaning}" in explained(number, capsys)
+
+
+def test_a_sum_of_flags_is_split(capsys):
+    said = explained("0x3", capsys)
+    for name in ("SATURATED (1)", "TOO_DARK (2)", "PLANARITY_LOST (1)", "STALE (3)"):
+        assert f"  {name}: " in said
+    assert "JERK_LIMIT" not in said
+    assert "0x8000: unknown" in explained("0x8001", capsys)
+    assert "no flag is set" in explained("0", capsys)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_models_name_is_explained(name, capsys):
+    said = explained(name, capsys)
+    assert ("vertical acceleration" in said) == name.startswith(("2D", "3D"))
+    assert ("DL22" in said) == name.endswith("L")
+
+
+def test_a_model_with_further_effects_is_explained(capsys):
+    said = explained("3D-NL+second_mode", capsys)
+    assert EFFECTS["second_mode"].meaning in said
+    assert main(["explain", "3D-NL+seconds"]) == 2
+
+
+@pytest.mark.parametrize(
+    "name",
+    sorted(
+        {
+            *(unit for unit in UNITS if unit),
+            *(unit for one in quantities.QUANTITIES for unit in one.units),
+            *(one.unit for effect in EFFECTS.values() for one in effect.parameters),
+        }
+    ),
+)  # fmt: skip
+def test_each_unit_is_explained(name, capsys):
+    assert f"{name}: unit\n" in explained(name, capsys)
+
+
+def test_the_mean_absolute_error_is_no_standard_deviation(capsys):
+    assert "mean absolute error" in explained("MAE", capsys)
+    assert "standard deviation" in explained("σ", capsys)
+    assert "Running mean absolute error" in explained("sigma_nonlinear", capsys)

@@ -114,10 +114,10 @@ def test_the_camera_waits_for_its_calibration_and_for_nothing_else(folder, cup):
         assert read_known_camera(path).container["radius"] == 0.04
 
 
-def test_the_next_commands_are_told_with_the_cups_numbers(folder, capsys):
+def test_the_next_commands_are_told_with_the_cups_files(folder, capsys):
     assert main(["new", str(folder), *ROUND, *WHOLE]) == 0
     told = capsys.readouterr().out
-    assert "--radius 0.04 --fill-height 0.06 --rim-height 0.11 --wall 0.002" in told
+    assert f"--model '{folder}/model.yaml' --wall 0.002" in told
     assert f"slosh cell --config '{folder}/cell.yaml'" in told
     assert "note" not in told
     assert main(["new", str(folder.with_name("b")), *ROUND]) == 0

@@ -132,8 +132,8 @@ def test_the_error_of_results_is_kept_off_the_limits(slosh_plan, tmp_path):
     assert facts["error_margin"] == pytest.approx(np.hypot(0.0004, 0.05 * facts["peak"]))
     assert facts["peak"] + facts["error_margin"] == pytest.approx(facts["upper"])
     assert facts["upper"] <= 0.015
-    _, out, _, _ = slosh_plan(LINE, *options, "--sigma", "0.0002", "--epsilon", "0.05")
-    assert "reserved for the model's error (σ 0.2 mm, ε 5 %" in out
+    _, out, _, _ = slosh_plan(LINE, *options, "--mae", "0.0002", "--epsilon", "0.05")
+    assert "reserved for the model's error (MAE 0.2 mm, ε 5 %" in out
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_the_error_of_results_is_kept_off_the_limits(slosh_plan, tmp_path):
         ("{}", (), "no accuracy figures for model 3D-NL"),
         ("[1", (), "is not JSON"),
         ('{"agreements": [{"name": "3D-NL", "sigma": null}]}', (), "sigma of 3D-NL is None"),
-        (json.dumps(RAN), ("--sigma", "0.1"), "do not give --sigma or --epsilon as well"),
+        (json.dumps(RAN), ("--sigma", "0.1"), "do not give --mae or --epsilon as well"),
         (None, (), "No such file"),
     ],
 )

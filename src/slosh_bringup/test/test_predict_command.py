@@ -1,6 +1,7 @@
 """`slosh predict`: what it prints and writes, its exit codes, what it refuses."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,11 +66,33 @@ def test_people_get_a_table_and_programs_a_file(capsys, tmp_path):
     assert main(["predict", MODEL, motion, motion, "--limit", "0.01", "-o", str(output)]) == 1
     heading, *rows = capsys.readouterr().out.splitlines()
     assert heading.split("  ")[0].strip() == "motion"
+    for word in ("peak [mm]", "linear peak [mm]", "azimuth [deg]", "residual [mm]"):
+        assert word in heading
     assert len(rows) == 2
     assert "above the limit" in rows[0]
     table = np.genfromtxt(output, delimiter=",", names=True)
     assert table["peak_nonlinear"][0] > 0.01
     assert table["time_scale"][0] > 1.0
+
+
+def test_motions_are_shown_side_by_side_in_words(capsys, tmp_path):
+    fast, slow = line(tmp_path / "fast.csv", 0.7), line(tmp_path / "slow.csv", 2.0)
+    picture, page = tmp_path / "both.svg", tmp_path / "both.html"
+    words = ["--limit", "0.01", "--plot", str(picture), "--page", str(page)]
+    code, facts = answers(capsys, fast, slow, *words)
+    assert code == 1
+    drawn, shown = picture.read_text(), page.read_text()
+    assert "1 of 2 motions within their limits" in shown
+    for one in facts:
+        peak, linear = (f"{1e3 * one[f'peak_{k}']:.1f} mm" for k in ("nonlinear", "linear"))
+        for text in (drawn, shown):
+            assert Path(one["trajectory"]).name in text
+            for said in (f"peak {peak} at", f"linear peak {linear}", "azimuth ", "residual "):
+                assert said in text
+    assert "limit 10.0 mm" in drawn
+    assert shown.count("<svg") == 4
+    assert main(["predict", MODEL, fast, "--plot", str(tmp_path / "a.jpg")]) == 2
+    assert "must end in .png or .svg" in capsys.readouterr().err
 
 
 def test_no_limit_left_is_no_safe_scale(capsys, tmp_path):

@@ -6,6 +6,7 @@ import math
 import pytest
 
 from slosh_bringup.cell_watch import ERROR, OK, NodeReport
+from slosh_bringup.watch.recording import first_happening
 from slosh_bringup.watch.state import (
     KEPT_EVENTS,
     SLOW,
@@ -172,10 +173,22 @@ class TestFrames:
         state.take_report(NodeReport("camera", OK, "measuring", {"lost": "0"}), 0.0)
         frames = [frame(state, 0.1 * step) for step in range(2 * SLOW)]
         assert ["nodes" in found for found in frames] == [step % SLOW == 0 for step in range(20)]
-        assert frames[0]["limits"] == {"measured": 0.02}
+        assert frames[0]["limits"] == {"measured": {"height": 0.02, "name": "limit"}}
         assert frames[0]["nodes"][0]["level"] == "OK"
         late = frame(state, 30.0)
         assert late["nodes"][0]["level"] == "STALE"
+
+    def test_the_limit_that_holds_is_shown_and_named(self):
+        """Where the rim is lower than a limit, the monitor holds the liquid to the rim."""
+        state = WatchState()
+        told = {"measured_limit": 0.02, "estimated_limit": 0.008, "disagreement_limit": 0.01}
+        state.take_parameters("monitor", told)
+        state.take_parameters("monitor", {**told, "rim": 0.0123}, goes_on=True)
+        assert frame(state, 0.0)["limits"] == {
+            "measured": {"height": 0.0123, "name": "rim"},
+            "estimated": {"height": 0.008, "name": "limit"},
+            "disagreement": {"height": 0.01, "name": "limit"},
+        }
 
     def test_the_command_is_shown_to_whoever_sees_the_sides_disagree(self):
         state = WatchState("slosh discover bag")
@@ -195,3 +208,23 @@ class TestFrames:
         many = [0.001 * k for k in range(5000)]
         state.take_surface(Surface(START_NS, 0.004, 0.1, many, many, 0))
         assert len(frame(state, 0.0)["surface"]["line"]) < 130
+
+
+@pytest.mark.parametrize(
+    ("heights", "exceeded", "begins"),
+    [
+        ([0.0, 0.0, 0.001, 0.004, 0.02, 0.015], 4, 4),
+        ([0.0, 0.0, 0.001, 0.004, 0.01, 0.003], None, 3),
+        ([0.0, 0.0002, -0.0003, 0.0], None, 0),
+        ([], None, 0),
+    ],
+)
+def test_a_recording_begins_where_a_limit_is_exceeded_or_the_liquid_moves(
+    heights, exceeded, begins
+):
+    verdicts = ["limit exceeded" if k == exceeded else "safe" for k in range(len(heights))]
+    frames = [
+        json.dumps({"verdict": verdict, "rows": [[0.1 * k, height, None]]})
+        for k, (verdict, height) in enumerate(zip(verdicts, heights, strict=True))
+    ]
+    assert first_happening(frames) == begins

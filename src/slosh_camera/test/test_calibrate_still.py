@@ -48,6 +48,7 @@ def rendered(name):
     return cv2.imread(str(RENDERED / name / truth["static"]["file"])), view
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not RENDERED.is_dir(), reason=f"no rendered sequences in {RENDERED}")
 @pytest.mark.parametrize(
     "name",
@@ -104,6 +105,7 @@ def test_drawn_cup(make_scene, name):
     assert fit.place.roll == pytest.approx(place_of(truth.pose)[0].roll, abs=2e-3)
 
 
+@pytest.mark.long
 def test_without_the_floor_the_second_line_tells_above_from_below(make_scene):
     scene = make_scene(camera_height=0.05)
     view, cup = scene.calibration().view, Cup(scene.radius, scene.fill_height)
@@ -247,6 +249,7 @@ def test_what_is_in_doubt_is_estimated_and_its_error_is_in_the_heights(make_scen
     assert abs(doubted.view.cup.fill_height - cup.fill_height) < 3.0 * fill
 
 
+@pytest.mark.long
 def test_two_sides_and_a_level_alone_may_be_a_labels(make_scene):
     # A wall of glass would show above the level, the floor is outside the image.
     image, truth, cup = drawn(make_scene(camera_height=0.05))
@@ -276,6 +279,7 @@ def test_refuses_to_choose_between_two_containers(make_scene):
     assert "two poses fit equally well" in refusal(both, camera, cup)
 
 
+@pytest.mark.long
 def test_refuses_what_stands_between_the_sides_of_another_container(make_scene):
     """Another glass behind it, of clearer edges."""
     scene = make_scene(camera_height=0.05)
@@ -364,7 +368,7 @@ def test_a_printed_scale_is_not_the_level(make_scene, name):
     assert worst_error(truth, fit) < 1.5e-3
 
 
-@pytest.mark.parametrize("height", [-0.025, 0.02])
+@pytest.mark.parametrize("height", [pytest.param(-0.025, marks=pytest.mark.long), 0.02])
 def test_of_two_lines_alike_a_click_tells_the_level(make_scene, height):
     scene = make_scene(liquid=214, surface=214)
     truth = scene.calibration().view

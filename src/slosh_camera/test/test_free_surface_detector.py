@@ -65,6 +65,7 @@ def test_profile_lies_on_the_plane(make_scene, camera):
     assert np.percentile(np.abs(error), 95) < 0.6 * MM
 
 
+@pytest.mark.long
 def test_sub_pixel_resolution(make_scene):
     # One pixel row is 0.4 mm on the front wall; the level is moved in steps of a tenth of it.
     scene = make_scene(oversampling=16)

@@ -81,7 +81,9 @@ WIDE = {
 }
 
 
-@pytest.mark.parametrize("model", WIDE)
+@pytest.mark.parametrize(
+    "model", [pytest.param("rational_polynomial", marks=pytest.mark.long), "equidistant"]
+)
 def test_pictures_of_a_wide_lens_give_the_camera(model):
     truth = WIDE[model]
     # Nearer, and farther aside: a wide lens shows itself at the edge of the image.

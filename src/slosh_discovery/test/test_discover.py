@@ -22,8 +22,8 @@ def names(finding) -> set[str]:
     [
         ("vertical_acceleration", {}),
         ("quadratic_damping", {"beta": 0.1}),
-        ("static_tilt", {"roll": 0.03, "pitch": -0.02}),
-        ("draining_film", {"speed": 0.05}),
+        pytest.param("static_tilt", {"roll": 0.03, "pitch": -0.02}, marks=pytest.mark.long),
+        pytest.param("draining_film", {"speed": 0.05}, marks=pytest.mark.long),
     ],
 )
 def test_a_missing_effect_is_named_with_its_parameters(effect, parameters):
@@ -78,6 +78,7 @@ def test_two_effects_are_named_together():
     assert names(finding) == {"height_offset", "time_offset"}
 
 
+@pytest.mark.long
 def test_what_theory_foretells_comes_on_top_of_three_effects():
     base = BASE.nonlinear()
     hidden = {
@@ -141,6 +142,7 @@ def at_azimuths(truth: Model, seed: int, vertical: float) -> MeasuredMotion:
     return MeasuredMotion(f"motion {seed}", inputs, t, eta=heights + noise, eta_azimuth=azimuths)
 
 
+@pytest.mark.long
 def test_a_difference_that_no_model_has_right_decides_nothing():
     """A cup that stands askew, or a sensor that leans: here they differ by the lean's square.
 
@@ -167,6 +169,7 @@ def test_a_frequency_that_no_plausible_fill_has_is_named_as_one():
     assert finding.effects[0].parameters["factor"] == pytest.approx(0.96, abs=1e-3)
 
 
+@pytest.mark.long
 def test_a_frequency_that_a_plausible_fill_has_is_the_fills():
     truth = BASE.with_effect("fill_level", delta=-0.012)
     finding = discover([measured(truth, seed) for seed in range(3)], BASE)
@@ -201,6 +204,7 @@ def test_the_number_of_threads_changes_nothing():
     assert one.gap == two.gap
 
 
+@pytest.mark.long
 def test_heights_that_do_not_follow_the_motion_are_no_effect():
     """A flat line is what a low cap makes of any wave; it is the camera that does not see."""
     t = np.arange(0.01, DURATION, 1.0 / 60.0)

@@ -37,6 +37,7 @@ def check_report(finding):
     return document, discovery_text(report)
 
 
+@pytest.mark.long
 def test_what_has_no_answer_to_a_motion_held_out_is_not_added():
     motions = [measured(SOFT, seed) for seed in range(2)]
     finding = discover(motions, BASE, [in_millimetres(SOFT)])

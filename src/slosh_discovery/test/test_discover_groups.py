@@ -122,6 +122,7 @@ def test_only_what_belongs_to_the_rig_is_fitted_per_group(finding):
     assert not apart & {"surface_nonlinearity", "damping_mismatch", "second_mode"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("given", [True, False])
 def test_one_campaign_is_not_split_be_it_given_as_two_or_as_none(given):
     truth = leaning("spring")
@@ -149,6 +150,7 @@ def test_a_motion_of_whose_group_nothing_is_known_is_one_clear_error():
         discover([one, replace(two, group=None)], BASE)
 
 
+@pytest.mark.long
 def test_campaigns_that_nobody_told_of_are_found_from_the_heights():
     parts = [
         campaign(group, leaning(group), range(10 * start, 10 * start + 4))

@@ -186,6 +186,7 @@ def covered(runs, seed, names, repeats, **noise):
 ROUGH = {"rho": 0.7, "outliers": 0.01, "gaps": 0.1}
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth():
     assert np.all(covered(40, 6, NAMES, 2) >= 0.87)
     assert np.all(covered(40, 7, NAMES, 2, **ROUGH) >= 0.85)
@@ -201,6 +202,7 @@ def test_intervals_hold_the_truth_in_many_runs(repeats):
     assert np.all(rough >= 0.88)
 
 
+@pytest.mark.long
 def test_the_band_holds_the_true_heights():
     rng = np.random.default_rng(10)
     inside = []

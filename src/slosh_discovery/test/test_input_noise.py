@@ -115,8 +115,11 @@ def test_what_is_left_of_the_true_model_is_white(noise):
 
 
 @pytest.mark.parametrize(("rate", "noise", "errors"), [
-    (1000.0, 0.02, {}), (250.0, 0.05, {}), (125.0, 0.02, {"quantum": 0.04}),
-    (250.0, 0.02, {"bias": 0.05}), (250.0, 0.0, {"bias": 0.05}),
+    pytest.param(1000.0, 0.02, {}, marks=pytest.mark.long),
+    pytest.param(250.0, 0.05, {}, marks=pytest.mark.long),
+    (125.0, 0.02, {"quantum": 0.04}),
+    pytest.param(250.0, 0.02, {"bias": 0.05}, marks=pytest.mark.long),
+    pytest.param(250.0, 0.0, {"bias": 0.05}, marks=pytest.mark.long),
 ])  # fmt: skip
 def test_nothing_is_named_where_only_the_input_is_noisy(rate, noise, errors):
     motions = [seen(BASE, seed, rate, noise, **errors) for seed in range(3)]
@@ -137,6 +140,7 @@ def test_what_is_missing_is_named_beside_the_input_s_noise():
     assert effect.parameters["beta"] == pytest.approx(0.2, rel=0.1)
 
 
+@pytest.mark.long
 def test_nothing_is_proposed_that_the_camera_itself_says_it_cannot_see():
     """The zero is off by 0.04 mm: coherent and sure, but the camera claims 0.08 mm."""
     truth = BASE.with_effect("height_offset", offset=4e-5)
@@ -151,6 +155,7 @@ def test_nothing_is_proposed_that_the_camera_itself_says_it_cannot_see():
     assert (finding.verdict, finding.effects) == (Verdict.NONE, ())
 
 
+@pytest.mark.long
 def test_an_identification_s_errors_know_of_the_input_s_noise():
     off = []
     for trial in range(6):
@@ -161,6 +166,7 @@ def test_an_identification_s_errors_know_of_the_input_s_noise():
     assert np.sqrt(np.mean(np.square(off))) < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "base", [Model(Rectangle(0.16, 0.12, 0.07)), Model(Cylinder(0.1, 0.07))], ids=["box", "cup"]
 )

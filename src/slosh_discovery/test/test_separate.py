@@ -122,6 +122,7 @@ def remaining(description):
     return 1e-3 * float(re.search(r"([\d.e-]+) mm of the difference are left", description)[1])
 
 
+@pytest.mark.long
 def test_a_mere_difference_of_parameters_is_not_left_after_a_refit():
     first = MODEL.with_effect("damping_mismatch", factor=1.2)
     second = MODEL.with_effect("damping_mismatch", factor=1.25)

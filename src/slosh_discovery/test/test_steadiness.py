@@ -28,9 +28,13 @@ def creeping(truth, growth):
     ("motions", "when"),
     [
         (warming(BASE, (1.0, 3.0, 6.0)), "from motion to motion"),
-        (warming(BASE, (6.0, 3.0, 1.5)), "from motion to motion"),
+        pytest.param(
+            warming(BASE, (6.0, 3.0, 1.5)), "from motion to motion", marks=pytest.mark.long
+        ),
         (creeping(BASE, 1.5), "with time within the motions"),
-        (creeping(BASE, 1.0 / 1.5), "with time within the motions"),
+        pytest.param(
+            creeping(BASE, 1.0 / 1.5), "with time within the motions", marks=pytest.mark.long
+        ),
     ],
     ids=["growing damping", "falling damping", "growing gain", "falling gain"],
 )

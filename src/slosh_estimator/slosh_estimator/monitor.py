@@ -54,10 +54,10 @@ class Monitor:
     A measurement waits until an estimate of the moment that it shows, or a later one, has come, or
     until the estimator has long been silent. It is compared with what the model expects a sensor
     to read; the limit of the estimated height is that of the liquid itself. A saturated
-    measurement is a lower bound: it enters σ and ε only where it lies above the estimate, counts
+    measurement is a lower bound: it enters MAE and ε only where it lies above the estimate, counts
     as disagreement only there, and does not end an excess of the measured height. Measurements
     without a height, and estimates from an unknown state or a doubtful input, are compared but do
-    not enter σ and ε; where there is nothing else for too long, the monitor is blind.
+    not enter MAE and ε; where there is nothing else for too long, the monitor is blind.
 
     Without a camera, by its settings, the estimate alone is watched, and each look at the clock
     gives a comparison of it with nothing.
@@ -121,7 +121,7 @@ class Monitor:
         return stamp_ns
 
     def reset_accuracy(self) -> None:
-        """Starts σ and ε, and the count of motions, anew."""
+        """Starts MAE and ε, and the count of motions, anew."""
         self.linear.reset()
         self.nonlinear.reset()
         self.motions.reset()
@@ -457,7 +457,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Takes a pair into σ and ε; a lower bound only where it lies above the estimate."""
+        """Takes a pair into MAE and ε; a lower bound only where it lies above the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):

@@ -69,6 +69,16 @@ class MonitorSettings:
             rim=parameters.get(RIM, math.nan),
         )
 
+    @classmethod
+    def from_told(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
+        """The limits among parameters that anybody may have told; others are not watched."""
+        names = ("measured_limit", "estimated_limit", "disagreement_limit", RIM)
+        values = [parameters.get(name) for name in names]
+        measured, estimated, apart, rim = (
+            float(value) if isinstance(value, int | float) else math.nan for value in values
+        )
+        return cls(measured, estimated, apart, rim=rim)
+
     @property
     def limits(self) -> dict[Source, float]:
         """The limit of each quantity that is watched, no height's above the rim [m]."""
@@ -82,7 +92,11 @@ class MonitorSettings:
     def at_rim(self, source: Source) -> bool:
         """Whether the rim limits a quantity, being lower than its limit."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
-        return source in given and self.rim <= np.fmin(given[source], math.inf)
+        return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
+
+    def limit_name(self, source: Source) -> str:
+        """What limits a quantity: its limit or the rim."""
+        return "rim" if self.at_rim(source) else "limit"
 
     def under_rim(self, model: Model) -> MonitorSettings:
         """The same with the rim of a model's container."""

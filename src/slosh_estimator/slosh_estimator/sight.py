@@ -94,7 +94,7 @@ def judged(
 ) -> NDArray[np.bool_]:
     """Which pairs of heights say something about the model; NaN says nothing anyway.
 
-    The monitor's σ and ε, the table of a run and a replay's all count these and no others. A
+    The monitor's MAE and ε, the table of a run and a replay's all count these and no others. A
     saturated measurement is a lower bound: it counts only where it lies above the estimate.
 
     Args:

@@ -1,1 +1,1 @@
-"""Figures and checks of signals: σ and ε, clock alignment, motion spans, checks of an input."""
+"""Figures and checks of signals: MAE and ε, clock alignment, motion spans, checks of an input."""

@@ -26,7 +26,7 @@ def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """σ: mean absolute error (DL22, eq. (33)), in the series' unit.
+    """MAE: mean absolute error (DL22, eq. (33)), in the series' unit.
 
     Raises:
         SloshMetricsError: the series do not match or share no finite moment.
@@ -71,7 +71,7 @@ def relative_peak_error(measured_peak: float, model_peak: float) -> float:
 
 
 class RunningAccuracy:
-    """ε, σ and root mean square of a stream: the functions above are these over one series.
+    """ε, MAE and root mean square of a stream: the functions above are these over one series.
 
     Attributes:
         count: pairs that were taken.
@@ -122,7 +122,7 @@ class RunningAccuracy:
 
     @property
     def sigma(self) -> float:
-        """σ so far; NaN before the first pair."""
+        """MAE so far; NaN before the first pair."""
         return self._absolute_sum / self.count if self.count else NAN
 
     @property

@@ -283,6 +283,7 @@ def run(root: Path, program: str, *words: str, **environment: str) -> str:
     ).stdout
 
 
+@pytest.mark.long
 def test_each_kind_of_effect_is_one_module_and_an_edit_is_never_missed(package):
     found = json.loads(run(package, PROBE, on_the_page("yaml")))
     assert found.pop("name") == "2D-L+a_drag"

@@ -121,6 +121,7 @@ def standing_frequency(depth: float, steepness: float, order: int) -> float:
     return 2.0 * math.pi / period / linear
 
 
+@pytest.mark.long
 def test_a_steep_wave_in_deep_water_is_slower_by_an_eighth_of_its_steepness_squared() -> None:
     # Rayleigh 1915; Tadjbakhsh & Keller, J. Fluid Mech. 8, 1960.
     steepness = 0.1
@@ -170,6 +171,7 @@ def test_the_surface_tension_of_water_quickens_short_waves() -> None:
     assert np.allclose(fifth.amplitudes[:, 0, 4], 1e-5 * np.cos(frequency * times), atol=1e-9)
 
 
+@pytest.mark.long
 def test_one_tank_may_break_and_the_others_go_on() -> None:
     hard, soft = np.full((400, 1), 9.0), sway(np.arange(400) * 0.01)
     tanks = Tanks.of([WIDTH, WIDTH], HEIGHT)

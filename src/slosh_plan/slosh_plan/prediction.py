@@ -32,7 +32,7 @@ COVERAGE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """How well the model did so far; σ and ε as the monitor and `slosh replay` tell them.
+    """How well the model did so far; MAE and ε as the monitor and `slosh replay` tell them.
 
     Attributes:
         sigma: mean absolute error of the height [m].
@@ -62,7 +62,7 @@ class ModelError:
         return math.sqrt((COVERAGE * standard) ** 2 + (COVERAGE * self.sigma) ** 2 + share**2)
 
     def highest(self, limit: float) -> float:
-        """Height whose interval, by σ and ε alone, ends at a limit [m].
+        """Height whose interval, by MAE and ε alone, ends at a limit [m].
 
         Raises:
             SloshPlanError: the error leaves nothing of the limit.
@@ -72,7 +72,7 @@ class ModelError:
         left = limit**2 - (COVERAGE * self.sigma) ** 2
         if left <= 0.0:
             raise SloshPlanError(
-                f"the model's error, {1e3 * COVERAGE * self.sigma:.3g} mm (2 σ), is not "
+                f"the model's error, {1e3 * COVERAGE * self.sigma:.3g} mm (2 MAE), is not "
                 f"below the limit of {1e3 * limit:g} mm"
             )
         return left / (limit + math.sqrt(limit**2 - (1.0 - self.epsilon**2) * left))
@@ -167,7 +167,7 @@ def predict(
     """Predicts motions, one or thousands.
 
     The interval holds the model's parameters, where it has their covariance, and its measured
-    error: half of it is √((2 s)² + (2 σ)² + (ε · peak)²) with the standard error s of the peak,
+    error: half of it is √((2 s)² + (2 MAE)² + (ε · peak)²) with the standard error s of the peak,
     linearised along the covariance's principal axes.
 
     Args:

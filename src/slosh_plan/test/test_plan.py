@@ -133,7 +133,7 @@ def test_with_an_error_the_covariance_counts_too():
 
 
 def test_an_error_that_leaves_nothing_of_a_limit_is_refused():
-    with pytest.raises(SloshPlanError, match=r"3 mm \(2 σ\), is not below the limit of 2 mm"):
+    with pytest.raises(SloshPlanError, match=r"3 mm \(2 MAE\), is not below the limit of 2 mm"):
         plan(CUP, path_through(LINE), LIMITS, error=ModelError(sigma=0.0015))
 
 

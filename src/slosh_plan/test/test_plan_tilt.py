@@ -56,6 +56,7 @@ def test_hardly_any_tilt_is_hardly_any_gain(tilt):
     assert -1e-9 <= gained <= 0.002 + 2.0 * tilt
 
 
+@pytest.mark.long
 def test_a_lever_arm_counts_in_what_is_checked(tilting, check_plan):
     model = CUP.with_effect("gravity_tilt").with_effect("lever_arm", x=0.0, y=0.0, z=0.02)
     answer = plan(model, path_through(LINE), TEN)

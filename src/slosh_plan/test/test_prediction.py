@@ -34,7 +34,7 @@ def curve(name):
 @pytest.mark.parametrize(
     "name",
     [
-        "swing",
+        pytest.param("swing", marks=pytest.mark.long),
         pytest.param("round", marks=pytest.mark.long),
         pytest.param("rising", marks=pytest.mark.long),
     ],

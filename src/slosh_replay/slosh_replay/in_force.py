@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from slosh_base.files.yaml_text import format_yaml
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
-from slosh_estimator.monitor_settings import RIM
+from slosh_estimator.limits import Source
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
@@ -64,6 +66,8 @@ def parameter_changes(run: RecordedRun, zero_ns: int) -> tuple[str, ...]:
         earlier = before.parameters if before is not None else start.parameters
         for name in start.changed if before else ():
             old, new = earlier.get(name), start.parameters.get(name)
+            if old is None and not start.stamp_ns:
+                continue  # nothing changed: the node learned it when it started
             since = (start.stamp_ns - zero_ns) * 1e-9
             when = f"after {since:.3f} s" if start.stamp_ns else "before the first input"
             lines.append(f"{start.node}: {name} changed from {old} to {new} {when}")
@@ -115,14 +119,14 @@ def image_topic(camera: NodeStart | None) -> str:
 
 
 def _limits(monitor: NodeStart) -> str:
-    named = (
-        ("measured", "measured_limit"),
-        ("estimated", "estimated_limit"),
-        ("disagreement", "disagreement_limit"),
-    )
-    told = [f"{name} {1e3 * monitor.parameters[key]:g} mm" for name, key in named]
-    if RIM in monitor.parameters:
-        told.append(f"rim {1e3 * monitor.parameters[RIM]:.1f} mm")
+    settings = MonitorSettings.from_told(monitor.parameters)
+    told = [
+        f"{source.name.lower()} {1e3 * limit:.4g} mm" + " (rim)" * settings.at_rim(source)
+        for source, limit in settings.limits.items()
+        if math.isfinite(limit)
+    ]
+    if math.isfinite(settings.rim) and not settings.at_rim(Source.MEASURED):
+        told.append(f"rim {1e3 * settings.rim:.1f} mm")
     return ", ".join(told)
 
 

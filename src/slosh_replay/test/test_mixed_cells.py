@@ -50,7 +50,17 @@ def mix(folder, lead_ns, ends=ENDS, facts=(), left_out="nothing"):
     return folder
 
 
-@pytest.mark.parametrize("lead", [0.0, 0.35, 1.0, 2.6, -0.4, -1.5])
+@pytest.mark.parametrize(
+    "lead",
+    [
+        0.0,
+        0.35,
+        1.0,
+        pytest.param(2.6, marks=pytest.mark.long),
+        -0.4,
+        pytest.param(-1.5, marks=pytest.mark.long),
+    ],
+)
 def test_two_cells_without_a_note_are_recognised_by_their_estimates(tmp_path, lead):
     bag = mix(tmp_path / "bag", round(lead * 1e9) + 333_000)
     for number in (1, 2):

@@ -17,7 +17,6 @@ from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.replay import replay_bag, replay_table
-from slosh_replay.replay.result import accuracy_table, update_table
 from slosh_tables.motion_table import MotionTable
 
 MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
@@ -185,18 +184,3 @@ def test_an_empty_bag_is_refused(tmp_path: Path):
         writer.add_topic("/slosh/free_surface", SURFACE)
     with pytest.raises(SloshBagError, match="the model has no input"):
         replay_bag(tmp_path / "bag", MODEL)
-
-
-def test_a_page_gets_its_table_between_the_marks(tmp_path: Path):
-    page = tmp_path / "page.md"
-    page.write_text("before\n<!-- table x -->\nold\n<!-- end x -->\nafter\n")
-    results = [replay_table("own", TABLE, MODEL)]
-    update_table(page, "x", results)
-    update_table(page, "x", results)
-    text = page.read_text()
-    assert text.startswith("before\n<!-- table x -->\n")
-    assert text.endswith("<!-- end x -->\nafter\n")
-    assert text.count(accuracy_table(results)) == 1
-    assert "old" not in text
-    with pytest.raises(SloshBagError, match="once each"):
-        update_table(page, "y", results)

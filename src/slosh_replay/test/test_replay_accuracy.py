@@ -1,4 +1,4 @@
-"""Which samples enter σ and ε, and which do not."""
+"""Which samples enter MAE and ε, and which do not."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def test_numbers_that_are_not_known_are_not_stated():
     ("name", "value", "unit"), [("sigma", 0.00014, "mm"), ("epsilon", -0.018, "%")]
 )
 def test_a_number_at_its_bound_passes_and_beyond_fails(name, value, unit):
-    sign = {"sigma": "σ", "epsilon": "ε"}[name]
+    sign = {"sigma": "MAE", "epsilon": "ε"}[name]
     for side in (-1, 1):
         inside = Expected(value + side * 0.99e-6, 1e-6)
         outside = Expected(value + side * 1.01e-6, 1e-6)
@@ -88,12 +88,12 @@ def test_a_number_at_its_bound_passes_and_beyond_fails(name, value, unit):
 
 def test_a_model_that_was_not_replayed_fails():
     (line,) = failures(Expectation(sigma={"3D-NL+second_mode": Expected(0.001, 1.0)}))
-    assert line.startswith("σ 3D-NL+second_mode: nan")
+    assert line.startswith("MAE 3D-NL+second_mode: nan")
 
 
 def test_a_failure_states_value_and_bounds():
     (line,) = failures(Expectation(sigma={"3D-NL": Expected(0.0001, 1e-6)}))
-    assert line == "σ 3D-NL: 0.14 mm, expected 0.099 … 0.101 mm"
+    assert line == "MAE 3D-NL: 0.14 mm, expected 0.099 … 0.101 mm"
     (line,) = failures(Expectation(images=551))
     assert line == "images: 552, expected 551"
 
@@ -184,7 +184,7 @@ def test_warnings_that_lack_or_were_not_announced_fail():
 def test_every_point_is_told_passed_or_not():
     checked = check_result(RESULT, expectation_of(RESULT))
     assert [point.name for point in checked.points] == [
-        "σ 3D-L", "σ 3D-NL", "ε 3D-L", "ε 3D-NL", "images", "dropped samples", "limit events",
+        "MAE 3D-L", "MAE 3D-NL", "ε 3D-L", "ε 3D-NL", "images", "dropped samples", "limit events",
         "event 1: peak", "event 1: duration", "event 2: peak", "event 2: duration",
         "event 1: source", "event 2: source", "recorded estimates", "warnings",
     ]  # fmt: skip

@@ -102,7 +102,7 @@ def replayed(step, estimates_until=6000, recorded=None):
 
 
 @pytest.mark.parametrize("estimates_until", [6000, 500])
-@pytest.mark.parametrize("step", [10, 130, 2600])
+@pytest.mark.parametrize("step", [pytest.param(10, marks=pytest.mark.long), 130, 2600])
 def test_the_parts_in_which_a_recording_comes_do_not_matter(step, estimates_until):
     whole, all_out, _ = replayed(6000, estimates_until)
     series, out, _ = replayed(step, estimates_until)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from slosh_bag.errors import SloshBagError
 from slosh_estimator.estimator import Estimates
 from slosh_replay.replay.verification import (
+    TOO_LATE,
     Difference,
     Verifier,
     estimate_columns,
@@ -81,6 +82,21 @@ def test_missing_and_extra_messages_are_counted():
 def test_extra_messages_alone_do_no_harm():
     stamps, table = whole()
     assert compared(pick(stamps, table, slice(5, None)), whole()).exact
+
+
+def test_what_a_live_node_lacked_is_told_and_not_compared():
+    nan = float("nan")
+    recorded = whole(nonlinear_msh={110: nan, 111: nan, 112: 7.0})
+    replayed = whole(nonlinear_msh={111: nan, 113: nan})
+    verifier = Verifier(TOPIC, ("nonlinear.msh",))
+    verifier.add_recorded(*recorded)
+    verifier.add_replayed(*replayed)
+    verifier.compare(final=True)
+    found = verifier.result()
+    assert found.unchecked == {TOO_LATE: 1}
+    assert found.counts == {"nonlinear.msh": 2}
+    assert (found.recorded, found.identical) == (COUNT - 1, COUNT - 3)
+    assert compared(recorded, replayed).counts == {"nonlinear.msh": 3}
 
 
 def test_nothing_recorded_is_not_exact():

@@ -82,9 +82,9 @@ def full_report():
         effects={"fill_level": "More or less liquid than the model says."},
         notes=("a note",),
         warnings=("0.4 s are lost at the end",),
-        status=Status(Verdict.FAILED, ("σ 3D-NL is too large",)),
+        status=Status(Verdict.FAILED, ("MAE 3D-NL is too large",)),
         checks=(
-            Check("σ 3D-NL", 0.00060000001, 0.0, 0.0006, "mm"),
+            Check("MAE 3D-NL", 0.00060000001, 0.0, 0.0006, "mm"),
             Check("samples dropped", 0, upper=0),
         ),
         verifications=(

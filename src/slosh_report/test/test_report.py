@@ -42,7 +42,7 @@ REPORT = RunReport(
     linear_name="3D-L",
     nonlinear_name="3D-NL",
     limit=0.018,
-    key_figures=(KeyFigure("σ 3D-NL", "1.20", "mm"),),
+    key_figures=(KeyFigure("MAE 3D-NL", "1.20", "mm"),),
     events=(Span("measured", 1.2, 1.9, 0.018, 0.0203, "<script>alert(1)</script>"),),
     models=(ModelRow("3D-NL", 0.00123, -0.119, 0.0015, 0.5, 480),),
     frames=(Frame(b"\x89PNG", 'peak "front"', "image/png"),),
@@ -205,7 +205,7 @@ def test_numbers_are_rounded_as_their_unit_is(value, unit, text):
 
 def test_a_check_that_misses_by_little_shows_by_how_much():
     bound = 0.0006
-    check = Check("σ", math.nextafter(bound, 1.0), upper=bound, unit="mm")
+    check = Check("MAE", math.nextafter(bound, 1.0), upper=bound, unit="mm")
     text = " ".join(Page(render_report(replace(REPORT, checks=(check,)))).text)
     assert not check.passed
     assert "0.60000000000000" in text  # and more digits, that differ
@@ -213,13 +213,13 @@ def test_a_check_that_misses_by_little_shows_by_how_much():
 
 
 def test_a_value_that_is_not_known_passes_no_check():
-    assert not Check("σ", float("nan"), upper=1.0).passed
+    assert not Check("MAE", float("nan"), upper=1.0).passed
     assert Check("drops", 0, upper=0).passed
 
 
 def test_the_status_and_the_warnings_come_first(full_report):
     html = render_report(full_report)
-    places = [html.index(text) for text in ("✗ Failed", "σ 3D-NL is too large", "0.4 s are lost",
+    places = [html.index(text) for text in ("✗ Failed", "MAE 3D-NL is too large", "0.4 s are lost",
               'class="figures"', 'id="heights"')]  # fmt: skip
     assert places == sorted(places)
     assert "✓ Passed" in render_report(replace(full_report, status=Status(Verdict.PASSED)))
@@ -314,3 +314,65 @@ def test_the_first_difference_leads(full_report):
     assert fields == ["nonlinear.msh", *(f"jerk[{i}]" for i in range(6))]
     assert html.count("<details>") == 1
     assert "3 more fields" in html
+
+
+def _run(peak: float, limit: float | None, times: int, **other: object) -> RunReport:
+    t = np.linspace(0.0, 1.0, 11)
+    heights = peak * np.sin(np.pi * t)
+    spans = tuple(Span("measured", k, k + 0.1, limit or 0.0, peak) for k in range(times))
+    models = (ModelRow("NL", 0.0002, 0.01),)
+    return replace(
+        RunReport("run", t, heights, heights, heights, limit=limit, events=spans, models=models),
+        **other,
+    )
+
+
+NOTHING = np.full(11, np.nan)
+
+
+@pytest.mark.parametrize(
+    ("report", "expected"),
+    [
+        (
+            _run(0.0241, 0.02, 2),
+            "The liquid rose to 24.1 mm, 4.1 mm above the limit, twice; the model agrees within "
+            "0.2 mm on average.",
+        ),
+        (
+            _run(0.0241, 0.02, 4, limit_name="rim", models=()),
+            "The liquid rose to 24.1 mm, 4.1 mm above the rim, 4 times.",
+        ),
+        (
+            _run(0.0141, 0.02, 0),
+            "The liquid rose to 14.1 mm, 5.9 mm below the limit; the model agrees within 0.2 mm "
+            "on average.",
+        ),
+        (_run(0.0141, None, 0, models=()), "The liquid rose to 14.1 mm."),
+        (
+            _run(0.0141, None, 0, models=(ModelRow("NL", 2e-5, 0.6, count=3),)),
+            "The liquid rose to 14.1 mm; the model agrees within 0.1 mm on average over 3 of 11 "
+            "images.",
+        ),
+        (
+            _run(0.0241, None, 1, models=()),
+            "The liquid rose to 24.1 mm, beyond a limit that changed, once.",
+        ),
+        (
+            _run(0.0241, None, 0, models=(), saturated=np.ones(11, dtype=bool)),
+            "The liquid rose to at least 24.1 mm.",
+        ),
+        (
+            _run(0.0141, 0.02, 0, measured=NOTHING),
+            "By the model the liquid rose to 14.1 mm, 5.9 mm below the limit; nothing was "
+            "measured.",
+        ),
+        (
+            _run(0.01, 0.02, 0, measured=NOTHING, nonlinear=NOTHING),
+            "No height is known, measured or estimated.",
+        ),
+    ],
+)
+def test_the_page_begins_with_what_the_run_came_to(report: RunReport, expected: str) -> None:
+    assert report_document(report)["sentence"] == expected
+    page = render_report(report)
+    assert page.index(expected) < page.index("<nav")

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from slosh_base.files import check_apart, write_bytes, write_text
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.calibrate_scale import run_scale
+from slosh_bringup.cli.calibrate_model import take_model
+from slosh_bringup.cli.calibrate_scale import run_page, run_scale
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import ERROR, PERCENT, angle, length
 from slosh_bringup.cli.quiet_decoders import quiet_decoders
@@ -77,7 +78,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="horizontal field of view [deg] of a lens without distortion (default: from the "
         "picture's EXIF)",
     )  # fmt: skip
-    cup = parser.add_argument_group("container (defaults: values in the --camera file)")
+    cup = parser.add_argument_group("container (defaults: --model, or else the --camera file)")
+    cup.add_argument(
+        "--model", type=Path, metavar="FILE",
+        help="model.yaml, for the container's radius, fill height and rim height",
+    )  # fmt: skip
     cup.add_argument("--radius", type=length(2.0), metavar="M", help="inner radius [m]")
     cup.add_argument(
         "--fill-height",
@@ -156,6 +161,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="distance between the two --scale points [m] (default: twice the radius)",
     )
+    scale.add_argument(
+        "--page", type=Path, metavar="OUT.html",
+        help="page to write: click the two points on the image, and it shows the command",
+    )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="name of the camera.yaml to write"
     )
@@ -170,6 +179,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Finds the pose, writes camera.yaml and says how good it is."""
+    take_model(arguments)
+    if arguments.page is not None:
+        return run_page(arguments)
     if arguments.scale is not None:
         return run_scale(arguments)
     if arguments.length is not None:
@@ -242,7 +254,7 @@ def _cup(arguments: argparse.Namespace, known: KnownCamera) -> Cup:
     for key in ("radius", "fill_height"):
         if key not in values:
             raise SloshBringupError(
-                f"--{key.replace('_', '-')}: is needed, the camera's file does not give it"
+                f"--{key.replace('_', '-')}: is needed, or --model; --camera does not give it"
             )
     return Cup(**values)
 

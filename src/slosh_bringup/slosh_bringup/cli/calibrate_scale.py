@@ -17,6 +17,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import format_calibration, parse_any_calibration
 from slosh_camera.calibrate.scale import calibrate_by_scale
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.colour import to_colour
 from slosh_camera.images.decoding import read_image
 from slosh_report.json_values import plain
 
@@ -24,21 +25,50 @@ from slosh_report.json_values import plain
 _UNUSED = ("camera", "fov", "board", "distance", "level", "picture", "wall_thickness")
 
 
-def run_scale(arguments: argparse.Namespace) -> int:
-    """Writes camera.yaml and says what a pixel is, and how well heights are known."""
-    check_apart([arguments.output], [arguments.still])
+def run_page(arguments: argparse.Namespace) -> int:
+    """Writes the page on which the two ends are clicked."""
+    from slosh_bringup.scale_page.page import render_clicks
+
+    check_apart([arguments.page, arguments.output], [arguments.still, arguments.model])
+    if arguments.scale is not None:
+        raise SloshBringupError("--page: is for finding --scale; do not give both")
+    length = _length(arguments)
+    with quiet_decoders():
+        image = to_colour(read_image(arguments.still))
+    words = ["--length", f"{length:g}", "--fill-height", f"{arguments.fill_height:g}"]
+    if arguments.rim_height is not None:
+        words += ["--rim-height", f"{arguments.rim_height:g}"]
+    before = ["slosh", "calibrate", str(arguments.still), "--scale"]
+    after = [*words, "-o", str(arguments.output)]
+    write_text(arguments.page, render_clicks(image, arguments.still.name, before, after))
+    print(f"{plain_line(arguments.page)}: open it, click, and run the command that it shows")
+    return 0
+
+
+def _length(arguments: argparse.Namespace) -> float:
+    """The distance of the two points [m].
+
+    Raises:
+        SloshBringupError: it or the fill height is not known; an option has no use here.
+    """
     for name in _UNUSED:
         if getattr(arguments, name) is not None:
             raise SloshBringupError(
                 f"--{name.removesuffix('_thickness')}: is not used with --scale"
             )
-    length = arguments.length
-    if length is None:
-        if arguments.radius is None:
-            raise SloshBringupError("--length: is needed with --scale, or --radius for a cylinder")
-        length = 2.0 * arguments.radius
+    if arguments.length is None and arguments.radius is None:
+        raise SloshBringupError(
+            "--length: is needed with --scale, or --radius or --model for a cylinder"
+        )
     if arguments.fill_height is None:
-        raise SloshBringupError("--fill-height: is needed")
+        raise SloshBringupError("--fill-height: is needed, or --model")
+    return float(arguments.length or 2.0 * arguments.radius)
+
+
+def run_scale(arguments: argparse.Namespace) -> int:
+    """Writes camera.yaml and says what a pixel is, and how well heights are known."""
+    check_apart([arguments.output], [arguments.still, arguments.model])
+    length = _length(arguments)
     with quiet_decoders():
         image = read_image(arguments.still)
     u1, v1, u2, v2 = arguments.scale

@@ -29,7 +29,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "doctor": "check the installation and suggest fixes",
         "demo": "run the simulated cell with all nodes, record it and write a report",
         "new": "write commented model.yaml, cell.yaml and camera.yaml for your own container",
-        "explain": "explain an effect or a flag: meaning, equation, parameters and source",
+        "explain": "explain an effect, a flag, a column, a model's name or a unit",
     },
     "motions": {
         "simulate": "predict the liquid's heights for a motion table (open loop)",

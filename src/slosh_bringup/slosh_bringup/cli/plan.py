@@ -14,6 +14,7 @@ import numpy as np
 from slosh_base.files import check_apart, check_free, new_folder, write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli import quantities
+from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
@@ -101,19 +102,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--margin", type=HEIGHT, default=0.0, metavar="M",
         help="distance that the heights keep from their limits [m] (default: 0)",
     )  # fmt: skip
-    parser.add_argument(
-        "--sigma", type=ERROR, metavar="M",
-        help="mean absolute error of the model, as reported by slosh replay [m]; the upper "
+    mae = parser.add_argument(
+        "--mae", dest="sigma", type=ERROR, metavar="M",
+        help="mean absolute error (MAE) of the model, as reported by slosh replay [m]; the upper "
         "end of the height's interval then stays below the limits",
     )  # fmt: skip
+    old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, metavar="E",
         help="relative error of the maximum, as reported by slosh replay, as a fraction; used "
-        "like --sigma",
+        "like --mae",
     )  # fmt: skip
     parser.add_argument(
         "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",
-        help="read sigma and epsilon from results of slosh replay -o, demo or cell; the "
+        help="read MAE and epsilon from results of slosh replay -o, demo or cell; the "
         "largest values are used",
     )  # fmt: skip
     parser.add_argument(
@@ -196,7 +198,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
     if arguments.error:
         if given != (None, None):
             raise SloshBringupError(
-                "--error: gives sigma and epsilon; do not give --sigma or --epsilon as well"
+                "--error: gives MAE and epsilon; do not give --mae or --epsilon as well"
             )
         return read_model_error(arguments.error, model)
     return None if given == (None, None) else ModelError(*(value or 0.0 for value in given))
@@ -307,7 +309,7 @@ def interval(answer: Plan) -> str:
         return (
             f"{1e3 * (peak - found.peak):.2f} mm of the limit, and "
             f"{1e3 * (residual - found.residual):.2f} mm of the limit after the end, are "
-            f"reserved for the model's error (σ {1e3 * error.sigma:.3g} mm, ε "
+            f"reserved for the model's error (MAE {1e3 * error.sigma:.3g} mm, ε "
             f"{100.0 * error.epsilon:.3g} %, its covariance; 95 %): up to {1e3 * peak:.2f} "
             f"mm, after the end {1e3 * residual:.2f} mm"
         )
@@ -330,7 +332,7 @@ def tolerance(borne: Tolerance) -> str:
         said = f"an error of {100.0 * ERRORS[0]:g} % already exceeds a limit"
     else:
         said = f"the limits hold for errors of up to {100.0 * borne.error:g} %"
-    advice = "" if borne.error >= USUAL else "; --margin or --sigma leave room for it"
+    advice = "" if borne.error >= USUAL else "; --margin or --mae leave room for it"
     return f"{usual}, {after}: {said}{advice}"
 
 

@@ -11,13 +11,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from slosh_base.files import check_apart, new_text
+from slosh_base.files import check_apart, new_text, write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.parser import old_name
+from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
+from slosh_model.model import Model
 from slosh_model.model_file import read_model
 from slosh_model.tilt import added_text, attitude_of
 from slosh_plan import (
@@ -37,17 +40,17 @@ from slosh_report.text_table import aligned
 
 EXIT_EXCEEDED = 1
 HEADING = (
-    "motion", "lasts [s]", "peak [mm]", "L [mm]", "at [s]", "wall [deg]", "after [mm]",
-    "settles [s]", "safe from", "remarks",
+    "motion", "duration [s]", "peak [mm]", "linear peak [mm]", "peak time [s]", "azimuth [deg]",
+    "residual [mm]", "settling time [s]", "safe from", "remarks",
 )  # fmt: skip
 COLUMNS = (
     "trajectory", "duration", "peak_linear", "peak_nonlinear", "peak_lower", "peak_upper",
     "peak_time", "azimuth", "residual_linear", "residual_nonlinear", "settling_time", "excess",
     "residual_excess", "flags", "time_scale",
 )  # fmt: skip
-EPILOG = """peak and after: largest height at the wall above the still level during the motion and
-after its end, by the nonlinear model; L: the same peak by the linear model. With the model's error
-(--sigma, --epsilon, or the covariance in model.yaml) the peak has an interval; its upper end must
+EPILOG = """peak and residual: largest height at the wall above the still level during the motion
+and after its end, by the nonlinear model; linear peak: by the linear model. With the model's error
+(--mae, --epsilon, or the covariance in model.yaml) the peak has an interval; its upper end must
 keep the limit. safe from: every run that is slower than this multiple of the duration keeps the
 limits.
 
@@ -79,10 +82,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
     ):
         parser.add_argument(f"--{name}", type=kind, metavar=unit, help=text)
-    parser.add_argument(
-        "--sigma", type=ERROR, default=0.0, metavar="M",
-        help="mean absolute error of the model, as reported by slosh replay [m] (default 0)",
+    mae = parser.add_argument(
+        "--mae", dest="sigma", type=ERROR, default=0.0, metavar="M",
+        help="mean absolute error (MAE) of the model, as reported by slosh replay [m] (default 0)",
     )  # fmt: skip
+    old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, default=0.0, metavar="E",
         help="relative error of the model's maximum, as a fraction (default 0)",
@@ -99,14 +103,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="TABLE.csv", help="table of results to write"
     )
+    parser.add_argument(
+        "--plot", type=Path, metavar="OUT.png",
+        help="picture of the motions side by side to write (.png, .svg)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--page", type=Path, metavar="OUT.html", help="page with results and charts to write"
+    )
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Predicts, prints and writes the answers; 1 beyond a limit or for a doubtful input."""
-    if arguments.output is not None:
-        check_apart([arguments.output], [arguments.model, *arguments.trajectories])
+    outputs = [arguments.output, arguments.plot, arguments.page]
+    check_apart(outputs, [arguments.model, *arguments.trajectories])
+    check_picture(arguments.plot)
     model = read_model(arguments.model)
     limits = HeightLimits(
         *(math.inf if value is None else value for value in (arguments.limit, arguments.residual))
@@ -133,6 +145,7 @@ def run(arguments: argparse.Namespace) -> int:
                 progress(motion.name, (place + 1) / len(motions))
     if arguments.output is not None:
         write_table(arguments.output, found, scales)
+    write_shown(arguments, model, motions, found, scales)
     show = as_json if arguments.json else as_text
     print(show(found, scales))
     return tell.exit_code if all(one.kept for one in found) else EXIT_EXCEEDED
@@ -147,6 +160,28 @@ def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
         return [read_trajectory(path, options) for path in arguments.trajectories]
     arm = read_arm(arguments.urdf, arguments.tool_frame)
     return [read_joint_trajectory(path, arm, options) for path in arguments.trajectories]
+
+
+def write_shown(
+    arguments: argparse.Namespace,
+    model: Model,
+    motions: Sequence[Trajectory],
+    found: Sequence[Prediction],
+    scales: Sequence[SafeScales | None],
+) -> None:
+    """Writes the picture and the page where they are asked for."""
+    if arguments.plot is None and arguments.page is None:
+        return
+    # They load matplotlib, which is slow.
+    from slosh_bringup.predict.page import render_page
+    from slosh_bringup.predict.picture import write_picture
+    from slosh_bringup.predict.profiles import profiles
+
+    shown = profiles(model, motions, found, arguments.horizon)
+    if arguments.plot is not None:
+        write_picture(arguments.plot, shown)
+    if arguments.page is not None:
+        write_text(arguments.page, render_page(plain(list(_facts(found, scales))), shown))
 
 
 def write_table(

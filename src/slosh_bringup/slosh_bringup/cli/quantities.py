@@ -50,6 +50,10 @@ class Quantity:
         # 10mm is 0.01, to the last digit, where 10 * 0.001 may not be.
         return value / round(1.0 / factor) if _whole(1.0 / factor) else value * factor
 
+    def meaning(self, unit: str) -> str:
+        """What one of the units is, in the option's own."""
+        return f"1 {unit} = {self.units[unit]:.6g} {self.unit}"
+
     def _special(self, text: str) -> float:
         """Infinity and NaN, of which the command itself speaks."""
         try:
@@ -114,3 +118,5 @@ DENSITY = Quantity("kg/m3", {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³"
 VISCOSITY = Quantity("m2/s",
     {"mm2/s": 1e-6, "mm²/s": 1e-6, "cSt": 1e-6, "cm2/s": 1e-4, "m2/s": 1.0, "m²/s": 1.0},
 )  # fmt: skip
+QUANTITIES = (length(), time(), angle(), RATE, SPEED, ACCELERATION, JERK, DENSITY, VISCOSITY)
+"""One of each kind."""

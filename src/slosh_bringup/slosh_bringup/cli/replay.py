@@ -198,7 +198,7 @@ def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
 
 
 def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
-    """What became of each bag; σ and ε by bag and model; where estimates differ."""
+    """What became of each bag; MAE and ε by bag and model; where estimates differ."""
     rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
     if not any(_passed(outcome) is not None for outcome in outcomes):
         rows = [row[:-1] for row in rows]

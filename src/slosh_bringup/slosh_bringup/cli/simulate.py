@@ -9,9 +9,9 @@ from pathlib import Path
 
 from slosh_base.files import check_apart
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
-from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.simulate.answer import Answer, make_answer
 from slosh_bringup.simulate.doubts import check_possible, doubts
 from slosh_bringup.simulate.table import STANDARD_OUTPUT, output_path, write_response
@@ -25,7 +25,6 @@ from slosh_plan import HeightLimits
 from slosh_tables.motion_table import read_motion_table
 from slosh_tables.text_table.time_unit import check_span
 
-PICTURES = (".png", ".svg")
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
   t           the motion's samples [s]
@@ -73,8 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     plot = arguments.plot
     check_apart([arguments.output, plot], [arguments.model, arguments.motion])
     output = output_path(arguments.output)
-    if plot is not None and plot.suffix not in PICTURES:
-        raise SloshBringupError(f"{plot}: a picture must end in {' or '.join(PICTURES)}")
+    check_picture(plot)
     if arguments.limit is not None:
         HeightLimits(arguments.limit)  # refuses what is no height
     model = read_model(arguments.model)

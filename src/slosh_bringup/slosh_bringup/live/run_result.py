@@ -133,7 +133,7 @@ def table(result: RunResult) -> str:
         if row.count
     ]
     if lines:
-        heads = f"{'':<18}{'σ [mm]':>8}{'ε [%]':>8}{'rms [mm]':>10}{'images':>8}"
+        heads = f"{'':<18}{'MAE [mm]':>8}{'ε [%]':>8}{'rms [mm]':>10}{'images':>8}"
         lines = [heads, *lines, ""]
     for node, (median, greatest) in sorted(result.latency.items()):
         lines.append(

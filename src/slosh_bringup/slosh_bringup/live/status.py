@@ -9,6 +9,8 @@ from typing import Any
 
 from slosh_bringup.cell_watch import NodeReport
 from slosh_bringup.watch.verdict import judge
+from slosh_estimator.limits import Source
+from slosh_estimator.monitor_settings import MonitorSettings
 
 RATES = {"camera": "measurement [Hz]", "estimator": "output [Hz]"}
 """Whose rates are shown, and the fact that tells it."""
@@ -21,7 +23,7 @@ class CellStatus:
         self._state: int | None = None
         self._alone = self._disagree = False
         self._measured = self._estimated = math.nan
-        self._limits = {"measured_limit": math.nan, "estimated_limit": math.nan}
+        self._settings = MonitorSettings()
         self._at = -math.inf
         self._rates: dict[str, float] = {}
 
@@ -55,10 +57,8 @@ class CellStatus:
 
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Takes the monitor's limits."""
-        for name in self._limits:
-            limit = parameters.get(name)
-            if node == "monitor" and isinstance(limit, int | float):
-                self._limits[name] = float(limit)
+        if node == "monitor":
+            self._settings = MonitorSettings.from_told(parameters)
 
     def line(self, now: float) -> str:
         """State, heights, limit and rates at a steady time [s]."""
@@ -69,13 +69,18 @@ class CellStatus:
         if now - self._at > 1.0:
             words.append(reason)
         elif self._alone:
-            limit = self._limits["estimated_limit"]
-            words.append(f"estimated {_shown(self._estimated)} of {_shown(limit)} mm, no camera")
+            limit = self._limit(Source.ESTIMATED)
+            words.append(f"estimated {_shown(self._estimated)} of {limit}, no camera")
         else:
             heights = f"measured {_shown(self._measured)}, estimated {_shown(self._estimated)}"
-            words.append(f"{heights} of {_shown(self._limits['measured_limit'])} mm")
+            words.append(f"{heights} of {self._limit(Source.MEASURED)}")
         rates = [f"{node} {rate:.0f} Hz" for node, rate in self._rates.items()]
         return " · ".join([*words, *rates])
+
+    def _limit(self, source: Source) -> str:
+        """The limit that holds."""
+        rim = " (rim)" if self._settings.at_rim(source) else ""
+        return f"{_shown(self._settings.limits[source])} mm{rim}"
 
 
 def _shown(height: float) -> str:

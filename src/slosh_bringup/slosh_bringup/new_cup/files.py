@@ -20,11 +20,12 @@ def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
 
 def next_steps(cup: NewCup, folder: Path) -> list[str]:
     """The commands that make the camera's calibration and start the cell, in their order."""
-    lens, camera, cell = (_word(folder / name) for name in ("ost.yaml", CAMERA, CELL))
+    names = ("ost.yaml", MODEL, CAMERA, CELL)
+    lens, model, camera, cell = (_word(folder / name) for name in names)
     steps = [
         "slosh intrinsics --board 9x6 --square 0.025 --print-board board.pdf",
         f"slosh intrinsics IMAGES --board 9x6 --square 0.025 -o {lens}",
-        f"{_calibrate(cup, lens)} -o {camera}",
+        f"{_calibrate(cup, lens, model)} -o {camera}",
         f"slosh cell --config {cell}",
     ]
     if not cup.camera:
@@ -37,16 +38,11 @@ def _word(path: Path) -> str:
     return shlex.quote(str(path)) if str(path).isprintable() else path.name
 
 
-def _calibrate(cup: NewCup, lens: str) -> str:
-    heights = f"--fill-height {cup.fill_height:g}"
-    if cup.rim_height is not None:
-        heights += f" --rim-height {cup.rim_height:g}"
+def _calibrate(cup: NewCup, lens: str, model: str) -> str:
     if not cup.is_round:
-        length = f"--length {cup.lengths['width']:g}"
-        return f"slosh calibrate STILL --scale U1 V1 U2 V2 {length} {heights}"
+        return f"slosh calibrate STILL --page clicks.html --model {model}"
     wall = "" if cup.wall is None else f" --wall {cup.wall:g}"
-    radius = f"--radius {cup.lengths['radius']:g}"
-    return f"slosh calibrate STILL --camera {lens} {radius} {heights}{wall}"
+    return f"slosh calibrate STILL --camera {lens} --model {model}{wall}"
 
 
 def _container(cup: NewCup, *, wall: bool) -> str:

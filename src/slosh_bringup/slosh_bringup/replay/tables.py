@@ -10,14 +10,14 @@ from slosh_report.text_table import aligned
 
 
 def accuracy_lines(results: Sequence[Judged]) -> list[str]:
-    """σ and ε by bag and model, and their means where there are several bags.
+    """MAE and ε by bag and model, and their means where there are several bags.
 
     Args:
         results: at least one; all with the same models.
     """
     names = [row.name for row in results[0].accuracy]
     clocks = any(row.clock is not None for result in results for row in result.accuracy)
-    heads = ["", *(f"σ {name}" for name in names), *(f"ε {name}" for name in names)]
+    heads = ["", *(f"MAE {name}" for name in names), *(f"ε {name}" for name in names)]
     rows = [[*heads, "clock"] if clocks else heads]
     rows += [_cells(result.name, result.accuracy, clocks) for result in results]
     if len(results) > 1:
@@ -26,7 +26,7 @@ def accuracy_lines(results: Sequence[Judged]) -> list[str]:
         size = [_mean([abs(row.epsilon) for row in model]) for model in by_model]
         mean = ["mean (of ε, its size)", *map(_mm, sigma), *(f"{100 * x:.1f}" for x in size)]
         rows.append([*mean, ""] if clocks else mean)
-    units = "σ in mm, ε in %" + (", offset of the measured clock in s" if clocks else "")
+    units = "MAE in mm, ε in %" + (", offset of the measured clock in s" if clocks else "")
     return [*aligned(rows, "<>"), units]
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.watch import hearing
 from slosh_bringup.watch.picture import Camera
 from slosh_bringup.watch.state import PERIOD, WatchState
+from slosh_bringup.watch.verdict import Verdict
 from slosh_camera.errors import SloshCameraError
 from slosh_msgs_py import topics
 from slosh_replay.recording.cells import CellTopics
@@ -32,6 +34,11 @@ BESIDE = {name: row.type for name, row in _PAGE.items() if name not in HEIGHTS}
 MOST = 36_000
 """Frames that are kept: an hour."""
 STEP = round(PERIOD * SECOND)
+BEFORE = round(2.0 / PERIOD)
+"""So many frames before something happens the page begins."""
+SHARE, FLAT = 0.2, 1e-3
+"""The liquid moves from this share of its greatest height on; a recording below FLAT is of one at
+rest [m]."""
 
 
 class Recording:
@@ -43,6 +50,7 @@ class Recording:
 
     Attributes:
         frames: as JSON, one every PERIOD of its time.
+        start: the frame with which the page begins, shortly before something happens.
 
     Raises:
         SloshBringupError: nothing of a cell is in it.
@@ -62,10 +70,12 @@ class Recording:
             self._surfaces.append(surface)
         for warning in self._listener.reader.warnings:
             tell(warning)
+        self.start = max(first_happening(self.frames) - BEFORE, 0)
 
     def about(self) -> dict[str, Any]:
         """What the page must know before it asks for frames."""
-        return {"name": self._bag.name, "frames": len(self.frames), "period": PERIOD}
+        facts = {"name": self._bag.name, "frames": len(self.frames), "period": PERIOD}
+        return {**facts, "start": self.start}
 
     def picture(self, frame: int) -> bytes | None:
         """The camera's image at a frame, with its heading; None: there is none."""
@@ -79,6 +89,24 @@ class Recording:
             return camera.picture(found.image(), stamp_ns, surface) if found else None
         except (SloshBagError, SloshBringupError, SloshCameraError):
             return None  # a recording without images, or with a damaged one
+
+
+def first_happening(frames: Sequence[str]) -> int:
+    """The frame in which a limit is first exceeded, or else the liquid first moves; 0: neither.
+
+    Args:
+        frames: of a recording, as JSON.
+    """
+    seen = [json.loads(frame) for frame in frames]
+    for number, frame in enumerate(seen):
+        if frame["verdict"] == Verdict.EXCEEDED.value:
+            return number
+    highest = [
+        max((abs(h) for _, *heights in frame["rows"] for h in heights if h is not None), default=0)
+        for frame in seen
+    ]
+    top = max(highest, default=0.0)
+    return next((k for k, height in enumerate(highest) if top > FLAT and height > SHARE * top), 0)
 
 
 class _Listener:

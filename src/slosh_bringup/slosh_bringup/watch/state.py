@@ -17,6 +17,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell_watch import SILENT, NodeReport
 from slosh_bringup.processes import NODES
 from slosh_bringup.watch.verdict import SILENCE, judge
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_report.json_values import plain
 
 PERIOD = 0.1
@@ -31,12 +32,6 @@ BACKWARDS = 3.0
 """A stamp so far before the newest one begins a new drawing [s]; less is a camera that is late."""
 START = 0
 """Kind of a limit event."""
-LIMITS = {
-    "measured": "measured_limit",
-    "estimated": "estimated_limit",
-    "disagreement": "disagreement_limit",
-}
-"""What is limited, and the monitor's parameter."""
 
 
 class Compared(NamedTuple):
@@ -102,7 +97,7 @@ class WatchState:
         self._compared_at = self._estimated_at = -math.inf
         self._surface: Surface | None = None
         self._estimated: Estimated | None = None
-        self._limits: dict[str, float] = {}
+        self._settings = MonitorSettings()
         self._events: deque[LimitNews] = deque(maxlen=KEPT_EVENTS)
         self._open: dict[int, LimitNews] = {}
         self._nodes: dict[str, tuple[NodeReport, float]] = {}
@@ -152,10 +147,7 @@ class WatchState:
             return
         if not goes_on:
             self._open.clear()
-        for name, key in LIMITS.items():
-            value = parameters.get(key)
-            if isinstance(value, int | float) and math.isfinite(value):
-                self._limits[name] = float(value)
+        self._settings = MonitorSettings.from_told(parameters)
 
     def take_report(self, report: NodeReport, now: float) -> None:
         """Takes what a node says of its health; of too many names only those of a cell's nodes."""
@@ -187,7 +179,7 @@ class WatchState:
             "surface": self._shown_surface(now),
         }
         if self._count % SLOW == 0:
-            frame |= {"limits": self._limits, "nodes": self._shown_nodes(now)}
+            frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
             frame |= {"events": self._shown_events(), "command": self._advice()}
         self._count += 1
         return json.dumps(plain(frame), allow_nan=False, separators=(",", ":"))
@@ -234,6 +226,15 @@ class WatchState:
             shown["estimated"] = [estimated.azimuth, estimated.height]
         return shown
 
+    def _shown_limits(self) -> dict[str, dict[str, Any]]:
+        """Of each quantity that is watched the limit that holds, and what it is."""
+        settings = self._settings
+        return {
+            source.name.lower(): {"height": limit, "name": settings.limit_name(source)}
+            for source, limit in settings.limits.items()
+            if math.isfinite(limit)
+        }
+
     def _shown_nodes(self, now: float) -> list[dict[str, Any]]:
         return [
             {
@@ -259,10 +260,10 @@ class WatchState:
 
     def _advice(self) -> str:
         """The command for who sees the two sides disagree."""
-        limit, compared = self._limits.get("disagreement"), self._compared
+        limit, compared = self._settings.disagreement_limit, self._compared
         facts = self._nodes["monitor"][0].facts if "monitor" in self._nodes else {}
         disagreeing = facts.get("motions that disagree", "0") not in ("0", "")
-        apart = bool(limit and compared and abs(compared.residual) > limit)
+        apart = bool(compared and abs(compared.residual) > limit > 0.0)
         return self.command if disagreeing or apart else ""
 
 

@@ -198,7 +198,7 @@ class MonitorNode(GuardedNode):
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._core.reset_accuracy()
         self._predictions.reset()
-        response.success, response.message = True, "sigma and epsilon are reset"
+        response.success, response.message = True, "MAE and epsilon are reset"
         return response
 
     def _health(self) -> Health:
@@ -208,8 +208,8 @@ class MonitorNode(GuardedNode):
         core = self._core
         return {
             **{name: self._given[name] for name in DYNAMIC},
-            "sigma L [mm]": f"{1e3 * core.linear.sigma:.2f}",
-            "sigma NL [mm]": f"{1e3 * core.nonlinear.sigma:.2f}",
+            "MAE L [mm]": f"{1e3 * core.linear.sigma:.2f}",
+            "MAE NL [mm]": f"{1e3 * core.nonlinear.sigma:.2f}",
             "epsilon L [%]": f"{1e2 * core.linear.epsilon:.1f}",
             "epsilon NL [%]": f"{1e2 * core.nonlinear.epsilon:.1f}",
             "motions": core.motions.finished,

@@ -53,7 +53,7 @@ class PredictionWatch:
         return {
             "predictions": record.count,
             "last prediction": last.description,
-            "sigma of predictions [mm]": f"{1e3 * record.sigma:.2f}",
+            "MAE of predictions [mm]": f"{1e3 * record.sigma:.2f}",
             "epsilon of predictions [%]": f"{1e2 * record.epsilon:.1f}",
         }
 

@@ -23,8 +23,12 @@ _FIRST_PORT, _PORTS = 7400, 250
 
 
 @contextmanager
-def own_domain() -> Iterator[int]:
+def own_domain(first: int | None = None) -> Iterator[int]:
     """Claims a domain for as long as the context lasts.
+
+    Args:
+        first: the number, modulo how many there are, from which a free one is looked for; None:
+            the process's own.
 
     Yields:
         its number, for ROS_DOMAIN_ID; no other process has claimed it, and none speaks in it.
@@ -33,8 +37,8 @@ def own_domain() -> Iterator[int]:
         SloshMessageError: all are taken.
     """
     spoken = spoken_domains()
-    first = os.getpid() % len(DOMAINS)
-    for number in (*DOMAINS[first:], *DOMAINS[:first]):
+    start = (os.getpid() if first is None else first) % len(DOMAINS)
+    for number in (*DOMAINS[start:], *DOMAINS[:start]):
         # An abstract address: seen by whoever can be heard, a container's network or the machine.
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as claim:
             if number not in spoken and _bound(claim, f"\0slosh_domain_{number}"):

@@ -2,7 +2,7 @@
 
 ε compares two maxima, and a single wrong sample can be the measured one. So samples that stand
 out of both neighbours by more than 15 % of the range of the heights are left out of ε, as no
-crest of sloshing that is sampled at 60 Hz does that; ε with them is given beside it. σ and RMS
+crest of sloshing that is sampled at 60 Hz does that; ε with them is given beside it. MAE and RMS
 leave them out too; a handful of samples among hundreds does not move them.
 """
 
@@ -134,7 +134,7 @@ def _nothing(series: Series) -> str:
     if not estimated:
         return "no image has an estimate at its stamp; do camera and estimator use the same clock?"
     return (
-        "no σ and ε: where heights were measured, the liquid's state was unknown or its line "
+        "no MAE and ε: where heights were measured, the liquid's state was unknown or its line "
         "outside the picture"
     )
 

@@ -59,7 +59,7 @@ class Checked:
 def check_result(result: ReplayResult, expected: Expectation) -> Checked:
     """Looks at everything that the expectation names."""
     checks = [
-        *_models("σ", "mm", expected.sigma, {a.name: a.sigma for a in result.accuracy}),
+        *_models("MAE", "mm", expected.sigma, {a.name: a.sigma for a in result.accuracy}),
         *_models("ε", "%", expected.epsilon, {a.name: a.epsilon for a in result.accuracy}),
     ]
     if expected.images is not None:

@@ -55,7 +55,7 @@ from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.stream import Components, Outputs, ReplayStream
 from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
-from slosh_replay.replay.verification import COMPARED, Verifier, estimate_fields
+from slosh_replay.replay.verification import COMPARED, ESTIMATED, Verifier, estimate_fields
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 
 TURNS = 10
@@ -136,7 +136,9 @@ def replay_bag(
             verifier=verifier,
             # Without a camera comparisons follow the monitor's own clock.
             comparisons=(
-                Verifier(sources.comparison) if sources.comparison and watched.camera else None
+                Verifier(sources.comparison, ESTIMATED)
+                if sources.comparison and watched.camera
+                else None
             ),
             matcher=matcher,
             known=KnownState(verifier) if sources.state else None,

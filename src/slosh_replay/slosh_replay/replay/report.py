@@ -44,7 +44,7 @@ class Surroundings:
 
     Attributes:
         title, subtitle: headings; an empty title: the replay's name.
-        key_figures: shown after σ and ε.
+        key_figures: shown after MAE and ε.
         facts, frames, topics, notes: as in RunReport.
         checked: the replay against its manifest; None: nothing was expected.
     """
@@ -75,7 +75,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
     start = report_start(result)
     t = np.asarray((result.stamps[shown] - start) * 1e-9, dtype=np.float64)
     spans = event_spans(result.events, start)
-    limit = _lasting_limit(result)
+    limit, limit_name = _lasting_limit(result, start)
     return RunReport(
         title=around.title or result.name,
         subtitle=around.subtitle or f"replay, driven by {result.source}",
@@ -86,6 +86,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
         linear_name=linear,
         nonlinear_name=nonlinear,
         limit=limit if np.isfinite(limit) else None,
+        limit_name=limit_name,
         key_figures=(*_key_figures(result, linear, nonlinear, spans), *around.key_figures),
         facts=around.facts,
         events=spans,
@@ -108,12 +109,22 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
     )
 
 
-def _lasting_limit(result: ReplayResult) -> float:
-    """The limit in the chart [m], without a camera that of the estimate; NaN: it changed."""
+def _lasting_limit(result: ReplayResult, start: int) -> tuple[float, str]:
+    """The limit in the chart [m] and what it is; NaN: it changed.
+
+    Without a camera it is that of the estimate.
+
+    What changed before the page's zero of time never held on it: so a monitor learns of the rim.
+    """
     watched = [result.limits] if result.limits else []
-    watched += [settings for _, settings in result.limit_changes]
-    limits = {one.limits[Source.MEASURED if one.camera else Source.ESTIMATED] for one in watched}
-    return limits.pop() if len(limits) == 1 else NAN
+    for since, settings in result.limit_changes:
+        watched = [*(watched if since > start else ()), settings]
+    limits = {
+        (one.limits[source], one.limit_name(source))
+        for one in watched
+        for source in (Source.MEASURED if one.camera else Source.ESTIMATED,)
+    }
+    return limits.pop() if len(limits) == 1 else (NAN, "limit")
 
 
 def _meanings(model: Model) -> dict[str, str]:
@@ -248,7 +259,7 @@ def _key_figures(
         l_row, nl_row = rows[linear], rows[nonlinear]
         figures += [
             KeyFigure(
-                f"σ {nonlinear}", nl_row.sigma, "mm", f"{linear}: {1e3 * l_row.sigma:.2f} mm"
+                f"MAE {nonlinear}", nl_row.sigma, "mm", f"{linear}: {1e3 * l_row.sigma:.2f} mm"
             ),
             KeyFigure(
                 f"ε {nonlinear}", nl_row.epsilon, "%", f"{linear}: {1e2 * l_row.epsilon:+.1f} %"

@@ -6,14 +6,11 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_bag.errors import SloshBagError
-from slosh_base.files import write_text
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import ClockOffset, StillLevel
@@ -140,7 +137,7 @@ class ReplayResult(Shown):
 
     def __repr__(self) -> str:
         told = [f"{len(self.stamps)} images, {self.seconds:.3g} s"]
-        told += [f"{row.name} σ {1e3 * row.sigma:.2f} mm" for row in self.accuracy[-1:]]
+        told += [f"{row.name} MAE {1e3 * row.sigma:.2f} mm" for row in self.accuracy[-1:]]
         told += [f"{len(self.events)} events"] if self.events else []
         if self.verification is not None:
             same = f"{self.verification.identical} of {self.verification.recorded}"
@@ -223,7 +220,7 @@ class Judged(Protocol):
 
 
 def accuracy_table(results: Sequence[Judged]) -> str:
-    """σ, ε and clock offset by run and model, and their means, as a Markdown table.
+    """MAE, ε and clock offset by run and model, and their means, as a Markdown table.
 
     Args:
         results: runs with the same models.
@@ -231,7 +228,7 @@ def accuracy_table(results: Sequence[Judged]) -> str:
     if not results:
         return ""
     names = [row.name for row in results[0].accuracy]
-    heads = ["run", *(f"σ {name}" for name in names), *(f"ε {name}" for name in names)]
+    heads = ["run", *(f"MAE {name}" for name in names), *(f"ε {name}" for name in names)]
     lines = [
         "| " + " | ".join([*heads, "clock offset"]) + " |",
         "|---" + "|--:" * (2 * len(names) + 1) + "|",
@@ -244,32 +241,7 @@ def accuracy_table(results: Sequence[Judged]) -> str:
     blank = [""] * len(names)
     lines.append("| " + " | ".join(["**mean**", *sigma, *epsilon, ""]) + " |")
     lines.append("| " + " | ".join(["**mean size**", *blank, *size, ""]) + " |")
-    return "\n".join([*lines, "", "σ in mm, ε in %, clock offset in s.", ""])
-
-
-def update_table(page: Path, name: str, results: Sequence[Judged]) -> None:
-    """Replaces a table in a Markdown page.
-
-    The table stands between the lines `<!-- table NAME -->` and `<!-- end NAME -->`.
-
-    Args:
-        page: the Markdown file.
-        name: of the table.
-        results: runs with the same models.
-
-    Raises:
-        SloshBagError: the page cannot be read or has no such place.
-    """
-    start, end = f"<!-- table {name} -->\n", f"<!-- end {name} -->"
-    try:
-        text = page.read_text(encoding="utf-8")
-        head, rest = text.split(start)
-        _, tail = rest.split(end)
-        write_text(page, f"{head}{start}\n{accuracy_table(results)}\n{end}{tail}")
-    except OSError as error:
-        raise SloshBagError(f"{page}: {error.strerror}") from None
-    except ValueError:
-        raise SloshBagError(f"{page}: needs {start.strip()!r} and {end!r} once each") from None
+    return "\n".join([*lines, "", "MAE in mm, ε in %, clock offset in s.", ""])
 
 
 def _line(name: str, rows: Sequence[ModelAccuracy]) -> str:

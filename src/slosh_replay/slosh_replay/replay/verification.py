@@ -23,7 +23,10 @@ _HEIGHTS = ("msh", "azimuth", "sh_x", "sh_y")
 _MODAL = ("modal_position", "modal_position", "modal_velocity", "modal_velocity")
 _HIGHER_MODE = re.compile(r"modal_\w+\[([2-9]|\d\d)")
 COMPARED = ("measured", "estimated_linear", "estimated_nonlinear")
-"""Heights of a comparison; σ and ε depend on when the live monitor had started."""
+"""Heights of a comparison; MAE and ε depend on when the live monitor had started."""
+ESTIMATED = COMPARED[1:]
+"""Of these, what a live monitor lacks where the estimate or the image came too late."""
+TOO_LATE = "the live monitor had no estimate for them in time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,10 +134,13 @@ class Verifier:
 
     Args:
         topic: of the recorded messages.
+        can_lack: fields that are NaN in a recorded message where the live node lacked them. A
+            replay has no deadlines: where it knows them, the message is not compared.
     """
 
-    def __init__(self, topic: str) -> None:
+    def __init__(self, topic: str, can_lack: Sequence[str] = ()) -> None:
         self._topic = topic
+        self._can_lack = tuple(can_lack)
         self._recorded: list[_Batch] = []
         self._replayed: list[_Batch] = []
         self._counts = {"recorded": 0, "identical": 0, "missing": 0, "extra": 0}
@@ -182,11 +188,9 @@ class Verifier:
         recorded, replayed = self._known(recorded, count=True), self._known(replayed)
         self._unknown = [span for span in self._unknown if span.until_ns > until]
         _, left, right = np.intersect1d(recorded.stamps, replayed.stamps, return_indices=True)
-        self._counts["recorded"] += len(left)
         self._counts["missing"] += len(recorded.stamps) - len(left)
         self._counts["extra"] += len(replayed.stamps) - len(right)
-        if len(left):
-            self._fields(recorded.rows(left), replayed.rows(right))
+        self._pairs(recorded.rows(left), replayed.rows(right))
 
     def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
         """The comparison so far.
@@ -206,9 +210,25 @@ class Verifier:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
             found = int(np.count_nonzero(inside))
             if found and count:
-                self._unchecked[span.why] = self._unchecked.get(span.why, 0) + found
+                self._leave_out(found, span.why)
             batch = batch.rows(~inside) if found else batch
         return batch
+
+    def _leave_out(self, count: int, why: str) -> None:
+        self._unchecked[why] = self._unchecked.get(why, 0) + count
+
+    def _pairs(self, recorded: _Batch, replayed: _Batch) -> None:
+        """Compares messages of the same stamps, but those that the live node had to do without."""
+        lacking = np.zeros(len(recorded.stamps), dtype=bool)
+        for name in self._can_lack if len(lacking) else ():
+            known = ~np.isnan(replayed.columns[name])
+            lacking |= np.isnan(_column(self._topic, recorded.columns, name)) & known
+        if lacking.any():
+            self._leave_out(int(np.count_nonzero(lacking)), TOO_LATE)
+            recorded, replayed = recorded.rows(~lacking), replayed.rows(~lacking)
+        self._counts["recorded"] += len(recorded.stamps)
+        if len(recorded.stamps):
+            self._fields(recorded, replayed)
 
     def _fields(self, recorded: _Batch, replayed: _Batch) -> None:
         same = np.ones(len(recorded.stamps), dtype=bool)

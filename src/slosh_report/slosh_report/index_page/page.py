@@ -26,7 +26,7 @@ class IndexRow:
     Attributes:
         name: of the run; its page is NAME.html beside the index.
         verdict: what its checks came to; None: it could not be replayed.
-        model: the one that σ and ε are of.
+        model: the one that MAE and ε are of.
         sigma: mean absolute error [m]; NaN: unknown.
         epsilon: relative error of the maximum [1]; NaN: unknown.
         peak: greatest measured height [m]; NaN: none is known.

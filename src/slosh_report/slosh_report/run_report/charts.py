@@ -94,13 +94,13 @@ def _heights(axes: Any, report: RunReport, part: slice, points: int) -> None:
     if report.saturated is not None:
         _lower_bounds(axes, t, measured, report.saturated[part])
     if report.limit is not None:
-        _limit(axes, 1e3 * report.limit)
+        _limit(axes, report.limit_name, 1e3 * report.limit)
 
 
-def _limit(axes: Any, limit: float) -> None:
+def _limit(axes: Any, name: str, limit: float) -> None:
     axes.axhline(limit, color=LIMIT, linewidth=1.2, linestyle=(0, (1, 2)))
     axes.annotate(
-        f"limit {f'{limit:.1f}'.removesuffix('.0')} mm",
+        f"{name} {f'{limit:.1f}'.removesuffix('.0')} mm",
         (1.0, limit),
         xycoords=("axes fraction", "data"),
         xytext=(0, 3),

@@ -62,6 +62,7 @@ class RunReport:
         linear_name, nonlinear_name: of the two models.
         saturated: (N,) whether the measured height is a lower bound only; None: never.
         limit: of the height [m]; None: none.
+        limit_name: what it is: the limit that was set, or the rim of the container.
         measured_azimuth, estimated_azimuth: of the highest point; None: not known.
         status: passed, failed or no expectation, with reasons.
         checks: numbers against what was expected of them.
@@ -85,6 +86,7 @@ class RunReport:
     linear_name: str = "L"
     nonlinear_name: str = "NL"
     limit: float | None = None
+    limit_name: str = "limit"
     key_figures: tuple[KeyFigure, ...] = ()
     events: tuple[Span, ...] = ()
     models: tuple[ModelRow, ...] = ()

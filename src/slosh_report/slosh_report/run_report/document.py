@@ -9,12 +9,13 @@ from slosh_report.json_values import plain
 from slosh_report.page.series import gaps
 from slosh_report.run_report.data import RunReport
 from slosh_report.run_report.polar import azimuth_agreement
+from slosh_report.run_report.sentence import sentence
 
 SERIES = ("t", "measured", "linear", "nonlinear")
 TABLES = (
     "title", "subtitle", "status", "warnings", "notes", "checks", "verifications", "key_figures",
-    "facts", "linear_name", "nonlinear_name", "limit", "duration", "models", "motions", "events",
-    "frames", "topics", "model_text",
+    "facts", "linear_name", "nonlinear_name", "limit", "limit_name", "duration", "models",
+    "motions", "events", "frames", "topics", "model_text",
 )  # fmt: skip
 
 
@@ -30,11 +31,11 @@ def report_document(report: RunReport, *, series: bool = False) -> dict[str, Any
 
     Returns:
         numbers in SI units, under the names of RunReport and its rows; null: not known, or no
-        bound. Beside these `gaps` (start and end of each span without a measurement [s]),
-        `azimuth` (see AzimuthAgreement; null: not known), each event's `duration` and whether
-        each check and verification `passed`. Images are left out.
+        bound. Beside these the `sentence`, `gaps` (start and end of each span without a
+        measurement [s]), `azimuth` (see AzimuthAgreement; null: not known), each event's
+        `duration` and whether each check and verification `passed`. Images are left out.
     """
-    document = {name: _table(report, name) for name in TABLES}
+    document = {"sentence": sentence(report), **{name: _table(report, name) for name in TABLES}}
     spans = gaps(report.t, report.measured)
     document["gaps"] = [{"start": start, "end": end} for start, end in spans]
     known = report.measured_azimuth is not None or report.estimated_azimuth is not None

@@ -125,7 +125,11 @@ def _seen(report: RunReport) -> dict[str, str]:
                 f"{name} {shown(float(values[at]), 'mm')} mm"
                 f" at {shown(float(report.t[at]), 's')} s"
             )
-    limit = "" if report.limit is None else f" Limit: {shown(report.limit, 'mm')} mm."
+    limit = (
+        ""
+        if report.limit is None
+        else (f" {report.limit_name.capitalize()}: {shown(report.limit, 'mm')} mm.")
+    )
     summary = "; ".join(highest) or "nothing known"
     return {
         "heights": f"Line chart of the heights over time. Highest: {summary}.{limit}",
@@ -162,7 +166,7 @@ def model_index(motion: dict[str, Any], name: str) -> int | None:
 
 
 def best_index(motion: dict[str, Any]) -> int | None:
-    """Which row of the motion has the least σ; None: none is known."""
+    """Which row of the motion has the least MAE; None: none is known."""
     known = [
         (row["sigma"], i) for i, row in enumerate(motion["models"]) if row["sigma"] is not None
     ]

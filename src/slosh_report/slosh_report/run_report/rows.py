@@ -37,7 +37,7 @@ class Check:
     """One number against what was expected of it.
 
     Attributes:
-        name: what it is, for example "σ 3D-NL".
+        name: what it is, for example "MAE 3D-NL".
         value: found.
         lower, upper: bounds, both allowed; infinite: none.
         unit: in which the page shows it, one of UNITS; the numbers are in SI units.

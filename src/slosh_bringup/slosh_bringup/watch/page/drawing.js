@@ -7,6 +7,11 @@ function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
+// What limits a height: the limit that was set, or the rim of the container where it is lower.
+function limitWords(limit) {
+  return limit ? `${limit.name} ${(1e3 * limit.height).toFixed(1)} mm` : "";
+}
+
 class Heights {
   constructor(place) {
     this.place = place;
@@ -42,8 +47,14 @@ class Heights {
   end() { const t = this.rows[0]; return Math.max(t.length ? t[t.length - 1] : SPAN, SPAN); }
 
   range(low, high) {
-    const limit = 1e3 * Math.max(this.limits.measured || 0, this.limits.estimated || 0);
+    const limit = Math.max(0, ...this.heightLimits().map((one) => 1e3 * one.height));
     return [Math.min(low ?? 0, 0), 1.12 * Math.max(high ?? 1, limit, 1)];
+  }
+
+  // Those of the heights, each once.
+  heightLimits() {
+    const all = [this.limits.measured, this.limits.estimated].filter(Boolean);
+    return all.filter((one, place) => all.findIndex((other) => other.height === one.height) === place);
   }
 
   drawLimits(plot) {
@@ -52,9 +63,12 @@ class Heights {
     context.strokeStyle = colour("limit");
     context.setLineDash([8, 6]);
     context.lineWidth = 2;
-    for (const limit of new Set([this.limits.measured, this.limits.estimated])) {
-      if (!limit) continue;
-      const y = plot.valToPos(1e3 * limit, "y", true);
+    context.fillStyle = colour("limit");
+    context.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    context.textAlign = "right";
+    for (const limit of this.heightLimits()) {
+      const y = plot.valToPos(1e3 * limit.height, "y", true);
+      context.fillText(limitWords(limit), plot.bbox.left + plot.bbox.width - 6, y - 6);
       context.beginPath();
       context.moveTo(plot.bbox.left, y);
       context.lineTo(plot.bbox.left + plot.bbox.width, y);
@@ -88,7 +102,7 @@ function drawAbove(canvas, surface, limit) {
   const context = canvas.getContext("2d");
   context.scale(dense, dense);
   const middle = size / 2, still = 0.27 * size;
-  const scale = 0.15 * size / (limit || 0.02);
+  const scale = 0.15 * size / (limit ? limit.height : 0.02);
   const place = (azimuth, height) => {
     const radius = Math.max(still + scale * height, 2);
     return [middle + radius * Math.cos(azimuth), middle - radius * Math.sin(azimuth)];
@@ -102,13 +116,13 @@ function drawAbove(canvas, surface, limit) {
   };
   context.lineWidth = 1.5;
   ring(still, "soft", []);
-  if (limit) ring(still + scale * limit, "limit", [6, 5]);
+  if (limit) ring(still + scale * limit.height, "limit", [6, 5]);
   context.setLineDash([]);
   context.fillStyle = colour("soft");
   context.font = "12px system-ui, sans-serif";
   context.fillText("+x", size - 20, middle + 4);
   context.fillText("+y", middle - 7, 13);
-  if (limit) context.fillText(`limit ${(1e3 * limit).toFixed(0)} mm`, 4, size - 6);
+  if (limit) context.fillText(limitWords(limit), 4, size - 6);
   const arrow = (end, name) => {
     if (!end || end[0] === null || end[1] === null) return;
     context.strokeStyle = context.fillStyle = colour(name);

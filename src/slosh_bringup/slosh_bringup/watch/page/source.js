@@ -40,7 +40,7 @@ class RecordedSource {
     fetch(address("/about", {})).then((answer) => answer.json()).then((about) => {
       this.about = about;
       ready(about);
-      this.seek(0);
+      this.seek(about.start);
     });
   }
 

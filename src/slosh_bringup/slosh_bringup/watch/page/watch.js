@@ -24,20 +24,15 @@ function banner(verdict, reason) {
   document.title = `${verdict} – slosh monitor`;
 }
 
-function limitText(name) {
-  const limit = state.limits[name];
-  return limit ? `limit ${millimetres(limit)} mm` : "";
-}
-
 function showNow(now) {
   put("measured", millimetres(now.measured));
   put("estimated", millimetres(now.estimated));
   put("residual", millimetres(now.residual));
   put("sigma", millimetres(now.sigma, 2));
   put("epsilon", now.epsilon === null || now.epsilon === undefined ? "–" : (100 * now.epsilon).toFixed(1));
-  put("measured-limit", limitText("measured"));
-  put("estimated-limit", limitText("estimated"));
-  put("residual-limit", limitText("disagreement"));
+  put("measured-limit", limitWords(state.limits.measured));
+  put("estimated-limit", limitWords(state.limits.estimated));
+  put("residual-limit", limitWords(state.limits.disagreement));
 }
 
 function row(cells) {
@@ -129,6 +124,7 @@ const source = recorded
     part("slider").hidden = false;
     part("at").max = Math.max(about.frames - 1, 0);
     put("name", about.name);
+    hold(); // it plays from where something happens
   })
   : new LiveSource(take, picture);
 

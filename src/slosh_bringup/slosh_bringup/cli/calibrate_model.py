@@ -1,0 +1,65 @@
+"""`slosh calibrate --model`: the container's lengths from model.yaml."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_model.containers import Container, Cylinder, Rectangle
+from slosh_model.model_file import read_model
+
+SAME = 1e-3
+"""Lengths that differ by a smaller share are one."""
+
+
+def take_model(arguments: argparse.Namespace) -> None:
+    """Fills the container's options that are not given, from --model; nothing without it.
+
+    Raises:
+        SloshBringupError: an option says another length; a container without a radius and no
+            --scale.
+    """
+    if arguments.model is None:
+        return
+    container = read_model(arguments.model).container
+    _check_radius(arguments, container)
+    lengths = {"fill_height": container.fill_height, "rim_height": container.rim_height}
+    if isinstance(container, Cylinder):
+        lengths["radius"] = container.radius
+    elif arguments.scale is None and arguments.page is None:
+        raise SloshBringupError(
+            f"--model: {arguments.model}: contains no cylinder, and only a cylinder's pose can be "
+            "calibrated; a side view needs --scale"
+        )
+    elif isinstance(container, Rectangle) and arguments.length is None:
+        arguments.length = container.width
+    for name, told in lengths.items():
+        given = getattr(arguments, name)
+        if given is None:
+            setattr(arguments, name, told)
+        elif told is not None and not math.isclose(given, told, rel_tol=SAME):
+            raise SloshBringupError(
+                f"--{name.replace('_', '-')}: {_mm(given)}, but {arguments.model} has "
+                f"{_mm(told)}; leave the option out or correct the file"
+            )
+
+
+def _check_radius(arguments: argparse.Namespace, container: Container) -> None:
+    """Refuses what is no radius of the model's container."""
+    given = arguments.radius
+    if given is None:
+        return
+    if not isinstance(container, Cylinder):
+        raise SloshBringupError(
+            f"--radius: {arguments.model} contains no cylinder ({container.described})"
+        )
+    if math.isclose(given, 2.0 * container.radius, rel_tol=0.1):
+        raise SloshBringupError(
+            f"--radius: {_mm(given)} is the diameter of the container in {arguments.model}; its "
+            f"radius is {_mm(container.radius)}"
+        )
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.4g} mm"

@@ -1,0 +1,1 @@
+"""Predicted motions side by side: a picture and a page."""

@@ -1,0 +1,1 @@
+"""The page on which two clicks give `slosh calibrate --scale` its points."""
