@@ -163,10 +163,13 @@ def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
 
 
 @pytest.mark.parametrize(("first", "last", "unchecked"), [(1201, 2500, 1300), (2500, 2500, 1)])
-def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(first, last, unchecked, tmp_path):
+@pytest.mark.parametrize("states", [True, False])
+def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(
+    first, last, unchecked, states, tmp_path
+):
     """By 7 from one estimate on, or of the last one: inputs that no recording of them holds."""
     live = LiveBag()
-    live.checks = live.states = True
+    live.checks, live.states = True, states
     put = live._put
 
     def edited(kind, *given, **fields):
@@ -175,8 +178,12 @@ def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(first, last, unch
         put(kind, *given, **fields)
 
     live._put = edited
-    lines = replay_bag(live.write(tmp_path / "bag")).verification.lines()
-    assert any(f"{unchecked} not checked: after inputs that" in line for line in lines), lines
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    told = (
+        f"{unchecked} not checked: after inputs that" if states else "samples_used goes on 1 tim"
+    )
+    assert any(told in line for line in found.lines()), found.lines()
+    assert found.exact == states
 
 
 @pytest.mark.parametrize("moves", [False, True])

@@ -141,6 +141,8 @@ def test_a_rear_peak_that_is_partly_hidden_is_flagged_or_less_sure(
     detector = FreeSurfaceDetector(scene.calibration())
     u, v = (round(value) for value in detector.measure(0, image).peak_pixel)
     image[v - 30 : v + 60, max(u - half, 0) : u + half] = grey
+    # As a lens shows it: edges from one row to the next are those of a torn image.
+    image = cv2.GaussianBlur(image, (5, 5), 0.7)
     result = detector.measure(1, image)
     assert not result.flags & ~(Flag.OCCLUDED | Flag.AMBIGUOUS)
     assert Flag.AMBIGUOUS not in result.flags or result.msh_stddev > 0.33 * MM

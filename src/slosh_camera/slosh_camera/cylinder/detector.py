@@ -32,6 +32,7 @@ from slosh_camera.cylinder.surface_reading import SurfaceReading
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.cylinder.wall_pixels import WallPixels
 from slosh_camera.images.repeats import RepeatedFrames
+from slosh_camera.images.seams import SeamFinder, Steps
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import Calibration
@@ -97,6 +98,7 @@ class FreeSurfaceDetector:
         )
         self._know(self._learner.nothing())
         self._repeats = RepeatedFrames()
+        self._seams = SeamFinder(self._grid.window)
 
     @property
     def still_offset(self) -> float:
@@ -123,6 +125,7 @@ class FreeSurfaceDetector:
         """
         self._know(self._learner.learn(image, self._unrolled(image)))
         self._still_edges.learn(image)
+        self._seams.learn(image)
         return self.still_offset
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
@@ -152,9 +155,8 @@ class FreeSurfaceDetector:
         sighting = self.look(image)
         if not sighting.candidates:
             return Measurement(stamp_ns=stamp_ns, flags=sighting.flags)
-        return self._measurement(
-            stamp_ns, self._found(self._lesson.comparison.choose(sighting, None))
-        )
+        choice = self._lesson.comparison.choose(sighting, None)
+        return self._measurement(stamp_ns, self._found(choice, sighting.steps))
 
     def look(self, image: Image) -> Sighting:
         """What an image shows by itself: most of the work, and independent of other images.
@@ -175,7 +177,7 @@ class FreeSurfaceDetector:
         )
         if not seen:
             return Sighting(flags=self._front.why_none(unrolled))
-        return self._lesson.comparison.sighting(seen)
+        return replace(self._lesson.comparison.sighting(seen), steps=self._seams.steps(image))
 
     def follow(self, stamp_ns: int, sighting: Sighting) -> Measurement:
         """The measurement of the next image of a stream, by what it shows and those before.
@@ -188,7 +190,7 @@ class FreeSurfaceDetector:
         if not sighting.candidates:
             return Measurement(stamp_ns=stamp_ns, flags=sighting.flags)
         choice = self._lesson.comparison.choose(sighting, self._memory.expected(stamp_ns))
-        found = self._found(choice)
+        found = self._found(choice, sighting.steps)
         if Flag.NOT_FOUND in found.flags:
             return self._measurement(stamp_ns, found)
         found, fade = self._learnt_fade(found)
@@ -200,7 +202,7 @@ class FreeSurfaceDetector:
                 stamp_ns, self._lesson.comparison.first(found.fit), fade,
                 decided=choice.decided, jumped=choice.jumped,
             )  # fmt: skip
-            if self._memory.crest_stands:
+            if self._memory.crest_stands or self._memory.repeats:
                 found = replace(found, flags=found.flags | Flag.AMBIGUOUS)
         return self._measurement(stamp_ns, found)
 
@@ -219,7 +221,7 @@ class FreeSurfaceDetector:
             found = replace(found, fit=fit)
         return found, found.fit.fade
 
-    def _found(self, choice: Choice) -> _Found:
+    def _found(self, choice: Choice, steps: Steps) -> _Found:
         """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
         view, fit = choice.candidate.view, choice.candidate.fit
         prior = self._lesson.comparison.prior_of(choice.candidate)
@@ -227,12 +229,22 @@ class FreeSurfaceDetector:
             flags = surface_flags(self._wall, view, fit)
             if self._lesson.comparison.level_has_changed(choice.candidate):
                 flags |= Flag.LEVEL_CHANGED
+            # A thing before the container may have edges as sharp, and hides the line.
+            if not flags and self._seams.is_torn(steps, *self._lines(view, fit)):
+                flags |= Flag.AMBIGUOUS
             # Of a surface that is cut off a bound alone is told.
             sure = (self._lesson.sure and not choice.doubtful) or Flag.SATURATED in flags
             return _Found(view, fit, prior, flags if sure else flags | Flag.AMBIGUOUS)
         covered = self._wall.covered_border(view.picture)
         flags = Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE)
         return _Found(view, fit, prior, flags)
+
+    def _lines(self, view: Unrolled, fit: SurfaceFit) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Places (u, v) in the image of a surface's front line and upper edge."""
+        upper = self._wall.silhouette(fit.heights, view.softness)
+        rows = self._wall.front_rows(fit.heights), np.where(upper < 0.0, np.nan, upper)
+        places = [self._grid.pixel_at(np.isfinite(each), each) for each in rows]
+        return tuple((each[:, 0], each[:, 1]) for each in places)
 
     def _unrolled(self, image: Image) -> Image:
         self._view.camera.check(image)

@@ -47,6 +47,7 @@ class ScanGrid:
         rear: (J, M, 3) point of the rear wall seen there above the liquid [m]; NaN: none.
         azimuth: (M,) of the lines on the front wall at the still level [rad].
         still_row: row at which the front wall's still level is seen, the same on all lines.
+        window: left, top, right and bottom of the part of the image that the lines lie in.
     """
 
     pixels: FloatArray
@@ -55,8 +56,8 @@ class ScanGrid:
     rear: FloatArray
     azimuth: FloatArray
     still_row: int
+    window: tuple[int, int, int, int]
     _maps: tuple[NDArray[np.int16], NDArray[np.uint16]]
-    _window: tuple[int, int, int, int]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -72,7 +73,7 @@ class ScanGrid:
         Returns:
             (J, M) or (J, M, 3); 0 outside the image.
         """
-        left, top, right, bottom = self._window
+        left, top, right, bottom = self.window
         part = image[top:bottom, left:right]
         return np.asarray(
             cv2.remap(part, *self._maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT),
@@ -132,8 +133,8 @@ def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
         trace.rear.reshape(shape),
         azimuth[keep],
         still_row,
-        _remap_tables(pixels, window),
         window,
+        _remap_tables(pixels, window),
     )
 
 

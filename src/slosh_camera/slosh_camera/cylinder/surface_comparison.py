@@ -11,6 +11,7 @@ from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_memory import Expected
 from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.images.seams import NO_STEPS, Steps
 from slosh_camera.measurement import Flag
 
 FloatArray = NDArray[np.float64]
@@ -69,12 +70,14 @@ class Sighting:
         candidates: surfaces fitted to them; none where no liquid can be told.
         certain: the front line leaves no choice between surfaces.
         flags: why no liquid can be told.
+        steps: sharp steps of the image, which may be those of a seam.
     """
 
     seen: tuple[tuple[Unrolled, WallPoints], ...] = ()
     candidates: tuple[Candidate, ...] = ()
     certain: bool = False
     flags: Flag = Flag.NONE
+    steps: Steps = NO_STEPS
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,8 @@ two images foretell the third, to what the unknown acceleration may do meanwhile
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +34,9 @@ _AMPLITUDE = 0.15
 # A crest of more than this that stays where it is, to the second, for so many radians of the swing
 # stands: a wave leaves its turning point after half a radian [m].
 _CREST, _STANDS, _STOOD = 2e-3, 2e-4, 4.0 * np.pi
+# A period lasts for more than four images: so few surfaces, which come in turn so often, are old
+# pictures.
+_IN_TURN, _TURNS = (2, 3), 3
 # Radians of the swing after which nothing is foretold, and the least time between images [s].
 _FORGOTTEN = 1.5
 _LEAST_TIME = 1e-3
@@ -89,6 +94,18 @@ class SurfaceMemory:
         self._decided = 0
         self._fade = USUAL_FADE
         self._stands: tuple[int, FloatArray] | None = None
+        self._recent: deque[FloatArray] = deque(maxlen=max(_IN_TURN) * _TURNS)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the last images show two or three surfaces in turn, as old pictures do."""
+        newest = list(reversed(self._recent))
+        return any(
+            len(newest) >= count * _TURNS
+            and _spread(newest[:count]) > _CREST
+            and all(_spread(newest[k : count * _TURNS : count]) < _STANDS for k in range(count))
+            for count in _IN_TURN
+        )
 
     @property
     def crest_stands(self) -> bool:
@@ -159,6 +176,9 @@ class SurfaceMemory:
         stays = self._stands is not None and float(np.hypot(*(first - self._stands[1]))) < _STANDS
         if not (follows and stays):
             self._stands = stamp_ns, first.copy()
+        if not follows:
+            self._recent.clear()
+        self._recent.append(first.copy())
         kept = self._seen[-1:] if follows and not jumped else ()
         self._seen = (*kept, (stamp_ns, first.copy()))
 
@@ -166,3 +186,8 @@ class SurfaceMemory:
         """Time between two stamps [s]; NaN where the one says nothing of the other."""
         time = 1e-9 * (after_ns - before_ns)
         return time if _LEAST_TIME <= time <= _FORGOTTEN / self._frequency else float("nan")
+
+
+def _spread(firsts: Sequence[FloatArray]) -> float:
+    """Greatest distance from the first of them [m]."""
+    return max(float(np.hypot(*(one - firsts[0]))) for one in firsts)

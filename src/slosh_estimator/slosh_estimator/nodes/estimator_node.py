@@ -173,10 +173,11 @@ class EstimatorNode(PreparedNode):
     def _listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
         def heard(message: Any, info: Mapping[str, Any]) -> None:
             number = info.get("publication_sequence_number")
-            self._speakers.take(number, info["received_timestamp"] or time.time_ns())
+            arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
+            self._speakers.take(number, arrival or time.time_ns(), matched)
             callback(message)
 
-        self.create_subscription(kind, topic, WithInfo(heard), qos.STREAM_IN)
+        subscription = self.create_subscription(kind, topic, WithInfo(heard), qos.STREAM_IN)
 
     def _on_accel(self, source: AccelInput, message: AccelStamped) -> None:
         a, header = message.accel.linear, message.header

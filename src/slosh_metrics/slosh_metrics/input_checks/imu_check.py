@@ -26,6 +26,11 @@ SOMERSAULT, FELT = 2.1, 1.0
 LEANING, TRUSTING = 20.0, 60.0
 """Time constants with which turned gravity follows the measured one [s]: a gyroscope has a bias.
 The longer one is of gravity as it is where the container stood upright at the beginning."""
+WEIGHT = 0.01 * GRAVITY
+"""A sensor that nothing accelerates feels gravity, to this [m/s²]."""
+SPINS, ALONG, SPUN = 0.3, math.radians(1.5), 8
+"""A container that spins so fast [rad/s] upright has its rates along z; along the force, to this
+angle [rad], for so many bins in a row, they are those of a sensor mounted askew."""
 _ZERO: Vector = (0.0, 0.0, 0.0)
 _UP: Vector = (0.0, 0.0, 1.0)
 
@@ -46,6 +51,7 @@ class ImuCheck(Check):
         self._yaw = 0.0
         self._last = -(2**62)
         self._was_upright = self._turns = False
+        self._spun = 0
         self._up, self._stood = _UP, _UP
 
     def add(
@@ -98,14 +104,35 @@ class ImuCheck(Check):
             self._rest(self._in_container((x, y, z + GRAVITY)), certain=constant is not None)
         elif self._turns and angle(force, self._up) > SOMERSAULT and angle(force, _UP) < FELT:
             self._blame(Cause(DEGREES, (angle(force, self._up), 0.0, 0.0)))
+        elif self._spins_askew((wx, wy, wz), force):
+            self._blame(Cause(CONSTANT, force))
+
+    def _spins_askew(self, rate: Vector, force: Vector) -> bool:
+        """Whether the container spins, upright or askew, and its sensor is the one that is askew.
+
+        It has not been upright in the sensor's eyes, and spins about what it takes for vertical.
+        """
+        along = angle(rate, force)
+        askew = (
+            not self._was_upright
+            and math.hypot(*rate) > SPINS
+            and min(along, math.pi - along) < ALONG
+            and _is_weight(force)
+            and force_doubt(force, self._rotation) is not None
+        )
+        self._spun = self._spun + 1 if askew else 0
+        return self._spun >= SPUN
 
     def _rest(self, force: Vector, *, certain: bool) -> None:
-        """Takes a constant specific force, in the container's axes; certain: of a rest."""
+        """Takes a constant specific force, in the container's axes; certain: of a rest.
+
+        One of gravity's size from the first sample on is that of a rest, too.
+        """
         if force_doubt(force, self._rotation) is None:
             self._finder.bias = self._finder.stretch.mean
             if self._cause.kind != DEGREES:
                 self._blame(Cause())
-        elif not certain:
+        elif not certain and not (self._finder.stretch.unbroken and _is_weight(force)):
             return
         elif not self._is_honest(force):
             self._blame(Cause(CONSTANT, force))
@@ -156,13 +183,14 @@ class ImuCheck(Check):
 
     def _remembered(self, base: int) -> list[float]:
         last = float(self._last - base) if self._last > -(2**62) else math.nan
-        own = [self._yaw, last, float(self._was_upright), *self._up, *self._stood]
+        upright = 1.0 if self._was_upright else -float(self._spun)
+        own = [self._yaw, last, upright, *self._up, *self._stood]
         return [*own, *self._finder.memory(base)]
 
     def _remember(self, memory: Sequence[float], base: int) -> None:
         self._yaw, last, upright, ux, uy, uz, tx, ty, tz, *finder = memory
         self._last = -(2**62) if math.isnan(last) else round(last) + base
-        self._was_upright = bool(upright)
+        self._was_upright, self._spun = upright > 0.0, max(round(-upright), 0)
         self._up, self._stood = (ux, uy, uz), (tx, ty, tz)
         self._finder.take_up(finder, base)
 
@@ -180,6 +208,11 @@ def _turned_back(v: Vector, rate: Vector, seconds: float) -> Vector:
         c * v[1] + s * (kz * v[0] - kx * v[2]) + along * ky,
         c * v[2] + s * (kx * v[1] - ky * v[0]) + along * kz,
     )
+
+
+def _is_weight(force: Vector) -> bool:
+    """Whether a specific force is of gravity's size: nothing accelerates the sensor."""
+    return abs(math.hypot(*force) - GRAVITY) <= WEIGHT
 
 
 def _leant(v: Vector, to: Vector, share: float) -> Vector:

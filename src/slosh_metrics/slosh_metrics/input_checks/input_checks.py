@@ -243,6 +243,16 @@ class PoseCheck(Check):
             self._take(closed)
         return self.doubtful
 
+    def add_many(self, stamps: Integers, position: Array, quaternion: Array) -> None:
+        """Takes poses that follow each other: stamps (N,) [ns], (N, 3) [m], (N, 4), N > 0."""
+        x, y, z, w = quaternion.T
+        # As in `up_of` and `add`.
+        scale = 2.0 / (x * x + y * y + z * z + w * w)
+        up = scale * (x * z - w * y), scale * (y * z + w * x), 1.0 - scale * (x * x + y * y)
+        values = np.column_stack((*up, position, 1.0 - scale * (y * y + z * z)))
+        for _, closed in self._bins.add_many(stamps, values):
+            self._take(closed)
+
     def _restart(self) -> None:
         super()._restart()
         self._stretch.restart()

@@ -99,10 +99,8 @@ def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> l
     """What looks wrong in poses."""
     check = PoseCheck()
     turns = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1)) if attitude is None else attitude
-    for stamp, (x, y, z), (qx, qy, qz, qw) in zip(
-        stamps.tolist(), position.tolist(), turns.tolist(), strict=True
-    ):
-        check.add(stamp, (x, y, z), (qx, qy, qz, qw))
+    if len(stamps):
+        check.add_many(stamps, position, turns)
     check.finish()
     return [InputDoubt.of(doubt) for doubt in check.raised.values()]
 

@@ -2,8 +2,9 @@
 
 Each publisher numbers its messages, and the middleware hands the numbers over, though not whose
 they are. One publisher's numbers rise, by as much more than one as messages were lost in the time
-between; two publishers' numbers jump to and fro. The first message of a second publisher mostly
-shows it: it was sent in the middle of the other's stream and has no number of it.
+between; two publishers' numbers jump to and fro. A second publisher is matched before its first
+message can come: from then on each number that is not the next one is a second publisher's, and
+the numbers after the moment of the match are doubtful for a while, whatever they are.
 
 One that takes the place of another is none beside it: it begins when the other is silent.
 """
@@ -40,22 +41,27 @@ class SpeakerWatch:
         self._own = _Stream(0, 0)
         self._others: list[_Stream] = []
         self._begun = False
+        self._matched = 1
+        self._joined_ns = -BESIDE_NS
 
-    def take(self, number: int | None, arrival_ns: int) -> bool:
+    def take(self, number: int | None, arrival_ns: int, matched: int = 1) -> bool:
         """Takes a message; returns `contested`.
 
         Args:
             number: that its publisher gave it; None: the middleware tells none.
             arrival_ns: when it was received [ns].
+            matched: publishers that the subscription has.
         """
         if not number:
             return False
         own = self._own
+        if matched != self._matched:
+            if matched > self._matched and not (self._begun and own.is_silent(arrival_ns)):
+                self._joined_ns = arrival_ns
+            self._matched = matched
         if number == own.number + 1:  # as nearly always
             own.follow(number, arrival_ns)
-            if not self._others:
-                return False
-        elif not self._begun or not own.fits(number, arrival_ns):
+        elif not self._begun or matched > 1 or not own.fits(number, arrival_ns):
             self._change(number, arrival_ns)
         else:
             own.follow(number, arrival_ns)
@@ -77,7 +83,8 @@ class SpeakerWatch:
     def _look(self, now_ns: int) -> None:
         if self._others:
             self._others = [one for one in self._others if now_ns - one.at_ns < FORGOTTEN_NS]
-        self.contested = any(now_ns - one.at_ns < BESIDE_NS for one in self._others)
+        joined = now_ns - self._joined_ns < BESIDE_NS
+        self.contested = joined or any(now_ns - one.at_ns < BESIDE_NS for one in self._others)
 
 
 class _Stream:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from slosh_replay.replay.accuracy import Judgement, judge
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.stream import Components, ReplayStream
+from slosh_replay.replay.verification import Verification
 
 DRAWN = 20_000
 """Images whose heights the result holds; of a longer run it holds the extremes."""
@@ -83,13 +85,22 @@ def conclude(
         azimuth=rows["azimuth"],
         model_azimuth=rows["model_azimuth"],
         flags=rows["flags"],
-        verification=None if components.verifier is None else components.verifier.result(*origin),
+        verification=_verification(components, origin),
         comparisons=None if components.comparisons is None else components.comparisons.result(),
         model=components.models.model,
         limits=components.monitor.settings,
         limit_changes=components.monitor.changes,
         warnings=tuple(f"{name}: {line}" for line in said if line),
     )
+
+
+def _verification(components: Components, origin: Origin) -> Verification | None:
+    """How the estimates compare with the recorded ones; None: none are recorded."""
+    if components.verifier is None:
+        return None
+    counter = components.counter
+    miscounted = counter.breaks if counter is not None else 0
+    return replace(components.verifier.result(*origin), miscounted=miscounted)
 
 
 def _astray(strays: Mapping[str, int]) -> str:

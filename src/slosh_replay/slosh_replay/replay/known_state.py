@@ -47,16 +47,20 @@ class _Event(NamedTuple):
 
 
 class KnownState:
-    """Follows the inputs of a recording that holds states of its estimator.
+    """Follows the inputs of a recording, and the states of its estimator that it may hold.
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.
+
+    Attributes:
+        breaks: how often the counter went on by another number than that of the inputs.
     """
 
     def __init__(self, verifier: Verifier | None) -> None:
         self._verifier = verifier
         self._states: list[RecordedState] = []
         self._known = True
+        self.breaks = 0
         # The estimator's counter at the last input of which it is known, and inputs used since.
         self._count = self._since = 0
         self._stamp_ns = _LONG_AGO
@@ -123,6 +127,7 @@ class KnownState:
             _Event(int(rows[k]), _LOST, int(moment[k]) - self._lag_ns)
             for k in np.flatnonzero(lacking).tolist()
         ]
+        self.breaks += sum(event.stamp_ns > _LONG_AGO for event in lost)
         self._count, self._since = int(count[-1]), int(total[-1] - before[-1])
         self._stamp_ns = int(moment[-1])
         return [*starts, *lost]

@@ -147,6 +147,7 @@ def replay_bag(
             ),
             matcher=matcher,
             known=KnownState(verifier) if sources.state else None,
+            counter=None if sources.state or matcher is None or mixed else KnownState(None),
             changes=_changes(sources, used, follow=model is None),
             follows_input=given is None,
             outputs=outputs or Outputs(),

@@ -85,6 +85,8 @@ class Components(NamedTuple):
         verifier, comparisons: of recorded estimates and comparisons; None: there are none.
         matcher: decides which inputs the live estimator used; None: all.
         known: follows where the liquid's state is known; None: no state is recorded.
+        counter: follows the estimator's counter of inputs, where no state is recorded; None: it
+            tells nothing.
         changes: starts of the estimator after its first, and changes of its parameters, where
             the model follows the recording.
         follows_input: whether they also say how the input is read.
@@ -99,6 +101,7 @@ class Components(NamedTuple):
     comparisons: Verifier | None = None
     matcher: InputMatcher | None = None
     known: KnownState | None = None
+    counter: KnownState | None = None
     changes: tuple[NodeStart, ...] = ()
     follows_input: bool = True
     outputs: Outputs = Outputs()
@@ -294,6 +297,8 @@ class ReplayStream:
         self, stamps: Integers, decision: Decision
     ) -> list[tuple[int, Callable[[], None]]]:
         """Recorded states that are taken up among the inputs with these stamps."""
+        if self._components.counter is not None:
+            self._components.counter.follow(stamps, decision)
         if self._components.known is None:
             return []
         course = self._components.known.follow(stamps, decision)

@@ -74,6 +74,8 @@ class Verification:
         causes: what is known to differ: model, code, arithmetic.
         rounds_otherwise: this machine's elementary functions round otherwise than those of the
             recording one.
+        miscounted: how often `samples_used` went on by another number than that of the inputs in
+            the recording.
     """
 
     topic: str
@@ -87,11 +89,13 @@ class Verification:
     unchecked: Mapping[str, int] = field(default_factory=dict)
     causes: tuple[str, ...] = ()
     rounds_otherwise: bool = False
+    miscounted: int = 0
 
     @property
     def exact(self) -> bool:
         """Whether every recorded message that was compared came out again, bit for bit."""
-        return self.recorded > 0 and self.identical == self.recorded and not self.missing
+        same = self.recorded > 0 and self.identical == self.recorded and not self.missing
+        return same and not self.miscounted
 
     def within(self, tolerance: float) -> bool:
         """Whether every message came out again within a tolerance [SI units of each field]."""
@@ -110,6 +114,11 @@ class Verification:
             f"{self.recorded - self.identical} differ, {self.missing} missing",
             *unchecked,
         ]
+        if self.miscounted:
+            lines.append(
+                f"{self.topic}: samples_used goes on {self.miscounted} times by another number "
+                "than that of the recorded inputs: inputs are missing, or it was edited"
+            )
         if self.missing:
             lines.append(f"{self.topic}: for the missing ones the recording has no usable input")
         if self.first is not None:

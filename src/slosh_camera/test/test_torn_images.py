@@ -1,0 +1,71 @@
+"""Images whose upper part is of another moment than the lower one, never shown before."""
+
+import cv2
+import numpy as np
+import pytest
+
+from slosh_camera.cylinder.detector import FreeSurfaceDetector
+from slosh_camera.images.seams import SeamFinder
+from slosh_camera.measurement import Flag
+
+WRONG = 1e-3
+
+
+def exposed(image, seed):
+    """With the blur of a lens and the noise of a camera."""
+    random = np.random.default_rng(seed)
+    soft = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 0.7)
+    return np.clip(soft + 2.0 * random.standard_normal(image.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("height", "azimuth"), [(0.015, 0.3), (0.02, -1.4), (0.012, 2.0)])
+def test_no_torn_image_is_measured_wrong_without_a_flag(make_scene, height, azimuth):
+    """The liquid of the other part is 12 mm lower, as a frame before."""
+    scene = make_scene(camera_height=0.12)
+    detector = FreeSurfaceDetector(scene.calibration())
+    detector.learn_still(exposed(scene.draw(), 1))
+    new = exposed(scene.draw(height, azimuth), 2)
+    old = exposed(scene.draw(height - 0.012, azimuth), 3)
+    assert detector.measure(0, new).flags == Flag.NONE
+    rows = np.flatnonzero(np.any(np.abs(new.astype(int) - old) > 30, axis=1))
+    wrong = flagged = 0
+    for row in np.linspace(rows[0] + 3, rows[-1] - 3, 12).astype(int).tolist():
+        for upper, lower in ((new, old), (old, new)):
+            found = detector.measure(0, np.vstack((upper[:row], lower[row:])))
+            if abs(found.msh - height) > WRONG:
+                wrong += 1
+                flagged += found.flags != Flag.NONE
+    assert wrong > 3
+    assert flagged == wrong
+
+
+def test_a_seam_is_sharper_than_any_edge_that_a_lens_draws():
+    ramp = np.linspace(60.0, 20.0, 200)
+    rows = np.arange(120)[:, np.newaxis]
+
+    def image(line, seed=1):
+        return exposed(np.where(rows < line, 200, 50).astype(np.uint8), seed)
+
+    finder = SeamFinder((0, 0, 200, 120))
+    finder.learn(image(np.full(200, 70.0)))
+    columns = np.arange(200.0)
+    whole = image(ramp)
+    assert not finder.is_torn(finder.steps(whole), (columns, ramp))
+    for row in (30, 45):
+        torn = np.vstack((whole[:row], image(ramp + 12.0, 2)[row:]))
+        assert finder.is_torn(finder.steps(torn), (columns, ramp))
+
+
+@pytest.mark.parametrize("order", ["ab", "abc"])
+def test_old_pictures_in_turn_are_told_under_fresh_noise(make_scene, order):
+    scene = make_scene(camera_height=0.12)
+    detector = FreeSurfaceDetector(scene.calibration())
+    detector.learn_still(exposed(scene.draw(), 1))
+    heights = {"a": 0.014, "b": 0.011, "c": 0.009}
+    pictures = {name: scene.draw(heights[name], 0.4) for name in order}
+    flags = [
+        detector.update(33_000_000 * k, exposed(pictures[order[k % len(order)]], 9 + k)).flags
+        for k in range(14)
+    ]
+    assert not any(flags[:2])
+    assert all(Flag.AMBIGUOUS in one for one in flags[3 * len(order) :])
