@@ -19,9 +19,9 @@ BESIDE := -n $(WORKERS) --no-loadscope-reorder
 # A test of live nodes can fail because the machine stood still: what has failed (exit code 1) is run
 # once more, alone. The output of both runs is shown.
 define pytest_twice
-@$(PYTEST) $(1) -p cacheprovider -o cache_dir=.pytest_cache/$@ || { code=$$?; [ $$code = 1 ] || exit $$code; \
+@$(PYTEST) $(1) -o cache_dir=.pytest_cache/$@ || { code=$$?; [ $$code = 1 ] || exit $$code; \
 	echo "make $@: what has failed is run once more, alone"; \
-	$(PYTEST) $(SELECT) $(2) -p cacheprovider -o cache_dir=.pytest_cache/$@ --last-failed --last-failed-no-failures=none; }
+	$(PYTEST) $(SELECT) $(2) -o cache_dir=.pytest_cache/$@ --last-failed --last-failed-no-failures=none; }
 endef
 
 .PHONY: help setup demo test test-all validation keeping-pace the-others lint bench docs tables study coverage wheels clean
