@@ -78,7 +78,7 @@ def test_the_recording_gives_its_own_estimates_again_bit_for_bit(demo):
     estimates, comparisons = (figures["replay"][key] for key in ("verification", "comparisons"))
     assert estimates["exact"]
     assert estimates["recorded"] > 4000
-    assert comparisons["recorded"] > 200
+    assert comparisons["recorded"] > 50  # a slow machine measures fewer images, and says so
     assert comparisons["identical"] == comparisons["recorded"]
 
 
