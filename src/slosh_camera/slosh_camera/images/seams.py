@@ -6,6 +6,7 @@ meet, what has moved meanwhile ends at one and the same row, as sharply as the p
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -120,12 +121,15 @@ class SeamFinder:
             part = part[..., 1]
         sparse = part[::4, ::4]
         low, high = np.percentile(sparse, _PERCENT)
-        steps = np.abs(np.diff(part.astype(np.int16), axis=0))
-        large = steps >= rather * max(_LEAST * (high - low), _STEP)
-        beside = np.zeros_like(steps)
-        beside[1:] = steps[:-1]
-        np.maximum(beside[:-1], steps[1:], out=beside[:-1])
-        return np.asarray(large & (steps >= rather * _SHARP * beside))
+        steps = cv2.absdiff(part[1:], part[:-1])
+        sharp = steps >= math.ceil(rather * max(_LEAST * (high - low), _STEP))
+        # Few are large: the rows beside are looked at for these alone.
+        rows, columns = np.divmod(np.flatnonzero(sharp), sharp.shape[1])
+        above = np.where(rows > 0, steps[rows - 1, columns], 0)
+        below = np.where(rows < len(steps) - 1, steps[(rows + 1) % len(steps), columns], 0)
+        of_a_lens = steps[rows, columns] < rather * _SHARP * np.maximum(above, below)
+        sharp[rows[of_a_lens], columns[of_a_lens]] = False
+        return np.asarray(sharp)
 
 
 def _runs(columns: Columns) -> list[Columns]:
