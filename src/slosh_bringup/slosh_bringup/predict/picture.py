@@ -5,10 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.figure import Figure
-from matplotlib.style import context
-
-from slosh_base.files import NewFile
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.predict.profiles import (
     Palette,
@@ -17,7 +13,7 @@ from slosh_bringup.predict.profiles import (
     draw_heights,
     scales,
 )
-from slosh_bringup.simulate.chart import DPI, STYLE
+from slosh_bringup.simulate.chart import new_picture
 
 COLOURS = Palette("tab:blue", "tab:orange", "tab:red", "dimgray")
 PANEL, HEIGHT = 3.6, 5.4
@@ -34,10 +30,8 @@ def write_picture(path: Path, shown: Sequence[Profile]) -> None:
     Raises:
         OSError: the file cannot be written; what was there is as it was.
     """
-    form = path.suffix.removeprefix(".")
     height, acceleration = scales(shown)
-    with context(STYLE, after_reset=True), NewFile(path) as new, new.open() as stream:
-        figure = Figure(figsize=(max(PANEL * len(shown), 6.0), HEIGHT), layout="constrained")
+    with new_picture(path, (max(PANEL * len(shown), 6.0), HEIGHT)) as figure:
         rows = figure.subplots(
             2, len(shown), sharey="row", sharex="col", height_ratios=(2, 1), squeeze=False
         )
@@ -49,5 +43,3 @@ def write_picture(path: Path, shown: Sequence[Profile]) -> None:
             lower.set_xlabel("time [s]")
         rows[0][0].set_ylabel("height [mm], dashed: linear")
         rows[1][0].set_ylabel("‖a‖ [m/s²]")
-        metadata = {"Date": None} if form == "svg" else None
-        figure.savefig(stream, format=form, dpi=DPI, metadata=metadata)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +39,7 @@ def write_chart(path: Path, inputs: Inputs, msh: Array, answer: Answer, allowed:
     Raises:
         OSError: the file cannot be written; what was there is as it was.
     """
-    form = path.suffix.removeprefix(".")
-    with context(STYLE, after_reset=True), NewFile(path) as new, new.open() as stream:
-        figure = Figure(figsize=SIZE, layout="constrained")
+    with new_picture(path, SIZE) as figure:
         figure.suptitle(answer.text().replace("), ", "),\n"), fontsize=10.0)
         heights, motion = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         _draw_heights(heights, inputs.t, msh, answer)
@@ -47,6 +47,19 @@ def write_chart(path: Path, inputs: Inputs, msh: Array, answer: Answer, allowed:
         motion.plot(*envelope(inputs.t, strength), color="tab:gray")
         _draw_bound(motion, allowed, "validity limit of the model", answer.acceleration)
         motion.set(xlabel="time [s]", ylabel="‖a‖ [m/s²]")
+
+
+@contextmanager
+def new_picture(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
+    """Gives an empty figure of a size [in]; writes it to a `.png` or `.svg` file in the end.
+
+    Raises:
+        OSError: the file cannot be written; what was there is as it was.
+    """
+    form = path.suffix.removeprefix(".")
+    with context(STYLE, after_reset=True), NewFile(path) as new, new.open() as stream:
+        figure = Figure(figsize=size, layout="constrained")
+        yield figure
         metadata = {"Date": None} if form == "svg" else None
         figure.savefig(stream, format=form, dpi=DPI, metadata=metadata)
 
