@@ -27,7 +27,7 @@ setup(
     cmdclass={"develop": Develop},
     version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(exclude=["test"]),
-    package_data={PACKAGE: ["py.typed", "watch/page/*", "predict/*.j2", "scale_page/*"]},
+    package_data={PACKAGE: ["py.typed", "watch/page/*", "predict/*.j2", "scale_page/clicks.*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -40,6 +40,7 @@ setup(
         "setuptools",
         "PyYAML",
         "distributed>=2025.1",
+        "jinja2",
         "matplotlib",
         "numpy>=1.26",
         "opencv-python-headless>=4.6",
