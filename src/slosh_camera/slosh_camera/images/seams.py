@@ -29,8 +29,8 @@ _NEAR, _ALONG, _PARALLEL = 2.5, 1.2, 30.0
 # Without such a line they are a seam's where there are so many and, in so many rows beside, so
 # many times fewer; or where they are longer than this part of what is looked at.
 _MANY, _ALONE, _FEWER, _LONG = 10, 8, 4, 0.15
-# With such a line, so many times fewer beside will do.
-_SOME_FEWER = 2
+# With such a line, so many, and so many times fewer beside, will do.
+_SOME, _SOME_FEWER = 6, 2
 # Of the image's contrast, so many percent of the pixels left out at either end; a step at least
 # [grey levels].
 _PERCENT, _STEP = (1.0, 99.0), 6.0
@@ -72,10 +72,13 @@ class SeamFinder:
         self._known = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.bool_)
 
     def steps(self, image: Image) -> Steps:
-        """Sharp steps of an image (height, width) or (height, width, 3) that may be a seam's."""
-        sharp = self._sharp(image)
-        if self._known is not None:
-            sharp &= ~self._known
+        """Sharp steps of an image (height, width) or (height, width, 3) that may be a seam's.
+
+        None without a still image: the container and what is around it may have edges as sharp.
+        """
+        if self._known is None:
+            return NO_STEPS
+        sharp = self._sharp(image) & ~self._known
         rows = np.flatnonzero(np.count_nonzero(sharp, axis=1) >= _RUN)
         return Steps(rows, sharp[rows])
 
@@ -107,7 +110,7 @@ class SeamFinder:
         beside = np.count_nonzero(steps.sharp[(away > 0) & (away <= _ALONE)], axis=1)
         most = max(beside, default=0)
         least = max(_MANY, min(_FEWER * most, _LONG * self._columns.size))
-        return bool(run.size >= (_SOME_FEWER * most if touched else least))
+        return bool(run.size >= (max(_SOME, _SOME_FEWER * most) if touched else least))
 
     def _sharp(self, image: Image, rather: float = 1.0) -> BoolArray:
         """(rows - 1, columns) steps from a row to the next that no lens has drawn.
