@@ -6,7 +6,7 @@ import argparse
 import math
 
 from slosh_bringup.errors import SloshBringupError
-from slosh_model.containers import Container, Cylinder, Rectangle
+from slosh_model.containers import ROUND, Container
 from slosh_model.model_file import read_model
 
 SAME = 1e-3
@@ -25,15 +25,15 @@ def take_model(arguments: argparse.Namespace) -> None:
     container = read_model(arguments.model).container
     _check_radius(arguments, container)
     lengths = {"fill_height": container.fill_height, "rim_height": container.rim_height}
-    if isinstance(container, Cylinder):
-        lengths["radius"] = container.radius
+    if container.section == ROUND:
+        lengths["radius"] = container.size
     elif arguments.scale is None and arguments.page is None:
         raise SloshBringupError(
             f"--model: {arguments.model}: contains no cylinder, and only a cylinder's pose can be "
             "calibrated; a side view needs --scale"
         )
-    elif isinstance(container, Rectangle) and arguments.length is None:
-        arguments.length = container.width
+    elif container.cornered and arguments.length is None:
+        arguments.length = container.size
     for name, told in lengths.items():
         given = getattr(arguments, name)
         if given is None:
@@ -50,14 +50,14 @@ def _check_radius(arguments: argparse.Namespace, container: Container) -> None:
     given = arguments.radius
     if given is None:
         return
-    if not isinstance(container, Cylinder):
+    if container.section != ROUND:
         raise SloshBringupError(
             f"--radius: {arguments.model} contains no cylinder ({container.described})"
         )
-    if math.isclose(given, 2.0 * container.radius, rel_tol=0.1):
+    if math.isclose(given, 2.0 * container.size, rel_tol=0.1):
         raise SloshBringupError(
             f"--radius: {_mm(given)} is the diameter of the container in {arguments.model}; its "
-            f"radius is {_mm(container.radius)}"
+            f"radius is {_mm(container.size)}"
         )
 
 

@@ -105,7 +105,7 @@ def _meanings(name: str) -> Iterator[str]:
         yield f"{name}: column or figure\n{column}"
     else:
         yield from fields().get(terms.plain(name), ())
-    for kind, lines in (("model", model_name(name)), ("number", by_number(name) or [])):
+    for kind, lines in (("model", model_name(name)), ("number", by_number(name))):
         if lines:
             yield "\n".join([f"{name}: {kind}", *lines])
     bare = name.strip("[]")

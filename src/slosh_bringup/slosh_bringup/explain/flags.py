@@ -58,13 +58,13 @@ def flags() -> tuple[Flag, ...]:
     )
 
 
-def by_number(text: str) -> list[str] | None:
-    """What a number such as 3, 0x3 or 0x0003 means in each message, a line each; None: no number.
+def by_number(text: str) -> list[str]:
+    """What a number such as 3, 0x3 or 0x0003 means in each message, a line each; none: no number.
 
     Flags are bits: their sum is split.
     """
     if not _NUMBER.fullmatch(text):
-        return None
+        return []
     number = int(text, 16) if text.lower().startswith("0x") else int(text)
     lines = []
     for message, kind in OWNERS.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import cache
 
 COLUMNS: Mapping[str, str] = {
     # motions and heights
@@ -170,7 +171,8 @@ def plain(name: str) -> str:
     return _SPLIT.sub("_", bare).strip("_")
 
 
-def columns() -> dict[str, str]:
+@cache
+def columns() -> Mapping[str, str]:
     """Meaning of each column and figure by its plain name."""
     found = {}
     for names, meaning in COLUMNS.items():

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bringup.simulate.chart import FAR
 from slosh_model.model import Model
 from slosh_model.simulate import simulate
 from slosh_model.tilt import attitude_of, feeling
@@ -22,8 +23,6 @@ Array = NDArray[np.float64]
 MOST = 12
 """So many motions are drawn; the table holds all."""
 HEADROOM = 1.15
-FAR = 3.0
-"""A limit that lies so many times as high as everything else is not drawn."""
 
 
 class Palette(NamedTuple):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import shlex
 from collections.abc import Sequence
 
 import cv2
 
 from slosh_camera.images.colour import Image
-from slosh_report.page.template import make_environment, script
+from slosh_report.page.template import image_uri, make_environment, script
 
 PACKAGE = "slosh_bringup.scale_page"
 
@@ -22,11 +21,10 @@ def render_clicks(image: Image, name: str, before: Sequence[str], after: Sequenc
         name: of the image's file.
         before, after: words of the command before and after the four numbers.
     """
-    picture = base64.b64encode(cv2.imencode(".png", image)[1].tobytes()).decode("ascii")
     template = make_environment(PACKAGE).get_template("clicks.html.j2")
     return template.render(
         title=f"Scale of {name}",
-        picture=f"data:image/png;base64,{picture}",
+        picture=image_uri(cv2.imencode(".png", image)[1].tobytes(), "image/png"),
         before=shlex.join(before),
         after=shlex.join(after),
         scripts=[script(PACKAGE, "clicks.js")],

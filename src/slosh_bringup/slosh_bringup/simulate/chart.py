@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 SIZE = (9.6, 5.4)
 DPI = 120
+FAR = 3.0
+"""A limit that lies so many times as high as everything else is not drawn."""
 # From matplotlib's own defaults, whatever the user's matplotlibrc says; the same file each time.
 STYLE = {"svg.hashsalt": "simulate", "svg.fonttype": "none", "text.parse_math": False,
          "axes.grid": True, "grid.alpha": 0.4, "font.size": 10.0}  # fmt: skip
@@ -78,7 +80,7 @@ def _draw_heights(axes: Any, t: Array, msh: Array, answer: Answer) -> None:
 
 def _draw_bound(axes: Any, bound: float, name: str, peak: float) -> None:
     """A dotted line; one that is far above the curve would flatten it and is left out."""
-    if bound < 3.0 * peak:
+    if bound < FAR * peak:
         axes.axhline(bound, color="tab:red", linestyle=":")
         axes.annotate(name, (0.995, bound), xycoords=axes.get_yaxis_transform(), ha="right",
                       va="bottom", color="tab:red")  # fmt: skip

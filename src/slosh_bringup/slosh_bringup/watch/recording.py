@@ -97,14 +97,12 @@ def first_happening(frames: Sequence[str]) -> int:
     Args:
         frames: of a recording, as JSON.
     """
-    seen = [json.loads(frame) for frame in frames]
-    for number, frame in enumerate(seen):
+    highest = []
+    for number, frame in enumerate(map(json.loads, frames)):
         if frame["verdict"] == Verdict.EXCEEDED.value:
             return number
-    highest = [
-        max((abs(h) for _, *heights in frame["rows"] for h in heights if h is not None), default=0)
-        for frame in seen
-    ]
+        heights = (abs(h) for _, *row in frame["rows"] for h in row if h is not None)
+        highest.append(max(heights, default=0.0))
     top = max(highest, default=0.0)
     return next((k for k, height in enumerate(highest) if top > FLAT and height > SHARE * top), 0)
 

@@ -230,7 +230,7 @@ class FreeSurfaceDetector:
             if self._lesson.comparison.level_has_changed(choice.candidate):
                 flags |= Flag.LEVEL_CHANGED
             # A thing before the container may have edges as sharp, and hides the line.
-            if not flags and self._seams.is_torn(steps, *self._lines(view, fit)):
+            if not flags and steps.rows.size and self._is_torn(steps, view, fit):
                 flags |= Flag.AMBIGUOUS
             # Of a surface that is cut off a bound alone is told.
             sure = (self._lesson.sure and not choice.doubtful) or Flag.SATURATED in flags
@@ -239,12 +239,12 @@ class FreeSurfaceDetector:
         flags = Flag.NOT_FOUND | (Flag.SATURATED if covered else Flag.NONE)
         return _Found(view, fit, prior, flags)
 
-    def _lines(self, view: Unrolled, fit: SurfaceFit) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """Places (u, v) in the image of a surface's front line and upper edge."""
+    def _is_torn(self, steps: Steps, view: Unrolled, fit: SurfaceFit) -> bool:
+        """Whether a seam is among the steps, beside a surface's front line and upper edge."""
         upper = self._wall.silhouette(fit.heights, view.softness)
         rows = self._wall.front_rows(fit.heights), np.where(upper < 0.0, np.nan, upper)
         places = [self._grid.pixel_at(np.isfinite(each), each) for each in rows]
-        return tuple((each[:, 0], each[:, 1]) for each in places)
+        return self._seams.is_torn(steps, *((each[:, 0], each[:, 1]) for each in places))
 
     def _unrolled(self, image: Image) -> Image:
         self._view.camera.check(image)

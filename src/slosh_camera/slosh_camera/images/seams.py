@@ -84,8 +84,6 @@ class SeamFinder:
 
     def is_torn(self, steps: Steps, *lines: tuple[FloatArray, FloatArray]) -> bool:
         """Whether there is a seam beside the lines of the liquid, given by their places [px]."""
-        if not steps.rows.size:
-            return False
         found = [
             (row, run)
             for row, sharp in zip(steps.rows.tolist(), steps.sharp, strict=True)

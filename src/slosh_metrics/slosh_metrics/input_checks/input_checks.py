@@ -19,7 +19,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ from slosh_metrics.input_checks.input_faults import FaultWatch
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+_Part = TypeVar("_Part", float, Array)
+"""Of one quaternion, or of many."""
 
 STANDING = 0.05
 """Below this a pose stands [m/s]: what a tracker's noise of 1 mm leaves."""
@@ -246,10 +248,9 @@ class PoseCheck(Check):
     def add_many(self, stamps: Integers, position: Array, quaternion: Array) -> None:
         """Takes poses that follow each other: stamps (N,) [ns], (N, 3) [m], (N, 4), N > 0."""
         x, y, z, w = quaternion.T
-        # As in `up_of` and `add`.
-        scale = 2.0 / (x * x + y * y + z * z + w * w)
-        up = scale * (x * z - w * y), scale * (y * z + w * x), 1.0 - scale * (x * x + y * y)
-        values = np.column_stack((*up, position, 1.0 - scale * (y * y + z * z)))
+        # As in `add`.
+        other = 1.0 - 2.0 / (x * x + y * y + z * z + w * w) * (y * y + z * z)
+        values = np.column_stack((*up_of(x, y, z, w), position, other))
         for _, closed in self._bins.add_many(stamps, values):
             self._take(closed)
 
@@ -311,7 +312,7 @@ def too_fast(size: float) -> Doubt:
     )
 
 
-def up_of(x: float, y: float, z: float, w: float) -> Vector:
-    """The world's z axis in the container's axes, of a quaternion world ← container."""
+def up_of(x: _Part, y: _Part, z: _Part, w: _Part) -> tuple[_Part, _Part, _Part]:
+    """The world's z axis in the container's axes, of quaternions world ← container."""
     scale = 2.0 / (x * x + y * y + z * z + w * w)
     return scale * (x * z - w * y), scale * (y * z + w * x), 1.0 - scale * (x * x + y * y)

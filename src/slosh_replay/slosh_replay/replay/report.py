@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_estimator.limits import Event, Kind, Source
+from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
@@ -119,12 +120,13 @@ def _lasting_limit(result: ReplayResult, start: int) -> tuple[float, str]:
     watched = [result.limits] if result.limits else []
     for since, settings in result.limit_changes:
         watched = [*(watched if since > start else ()), settings]
-    limits = {
-        (one.limits[source], one.limit_name(source))
-        for one in watched
-        for source in (Source.MEASURED if one.camera else Source.ESTIMATED,)
-    }
+    limits = {_charted_limit(settings) for settings in watched}
     return limits.pop() if len(limits) == 1 else (NAN, "limit")
+
+
+def _charted_limit(settings: MonitorSettings) -> tuple[float, str]:
+    source = Source.MEASURED if settings.camera else Source.ESTIMATED
+    return settings.limits[source], settings.limit_name(source)
 
 
 def _meanings(model: Model) -> dict[str, str]:

@@ -118,4 +118,9 @@ def breakable(text: str) -> Markup:
 
 def data_uri(frame: Frame) -> str:
     """The image as a data URI."""
-    return f"data:{frame.media_type};base64,{base64.b64encode(frame.image).decode('ascii')}"
+    return image_uri(frame.image, frame.media_type)
+
+
+def image_uri(image: bytes, media_type: str) -> str:
+    """An encoded image as a data URI."""
+    return f"data:{media_type};base64,{base64.b64encode(image).decode('ascii')}"

@@ -125,11 +125,9 @@ def _seen(report: RunReport) -> dict[str, str]:
                 f"{name} {shown(float(values[at]), 'mm')} mm"
                 f" at {shown(float(report.t[at]), 's')} s"
             )
-    limit = (
-        ""
-        if report.limit is None
-        else (f" {report.limit_name.capitalize()}: {shown(report.limit, 'mm')} mm.")
-    )
+    limit = ""
+    if report.limit is not None:
+        limit = f" {report.limit_name.capitalize()}: {shown(report.limit, 'mm')} mm."
     summary = "; ".join(highest) or "nothing known"
     return {
         "heights": f"Line chart of the heights over time. Highest: {summary}.{limit}",
