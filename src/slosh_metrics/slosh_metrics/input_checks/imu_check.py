@@ -211,8 +211,13 @@ def _turned_back(v: Vector, rate: Vector, seconds: float) -> Vector:
 
 
 def _is_weight(force: Vector) -> bool:
-    """Whether a specific force is of gravity's size: nothing accelerates the sensor."""
-    return abs(math.hypot(*force) - GRAVITY) <= WEIGHT
+    """Whether a specific force leans as gravity does to a sensor that is askew, by its size.
+
+    A container that accelerates level feels g / cos(lean): it must be nearer to g than to that.
+    """
+    size = math.hypot(*force)
+    level = GRAVITY * (size / max(abs(force[2]), 1e-9) - 1.0)
+    return abs(size - GRAVITY) <= min(WEIGHT, 0.5 * level)
 
 
 def _leant(v: Vector, to: Vector, share: float) -> Vector:
