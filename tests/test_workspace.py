@@ -259,6 +259,7 @@ def test_kept_code_is_loaded_without_what_it_was_compiled_with():
     assert said(program) == "[]\n"
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("command", ["cell", "demo", "discover", "identify", "plan", "replay"])
 def test_a_mistake_does_not_wait_for_what_draws(command):
     """matplotlib loads for a third of a second; what comes before a page does without."""
