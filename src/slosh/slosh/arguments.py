@@ -17,7 +17,7 @@ from slosh_bag.reader import BagReader
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_model.simulate import Inputs
 from slosh_plan.trajectory import Trajectory
 from slosh_tables.motion_table import MotionTable, write_motion_table

@@ -10,12 +10,11 @@ from scipy.spatial.transform import Rotation
 from slosh_base.files.errors import SloshFileError
 from slosh_bringup.cell.motion_source import load_motion, motion_from_table
 from slosh_bringup.cell.motions import Motion, make_motion
-from slosh_bringup.cell.sensors import read_sensors
-from slosh_bringup.cell.truth import integrate_truth
+from slosh_bringup.cell.truth import integrate_truth, read_sensors
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
 from slosh_model.constants import GRAVITY
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_tables.motion_table import MotionTable, write_motion_table
 
 TRUTH = read_model(config_folder() / "truth.yaml")

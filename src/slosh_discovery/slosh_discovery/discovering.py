@@ -28,8 +28,7 @@ from slosh_discovery.discovery_report import (
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_model.tilt import attitude_of, ignored_text, unfelt_tilt
 from slosh_replay.recording import settings

@@ -29,8 +29,7 @@ from slosh_discovery.identification_report import (
 from slosh_discovery.identify.parameters import DEFAULT, free_parameters
 from slosh_discovery.identify.result import Identification, Strategy
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_tables.motion_table import MotionTable, write_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions

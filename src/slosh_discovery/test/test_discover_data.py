@@ -16,9 +16,8 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_base.files.errors import SloshFileError
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
-from slosh_discovery.discover_data.attitudes import angular_velocity
 from slosh_discovery.discover_data.heights import without_spikes
-from slosh_discovery.discover_data.recording import Heights, Recording, Residuals
+from slosh_discovery.discover_data.recording import Heights, Recording, Residuals, angular_velocity
 from slosh_discovery.discover_data.splitting import LEAD_IN_NS, LONGEST_NS, REST_NS, split
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.constants import GRAVITY

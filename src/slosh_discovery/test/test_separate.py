@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from slosh_discovery.discover.model_variants import variants_of
-from slosh_discovery.discover.separate import separating_motion
+from slosh_discovery.discover.separate import separating_motion, variants_of
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
     MAXIMUM_TRAVEL,

@@ -14,7 +14,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_model.interpolation import columns_at
 from slosh_tables.motion_table import MotionTable, read_motion_table
 from slosh_tables.text_table.options import TableOptions, Tell, warn
-from slosh_tables.text_table.time_unit import check_span
+from slosh_tables.text_table.units import check_span
 
 Array = NDArray[np.float64]
 

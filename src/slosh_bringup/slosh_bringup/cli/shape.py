@@ -14,7 +14,7 @@ from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_model import Model
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_plan import Trajectory
 from slosh_plan.planning.checked import Checked, checked
 from slosh_plan.planning.plan import upright_yaw

@@ -18,8 +18,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files import write_text
 from slosh_bringup.live.run_data import HEIGHTS, RunData, read_run
 from slosh_bringup.live.run_result import RunResult, evaluate
-from slosh_bringup.live.shortfall import shortfall
-from slosh_bringup.live.slowness import slowness
+from slosh_bringup.live.shortfall import shortfall, slowness
 from slosh_bringup.replay.frames import bag_topics
 from slosh_bringup.replay.page import make_report
 from slosh_replay.in_force import in_force, last_starts

@@ -1,15 +1,26 @@
-"""The text of the first `model.yaml`, `cell.yaml` and `camera.yaml` of a cup."""
+"""A cup as it is told, and the text of its first `model.yaml`, `cell.yaml` and `camera.yaml`."""
 
 from __future__ import annotations
 
+import math
+import re
 import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
-from slosh_bringup.new_cup.cup import NewCup
+from slosh_bringup.errors import SloshBringupError
+from slosh_model.containers import CupLengths
 from slosh_model.effects.registry import find_effect
-from slosh_model.model import EffectUse
+from slosh_model.liquid import Liquid
+from slosh_model.model import EffectUse, Model
 
 MODEL, CELL, CAMERA = "model.yaml", "cell.yaml", "camera.yaml"
+
+_LENGTHS = {"mm": 1e-3, "cm": 1e-2}
+
+_NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
@@ -133,3 +144,130 @@ distortion_coefficients: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}
 container:
 {_container(cup, wall=True)}
 """
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a value of a kind can be.
+
+    Attributes:
+        words: what it is, for people.
+        unit: SI.
+        least: smallest value that is taken.
+        most: largest value that is taken.
+        typical: of two units that a refused value may be in, the one nearer to this is proposed.
+        others: units that people type by mistake, in SI.
+    """
+
+    words: str
+    unit: str
+    least: float
+    most: float
+    typical: float
+    others: Mapping[str, float]
+
+    def check(self, name: str, value: float) -> float:
+        """The value, where it can be one.
+
+        Args:
+            name: how the refusal calls it.
+            value: in SI.
+
+        Raises:
+            SloshBringupError: it is outside the limits; with the unit that it looks like.
+        """
+        if math.isfinite(value) and self.least <= value <= self.most:
+            return value
+        told = f"{name} = {value:g} {self.unit}"
+        guess = self._guess(value)
+        if guess is not None:
+            raise SloshBringupError(
+                f"{told}: did you mean {value * self.others[guess]:g} ({value:g} {guess})?"
+            )
+        raise SloshBringupError(f"{told}: must be {self.least:g} to {self.most:g} {self.unit}")
+
+    def _guess(self, value: float) -> str | None:
+        """The unit that the value is likely in."""
+        likely = [
+            unit for unit, size in self.others.items() if self.least <= value * size <= self.most
+        ]
+        return min(
+            likely, key=lambda unit: self._distance(value * self.others[unit]), default=None
+        )
+
+    def _distance(self, value: float) -> float:
+        return abs(math.log(value / self.typical)) if value > 0.0 else math.inf
+
+
+def _length(words: str, least: float, most: float, typical: float) -> Quantity:
+    return Quantity(words, "m", least, most, typical, _LENGTHS)
+
+
+# From a test tube to a tank on wheels.
+QUANTITIES: Mapping[str, Quantity] = {
+    "radius": _length("inner radius", 2e-3, 2.0, 0.05),
+    "diameter": _length("inner diameter", 4e-3, 4.0, 0.1),
+    "width": _length("inner width along x", 4e-3, 4.0, 0.1),
+    "depth": _length("inner depth along y", 4e-3, 4.0, 0.1),
+    "fill_height": _length("height of the liquid at rest above the inner floor", 2e-3, 4.0, 0.07),
+    "rim_height": _length("height of the rim above the inner floor", 2e-3, 4.0, 0.12),
+    "wall": _length("thickness of the wall", 0.0, 0.05, 2e-3),
+    "density": Quantity("density", "kg/m3", 100.0, 2e4, 1e3, {"g/cm3": 1e3}),
+    "viscosity": Quantity(
+        "kinematic viscosity", "m2/s", 1e-8, 0.02, 1e-6, {"mm2/s": 1e-6, "cm2/s": 1e-4}
+    ),
+}
+"""By the option's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class NewCup:
+    """What the first files say.
+
+    Attributes:
+        lengths: inner dimensions by their key in the files: `radius`, or `width` and `depth` [m].
+        fill_height: height of the liquid at rest above the inner floor [m].
+        liquid: what is in it.
+        rim_height: above the inner floor [m]; None: unknown.
+        wall: thickness [m]; None: unknown.
+        namespace: of the nodes.
+        image_size: width and height of the camera's images [px].
+        camera: whether the cell has one.
+    """
+
+    lengths: dict[str, float]
+    fill_height: float
+    liquid: Liquid
+    rim_height: float | None
+    wall: float | None
+    namespace: str
+    image_size: tuple[int, int]
+    camera: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse a rim below the liquid, and a namespace that is none."""
+        if self.rim_height is not None and self.rim_height <= self.fill_height:
+            raise SloshBringupError(
+                f"rim_height = {self.rim_height:g} m: must lie above the liquid, whose "
+                f"fill_height is {self.fill_height:g} m"
+            )
+        if not _NAMESPACE.fullmatch(self.namespace):
+            raise SloshBringupError(
+                f"namespace = {self.namespace!r}: must be names after slashes, such as /slosh"
+            )
+
+    @property
+    def model(self) -> Model:
+        """The model that a new cup begins with."""
+        heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
+        return Model.from_cup(liquid=self.liquid, **cast(CupLengths, {**self.lengths, **heights}))
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it is a cylinder."""
+        return "radius" in self.lengths
+
+    @property
+    def shape(self) -> str:
+        """As the files call it."""
+        return "cylinder" if self.is_round else "rectangle"

@@ -1,12 +1,14 @@
-"""A page of predicted motions side by side."""
+"""A page and a picture of predicted motions side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
+from slosh_base.files.plain_text import plain_line
 from slosh_bringup.predict.profiles import (
     Palette,
     Profile,
@@ -14,12 +16,17 @@ from slosh_bringup.predict.profiles import (
     draw_heights,
     scales,
 )
+from slosh_bringup.simulate.chart import new_picture
 from slosh_report.page.lines import SMALL, time_chart, time_ends
 from slosh_report.page.svg import INK, LIMIT, LINEAR, NONLINEAR
 from slosh_report.page.template import make_environment
 
 COLOURS = Palette(NONLINEAR, LINEAR, LIMIT, INK)
 LOW = (SMALL[0], 1.7)
+
+PICTURE_COLOURS = Palette("tab:blue", "tab:orange", "tab:red", "dimgray")
+PANEL, PICTURE_HEIGHT = 3.6, 5.4
+"""Width of a motion's panels and height of the picture [in]."""
 
 
 def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[Profile]) -> str:
@@ -60,3 +67,28 @@ def _charts(
         Markup(time_chart(heights, ends, SMALL, f"height-{number}")),
         Markup(time_chart(strength, ends, LOW, f"acceleration-{number}")),
     )
+
+
+def write_picture(path: Path, shown: Sequence[Profile]) -> None:
+    """Draws each motion's heights and acceleration, with the same scales.
+
+    Args:
+        path: the `.png` or `.svg` file.
+        shown: at least one.
+
+    Raises:
+        OSError: the file cannot be written; what was there is as it was.
+    """
+    height, acceleration = scales(shown)
+    with new_picture(path, (max(PANEL * len(shown), 6.0), PICTURE_HEIGHT)) as figure:
+        rows = figure.subplots(
+            2, len(shown), sharey="row", sharex="col", height_ratios=(2, 1), squeeze=False
+        )
+        for one, upper, lower in zip(shown, *rows, strict=True):
+            draw_heights(upper, one, PICTURE_COLOURS, height)
+            draw_acceleration(lower, one, PICTURE_COLOURS, acceleration)
+            title = [plain_line(one.answer.name), *one.words()]
+            upper.set_title("\n".join(title), fontsize=10.0)
+            lower.set_xlabel("time [s]")
+        rows[0][0].set_ylabel("height [mm], dashed: linear")
+        rows[1][0].set_ylabel("‖a‖ [m/s²]")

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.files.yaml_document import format_yaml
+from slosh_camera.calibrate.intrinsics import lens_block
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.intrinsics.views import LEAST_VIEWS, LeftOut, View, Views
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
@@ -250,3 +252,18 @@ def _solved_views(used: Sequence[View], found: _Solution) -> tuple[SolvedView, .
         projected = _projected(found, view, turn, shift)
         solved.append(SolvedView(view, rotation, projected, float(rms)))
     return tuple(solved)
+
+
+def format_camera(camera: PinholeCamera, name: str) -> str:
+    """Text of an `ost.yaml`; `read_known_camera` reads it back to the same camera."""
+    projection = np.column_stack((camera.matrix, np.zeros(3)))
+    document = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": name,
+        "camera_matrix": {"rows": 3, "cols": 3, "data": camera.matrix.ravel().tolist()},
+        **lens_block(camera),
+        "rectification_matrix": {"rows": 3, "cols": 3, "data": np.eye(3).ravel().tolist()},
+        "projection_matrix": {"rows": 3, "cols": 4, "data": projection.ravel().tolist()},
+    }
+    return format_yaml(document, sort_keys=False, default_flow_style=None, width=99)

@@ -18,7 +18,7 @@ from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_tables.motion_table import SUFFIXES, MotionTable, read_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.time_unit import check_span
+from slosh_tables.text_table.units import check_span
 
 Array = NDArray[np.float64]
 

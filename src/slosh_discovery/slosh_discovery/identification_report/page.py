@@ -16,9 +16,12 @@ from slosh_discovery.identification_report.charts import (
     residual_chart,
     speed_chart,
 )
-from slosh_discovery.identification_report.data import IdentificationReport
-from slosh_discovery.identification_report.document import Document, identification_document
-from slosh_discovery.identification_report.figures import minus, rounded, shown_value
+from slosh_discovery.identification_report.data import (
+    Document,
+    IdentificationReport,
+    identification_document,
+)
+from slosh_discovery.identification_report.text import minus, rounded, shown_value
 from slosh_discovery.identify.result import FittedMotion, Identification, IdentifiedModel, Role
 from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_report.page.lines import NARROW, SMALL, WIDE

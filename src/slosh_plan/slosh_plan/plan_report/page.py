@@ -19,8 +19,7 @@ from slosh_plan.plan_report.charts import (
     tick_spacing,
     views,
 )
-from slosh_plan.plan_report.data import PlanReport
-from slosh_plan.plan_report.document import Document, plan_document
+from slosh_plan.plan_report.data import Document, PlanReport, plan_document
 from slosh_report.page.lines import NARROW, WIDE
 from slosh_report.page.template import make_environment
 from slosh_report.page.units import shown

@@ -23,7 +23,7 @@ from slosh_base.files.file_kind import TEXT, foreign_kind
 from slosh_tables.text_table.form import UNKNOWN, Rows, name_of, read_form
 from slosh_tables.text_table.names import TIME, Column, columns_of, is_index
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.time_unit import EPOCH_FROM, assumed_unit, check_step
+from slosh_tables.text_table.units import EPOCH_FROM, assumed_unit, check_step
 from slosh_tables.text_table.units import TIME as TIME_UNITS
 
 Array = NDArray[np.float64]
