@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict
 from slosh_estimator.mounting import SensorTransform
@@ -15,8 +16,6 @@ from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
 from slosh_metrics.input_checks.input_checks import AccelCheck
-
-Array = NDArray[np.float64]
 
 
 class AccelInput(CheckedInput):

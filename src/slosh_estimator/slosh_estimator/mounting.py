@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.rotation import Matrix, Vector, matrix_from_rpy
 
-Array = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 
 

@@ -13,8 +13,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
@@ -33,8 +33,6 @@ from slosh_estimator.sample import SECONDS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
 from slosh_metrics.input_checks.input_checks import PoseCheck
-
-Array = NDArray[np.float64]
 
 MINIMUM_WINDOW = 2 * FEWEST + 1
 MAXIMUM_SPEED = 20.0

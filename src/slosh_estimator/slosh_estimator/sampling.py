@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Integers
 from slosh_estimator.gate import SampleGate
 from slosh_estimator.sample import SECONDS
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
 
-Integers = NDArray[np.int64]
 Modes = tuple[tuple[int, float], ...]
 """Modes as number and natural frequency [rad/s], rising by number."""
 Gain = Callable[[float, float], float]

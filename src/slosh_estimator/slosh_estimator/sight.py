@@ -15,11 +15,9 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array, Integers
 from slosh_estimator.sample import SECONDS
 from slosh_estimator.validity import EstimateFlag
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class SurfaceFlag(IntFlag):

@@ -19,9 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_metrics.errors import SloshMetricsError
-
-Array = NDArray[np.float64]
 
 QUIET_WINDOW = 0.8
 """Length of the quiet part from which level and noise are taken [s]."""

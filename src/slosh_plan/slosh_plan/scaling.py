@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
@@ -31,7 +32,6 @@ from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import LONGEST, PEAK_SPACING, Trajectory
 from slosh_plan.validity import greatest
 
-Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 COUNT = 1000

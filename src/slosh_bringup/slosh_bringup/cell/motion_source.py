@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_bringup.cell.motions import Motion, make_motion
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.interpolation import columns_at
 from slosh_tables.motion_table import MotionTable, read_motion_table
 from slosh_tables.text_table.options import TableOptions, Tell, warn
 from slosh_tables.text_table.units import check_span
-
-Array = NDArray[np.float64]
 
 TABLE_ENDINGS = (".csv", ".csv.gz")
 REPEATS = (1, 10_000)

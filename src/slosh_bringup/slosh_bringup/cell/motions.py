@@ -16,14 +16,13 @@ from types import MappingProxyType
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from slosh_base.files.nearest import did_you_mean
+from slosh_base.types import Array
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.constants import GRAVITY
 from slosh_model.motion_profiles import modified_trapezoid
 
-Array = NDArray[np.float64]
 Path = Callable[[Array], tuple[Array, Array, Array]]
 
 REST_BEFORE = 1.0

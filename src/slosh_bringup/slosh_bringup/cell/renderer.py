@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_camera.optics.cup import CupView
 from slosh_model.bessel import radial_shape
 
-Array = NDArray[np.float64]
 Layer = NDArray[np.float32]
 GrayImage = NDArray[np.uint8]
 ColourImage = NDArray[np.uint8]

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_bringup.cell.motions import Motion
 from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_bringup.simulate.chart import FAR
 from slosh_model.model import Model
 from slosh_model.simulate import simulate
@@ -17,8 +17,6 @@ from slosh_model.tilt import attitude_of, feeling
 from slosh_plan import Prediction, Trajectory
 from slosh_plan.prediction import checked_horizon
 from slosh_report.page.series import envelope
-
-Array = NDArray[np.float64]
 
 MOST = 12
 """So many motions are drawn; the table holds all."""

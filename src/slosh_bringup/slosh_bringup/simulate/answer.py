@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_plan.validity import greatest
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from slosh_base.types import Array
 from slosh_discovery.discover.differences import (
     LEAST_NOISE,
     LEAST_SAMPLES,
@@ -29,8 +30,6 @@ from slosh_discovery.discover.differences import (
 from slosh_discovery.discover.input_series import still_until
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 SETTLE = 0.05
 """The last part of a still segment that is left out [s]: the clocks may differ a little."""

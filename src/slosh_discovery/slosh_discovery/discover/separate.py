@@ -15,9 +15,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
+from slosh_base.types import Array
 from slosh_discovery.discover.finding import SeparatingMotion
 from slosh_discovery.discover.problem import liquid_alone
 from slosh_discovery.discover.separating_families import (
@@ -33,8 +33,6 @@ from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 RATIOS = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.2)
 """Frequencies that are tried first, in units of the first mode's."""

@@ -10,12 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 STILL = 1.5
 """Still part before every motion [s]: level and noise are taken from it."""

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.crosscheck import HeldOut, held_out
 from slosh_discovery.discover.evidence import (
     discounted,
@@ -25,8 +25,6 @@ from slosh_discovery.discover.noise import removable
 from slosh_discovery.discover.problem import PreparedMotion, claimed_noise, simulate_all
 from slosh_discovery.discover.search import Leftover, Pool, leftover
 from slosh_discovery.discover.steadiness import Change, change_with_time
-
-Array = NDArray[np.float64]
 
 SURE_ENOUGH = 0.8
 """An explanation at least this likely is named; below, it is one of several."""

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.campaigns import find_campaigns, in_groups
 from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.crosscheck import held_out
@@ -51,7 +51,6 @@ from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 
-Array = NDArray[np.float64]
 NAN = float("nan")
 
 NO_AGREEMENT = Agreement(rms=math.inf, sigma=NAN, epsilon=NAN, peak=NAN)

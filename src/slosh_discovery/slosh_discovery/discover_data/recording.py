@@ -26,6 +26,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.interpolation import columns_at
@@ -34,7 +35,6 @@ from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_replay.recording.motion import FRAME, AttitudeCollector, Motion, MotionCollector
 from slosh_replay.recording.sources import Sources, find_sources
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 Tell = Callable[[str], object]

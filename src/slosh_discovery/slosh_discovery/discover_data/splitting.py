@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
 from slosh_discovery.discover_data.recording import Heights, Recording
 from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.motion_spans import MotionSpan, motion_spans
 from slosh_replay.recording.motion import Motion
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 REST_NS = 2 * SECOND

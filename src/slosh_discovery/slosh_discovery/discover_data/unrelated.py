@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Recording, Tell
@@ -27,8 +27,6 @@ from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.facts import noted_container
 from slosh_replay.recording.motion import Motion
 from slosh_report.errors import SloshReportError
-
-Array = NDArray[np.float64]
 
 SEARCH = 2.0
 """Half-width of the search around the onsets' offset [s]: where a container tilts, measured and

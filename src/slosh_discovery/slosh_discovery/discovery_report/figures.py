@@ -7,13 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.finding import MotionFinding
 from slosh_model.effects.registry import EFFECTS
 from slosh_report.page.units import DASH
-
-Array = NDArray[np.float64]
 
 NAN = float("nan")
 PARAMETER_UNITS = {

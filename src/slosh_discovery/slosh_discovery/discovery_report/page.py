@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Template
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.finding import (
     Finding,
     MotionFinding,
@@ -57,7 +57,6 @@ LOW_SIZES = (("wide", LOW), ("narrow", LOW_NARROW))
 CONFIDENT = 0.9
 """A name with less is shown as something to doubt."""
 
-Array = NDArray[np.float64]
 Size = tuple[float, float]
 
 BAND = 2.0

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.identification_report.data import Beside, first_mode
 from slosh_discovery.identify.result import FittedMotion, Identification, PointAgreement
 from slosh_model.errors import SloshModelError
@@ -27,7 +27,6 @@ from slosh_report.page.svg import (
     svg_text,
 )
 
-Array = NDArray[np.float64]
 Size = tuple[float, float]
 
 REACH = 1.25

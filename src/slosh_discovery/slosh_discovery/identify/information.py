@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.colour import Colour
 from slosh_discovery.discover.problem import LONGEST_STEP
 from slosh_discovery.discover.separating_families import FAMILIES, Motion, inputs_of, text_of
@@ -17,8 +17,6 @@ from slosh_discovery.identify.problem import STEP, Problem
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
 from slosh_model.simulate import Inputs, Response
-
-Array = NDArray[np.float64]
 
 UNKNOWN = 1.0
 """A direction whose standard error exceeds what is known without any data is not identified."""

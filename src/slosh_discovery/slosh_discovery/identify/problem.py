@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.fitting import CLOCK_SPAN
 from slosh_discovery.discover.problem import LONGEST_STEP, Answer, PreparedMotion
 from slosh_discovery.identify.parameters import FreeParameter, fitted_model
@@ -21,8 +21,6 @@ from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, State, simulate
-
-Array = NDArray[np.float64]
 
 STEP = 1e-4
 """Step of the derivatives, relative to a parameter's width."""

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Transform, Twist
-from numpy.typing import NDArray
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_msgs.msg import MotionPlan
 from slosh_msgs_py.stamps import to_duration
@@ -24,8 +24,6 @@ from slosh_plan.planning.execution import Execution, execution_of
 from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
 from slosh_plan.planning.path import TURNED, Waypoints
 from slosh_plan.planning.plan import Plan
-
-Array = NDArray[np.float64]
 
 NAME = "the path"
 MOST_WAYPOINTS = 5_000

@@ -6,14 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_plan import HeightLimits, ModelError, Prediction, SafeScales, Trajectory
 from slosh_plan.joints import Arm
 from slosh_plan.nodes.trajectory_messages import trajectory_of_joints, trajectory_of_points
-
-Array = NDArray[np.float64]
 
 NAME = "the motion"
 AXES = ("acceleration_x", "acceleration_y", "acceleration_z")

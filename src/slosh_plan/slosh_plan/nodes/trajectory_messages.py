@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_msgs_py.point_arrays import PointArrays, arrays_of
 from slosh_plan import Trajectory
@@ -15,7 +15,6 @@ from slosh_plan.consistency import check_consistent
 from slosh_plan.joints import Arm
 from slosh_plan.trajectory import MOST_POINTS
 
-Array = NDArray[np.float64]
 Points = PointArrays | Sequence[Any]
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_plan.plan_report.data import PlanReport, ShownMotion
 from slosh_report.page.lines import DASHES, chart_points, draw_line, time_chart
 from slosh_report.page.svg import (
@@ -23,7 +23,6 @@ from slosh_report.page.svg import (
     svg_text,
 )
 
-Array = NDArray[np.float64]
 Size = tuple[float, float]
 
 AFTER_SHARE = 0.4

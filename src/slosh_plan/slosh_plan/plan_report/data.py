@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_plan.planning.checked import Checked
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.time_law import STEP
 from slosh_report.json_values import plain
-
-Array = NDArray[np.float64]
 
 SCHEMA = 1
 

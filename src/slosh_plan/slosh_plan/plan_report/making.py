@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import msh_of
@@ -16,8 +16,6 @@ from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.time_law import STEP, Motion
 from slosh_plan.prediction import COVERAGE, principal_variants
 from slosh_plan.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 PLANNED, PROPOSAL = "planned", "the waypoints’ own times"
 

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import Motion
 from slosh_plan.prediction import ModelError, principal_variants
-
-Array = NDArray[np.float64]
 
 PERIODS = 8.0
 """Of the first mode that are looked at after a motion's end."""

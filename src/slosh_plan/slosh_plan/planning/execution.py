@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_plan.planning.time_law import Motion
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 NEAR = 1.5e-4

@@ -15,9 +15,9 @@ from itertools import islice
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
+from slosh_base.types import Array
 from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
 from slosh_plan.planning.checked import Checked, Checker
 from slosh_plan.planning.limits import PlanLimits
@@ -25,7 +25,6 @@ from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
 from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
 
-Array = NDArray[np.float64]
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
 
 RATIO = 1.02

@@ -17,13 +17,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
+from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.progress import StoppedError, never
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 200_000
 KEPT = 5e-5

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model import Model
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 
 TIME_LIMIT = 30.0
 """Of a search [s]."""

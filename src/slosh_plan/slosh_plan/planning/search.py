@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model import Inputs, Model, simulate
 from slosh_plan.planning.checked import Checked, Checker
 from slosh_plan.planning.flow import flow_of
@@ -36,8 +36,6 @@ SLACK = 2e-4
 """By how much more than its excess."""
 
 Legs = tuple[LegGuess, ...]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,12 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slosh_base.types import Array
 from slosh_plan.planning.path import Path
 
-Array = NDArray[np.float64]
 Law = Callable[[Array], tuple[Array, Array, Array]]
 """Time [s] to s [m] and its first two derivatives."""
 

@@ -9,10 +9,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 from scipy.spatial import cKDTree
 
+from slosh_base.types import Array
 from slosh_model import Model
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.motion_profiles import quintic
@@ -22,8 +22,6 @@ from slosh_plan.planning.path import Leg, Path, path_through
 from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped, Filter
 from slosh_plan.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 POLYNOMIAL = "polynomial"
 REST = 0.01

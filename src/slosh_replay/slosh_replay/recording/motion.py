@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.rotation import matrix_from_rpy
 from slosh_estimator.sample import Samples
@@ -19,7 +20,6 @@ from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_replay.recording.inputs import STAMP, InputReader, fields, stamps_of
 from slosh_replay.strays import StrayFilter
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 

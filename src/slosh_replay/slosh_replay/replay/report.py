@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.limits import Event, Kind, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
@@ -32,8 +32,6 @@ from slosh_report.run_report import (
     Verdict,
     Verification,
 )
-
-Array = NDArray[np.float64]
 
 NAN = float("nan")
 BESIDE = 1.0  # [s]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import ClockOffset, StillLevel
@@ -22,8 +23,6 @@ from slosh_report.json_values import plain
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
-
-Array = NDArray[np.float64]
 
 
 def _none() -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Integers
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.inputs import InputSettings
@@ -38,8 +39,6 @@ from slosh_replay.replay.series import Series
 from slosh_replay.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_replay.strays import StrayFilter
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 
 BEHIND_NS = 2_000_000_000

@@ -30,6 +30,7 @@ from slosh_bag.interchange.topic_choice import find_topic
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.inputs import IMU, InputSettings
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
@@ -47,7 +48,6 @@ from slosh_replay.tables.table_bag import (
 )
 from slosh_tables.motion_table import MSH, MotionTable, eta_azimuths
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 NO_HEIGHTS: Final = "none"

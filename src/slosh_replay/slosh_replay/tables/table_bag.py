@@ -29,6 +29,7 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.inputs import ACCEL, IMU, MESSAGE_TYPES
 from slosh_model.constants import GRAVITY
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
@@ -36,7 +37,6 @@ from slosh_replay.recording.motion import NOT_REPORTED
 from slosh_tables.motion_table import MotionTable, column_names, read_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 LAST_NS: Final = (2**31 - 1) * SECOND

@@ -6,12 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_report.page.series import POINTS, envelope, lone
 from slosh_report.page.svg import CARD, INK, canvas, style, svg_text
-
-Array = NDArray[np.float64]
 
 WIDE = (9.6, 3.3)
 NARROW = (4.1, 3.0)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_report.page.lines import (
     DASHES,
     SMALL,
@@ -22,7 +23,6 @@ from slosh_report.page.svg import CARD, GAP, INK, LIMIT, LINEAR, MEASURED, NONLI
 from slosh_report.run_report.data import RunReport
 from slosh_report.run_report.rows import Motion
 
-Array = NDArray[np.float64]
 Spans = Iterable[tuple[float, float]]
 
 NUMBERS = 25

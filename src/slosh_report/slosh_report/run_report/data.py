@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_report.errors import SloshReportError
 from slosh_report.page.frame import Frame
 from slosh_report.run_report.rows import (
@@ -22,7 +23,6 @@ from slosh_report.run_report.rows import (
     Verification,
 )
 
-Array = NDArray[np.float64]
 OPEN = Status()
 
 

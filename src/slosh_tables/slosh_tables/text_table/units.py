@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files.errors import SloshFileError
+from slosh_base.types import Array
 
 STANDARD_GRAVITY: Final = 9.80665
 TIME: Final[Mapping[str, float]] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
@@ -45,7 +45,6 @@ _SPELLINGS: Final = {
 _CHANGED = str.maketrans({"²": "2", "µ": "u", "μ": "u", "⁻": "-", "¹": "1", "−": "-"})
 _DROPPED = re.compile(r"[\s^*·.]|\\")
 
-Array = NDArray[np.float64]
 
 _FROM, _TO = 9.4e8, 4.1e9  # s since 1970: the years 2000 to 2100
 EPOCH_FROM: Final[Mapping[str, float]] = {
