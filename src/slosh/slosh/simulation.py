@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 
 from slosh.arguments import as_file, the_model
-from slosh_bringup.simulate.doubts import check_possible, doubts
+from slosh_bringup.simulate.answer import check_possible, doubts
 from slosh_model.gaps import gap_text
 from slosh_model.simulate import Inputs, Response
 from slosh_model.simulate import simulate as simulate_inputs

@@ -32,8 +32,7 @@ from slosh_model.model_text import format_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_model.tilt import attitude_of, ignored_text, unfelt_tilt
 from slosh_replay.recording import settings
-from slosh_replay.recording.cells import CellTopics
-from slosh_replay.recording.sources import recorded_starts
+from slosh_replay.recording.sources import CellTopics, recorded_starts
 from slosh_tables.motion_table import MotionTable, is_motion_table, write_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slosh_base.files import write_text
+from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError
-from slosh_base.files.text_file import read_text
 from slosh_discovery.discovering import (
     Motions,
     check_apart,

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from slosh_base.files import write_text
+from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError, YamlError
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.text_file import read_text
 from slosh_base.files.yaml_document import KeyPath, dotted, format_yaml, parse_yaml, shown
 from slosh_model.containers import SHAPES, Container, Cylinder
 from slosh_model.covariance import Covariance

@@ -24,7 +24,7 @@ from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
 from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import topics
-from slosh_msgs_py.message_type import find_type
+from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare

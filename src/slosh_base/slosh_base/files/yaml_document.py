@@ -13,8 +13,8 @@ from typing import Any, Final
 
 import yaml
 
+from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import YamlError
-from slosh_base.files.text_file import read_text
 
 LONGEST = 1_000_000
 """Characters of a text, at most, where nothing else is said."""

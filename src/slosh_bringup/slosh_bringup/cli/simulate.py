@@ -18,8 +18,7 @@ from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.simulate.answer import Answer, make_answer
-from slosh_bringup.simulate.doubts import check_possible, doubts
+from slosh_bringup.simulate.answer import Answer, check_possible, doubts, make_answer
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights

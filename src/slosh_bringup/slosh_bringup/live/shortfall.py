@@ -14,8 +14,8 @@ from slosh_camera.measurement import Flag
 from slosh_estimator.sight import UNUSABLE
 from slosh_msgs_py import topics
 from slosh_replay.in_force import Starts, has_camera, image_topic, input_topic
-from slosh_replay.recording.cells import ESTIMATE, SURFACE, CellTopics
 from slosh_replay.recording.inputs import STAMP, stamps_of
+from slosh_replay.recording.sources import ESTIMATE, SURFACE, CellTopics
 
 MANY = 3
 """So many causes of one kind are named."""

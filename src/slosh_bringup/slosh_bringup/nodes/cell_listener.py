@@ -19,7 +19,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bringup.cell_watch import NodeReport, reports
 from slosh_msgs.msg import NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.message_type import find_type
+from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.run import initialise, make_heard
 from slosh_replay.recording.settings import NodeStart, node_start

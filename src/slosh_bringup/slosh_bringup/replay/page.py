@@ -15,7 +15,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.cells import CellTopics
+from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay import ReplayResult
 from slosh_replay.replay.checking import Checked
 from slosh_replay.replay.report import Surroundings, replay_report, report_start

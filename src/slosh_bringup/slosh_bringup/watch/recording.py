@@ -20,8 +20,8 @@ from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_bringup.watch.verdict import Verdict
 from slosh_camera.errors import SloshCameraError
 from slosh_msgs_py import topics
-from slosh_replay.recording.cells import CellTopics
 from slosh_replay.recording.settings import TOPIC, node_start
+from slosh_replay.recording.sources import CellTopics
 
 _PAGE = {row.name.lstrip("/"): row for row in topics.TOPICS if row.page}
 HEIGHTS = {

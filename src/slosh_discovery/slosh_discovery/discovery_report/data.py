@@ -20,8 +20,7 @@ from slosh_discovery.discover.finding import (
     SeparatingMotion,
 )
 from slosh_discovery.discover.gap import closed_share
-from slosh_discovery.discovery_report.figures import residual_rms, si_unit
-from slosh_discovery.discovery_report.words import verdict_sentence
+from slosh_discovery.discovery_report.words import residual_rms, si_unit, verdict_sentence
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_report.json_values import plain

@@ -1,4 +1,4 @@
-"""Fills the page's template."""
+"""Draws the charts and fills the page's template."""
 
 from __future__ import annotations
 
@@ -22,16 +22,21 @@ from slosh_discovery.discover.finding import (
 )
 from slosh_discovery.discovery_report import words
 from slosh_discovery.discovery_report.data import DiscoveryReport, Document, discovery_document
-from slosh_discovery.discovery_report.figures import (
+from slosh_discovery.discovery_report.words import (
     NAN,
     highest,
     shown_confidence,
     shown_parameter,
 )
 from slosh_model.simulate import Inputs
-from slosh_report.page.lines import (
+from slosh_report.page.svg import (
     DASHES,
+    GAP,
+    INK,
+    LINEAR,
+    MEASURED,
     NARROW,
+    NONLINEAR,
     WIDE,
     badge,
     chart_points,
@@ -39,7 +44,6 @@ from slosh_report.page.lines import (
     time_chart,
     time_ends,
 )
-from slosh_report.page.svg import GAP, INK, LINEAR, MEASURED, NONLINEAR
 from slosh_report.page.template import data_element, make_environment
 from slosh_report.page.units import shown
 

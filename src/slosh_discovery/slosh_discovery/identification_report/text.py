@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from slosh_base.files.plain_text import plain_line
-from slosh_discovery.discovery_report.figures import ShownParameter
+from slosh_discovery.discovery_report.words import ShownParameter
 from slosh_discovery.identification_report.data import IdentificationReport
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.result import IdentifiedModel

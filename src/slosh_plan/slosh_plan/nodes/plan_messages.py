@@ -15,8 +15,8 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_msgs.msg import MotionPlan
 from slosh_msgs_py.stamps import to_duration
 from slosh_plan import Trajectory
-from slosh_plan.nodes.predict_messages import given
-from slosh_plan.nodes.trajectory_messages import (
+from slosh_plan.nodes.predict_messages import (
+    given,
     poses_of,
     read_points,
 )

@@ -18,7 +18,7 @@ from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.replay.columns import chosen
+from slosh_replay.replay.series import chosen
 
 NAN = float("nan")
 CHECK_NS = 100_000_000

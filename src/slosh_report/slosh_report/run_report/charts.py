@@ -9,17 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
-from slosh_report.page.lines import (
+from slosh_report.page.series import POINTS, gaps, highest, united
+from slosh_report.page.svg import (
+    CARD,
     DASHES,
+    GAP,
+    INK,
+    LIMIT,
+    LINEAR,
+    MEASURED,
+    NONLINEAR,
     SMALL,
+    SPAN,
     badge,
     chart_points,
     draw_line,
     time_chart,
     time_ends,
 )
-from slosh_report.page.series import POINTS, gaps, highest, united
-from slosh_report.page.svg import CARD, GAP, INK, LIMIT, LINEAR, MEASURED, NONLINEAR, SPAN
 from slosh_report.run_report.data import RunReport
 from slosh_report.run_report.rows import Motion
 
