@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_bringup.cell.motions import Motion
+from slosh_bringup.cell.motions import CellMotion
 from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
@@ -39,7 +39,7 @@ class TruthLiquid:
         )
 
 
-def integrate_truth(model: Model, motion: Motion) -> TruthLiquid:
+def integrate_truth(model: Model, motion: CellMotion) -> TruthLiquid:
     """The truth liquid of a motion, from rest.
 
     A tilted container's liquid feels gravity from the side, a = Rᵀ(a + g ẑ) − g ẑ: the truth
@@ -73,7 +73,7 @@ class SensorReadings:
     attitude: Array
 
 
-def read_sensors(motion: Motion, noise: float, seed: int) -> SensorReadings:
+def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
     """The readings of a motion.
 
     Args:

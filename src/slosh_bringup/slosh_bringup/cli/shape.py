@@ -18,7 +18,7 @@ from slosh_model.model_text import read_model
 from slosh_plan import Trajectory
 from slosh_plan.planning.checked import Checked, checked
 from slosh_plan.planning.plan import upright_yaw
-from slosh_plan.planning.time_law import Motion
+from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.shaping.filters import FILTERS
 from slosh_plan.shaping.shaped import (
     POLYNOMIAL,
@@ -98,7 +98,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def shape(arguments: argparse.Namespace, model: Model, course: Course, yaw: float) -> Motion:
+def shape(
+    arguments: argparse.Namespace, model: Model, course: Course, yaw: float
+) -> PlannedMotion:
     """The motion as it is asked for.
 
     Raises:

@@ -29,8 +29,8 @@ from slosh_report.run_report import (
     Fact,
     KeyFigure,
     RunReport,
+    RunVerdict,
     Status,
-    Verdict,
     render_report,
     report_document,
 )
@@ -188,8 +188,8 @@ def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> Ru
 
 def _status(result: LiveResult, otherwise: Status) -> Status:
     if result.reasons:
-        return Status(Verdict.FAILED, (result.nothing,))
-    return Status(Verdict.FAILED, result.failures) if result.failures else otherwise
+        return Status(RunVerdict.FAILED, (result.nothing,))
+    return Status(RunVerdict.FAILED, result.failures) if result.failures else otherwise
 
 
 def _facts(result: LiveResult) -> tuple[Fact, ...]:

@@ -7,7 +7,6 @@ import os
 import time
 from collections import Counter
 from collections.abc import Collection
-from types import TracebackType
 from typing import Any, Protocol
 
 import rclpy
@@ -99,12 +98,7 @@ class CellListener:
         self._executor.add_node(self._node)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown()

@@ -23,7 +23,7 @@ from slosh_discovery.discover.problem import liquid_alone
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
     MAXIMUM_TRAVEL,
-    Motion,
+    CandidateMotion,
     inputs_of,
     text_of,
 )
@@ -98,7 +98,7 @@ class _Trial:
         sensitivity: largest rms change of the heights by one step of a parameter [m]; likewise.
     """
 
-    motion: Motion
+    motion: CandidateMotion
     inputs: Inputs
     difference: float
     relative: float
@@ -179,7 +179,9 @@ def _search(pair: _Pair) -> _Trial | None:
     for family in FAMILIES:
         if family.turns and not turning:
             continue
-        tried = [_largest(pair, Motion(family, ratio * pair.frequency)) for ratio in RATIOS]
+        tried = [
+            _largest(pair, CandidateMotion(family, ratio * pair.frequency)) for ratio in RATIOS
+        ]
         ranked = sorted((each for each in tried if each is not None), key=_by_difference)
         found += [_with_remaining(pair, each) for each in ranked[-PER_FAMILY:]]
     if not found:
@@ -197,7 +199,7 @@ def _refined(pair: _Pair, best: _Trial) -> _Trial:
     return _better(pair, best, replace(best.motion, dwell=LONG_DWELL))
 
 
-def _better(pair: _Pair, best: _Trial, motion: Motion) -> _Trial:
+def _better(pair: _Pair, best: _Trial, motion: CandidateMotion) -> _Trial:
     tried = _largest(pair, motion)
     return best if tried is None else max(best, _with_remaining(pair, tried), key=_by_merit)
 
@@ -210,7 +212,7 @@ def _by_merit(trial: _Trial) -> float:
     return trial.remaining / math.hypot(FLOOR, trial.sensitivity)
 
 
-def _largest(pair: _Pair, motion: Motion) -> _Trial | None:
+def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
     """The motion at the largest size that keeps the liquid in; None: it spills at any."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
@@ -220,7 +222,7 @@ def _largest(pair: _Pair, motion: Motion) -> _Trial | None:
     return None
 
 
-def _try(pair: _Pair, motion: Motion) -> _Trial | None:
+def _try(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
     inputs = inputs_of(motion)
     times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / SAMPLE_RATE)
     try:

@@ -32,7 +32,7 @@ from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.interpolation import columns_at
 from slosh_replay.recording.heights import HeightCollector, Measurements
 from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
-from slosh_replay.recording.motion import FRAME, AttitudeCollector, Motion, MotionCollector
+from slosh_replay.recording.motion import FRAME, AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
 
 Stamps = NDArray[np.int64]
@@ -79,7 +79,7 @@ class Recording:
     """
 
     path: Path
-    motion: Motion
+    motion: RecordedMotion
     heights: Heights
     residuals: Residuals
     facts: Mapping[str, str]
@@ -152,7 +152,7 @@ class _Container:
         """What is wrong with the input, a sentence each; once all has come."""
         return self._moved.doubts
 
-    def motion(self, path: Path) -> Motion:
+    def motion(self, path: Path) -> RecordedMotion:
         """All that came.
 
         Raises:
@@ -238,7 +238,7 @@ class PoseAttitudes:
         self._stamps.append(stamps_of(columns)[usable])
         self._turns.append(turns[usable])
 
-    def added_to(self, motion: Motion) -> Motion:
+    def added_to(self, motion: RecordedMotion) -> RecordedMotion:
         """The motion with attitude and angular velocity, where poses lie around all of it."""
         if not self._stamps:
             return motion

@@ -23,7 +23,7 @@ from slosh_plan.planning.checked import Checked, Checker
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
-from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
+from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
 
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
 
@@ -35,7 +35,7 @@ COARSE = 8e-3
 """Step of motions that are looked at first [s]."""
 NEARLY = 0.03
 """By which share of a limit a coarse motion may exceed it to be looked at in all its rows."""
-Make = Callable[[float, float], Motion]
+Make = Callable[[float, float], PlannedMotion]
 """Duration and step between rows [s] to a motion."""
 LONGEST = 120.0
 """Duration up to which a motion is looked for [s]."""
@@ -107,7 +107,7 @@ class KnownLaw:
         durations = leg_durations(self.path, duration)
         return [self._law(leg, time) for leg, time in zip(self.legs, durations, strict=True)]
 
-    def motion(self, duration: float, step: float = STEP) -> Motion:
+    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
         """The motion of a duration, with a step between two rows [s]."""
         durations = leg_durations(self.path, duration)
         return motion_along(self.path, self.laws(duration), durations, step)
@@ -135,13 +135,13 @@ class Scaled:
     found: Checked
 
 
-def known_laws(path: Path, units: Mapping[str, UnitLaw] = UNIT_LAWS) -> dict[str, KnownLaw]:
+def known_laws(path: Path) -> dict[str, KnownLaw]:
     """The laws along a path by their names; along straight legs all paces are one."""
     paces = PACES if any(curved(leg) for leg in path.legs) else {"": PACES[""]}
     found: dict[str, KnownLaw] = {}
     for words, pace in paces.items():
         legs = tuple(PacedLeg(leg, pace) for leg in path.legs)
-        found |= {f"{name}{words}": KnownLaw(path, unit, legs) for name, unit in units.items()}
+        found |= {f"{name}{words}": KnownLaw(path, unit, legs) for name, unit in UNIT_LAWS.items()}
     return found
 
 

@@ -26,7 +26,7 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.search import OptimalSearch
-from slosh_plan.planning.time_law import Motion
+from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, check_start, predict
 from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
@@ -188,7 +188,9 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
     )
 
 
-def _upper(model: Model, motion: Motion, attitude: Array | None) -> tuple[float, float] | None:
+def _upper(
+    model: Model, motion: PlannedMotion, attitude: Array | None
+) -> tuple[float, float] | None:
     """Upper ends of a motion's intervals, as `predict` tells them."""
     if model.covariance is None:
         return None

@@ -69,7 +69,7 @@ class JerkLaw:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class PlannedMotion:
     """A motion from rest to rest, at 1 kHz; coarser where it is only looked at, not returned.
 
     Attributes:
@@ -99,7 +99,7 @@ class Motion:
 
 def motion_along(
     path: Path, laws: Sequence[Law], durations: Sequence[float], step: float = STEP
-) -> Motion:
+) -> PlannedMotion:
     """The motion that a time law makes of a path.
 
     Args:
@@ -123,7 +123,7 @@ def motion_along(
         speed[rows] = v
     acceleration[0] = acceleration[-1] = 0.0
     speed[0] = speed[-1] = 0.0
-    return Motion(t, position, acceleration, speed)
+    return PlannedMotion(t, position, acceleration, speed)
 
 
 def whole_rows(duration: float) -> float:

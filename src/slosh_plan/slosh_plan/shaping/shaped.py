@@ -19,7 +19,7 @@ from slosh_model.motion_profiles import quintic
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.known_laws import UnitLaw
 from slosh_plan.planning.path import Leg, Path, path_through
-from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
+from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped, Filter
 from slosh_plan.trajectory import Trajectory
 
@@ -63,7 +63,7 @@ class Course:
         """Of the motion [s]."""
         return sum(self.durations)
 
-    def motion(self) -> Motion:
+    def motion(self) -> PlannedMotion:
         """As it is, at 1 kHz."""
         return _along(self.path, list(self.laws), list(self.durations))
 
@@ -99,13 +99,13 @@ def course_of(trajectory: Trajectory) -> Course:
     return Course(path, tuple(laws), tuple(np.diff(ends).tolist()), spline)
 
 
-def shaped(course: Course, chosen: Filter) -> Motion:
+def shaped(course: Course, chosen: Filter) -> PlannedMotion:
     """A motion filtered along its path's length: every leg for itself, the path as it was."""
     laws = [_filtered(law, chosen) for law in course.laws]
     return _along(course.path, laws, [time + chosen.length for time in course.durations])
 
 
-def shaped_per_axis(course: Course, chosen: Filter) -> Motion:
+def shaped_per_axis(course: Course, chosen: Filter) -> PlannedMotion:
     """A motion filtered in x, y and z, as a machine does that knows no path; it bends the path."""
     end = course.duration
     duration = whole_rows(end + chosen.length)
@@ -122,10 +122,10 @@ def shaped_per_axis(course: Course, chosen: Filter) -> Motion:
         return values
 
     speed = np.linalg.norm(chosen(part(1), t), axis=1)
-    return Motion(t, chosen(part(0), t), chosen(part(2), t), np.asarray(speed))
+    return PlannedMotion(t, chosen(part(0), t), chosen(part(2), t), np.asarray(speed))
 
 
-def residual_free_motion(course: Course, mode: Damped) -> Motion:
+def residual_free_motion(course: Course, mode: Damped) -> PlannedMotion:
     """A motion along the same path in the same time by the residual-free polynomial, leg by leg.
 
     Raises:
@@ -184,7 +184,7 @@ def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[
     return tuple(Damped(frequency, mode.damping_ratio) for frequency in kept or [along])
 
 
-def deviation(course: Course, motion: Motion) -> float:
+def deviation(course: Course, motion: PlannedMotion) -> float:
     """Farthest that a motion is from a path [m]."""
     farthest = np.full(len(motion.t), np.inf)
     for leg in course.path.legs:
@@ -204,7 +204,7 @@ def _from_segment(points: Array, starts: Array, stops: Array) -> Array:
     return np.asarray(np.linalg.norm(points - nearest, axis=1))
 
 
-def _along(path: Path, laws: list[Law], durations: list[float]) -> Motion:
+def _along(path: Path, laws: list[Law], durations: list[float]) -> PlannedMotion:
     """The motion, whose last leg rests until the next whole row."""
     total = sum(durations)
     return motion_along(path, laws, [*durations[:-1], durations[-1] + whole_rows(total) - total])

@@ -24,12 +24,12 @@ from slosh_report.run_report import (
     Frame,
     KeyFigure,
     ModelRow,
-    Motion,
+    RunMotion,
     RunReport,
+    RunVerdict,
     Span,
     Status,
     Topic,
-    Verdict,
     Verification,
 )
 
@@ -177,12 +177,12 @@ def _shown(result: ReplayResult) -> slice:
 
 def _status(result: ReplayResult, checked: Checked | None) -> Status:
     if checked is not None:
-        verdict = Verdict.PASSED if checked.passed else Verdict.FAILED
+        verdict = RunVerdict.PASSED if checked.passed else RunVerdict.FAILED
         return Status(verdict, checked.failures)
     found = result.verification
     if found is None or not found.recorded + found.missing:
         return Status()
-    return Status(Verdict.NO_EXPECTATION, () if found.exact else found.lines())
+    return Status(RunVerdict.NO_EXPECTATION, () if found.exact else found.lines())
 
 
 def _verifications(result: ReplayResult, start: int) -> list[Verification]:
@@ -218,9 +218,9 @@ def _differences(found: verification.Verification, start: int) -> tuple[Differen
     return tuple(rows)
 
 
-def _motions(result: ReplayResult, start: int) -> tuple[Motion, ...]:
+def _motions(result: ReplayResult, start: int) -> tuple[RunMotion, ...]:
     return tuple(
-        Motion(
+        RunMotion(
             str(number),
             motion.start - 1e-9 * start,
             motion.end - 1e-9 * start,

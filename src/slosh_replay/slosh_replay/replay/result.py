@@ -33,9 +33,6 @@ def _no_flags() -> NDArray[np.int64]:
     return np.empty(0, dtype=np.int64)
 
 
-MODELS = ("2D-L", "3D-L", "2D-NL", "3D-NL")
-
-
 @dataclass(frozen=True, slots=True)
 class ModelAccuracy:
     """Agreement of one model with the measurement.

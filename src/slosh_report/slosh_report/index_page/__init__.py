@@ -11,7 +11,7 @@ from jinja2 import Template
 
 from slosh_report.json_values import plain
 from slosh_report.page.template import make_environment, script
-from slosh_report.run_report.rows import Verdict
+from slosh_report.run_report.rows import RunVerdict
 
 __all__ = ["MARK", "IndexRow", "render_index"]
 
@@ -38,7 +38,7 @@ class IndexRow:
     """
 
     name: str
-    verdict: Verdict | None
+    verdict: RunVerdict | None
     model: str = ""
     sigma: float = NAN
     epsilon: float = NAN
@@ -63,7 +63,7 @@ def render_index(title: str, rows: Sequence[IndexRow]) -> str:
         rows: in the order in which they are shown until somebody sorts them.
     """
     document = [{**plain(row), "link": row.link} for row in rows]
-    failed = sum(row.verdict in (None, Verdict.FAILED) for row in rows)
+    failed = sum(row.verdict in (None, RunVerdict.FAILED) for row in rows)
     return _template().render(
         title=title, rows=document, failed=failed, mark=MARK, scripts=[script(_FOLDER, "sort.js")]
     )

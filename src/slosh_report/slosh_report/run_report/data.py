@@ -16,7 +16,7 @@ from slosh_report.run_report.rows import (
     Fact,
     KeyFigure,
     ModelRow,
-    Motion,
+    RunMotion,
     Span,
     Status,
     Topic,
@@ -100,7 +100,7 @@ class RunReport:
     checks: tuple[Check, ...] = ()
     verifications: tuple[Verification, ...] = ()
     facts: tuple[Fact, ...] = ()
-    motions: tuple[Motion, ...] = ()
+    motions: tuple[RunMotion, ...] = ()
     measured_azimuth: AzimuthSeries | None = None
     estimated_azimuth: AzimuthSeries | None = None
     saturated: NDArray[np.bool_] | None = None
