@@ -33,7 +33,7 @@ from slosh_bag.nodes.player_node import playable, profile
 from slosh_bag.nodes.player_thread import PlayerThread
 from slosh_bag.playing.play_plan import CLOCK, STREAM_DEPTH, PlayPlan, PlayRequest, make_plan
 from slosh_msgs_py import images, qos, topics
-from slosh_msgs_py.message_type import find_type
+from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_time

@@ -19,7 +19,7 @@ from slosh_discovery.discovering import recorded_cell, recorded_model
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-from slosh_replay.recording.motion import Motion
+from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.recording.settings import model_of
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.tables.antisloshing import find_runs, import_run
@@ -135,7 +135,7 @@ class TestMeasuredRuns:
             assert motion.t[0] < moving[0] - 0.9
             stamped = np.arange(len(motion.inputs.t))  # only the attitude matters here
             felt = felt_acceleration(
-                Motion(stamped, motion.inputs.acceleration, motion.inputs.attitude)
+                RecordedMotion(stamped, motion.inputs.acceleration, motion.inputs.attitude)
             )
             assert rms(motion, CUP, felt) < 4e-3, motion.name
 

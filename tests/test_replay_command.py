@@ -15,8 +15,8 @@ from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli import replay as replay_command
 from slosh_bringup.cli.main import main
+from slosh_bringup.cli.replay import find_bags
 from slosh_bringup.replay.junit import Case, Suite, write_junit
-from slosh_bringup.replay.stated_bags import find_bags
 from slosh_bringup.replay.task import new_bag, unique_names
 from tests.live_bag import TEXT, LiveBag
 

@@ -11,7 +11,7 @@ from live_browser import LiveBrowser
 from slosh_bag.definitions import find_interfaces
 from slosh_bringup.cli.main import main
 from slosh_report.index_page import IndexRow, render_index
-from slosh_report.run_report import Verdict
+from slosh_report.run_report import RunVerdict
 from tests.live_bag import LiveBag
 
 pytestmark = [
@@ -102,10 +102,10 @@ def test_the_index_names_each_bag_and_sorts(browser, replayed):
 def test_what_is_unknown_stands_last_and_a_hostile_name_is_text(browser, tmp_path):
     hostile = "<script>window.hacked=1</script>"
     rows = [
-        IndexRow("blind", Verdict.NO_EXPECTATION),
-        IndexRow("good", Verdict.PASSED, "3D-NL", 1e-4, 0.01, 0.02, 9),
+        IndexRow("blind", RunVerdict.NO_EXPECTATION),
+        IndexRow("good", RunVerdict.PASSED, "3D-NL", 1e-4, 0.01, 0.02, 9),
         IndexRow(hostile, None, reason="is no bag"),
-        IndexRow("bad", Verdict.FAILED, "3D-NL", 2e-4, -0.02, 0.01, 9, reason="MAE too large"),
+        IndexRow("bad", RunVerdict.FAILED, "3D-NL", 2e-4, -0.02, 0.01, 9, reason="MAE too large"),
     ]
     (tmp_path / "index.html").write_text(render_index("bags", rows))
     page = opened(browser, tmp_path / "index.html")

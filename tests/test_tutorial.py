@@ -13,7 +13,7 @@ from pages.shell import Shell, ShellError
 from stand_in import CAMERA, view_of
 
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 
 pytestmark = pytest.mark.timeout(600)
 LONGEST = 300.0

@@ -24,7 +24,7 @@ from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.errors import SloshModelError
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_replay.manifest import read_manifest
 from slosh_replay.recording.settings import node_start
 

@@ -31,7 +31,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell.motions import make_motion
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_msgs.msg import (
     FreeSurface,
     MotionPrediction,
@@ -44,10 +44,9 @@ from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_plan.nodes.plan_messages import plan_message
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.path import path_through
+from slosh_plan.planning.path import Waypoints, path_through
 from slosh_plan.planning.plan import TIME_LIMIT, Plan, plan
 from slosh_plan.planning.time_law import STEP
-from slosh_plan.planning.waypoints import Waypoints
 
 Array = NDArray[np.float64]
 

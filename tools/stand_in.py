@@ -34,8 +34,7 @@ from slosh_camera.optics.pose import look_at
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 
 CAMERA = BoardCamera((640, 480), (1000.0, 1000.0), (319.5, 239.5), (0.0, 0.0, 0.0, 0.0, 0.0))
 COLUMNS, ROWS, SQUARE = 9, 6, 0.025

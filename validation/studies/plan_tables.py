@@ -33,7 +33,7 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
-from slosh_plan.planning.time_law import Motion, motion_along
+from slosh_plan.planning.time_law import PlannedMotion, motion_along
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def cases(count: int) -> dict[str, Array]:
     return named | {f"random {seed}": random_points(seed) for seed in range(count)}
 
 
-def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> Motion:
+def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> PlannedMotion:
     """A law along DL22's own parameter of a path, as its motions are made."""
     spec = MOTIONS[name]
     sigma = np.linspace(0.0, 1.0, 4001)
@@ -107,10 +107,12 @@ def by_parameter(name: str, law: UnitLaw, duration: float, step: float) -> Motio
     acceleration += curve.derivative(1)(place) * change[:, None]
     acceleration /= duration**2
     acceleration[[0, -1]] = 0.0
-    return Motion(u * duration, curve(place), acceleration, rate)
+    return PlannedMotion(u * duration, curve(place), acceleration, rate)
 
 
-def shaped(route: Route, period: float, law: UnitLaw, duration: float, step: float) -> Motion:
+def shaped(
+    route: Route, period: float, law: UnitLaw, duration: float, step: float
+) -> PlannedMotion:
     """A law whose two halves, half a period apart, cancel each other's wave (ZV), on one leg."""
     leg, lag = route.legs[0], 0.5 * period
     rest = max(duration - lag, 1e-3)

@@ -27,7 +27,7 @@ from slosh_plan.planning.known_laws import known_laws, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.time_law import Motion, motion_along, whole_rows
+from slosh_plan.planning.time_law import PlannedMotion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped
 from slosh_plan.shaping.shaped import (
     POLYNOMIAL,
@@ -86,7 +86,7 @@ def base(route: Route, duration: float) -> Course:
     return replace(course, path=route, laws=laws, durations=durations)
 
 
-def shape(course: Course, name: str) -> Motion:
+def shape(course: Course, name: str) -> PlannedMotion:
     """A motion by a filter's name.
 
     Raises:

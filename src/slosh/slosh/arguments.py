@@ -17,7 +17,7 @@ from slosh_bag.reader import BagReader
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import read_motions
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_model.simulate import Inputs
 from slosh_plan.trajectory import Trajectory
 from slosh_tables.motion_table import MotionTable, write_motion_table
@@ -39,8 +39,8 @@ _PATH = (str, os.PathLike)
 _MOTION = "a Motion, a pandas table or the path of a motion table"
 
 
-def the_model(value: ModelLike, argument: str = "model") -> Model:
-    """The model that an argument gives.
+def the_model(value: ModelLike) -> Model:
+    """The model that an argument `model` gives.
 
     Raises:
         TypeError: it is neither a model nor a path.
@@ -48,7 +48,7 @@ def the_model(value: ModelLike, argument: str = "model") -> Model:
     if isinstance(value, Model):
         return value
     if not isinstance(value, _PATH):
-        raise TypeError(f"{argument} = {value!r:.60}: must be a Model or the path of a model.yaml")
+        raise TypeError(f"model = {value!r:.60}: must be a Model or the path of a model.yaml")
     return read_model(os.fspath(value))
 
 

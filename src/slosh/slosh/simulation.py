@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, overload
 import numpy as np
 
 from slosh.arguments import as_file, the_model
-from slosh_bringup.simulate.doubts import check_possible, doubts
+from slosh_bringup.simulate.answer import check_possible, doubts
 from slosh_model.gaps import gap_text
 from slosh_model.simulate import Inputs, Response
 from slosh_model.simulate import simulate as simulate_inputs
@@ -19,10 +19,9 @@ from slosh_model.tilt import feeling
 from slosh_plan.doubts import path_doubts, trajectory_doubts
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
-from slosh_plan.planning.path import path_through
+from slosh_plan.planning.path import Waypoints, path_through
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.plan import plan as plan_path
-from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.prediction import Prediction
 from slosh_plan.prediction import predict as predict_trajectories
 from slosh_plan.tables.path_table import read_path_table

@@ -72,10 +72,6 @@ class TopicChoice:
         self._alone_since: dict[str, float] = {}  # raw images without compressed ones
         self._used: set[str] = set()
 
-    def is_own(self, topic: str) -> bool:
-        """Whether it is a topic of the table in the cell's namespace, or a shared one."""
-        return topic in self._own
-
     def wants(self, topic: str) -> bool:
         """Whether it is recorded where it is published, if no other topic takes its place."""
         return self._is_wanted(topic) and not self._is_excluded(topic)

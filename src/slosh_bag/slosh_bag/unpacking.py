@@ -28,7 +28,7 @@ def unpack(compression: str, stored: Stored, size: int | None = None) -> bytes:
     """The bytes before compression.
 
     Args:
-        compression: one of COMPRESSIONS.
+        compression: empty, lz4, zstd or bz2.
         stored: the packed bytes.
         size: how many they must be unpacked, no more than MOST_UNPACKED; None: any number up to
             that.
@@ -115,4 +115,3 @@ _UNPACKERS: dict[str, Callable[[Stored, int], bytes]] = {
     "zstd": _zstd,
     "bz2": _bz2,
 }
-COMPRESSIONS = tuple(_UNPACKERS)

@@ -8,8 +8,8 @@ import pytest
 import zstandard
 
 from slosh_bag import unpacking
+from slosh_bag.definitions import MOST_VALUES, read_types
 from slosh_bag.errors import SloshBagError
-from slosh_bag.message_types import MOST_VALUES, read_types
 from slosh_bag.unpacking import UnpackingError, unpack
 from slosh_base.files import bounded_text as texts
 from slosh_base.files.bounded_text import bounded_text

@@ -9,7 +9,7 @@ from slosh_bag.bag_writer import BagWriter, Qos
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_contents import BagTopic, bag_contents, parse_offered
-from slosh_bag.mcap_files.read_ahead import BATCH_LENGTH, BATCHES, ReadAhead
+from slosh_bag.nodes.player_thread import BATCH_LENGTH, BATCHES, ReadAhead
 from slosh_bag.playing.play_plan import (
     PlayRequest,
     is_input,

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from slosh_bag.nodes.sequence_gaps import SequenceGaps
+from slosh_bag.nodes.topic_input import SequenceGaps
 
 
 def lost(numbers: list[int | None], publishers: int = 1) -> int:

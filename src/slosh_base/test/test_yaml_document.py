@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_base.files.errors import SloshFileError, TextFileError, YamlError
-from slosh_base.files.yaml_document import parse_yaml, read_yaml, shown
-from slosh_base.files.yaml_text import format_yaml
+from slosh_base.files.yaml_document import format_yaml, parse_yaml, read_yaml, shown
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ from slosh_bringup.processes import (
 from slosh_bringup.restarts import EXIT_WRONG_INPUT, pause, restarted
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 
 SETTLED = 60.0
 """An end that lies longer back than this is not counted any more [s]."""

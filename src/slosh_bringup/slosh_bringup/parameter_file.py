@@ -15,8 +15,7 @@ import yaml
 
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.nearest import nearest
-from slosh_base.files.yaml_document import brief, read_yaml, shown
-from slosh_base.files.yaml_numbers import FLOAT_TAG, INT_TAG
+from slosh_base.files.yaml_document import FLOAT_TAG, INT_TAG, brief, read_yaml, shown
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import NODES
 

@@ -9,13 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from slosh_base.files.errors import SloshFileError
 from slosh_bringup.cell.motion_source import load_motion, motion_from_table
-from slosh_bringup.cell.motions import Motion, make_motion
-from slosh_bringup.cell.sensors import read_sensors
-from slosh_bringup.cell.truth import integrate_truth
+from slosh_bringup.cell.motions import CellMotion, make_motion
+from slosh_bringup.cell.truth import integrate_truth, read_sensors
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
 from slosh_model.constants import GRAVITY
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_tables.motion_table import MotionTable, write_motion_table
 
 TRUTH = read_model(config_folder() / "truth.yaml")
@@ -25,7 +24,7 @@ def tilted(angle, t):
     """A container at rest, rolled about x."""
     quaternion = Rotation.from_euler("x", angle).as_quat()
     rest = np.zeros((len(t), 3))
-    return Motion("tilt", t, rest, rest, np.tile(quaternion, (len(t), 1)))
+    return CellMotion("tilt", t, rest, rest, np.tile(quaternion, (len(t), 1)))
 
 
 def test_a_tables_motion_is_the_one_that_was_written(tmp_path):
@@ -136,7 +135,7 @@ def test_a_tilt_and_the_acceleration_that_feels_the_same_move_the_liquid_alike()
     t = np.arange(2000) / 1000.0
     angle = 0.1
     felt = GRAVITY * np.array([0.0, np.sin(angle), np.cos(angle) - 1.0])
-    pushed = Motion("push", t, np.zeros((2000, 3)), np.tile(felt, (2000, 1)))
+    pushed = CellMotion("push", t, np.zeros((2000, 3)), np.tile(felt, (2000, 1)))
     by_tilt = integrate_truth(TRUTH, tilted(angle, t))
     by_push = integrate_truth(TRUTH, pushed)
     assert by_tilt.sh_y == pytest.approx(by_push.sh_y, abs=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from slosh_bringup.cell.motions import LEVELS, MOTIONS, VERTICAL_LEVELS, Motion, make_motion
+from slosh_bringup.cell.motions import LEVELS, MOTIONS, VERTICAL_LEVELS, CellMotion, make_motion
 from slosh_bringup.errors import SloshBringupError
 
 
@@ -45,7 +45,7 @@ def test_a_wrong_name_lists_the_right_ones():
 
 def test_arrays_cannot_be_written_to_nor_through_their_source():
     t = np.arange(3) / 10.0
-    motion = Motion("x", t, np.zeros((3, 3)), np.zeros((3, 3)))
+    motion = CellMotion("x", t, np.zeros((3, 3)), np.zeros((3, 3)))
     t[0] = 7.0
     assert motion.t[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):

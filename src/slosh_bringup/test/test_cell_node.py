@@ -24,7 +24,7 @@ from slosh_bringup.processes import config_folder  # noqa: E402
 from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
 from slosh_camera.images.decoding import decode_compressed  # noqa: E402
 from slosh_model.constants import GRAVITY  # noqa: E402
-from slosh_model.model_file import read_model  # noqa: E402
+from slosh_model.model_text import read_model  # noqa: E402
 from slosh_msgs.msg import FreeSurface, SloshEstimate  # noqa: E402
 from slosh_msgs_py import qos, topics  # noqa: E402
 from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402

@@ -4,7 +4,7 @@ import pytest
 
 from slosh_bringup.cell_watch import OK, NodeReport
 from slosh_bringup.cli import live
-from slosh_bringup.live.status import CellStatus
+from slosh_bringup.live.watch import CellStatus
 
 
 @pytest.fixture

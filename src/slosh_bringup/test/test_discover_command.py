@@ -18,8 +18,7 @@ from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict, WorstMoment
 from slosh_discovery.discovering import recorded_model
 from slosh_model.measure import predicted_heights
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model, parse_model
+from slosh_model.model_text import format_model, parse_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 

@@ -7,13 +7,12 @@ from importlib import resources
 import pytest
 
 from slosh_bringup.cli import predict, quantities, replay
+from slosh_bringup.cli import simulate as simulated
 from slosh_bringup.cli.main import main
 from slosh_bringup.detect import table as detected
+from slosh_bringup.explain.effect import NAMES, plain_equation
 from slosh_bringup.explain.flags import flags
-from slosh_bringup.explain.model_names import NAMES
-from slosh_bringup.explain.plain_equation import plain_equation
 from slosh_bringup.live import run_result
-from slosh_bringup.simulate import table as simulated
 from slosh_camera.measurement import Flag
 from slosh_discovery.discovery_report import text as discovered
 from slosh_discovery.identification_report import text as identified
@@ -124,19 +123,13 @@ def page_headings():
 
 def printed_heads():
     """Of the tables that commands print, as their code has them."""
-    for module in (discovered, identified, replay_tables(), run_result):
+    for module in (discovered, identified, replay, run_result):
         source = inspect.getsource(module)
         tuples = re.findall(
             r"(?:rows: list\[Row\] = \[|head = |aligned\(\[)\((.*?)\)\]?\n", source
         )
         yield from (one for found in tuples for one in re.findall(r'"(\w[^"]*)"', found))
         yield from re.findall(r"{'([^']+)':>\d+}", source)
-
-
-def replay_tables():
-    from slosh_bringup.replay import tables
-
-    return tables
 
 
 COLUMNS = sorted(

@@ -12,8 +12,7 @@ from slosh_bringup.processes import config_folder
 from slosh_model.containers import Cylinder
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 from slosh_model.motion_profiles import Cycle
 from slosh_model.simulate import Inputs
 from slosh_replay.tables.table_bag import import_table

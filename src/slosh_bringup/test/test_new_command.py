@@ -17,7 +17,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 
 ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
 SQUARE = ["--width", "0.1", "--depth", "0.07", "--fill-height", "0.06"]

@@ -2,7 +2,7 @@
 
 import asyncio
 
-from slosh_bringup.watch.hub import KEPT, Hub
+from slosh_bringup.watch.server import KEPT, Hub
 
 
 def test_who_comes_late_gets_what_is_still_drawn_and_the_newest_picture():

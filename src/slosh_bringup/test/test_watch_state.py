@@ -16,7 +16,7 @@ from slosh_bringup.watch.state import (
     Surface,
     WatchState,
 )
-from slosh_bringup.watch.verdict import Verdict, judge
+from slosh_bringup.watch.verdict import CellVerdict, judge
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -41,8 +41,8 @@ class TestVerdict:
     @pytest.mark.parametrize(
         ("state", "expected"),
         [
-            (0, Verdict.SAFE), (1, Verdict.NEAR), (2, Verdict.EXCEEDED), (3, Verdict.BLIND),
-            (4, Verdict.BLIND), (17, Verdict.BLIND), (None, Verdict.BLIND),
+            (0, CellVerdict.SAFE), (1, CellVerdict.NEAR), (2, CellVerdict.EXCEEDED),
+            (3, CellVerdict.BLIND), (4, CellVerdict.BLIND), (17, CellVerdict.BLIND), (None, CellVerdict.BLIND),
         ],
     )  # fmt: skip
     def test_each_state_of_the_monitor_has_one(self, state, expected):
@@ -51,21 +51,21 @@ class TestVerdict:
     @pytest.mark.parametrize("state", [0, 1, 2, 3, 4])
     def test_silence_is_never_safe(self, state):
         verdict, reason = judge(state, 3.2)
-        assert verdict is Verdict.BLIND
+        assert verdict is CellVerdict.BLIND
         assert "no message from the monitor for 3 s" in reason
 
     def test_an_open_excess_wins_over_a_state_that_is_back(self):
-        assert judge(0, 0.0, exceeded="disagreement 12 mm").verdict is Verdict.EXCEEDED
+        assert judge(0, 0.0, exceeded="disagreement 12 mm").verdict is CellVerdict.EXCEEDED
 
     def test_sides_that_disagree_are_not_near_a_limit(self):
         verdict, reason = judge(1, 0.1, disagree=True)
-        assert verdict is Verdict.DISAGREE
+        assert verdict is CellVerdict.DISAGREE
         assert "disagree" in reason
-        assert judge(2, 0.1, disagree=True).verdict is Verdict.EXCEEDED
+        assert judge(2, 0.1, disagree=True).verdict is CellVerdict.EXCEEDED
 
     def test_without_a_camera_by_choice_the_estimate_makes_the_verdict(self):
         verdict, reason = judge(0, 0.1, alone=True)
-        assert verdict is Verdict.SAFE
+        assert verdict is CellVerdict.SAFE
         assert reason == "estimated below its limit; no camera configured"
 
     def test_who_is_silent_is_named(self):

@@ -7,9 +7,9 @@ from enum import IntEnum, IntFlag
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from slosh_base.types import Array
+
 NAN = float("nan")
 
 
@@ -38,11 +38,11 @@ class PeakSide(IntEnum):
     REAR = 2
 
 
-def _no_values() -> FloatArray:
+def _no_values() -> Array:
     return np.empty(0)
 
 
-def _no_pixels() -> FloatArray:
+def _no_pixels() -> Array:
     return np.empty((0, 2))
 
 
@@ -90,10 +90,10 @@ class Measurement:
     azimuth_left: float = NAN
     azimuth_right: float = NAN
     slope_angle: float = NAN
-    profile_azimuth: FloatArray = field(default_factory=_no_values)
-    profile_x: FloatArray = field(default_factory=_no_values)
-    profile_height: FloatArray = field(default_factory=_no_values)
-    edge_pixels: FloatArray = field(default_factory=_no_pixels)
+    profile_azimuth: Array = field(default_factory=_no_values)
+    profile_x: Array = field(default_factory=_no_values)
+    profile_height: Array = field(default_factory=_no_values)
+    edge_pixels: Array = field(default_factory=_no_pixels)
     peak_pixel: tuple[float, float] = (NAN, NAN)
     peak_side: PeakSide = PeakSide.UNKNOWN
     level_change: float = NAN

@@ -20,9 +20,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image  # noqa: E402
 from slosh_base.files.nanoseconds import SECOND  # noqa: E402
 from slosh_camera.errors import SloshCameraError  # noqa: E402
 from slosh_camera.measurement import Flag  # noqa: E402
-from slosh_camera.nodes.camera_node import CameraNode  # noqa: E402
-from slosh_camera.nodes.complaints import Complaints  # noqa: E402
-from slosh_camera.nodes.frame_gaps import FrameGaps  # noqa: E402
+from slosh_camera.nodes.camera_node import CameraNode, Complaints  # noqa: E402
+from slosh_camera.nodes.newest_image import FrameGaps  # noqa: E402
 from slosh_msgs.msg import FreeSurface  # noqa: E402
 from slosh_msgs_py import images, qos, topics  # noqa: E402
 from slosh_msgs_py.errors import SloshMessageError  # noqa: E402

@@ -22,11 +22,9 @@ from board_scene import (
 from slosh_camera.calibrate.board import Board
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.intrinsics.coverage import missing_poses
-from slosh_camera.intrinsics.drawing import draw_reprojection
-from slosh_camera.intrinsics.ost_file import format_camera
+from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
 from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
-from slosh_camera.intrinsics.solve import solve_intrinsics
+from slosh_camera.intrinsics.solve import format_camera, solve_intrinsics
 from slosh_camera.intrinsics.target import Chessboard, corners_of, parse_target
 from slosh_camera.intrinsics.views import find_views
 

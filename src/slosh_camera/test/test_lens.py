@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.intrinsics.ost_file import format_camera
+from slosh_camera.intrinsics.solve import format_camera
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.lens import COEFFICIENTS, lens_of, lens_parameters
 

@@ -10,7 +10,7 @@ from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.measurement import Flag
-from slosh_camera.nodes.level_changes import LevelChanges
+from slosh_camera.nodes.camera_node import LevelChanges
 
 MM = 1e-3
 FRAME = 1_000_000_000 // 60

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.images.decoding import decode_compressed
+from slosh_camera.images.decoding import decode_compressed, png_damage
 from slosh_camera.images.jpeg_file import jpeg_damage
-from slosh_camera.images.png_file import png_damage
 
 END = b"\xff\xd9"
 KINDS = ("plain", "grey", "optimised", "fine", "coarse", "every third unit", "full colour")

@@ -28,13 +28,12 @@ from slosh_discovery.discovery_report import (
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_model.tilt import attitude_of, ignored_text, unfelt_tilt
+from slosh_msgs_py.topics import NAMESPACE
 from slosh_replay.recording import settings
-from slosh_replay.recording.cells import CellTopics
-from slosh_replay.recording.sources import recorded_starts
+from slosh_replay.recording.sources import CellTopics, recorded_starts
 from slosh_tables.motion_table import MotionTable, is_motion_table, write_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
@@ -43,8 +42,6 @@ GROUP_MODEL = "model_{}.yaml"
 SEPARATING = "separating_{}.csv"
 HELD_OUT = 3
 """Without --holdout every third motion is held out."""
-CELL = "/slosh"
-"""Namespace of a cell where no recording tells another."""
 SERVICE = "load_model"
 
 Motions = tuple[MeasuredMotion, ...]
@@ -320,8 +317,8 @@ def recorded_cell(data: Sequence[Path]) -> str:
         for item in (path, *inside):
             if item.suffix == ".mcap" or (item.is_dir() and any(item.glob("*.mcap"))):
                 cells = CellTopics(BagReader(item).topics()).cells
-                return cells[0] if cells else CELL
-    return CELL
+                return cells[0] if cells else NAMESPACE
+    return NAMESPACE
 
 
 def _use(request: Request, model: Path) -> list[Command]:

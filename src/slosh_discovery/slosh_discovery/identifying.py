@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slosh_base.files import write_text
+from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError
-from slosh_base.files.text_file import read_text
 from slosh_discovery.discovering import (
     Motions,
     check_apart,
@@ -29,8 +29,7 @@ from slosh_discovery.identification_report import (
 from slosh_discovery.identify.parameters import DEFAULT, free_parameters
 from slosh_discovery.identify.result import Identification, Strategy
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 from slosh_model.parameters import DAMPING, FREQUENCY
 from slosh_tables.motion_table import MotionTable, write_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions

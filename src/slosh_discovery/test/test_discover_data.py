@@ -16,16 +16,15 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions, find_interfaces
 from slosh_base.files.errors import SloshFileError
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
-from slosh_discovery.discover_data.attitudes import angular_velocity
 from slosh_discovery.discover_data.heights import without_spikes
-from slosh_discovery.discover_data.recording import Heights, Recording, Residuals
+from slosh_discovery.discover_data.recording import Heights, Recording, Residuals, angular_velocity
 from slosh_discovery.discover_data.splitting import LEAD_IN_NS, LONGEST_NS, REST_NS, split
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-from slosh_replay.recording.motion import Motion
+from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.tables.table_bag import write_table_bag
 from slosh_tables.motion_table import MotionTable, write_motion_table
 
@@ -71,7 +70,7 @@ def stamps_of(t: Array) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 
 def recording(t: Array, acceleration: Array, heights: Heights) -> Recording:
-    motion = Motion(stamps_of(t), acceleration)
+    motion = RecordedMotion(stamps_of(t), acceleration)
     return Recording(Path("day"), motion, heights, NONE, {}, SECOND // 20)
 
 
@@ -250,7 +249,7 @@ class TestSplit:
         still = np.zeros((len(t), 3))
         tilting = still.copy()
         tilting[:, 1] = 0.3 * burst(t, 5.0)[:, 0]
-        motion = Motion(stamps_of(t), still, None, tilting)
+        motion = RecordedMotion(stamps_of(t), still, None, tilting)
         made = Recording(Path("x"), motion, seen(t, still), NONE, {}, SECOND)
         (part,) = split(made).parts
         assert (part.start - START) / SECOND == pytest.approx(3.2, abs=0.5)

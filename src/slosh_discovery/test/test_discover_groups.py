@@ -16,7 +16,7 @@ from slosh_discovery.discovery_report import (
     discovery_text,
     render_discovery,
 )
-from slosh_discovery.discovery_report.document import discovery_document
+from slosh_discovery.discovery_report.data import discovery_document
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model

@@ -27,7 +27,7 @@ from slosh_discovery.discovering import (
 )
 from slosh_discovery.discovery_report import DiscoveryReport
 from slosh_discovery.errors import SloshDiscoveryError
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_model.simulate import Inputs
 
 BAGS = Path(__file__).parents[3] / "bags"

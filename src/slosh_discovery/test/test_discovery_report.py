@@ -26,9 +26,14 @@ from slosh_discovery.discovery_report import (
     discovery_text,
     render_discovery,
 )
-from slosh_discovery.discovery_report.figures import shown_confidence, shown_parameter
 from slosh_discovery.discovery_report.page import drawn_motions
-from slosh_discovery.discovery_report.words import headline, rivals, verdict_sentence
+from slosh_discovery.discovery_report.words import (
+    headline,
+    rivals,
+    shown_confidence,
+    shown_parameter,
+    verdict_sentence,
+)
 from slosh_model.model_text import parse_model
 
 NAN = float("nan")

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from slosh_discovery.discover.model_variants import variants_of
-from slosh_discovery.discover.separate import separating_motion
+from slosh_discovery.discover.separate import separating_motion, variants_of
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
     MAXIMUM_TRAVEL,
     STILL,
-    Motion,
+    CandidateMotion,
     inputs_of,
     text_of,
 )
@@ -23,7 +22,7 @@ from slosh_model import Cylinder, Model, simulate
 from slosh_model.measure import predicted_heights
 
 MODEL = Model(Cylinder(0.05, 0.07))
-PRESENT = [inputs_of(Motion(FAMILIES[0], 2.0, 2.0))]
+PRESENT = [inputs_of(CandidateMotion(FAMILIES[0], 2.0, 2.0))]
 LIMIT = 4.0
 
 
@@ -39,7 +38,7 @@ def difference(first, second, inputs):
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.title)
 @pytest.mark.parametrize("frequency", [0.5, 3.0])
 def test_every_family_starts_and_ends_at_rest_within_its_bounds(family, frequency):
-    motion = Motion(family, frequency, LIMIT)
+    motion = CandidateMotion(family, frequency, LIMIT)
     inputs = inputs_of(motion)
     a = inputs.acceleration
     assert np.linalg.norm(a, axis=1).max() <= LIMIT + 1e-9

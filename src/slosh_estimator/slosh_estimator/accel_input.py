@@ -7,16 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
-from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.rotation import rotate
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
 from slosh_metrics.input_checks.input_checks import AccelCheck
-
-Array = NDArray[np.float64]
 
 
 class AccelInput(CheckedInput):
@@ -57,13 +56,13 @@ class AccelInput(CheckedInput):
     ) -> Sample | None:
         """The sample, or None where it is dropped; accelerations in m/s²."""
         if frame not in self._frames:
-            self.gate.refuse(Verdict.WRONG_FRAME)
+            self.gate.refuse(SampleVerdict.WRONG_FRAME)
             self.strange_frame = frame
             return None
         verdict = self.gate.judge(stamp_ns, (ax, ay, az), now_ns)
-        if verdict is not Verdict.USE and verdict is not Verdict.RESTART:
+        if verdict is not SampleVerdict.USE and verdict is not SampleVerdict.RESTART:
             return None
-        restarted = verdict is Verdict.RESTART
+        restarted = verdict is SampleVerdict.RESTART
         if self._matrix is not None:
             ax, ay, az = rotate(self._matrix, (ax, ay, az))
         self.sampling.take(self.gate.interval_ns, restarted=restarted)
@@ -100,7 +99,7 @@ class AccelInput(CheckedInput):
         """
         known = np.logical_or.reduce([frames == frame for frame in self._frames])
         for frame in frames[~known].tolist():
-            self.gate.refuse(Verdict.WRONG_FRAME)
+            self.gate.refuse(SampleVerdict.WRONG_FRAME)
             self.strange_frame = frame
         stamps, accelerations = stamps[known], np.ascontiguousarray(accelerations[known])
         before = self.gate.last_ns
@@ -121,7 +120,7 @@ class AccelInput(CheckedInput):
 
     def warning(self) -> str | None:
         """What the user should mend, by what has come since the last call; None: nothing."""
-        strange = self.gate.counts[Verdict.WRONG_FRAME]
+        strange = self.gate.counts[SampleVerdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if not new:
             return None
@@ -138,7 +137,7 @@ class AccelInput(CheckedInput):
 
     def refusal(self) -> str | None:
         """Why samples were refused by their frame; None: none was."""
-        if not self.gate.counts[Verdict.WRONG_FRAME]:
+        if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (
             f"accelerations in frame {self.strange_frame!r} are dropped: "

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.azimuth import WaveOffset, wave_offset
 from slosh_estimator.rotation import Vector
 from slosh_estimator.wave_presence import Pair, PresenceWatch
@@ -26,7 +27,6 @@ from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.metrics import rms_error
 from slosh_metrics.motion_spans import AFTER_NS, MotionFinder, MotionSpan
 
-Array = NDArray[np.float64]
 NAN = float("nan")
 TOLD_NS = 2 * SECOND
 """So long after its end a motion is judged: by then the camera has told what it saw of it [ns]."""

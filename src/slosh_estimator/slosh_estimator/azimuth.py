@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.sight import SATURATED, UNUSABLE, SurfaceFlag
 from slosh_estimator.wave_presence import in_view
 
-Array = NDArray[np.float64]
 Waves = NDArray[np.complex128]
 
 LEAST_TURN = math.radians(20.0)

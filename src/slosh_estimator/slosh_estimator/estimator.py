@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array, Integers
 from slosh_estimator import estimate_kernel
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import (
@@ -34,9 +35,6 @@ from slosh_model.layout import back_to_rest, divided, moving_part, set_moving_pa
 from slosh_model.measure import reading_clock
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 RUNAWAY = 5.0
 """A sloshing mass farther out than so many radii, or half sides, is no liquid any more."""

@@ -18,7 +18,7 @@ _AGREEING = 5
 """So many samples in a row that agree with each other make a jump a new motion."""
 
 
-class Verdict(Enum):
+class SampleVerdict(Enum):
     """What becomes of a sample."""
 
     USE = "used"
@@ -37,7 +37,11 @@ class Verdict(Enum):
     __hash__ = object.__hash__
 
 
-DROPPED = tuple(verdict for verdict in Verdict if verdict not in (Verdict.USE, Verdict.RESTART))
+DROPPED = tuple(
+    verdict
+    for verdict in SampleVerdict
+    if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,7 @@ class GateSettings:
                 raise SloshEstimatorError(f"{name} = {getattr(self, name)!r} must be positive")
 
 
-def fault_of(values: Vector, largest: float) -> Verdict | None:
+def fault_of(values: Vector, largest: float) -> SampleVerdict | None:
     """What is wrong with a vector; None: nothing.
 
     Args:
@@ -86,7 +90,7 @@ def fault_of(values: Vector, largest: float) -> Verdict | None:
     x, y, z = values
     if -largest <= x <= largest and -largest <= y <= largest and -largest <= z <= largest:
         return None
-    return Verdict.IMPOSSIBLE if math.isfinite(x + y + z) else Verdict.NOT_FINITE
+    return SampleVerdict.IMPOSSIBLE if math.isfinite(x + y + z) else SampleVerdict.NOT_FINITE
 
 
 class SampleGate:
@@ -100,7 +104,7 @@ class SampleGate:
     """
 
     def __init__(self, settings: GateSettings) -> None:
-        self.counts: dict[Verdict, int] = dict.fromkeys(Verdict, 0)
+        self.counts: dict[SampleVerdict, int] = dict.fromkeys(SampleVerdict, 0)
         # Kept beside the counts: they are read for each message.
         self.used = self.dropped = 0
         self.interval_ns = self.gap_ns = 0
@@ -130,15 +134,15 @@ class SampleGate:
     @property
     def gaps(self) -> int:
         """Restarts but the first."""
-        return max(0, self.counts[Verdict.RESTART] - 1)
+        return max(0, self.counts[SampleVerdict.RESTART] - 1)
 
     def judge(
         self,
         stamp_ns: int,
         acceleration: Vector | None,
         now_ns: int | None = None,
-        fault: Verdict | None = None,
-    ) -> Verdict:
+        fault: SampleVerdict | None = None,
+    ) -> SampleVerdict:
         """Judges a sample.
 
         Args:
@@ -149,7 +153,7 @@ class SampleGate:
         """
         verdict = self._judge(stamp_ns, acceleration, now_ns, fault)
         self.counts[verdict] += 1
-        if verdict is Verdict.USE or verdict is Verdict.RESTART:
+        if verdict is SampleVerdict.USE or verdict is SampleVerdict.RESTART:
             self.used += 1
             last = self._last_ns
             self.interval_ns = 0 if last is None else max(stamp_ns - last, 0)
@@ -192,18 +196,20 @@ class SampleGate:
             self._last_ns = int(stamps[-1])
             ax, ay, az = accelerations[-1].tolist()
             self._last = (ax, ay, az)
-            self.counts[Verdict.USE] += count
+            self.counts[SampleVerdict.USE] += count
             self.used += count
             return np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
         verdicts = [
             self.judge(stamp, (ax, ay, az))
             for stamp, (ax, ay, az) in zip(stamps.tolist(), accelerations.tolist(), strict=True)
         ]
-        restarted = np.array([verdict is Verdict.RESTART for verdict in verdicts], dtype=bool)
-        used = np.array([verdict is Verdict.USE for verdict in verdicts], dtype=bool)
+        restarted = np.array(
+            [verdict is SampleVerdict.RESTART for verdict in verdicts], dtype=bool
+        )
+        used = np.array([verdict is SampleVerdict.USE for verdict in verdicts], dtype=bool)
         return used | restarted, restarted
 
-    def refuse(self, verdict: Verdict) -> None:
+    def refuse(self, verdict: SampleVerdict) -> None:
         """Counts a sample that was dropped for a reason outside its stamp."""
         self.counts[verdict] += 1
         self.dropped += 1
@@ -213,44 +219,44 @@ class SampleGate:
         stamp_ns: int,
         acceleration: Vector | None,
         now_ns: int | None,
-        fault: Verdict | None,
-    ) -> Verdict:
+        fault: SampleVerdict | None,
+    ) -> SampleVerdict:
         if fault is None and acceleration is not None:
             fault = fault_of(acceleration, STRONGEST)
         if fault is not None:
             return fault
         if now_ns is not None and not -self._max_age_ns <= now_ns - stamp_ns <= self._max_age_ns:
-            return Verdict.STALE if stamp_ns < now_ns else Verdict.AHEAD
+            return SampleVerdict.STALE if stamp_ns < now_ns else SampleVerdict.AHEAD
         last = self._last_ns
         if last is not None and stamp_ns <= last:
             if stamp_ns == last:
-                return Verdict.REPEATED
+                return SampleVerdict.REPEATED
             if not self._time_was_set_back(stamp_ns):
-                return Verdict.DISORDERED
+                return SampleVerdict.DISORDERED
             last = None
         if last is None:
-            return Verdict.RESTART
+            return SampleVerdict.RESTART
         if stamp_ns - last > self._max_gap_ns:
             return self._after_gap(stamp_ns)
         if acceleration is None or self._near(acceleration, self._last):
-            return Verdict.USE
+            return SampleVerdict.USE
         return self._jumped(acceleration)
 
-    def _after_gap(self, stamp_ns: int) -> Verdict:
+    def _after_gap(self, stamp_ns: int) -> SampleVerdict:
         """What comes after a gap is set aside until the next one goes on from there."""
         apart, self._apart_ns = self._apart_ns, stamp_ns
         before = apart if apart is not None else self._last_ns
         if before is not None and stamp_ns - before > self._max_gap_ns:
             self.gap_ns = stamp_ns - before
         follows = apart is not None and stamp_ns > apart
-        return Verdict.RESTART if follows or not self._confirms else Verdict.APART
+        return SampleVerdict.RESTART if follows or not self._confirms else SampleVerdict.APART
 
-    def _jumped(self, acceleration: Vector) -> Verdict:
+    def _jumped(self, acceleration: Vector) -> SampleVerdict:
         """What jumps is set aside until enough samples in a row agree."""
         agrees = self._aside_count > 0 and self._near(acceleration, self._aside)
         self._aside_count = self._aside_count + 1 if agrees else 1
         self._aside = acceleration
-        return Verdict.RESTART if self._aside_count >= self._agreeing else Verdict.JUMP
+        return SampleVerdict.RESTART if self._aside_count >= self._agreeing else SampleVerdict.JUMP
 
     def _near(self, one: Vector, other: Vector) -> bool:
         bound = self._max_jump

@@ -17,10 +17,10 @@ import math
 from collections.abc import Sequence
 
 from slosh_estimator.checked_input import CheckedInput
-from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
+from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict, fault_of
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.rotation import Vector, cross, rotate
-from slosh_estimator.sample import SECONDS, Sample
+from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
 from slosh_metrics.input_checks.imu_check import ImuCheck
@@ -74,15 +74,15 @@ class ImuInput(CheckedInput):
         """
         fault = None if rate is None else fault_of(rate, FASTEST_TURN)
         verdict = self.gate.judge(stamp_ns, force, now_ns, fault)
-        if verdict not in (Verdict.USE, Verdict.RESTART):
+        if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return None
         # As the sensor gives them: what is clipped is so in its own axes.
         self.check.faults.take(stamp_ns, force)
-        restarted = verdict is Verdict.RESTART
+        restarted = verdict is SampleVerdict.RESTART
         self.sampling.take(self.gate.interval_ns, restarted=restarted)
         self._rate_missing = rate is None
         omega = rotate(self._matrix, rate) if rate is not None else (0.0, 0.0, 0.0)
-        dt = 0.0 if restarted else (stamp_ns - self._stamp_ns) * SECONDS
+        dt = 0.0 if restarted else (stamp_ns - self._stamp_ns) * SECONDS_PER_NS
         self._stamp_ns = stamp_ns
         if restarted:
             self._slow_rate, self._last_yaw_rate = omega, omega[2]

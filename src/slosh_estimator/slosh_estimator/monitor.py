@@ -25,7 +25,7 @@ from slosh_estimator.comparison import (
 from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.repeated_heights import RepeatedHeights
-from slosh_estimator.sample import SECONDS
+from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.sight import (
     FROZEN,
     HIGHEST,
@@ -131,7 +131,7 @@ class Monitor:
         self._estimated_at = arrival_ns
         estimates = self._estimates
         if estimates and point.stamp_ns <= estimates[-1].stamp_ns:
-            if estimates[-1].stamp_ns - point.stamp_ns < self.settings.buffer / SECONDS:
+            if estimates[-1].stamp_ns - point.stamp_ns < self.settings.buffer / SECONDS_PER_NS:
                 self.late_estimates += 1
                 return []
             self._forget(estimates[-1].stamp_ns)  # time was set back
@@ -306,7 +306,7 @@ class Monitor:
 
     def _stale(self, at_ns: int | None, now_ns: int) -> bool:
         since = at_ns if at_ns is not None else self._started_at
-        return since is not None and (now_ns - since) * SECONDS > self.settings.timeout
+        return since is not None and (now_ns - since) * SECONDS_PER_NS > self.settings.timeout
 
     def _last_stamp(self) -> int:
         newest = [self._estimates[-1].stamp_ns] if self._estimates else []
@@ -323,7 +323,7 @@ class Monitor:
 
     def _drop_old(self, newest_ns: int) -> None:
         late = max(self._estimates[-1].delay_ns, 0)
-        oldest = newest_ns - self.settings.buffer / SECONDS - late
+        oldest = newest_ns - self.settings.buffer / SECONDS_PER_NS - late
         while self._estimates[0].stamp_ns < oldest:
             self._estimates.popleft()
 
@@ -408,7 +408,7 @@ class Monitor:
             return None
         before = self._estimates[index - 1]
         width = _seen_ns(after) - _seen_ns(before)
-        if width * SECONDS > self.settings.max_gap:
+        if width * SECONDS_PER_NS > self.settings.max_gap:
             return None
         share = (seen_ns - _seen_ns(before)) / width
         return before.expected.towards(after.expected, share)

@@ -5,13 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.rotation import Matrix, Vector, matrix_from_rpy
 
-Array = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 
 
@@ -45,19 +41,6 @@ class SensorTransform:
     def turns(self) -> bool:
         """Whether the sensor's axes are not the container's."""
         return (self.roll, self.pitch, self.yaw) != (0.0, 0.0, 0.0)
-
-    def attitudes(self, quaternions: Array) -> Array:
-        """(N, 4) world ← container, of quaternions x, y, z, w (N, 4) world ← sensor."""
-        x, y, z, w = quaternions.T
-        bx, by, bz, bw = _sensor_from_container(self)
-        return np.column_stack(
-            [
-                w * bx + x * bw + y * bz - z * by,
-                w * by - x * bz + y * bw + z * bx,
-                w * bz + x * by - y * bx + z * bw,
-                w * bw - x * bx - y * by - z * bz,
-            ]
-        )
 
 
 class ToolPose:

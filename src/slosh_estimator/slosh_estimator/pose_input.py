@@ -13,11 +13,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.gate import GateSettings, SampleGate, Verdict, fault_of
+from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict, fault_of
 from slosh_estimator.mounting import SensorTransform, ToolPose
 from slosh_estimator.pose_filter import (
     CUBIC,
@@ -29,12 +29,10 @@ from slosh_estimator.pose_filter import (
     turning,
 )
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
-from slosh_estimator.sample import SECONDS, Sample
+from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
 from slosh_metrics.input_checks.input_checks import PoseCheck
-
-Array = NDArray[np.float64]
 
 MINIMUM_WINDOW = 2 * FEWEST + 1
 MAXIMUM_SPEED = 20.0
@@ -135,13 +133,13 @@ class PoseInput(CheckedInput):
             return []
         fault = fault_of(position, FARTHEST) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
-        if verdict not in (Verdict.USE, Verdict.RESTART):
+        if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return []
         position, quaternion = self._tool.container(position, quaternion)
-        restarted = verdict is Verdict.RESTART
+        restarted = verdict is SampleVerdict.RESTART
         doubtful = self.check.add(stamp_ns, position, quaternion, restarted=restarted)
         doubtful = doubtful and self.flags
-        jumped = verdict is Verdict.USE and self._jumped(stamp_ns, position)
+        jumped = verdict is SampleVerdict.USE and self._jumped(stamp_ns, position)
         self.jumps += jumped
         if restarted or jumped:
             self._poses.clear()
@@ -203,7 +201,7 @@ class PoseInput(CheckedInput):
 
     def warning(self) -> str | None:
         """What the user should mend; None: nothing."""
-        strange = self.gate.counts[Verdict.WRONG_FRAME]
+        strange = self.gate.counts[SampleVerdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if new:
             return self.refusal()
@@ -219,7 +217,7 @@ class PoseInput(CheckedInput):
         if (
             self._frame is not None
             and self._other_frame is not None
-            and not self.gate.counts[Verdict.WRONG_FRAME]
+            and not self.gate.counts[SampleVerdict.WRONG_FRAME]
         ):
             named = (
                 f"in the frame {self._other_frame!r}" if self._other_frame else ("without a frame")
@@ -229,7 +227,7 @@ class PoseInput(CheckedInput):
 
     def refusal(self) -> str | None:
         """Why samples were refused by their frame; None: none was."""
-        if not self.gate.counts[Verdict.WRONG_FRAME]:
+        if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (
             f"poses in the frame {self._other_frame!r} are dropped: publish them in "
@@ -242,13 +240,13 @@ class PoseInput(CheckedInput):
             self._other_frame = frame
         if self._any_frame or not frame:
             return False
-        self.gate.refuse(Verdict.WRONG_FRAME)
+        self.gate.refuse(SampleVerdict.WRONG_FRAME)
         return True
 
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
         if not len(self._poses):
             return False
-        seconds = (stamp_ns - self._poses.newest_ns) * SECONDS
+        seconds = (stamp_ns - self._poses.newest_ns) * SECONDS_PER_NS
         return math.dist(position, self._poses.newest_position) > MAXIMUM_SPEED * seconds
 
     def _gain(self, frequency: float, interval: float) -> float:
@@ -302,7 +300,7 @@ class PoseInput(CheckedInput):
         """Those of the time that is nearest to the centre."""
         stamps, values = self._poses.stamps, self._poses.values
         centre_ns = int(stamps[self._at])
-        tau = np.asarray((stamps[first:end] - centre_ns) * SECONDS, dtype=np.float64)
+        tau = np.asarray((stamps[first:end] - centre_ns) * SECONDS_PER_NS, dtype=np.float64)
         positions = np.ascontiguousarray(values[first:end, :3])
         attitudes = np.ascontiguousarray(values[first:end, 3:])
         terms, shift = CUBIC, 0.0
@@ -311,7 +309,7 @@ class PoseInput(CheckedInput):
             tau, shift = self._put_in_time(first, end, tau, positions)
         found = []
         for offset_ns in (0,) if self._count else self._offsets():
-            offset = shift + offset_ns * SECONDS
+            offset = shift + offset_ns * SECONDS_PER_NS
             ax, ay, az = self._second_derivative(tau, positions, terms, offset)
             pose = self._turning(tau, attitudes, terms, offset)
             attitude = pose[:4] if offset else values[self._at, 3:].tolist()
@@ -339,7 +337,7 @@ class PoseInput(CheckedInput):
             and the centre's stamp from there [s].
         """
         stamps, ticks = self._poses.stamps, np.empty(len(tau))
-        known = (stamps[:end] - stamps[self._at]) * SECONDS
+        known = (stamps[:end] - stamps[self._at]) * SECONDS_PER_NS
         found = self._even_times(ticks, positions, known, first, self.sampling.seconds)
         stamped, even = (
             KEPT * old + new for old, new in zip(self._misfit, found[:2], strict=True)
@@ -353,7 +351,7 @@ class PoseInput(CheckedInput):
     def _offsets(self) -> list[int]:
         """Where samples lie about the centre [ns]: up to the middles between it and the next."""
         before, centre, after = self._poses.stamps[self._at - 1 : self._at + 2].tolist()
-        parts = self._filter.parts(0.5 * (after - before) * SECONDS)
+        parts = self._filter.parts(0.5 * (after - before) * SECONDS_PER_NS)
         side = parts // 2
         return [
             (centre - before) * k // parts if k < 0 else (after - centre) * k // parts
@@ -427,8 +425,8 @@ class _Poses:
         self.stamps, self.values = self._all_stamps[:size], self._all_values[:size]
 
 
-def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> Verdict | None:
+def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> SampleVerdict | None:
     length = math.hypot(*quaternion)
     if LENGTHS[0] <= length <= LENGTHS[1]:
         return None
-    return Verdict.IMPOSSIBLE if math.isfinite(length) else Verdict.NOT_FINITE
+    return SampleVerdict.IMPOSSIBLE if math.isfinite(length) else SampleVerdict.NOT_FINITE

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_model.kernel import UPRIGHT
 
-SECONDS = 1e-9  # of a nanosecond
+SECONDS_PER_NS = 1e-9
 Pose = tuple[float, float, float, float, float, float, float, float, float, float]
 """How a container stands and turns: its attitude as a quaternion x, y, z, w, world ← container,
 its angular velocity [rad/s] and its angular acceleration [rad/s²] in its own axes."""

@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Integers
 from slosh_estimator.gate import SampleGate
-from slosh_estimator.sample import SECONDS
+from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
 
-Integers = NDArray[np.int64]
 Modes = tuple[tuple[int, float], ...]
 """Modes as number and natural frequency [rad/s], rising by number."""
 Gain = Callable[[float, float], float]
@@ -171,7 +171,7 @@ class Sampling:
     @property
     def seconds(self) -> float:
         """The interval [s]; 0: not known yet."""
-        return self.interval_ns * SECONDS
+        return self.interval_ns * SECONDS_PER_NS
 
     def gains(self) -> dict[int, float]:
         """The gain at each mode by its number, the least of both axes; empty: not known yet."""
@@ -234,7 +234,7 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
     """
     if restarts < _RESTARTS or _RESTARTS * restarts < used:
         return ""
-    apart, limit = gate.gap_ns * SECONDS, gate.max_gap_ns * SECONDS
+    apart, limit = gate.gap_ns * SECONDS_PER_NS, gate.max_gap_ns * SECONDS_PER_NS
     return (
         f"samples arrive every {1e3 * apart:.0f} ms, but max_gap is {1e3 * limit:.0f} "
         "ms: each sample counts as a restart after a gap, and nothing is estimated; set "

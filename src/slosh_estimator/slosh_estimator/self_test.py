@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator import estimate_kernel
 from slosh_estimator.estimate_kernel import MAX_STEP, MODAL, ROW, new_checks
 from slosh_model.layout import divided
 from slosh_model.model import Model
 from slosh_model.self_test import SAMPLES, compare, reference_models, reference_motion
 from slosh_model.simulate import store_of
-
-Array = NDArray[np.float64]
 
 
 def check_model(model: Model) -> None:

@@ -15,11 +15,9 @@ from enum import IntFlag
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_estimator.sample import SECONDS
+from slosh_base.types import Array, Integers
+from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.validity import EstimateFlag
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class SurfaceFlag(IntFlag):
@@ -110,7 +108,7 @@ def judged(
 
 def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
     """That the two sides' newest stamps [ns] are of two clocks; empty: they may be of one."""
-    apart = (measured_ns - estimated_ns) * SECONDS
+    apart = (measured_ns - estimated_ns) * SECONDS_PER_NS
     if abs(apart) <= FAR:
         return ""
     return (
@@ -140,7 +138,7 @@ class ClockWatch:
         if clock_ns != self._clock_ns:
             self._clock_ns, self._moved_ns = clock_ns, steady_ns
         since = self._began_ns if self._moved_ns is None else self._moved_ns
-        seconds = (steady_ns - since) * SECONDS
+        seconds = (steady_ns - since) * SECONDS_PER_NS
         if self._moved_ns is not None and seconds < STANDS:
             return ""
         return (
@@ -171,7 +169,7 @@ class Sight:
         """Why nothing could be compared for too long; empty: it could."""
         if self._since_ns is None:
             self._since_ns = now_ns
-        seconds = (now_ns - self._since_ns) * SECONDS
+        seconds = (now_ns - self._since_ns) * SECONDS_PER_NS
         if seconds <= self.timeout:
             return ""
         return f"nothing compared for {seconds:.1f} s: {self._reason or 'nothing to compare'}"

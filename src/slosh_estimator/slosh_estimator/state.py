@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.sample import Sample
-
-Array = NDArray[np.float64]
 
 
 def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[float]:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 
-Array = NDArray[np.float64]
 Waves = NDArray[np.complex128]
 NAN = float("nan")
 WINDOW_NS = 2 * SECOND

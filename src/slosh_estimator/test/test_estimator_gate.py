@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slosh_estimator.gate import GateSettings, SampleGate, Verdict
+from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict
 
 MS = 1_000_000
 STILL, BAD = (0.0, 0.0, 0.0), (0.0, math.nan, 0.0)
@@ -14,51 +14,57 @@ STILL, BAD = (0.0, 0.0, 0.0), (0.0, math.nan, 0.0)
 
 def gate(**settings: float) -> SampleGate:
     made = SampleGate(GateSettings(**settings))
-    assert made.judge(1000 * MS, STILL) is Verdict.RESTART
+    assert made.judge(1000 * MS, STILL) is SampleVerdict.RESTART
     return made
 
 
 def test_each_fault_is_dropped_and_counted_by_name() -> None:
     watched = gate()
-    assert watched.judge(1000 * MS, STILL) is Verdict.REPEATED
-    assert watched.judge(999 * MS, STILL) is Verdict.DISORDERED
-    assert watched.judge(1001 * MS, BAD) is Verdict.NOT_FINITE
-    assert watched.judge(1001 * MS, (0.0, 2001.0, 0.0)) is Verdict.IMPOSSIBLE
-    assert watched.judge(1002 * MS, STILL, 1602 * MS) is Verdict.STALE
-    assert watched.judge(1602 * MS, STILL, 1002 * MS) is Verdict.AHEAD
-    assert watched.judge(1003 * MS, (20.1, 0.0, 0.0), 1004 * MS) is Verdict.JUMP
-    assert watched.judge(1003 * MS, STILL, 1004 * MS, Verdict.IMPOSSIBLE) is Verdict.IMPOSSIBLE
-    assert watched.judge(1003 * MS, STILL, 1004 * MS) is Verdict.USE
+    assert watched.judge(1000 * MS, STILL) is SampleVerdict.REPEATED
+    assert watched.judge(999 * MS, STILL) is SampleVerdict.DISORDERED
+    assert watched.judge(1001 * MS, BAD) is SampleVerdict.NOT_FINITE
+    assert watched.judge(1001 * MS, (0.0, 2001.0, 0.0)) is SampleVerdict.IMPOSSIBLE
+    assert watched.judge(1002 * MS, STILL, 1602 * MS) is SampleVerdict.STALE
+    assert watched.judge(1602 * MS, STILL, 1002 * MS) is SampleVerdict.AHEAD
+    assert watched.judge(1003 * MS, (20.1, 0.0, 0.0), 1004 * MS) is SampleVerdict.JUMP
+    assert (
+        watched.judge(1003 * MS, STILL, 1004 * MS, SampleVerdict.IMPOSSIBLE)
+        is SampleVerdict.IMPOSSIBLE
+    )
+    assert watched.judge(1003 * MS, STILL, 1004 * MS) is SampleVerdict.USE
     assert (watched.used, watched.dropped) == (2, 8)
 
 
 def test_a_dropped_sample_leaves_no_trace() -> None:
     watched = gate()
     watched.judge(5000 * MS, BAD)
-    assert watched.judge(1001 * MS, STILL) is Verdict.USE
+    assert watched.judge(1001 * MS, STILL) is SampleVerdict.USE
 
 
 def test_a_gap_restarts_and_its_limit_does_not() -> None:
     watched = gate(max_gap=0.05)
-    assert watched.judge(1050 * MS, STILL) is Verdict.USE
-    assert watched.judge(1101 * MS, STILL) is Verdict.APART
-    assert watched.judge(1102 * MS, STILL) is Verdict.RESTART
+    assert watched.judge(1050 * MS, STILL) is SampleVerdict.USE
+    assert watched.judge(1101 * MS, STILL) is SampleVerdict.APART
+    assert watched.judge(1102 * MS, STILL) is SampleVerdict.RESTART
     assert watched.gaps == 1
     sorted_out = gate(confirms=False)
-    assert sorted_out.judge(1101 * MS, STILL) is Verdict.RESTART
+    assert sorted_out.judge(1101 * MS, STILL) is SampleVerdict.RESTART
 
 
 def test_a_stray_stamp_changes_nothing() -> None:
     watched = gate(max_gap=0.05)
-    assert watched.judge(1150 * MS, STILL) is Verdict.APART
-    assert watched.judge(1001 * MS, STILL) is Verdict.USE
+    assert watched.judge(1150 * MS, STILL) is SampleVerdict.APART
+    assert watched.judge(1001 * MS, STILL) is SampleVerdict.USE
     assert watched.gaps == 0
 
 
 def test_time_that_was_set_back_is_believed_after_some_samples() -> None:
     watched = gate(restart_after=5)
     verdicts = [watched.judge(k * MS, STILL) for k in range(1, 8)]
-    assert verdicts == [Verdict.DISORDERED] * 4 + [Verdict.RESTART] + [Verdict.USE] * 2
+    assert (
+        verdicts
+        == [SampleVerdict.DISORDERED] * 4 + [SampleVerdict.RESTART] + [SampleVerdict.USE] * 2
+    )
 
 
 def test_one_stamp_far_in_the_future_does_not_block_for_ever() -> None:
@@ -66,14 +72,14 @@ def test_one_stamp_far_in_the_future_does_not_block_for_ever() -> None:
     watched.judge(10**15, STILL)
     watched.judge(10**15 + MS, STILL)
     verdicts = [watched.judge((1001 + k) * MS, STILL) for k in range(6)]
-    assert verdicts[4:] == [Verdict.RESTART, Verdict.USE]
+    assert verdicts[4:] == [SampleVerdict.RESTART, SampleVerdict.USE]
 
 
 def test_early_stragglers_between_good_samples_never_restart() -> None:
     watched = gate(restart_after=5)
     for k in range(1, 50):
-        assert watched.judge((1000 + k) * MS, STILL) is Verdict.USE
-        assert watched.judge((900 + k) * MS, STILL) is Verdict.DISORDERED
+        assert watched.judge((1000 + k) * MS, STILL) is SampleVerdict.USE
+        assert watched.judge((900 + k) * MS, STILL) is SampleVerdict.DISORDERED
 
 
 def test_a_spike_is_left_out_and_a_new_level_is_a_new_motion() -> None:
@@ -81,13 +87,13 @@ def test_a_spike_is_left_out_and_a_new_level_is_a_new_motion() -> None:
     spike, level = (0.0, 0.0, -200.0), (30.0, 1.0, 0.0)
     given_now = [spike, STILL, spike, spike, STILL, *[level] * 6, STILL]
     verdicts = [watched.judge((1001 + k) * MS, one) for k, one in enumerate(given_now)]
-    out, use = Verdict.JUMP, Verdict.USE
-    assert verdicts == [out, use, out, out, use, *[out] * 4, Verdict.RESTART, use, out]
+    out, use = SampleVerdict.JUMP, SampleVerdict.USE
+    assert verdicts == [out, use, out, out, use, *[out] * 4, SampleVerdict.RESTART, use, out]
 
 
 def test_of_chosen_samples_one_that_jumps_follows_a_break() -> None:
     watched = gate(chosen=True)
-    assert watched.judge(1005 * MS, (30.0, 0.0, 0.0)) is Verdict.RESTART
+    assert watched.judge(1005 * MS, (30.0, 0.0, 0.0)) is SampleVerdict.RESTART
 
 
 @given(
@@ -105,11 +111,11 @@ def test_every_sample_is_counted_once_and_used_ones_increase_but_for_restarts(
         verdict = watched.judge(
             stamp * MS, STILL if finite else BAD, None if now is None else now * MS
         )
-        if verdict is Verdict.USE:
+        if verdict is SampleVerdict.USE:
             assert finite
             assert last is not None
             assert 0 < stamp - last <= 50
-        if verdict in (Verdict.USE, Verdict.RESTART):
+        if verdict in (SampleVerdict.USE, SampleVerdict.RESTART):
             last = stamp
     assert watched.used + watched.dropped == len(samples)
 
@@ -142,6 +148,6 @@ def test_many_samples_at_once_are_judged_as_one_by_one(
         )
         used += use.tolist()
         restarted += again.tolist()
-    assert used == [verdict in (Verdict.USE, Verdict.RESTART) for verdict in expected]
-    assert restarted == [verdict is Verdict.RESTART for verdict in expected]
+    assert used == [verdict in (SampleVerdict.USE, SampleVerdict.RESTART) for verdict in expected]
+    assert restarted == [verdict is SampleVerdict.RESTART for verdict in expected]
     assert (many.counts, many.used, many.dropped) == (single.counts, single.used, single.dropped)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.gate import GateSettings, Verdict
+from slosh_estimator.gate import GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_input import PoseInput
@@ -27,7 +27,7 @@ def test_accelerations_in_another_frame_are_dropped_and_the_frame_is_named() -> 
     assert accel.update(0, "tool0", 1.0, 0.0, 0.0) is None
     assert accel.update(MS, "world", 1.0, 2.0, 3.0) is not None
     assert accel.update(2 * MS, "container", 1.0, 2.0, 3.0) is not None
-    assert accel.gate.counts[Verdict.WRONG_FRAME] == 1
+    assert accel.gate.counts[SampleVerdict.WRONG_FRAME] == 1
     assert "'tool0'" in str(accel.warning())
 
 
@@ -193,7 +193,7 @@ def test_a_missing_rate_matters_only_with_a_lever_arm() -> None:
 def test_a_force_that_is_not_reported_is_dropped() -> None:
     imu = ImuInput(GATE, SensorTransform())
     assert imu.update(0, (math.nan,) * 3, (0.0, 0.0, 0.0)) is None
-    assert imu.gate.counts[Verdict.NOT_FINITE] == 1
+    assert imu.gate.counts[SampleVerdict.NOT_FINITE] == 1
 
 
 def test_a_transform_that_is_not_finite_is_refused() -> None:
@@ -303,9 +303,6 @@ def test_the_pose_of_a_tool_beside_the_cup_gives_the_cups_motion() -> None:
             assert found.pose[4:] == pytest.approx(right.pose[4:], abs=1e-6)
             apart = max(apart, math.dist(without[1:4], right[1:4]))
     assert apart > 0.5  # it matters: 0.2 m · (2 rad/s)² = 0.8 m/s²
-    assert MOUNT.attitudes(tool_attitude.as_quat()) == pytest.approx(
-        np.array([mounted._tool.container((0.0, 0.0, 0.0), tuple(q))[1]
-                  for q in tool_attitude.as_quat()]), abs=1e-12)  # fmt: skip
 
 
 def test_a_turned_accelerometer_gives_the_same_bits_one_by_one_and_in_blocks() -> None:
@@ -331,7 +328,7 @@ def test_poses_in_a_frame_that_is_not_the_worlds_are_dropped_and_named() -> None
     poses = PoseInput(GATE, 5, frame="world")
     for k, frame in enumerate(("world", "", "camera_optical")):
         poses.update(k * MS, (0.0, 0.0, 0.0), LEVEL, None, frame)
-    assert (poses.gate.used, poses.gate.counts[Verdict.WRONG_FRAME]) == (2, 1)
+    assert (poses.gate.used, poses.gate.counts[SampleVerdict.WRONG_FRAME]) == (2, 1)
     assert "'camera_optical' are dropped: publish them in 'world'" in str(poses.warning())
     assert poses.warning() is None  # told once, until there are more
     free = PoseInput(GATE, 5, frame="world", any_frame=True)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.gate import GateSettings, Verdict
+from slosh_estimator.gate import GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
@@ -183,7 +183,7 @@ def test_samples_that_are_all_gaps_are_named(confirms: bool) -> None:
     for k in range(40):
         sample = imu.update(k * 52 * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0))
     gate = imu.gate
-    assert gap_sentence(gate, gate.used, gate.counts[Verdict.RESTART]) == (
+    assert gap_sentence(gate, gate.used, gate.counts[SampleVerdict.RESTART]) == (
         "samples arrive every 52 ms, but max_gap is 50 ms: each sample counts as a restart "
         "after a gap, and nothing is estimated; set max_gap to 0.1 s, or publish at 30 Hz or more"
     )

@@ -19,9 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_metrics.errors import SloshMetricsError
-
-Array = NDArray[np.float64]
 
 QUIET_WINDOW = 0.8
 """Length of the quiet part from which level and noise are taken [s]."""
@@ -117,28 +116,27 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
     return best
 
 
-def despike(height: Array, share: float = OUTLIER_SHARE) -> Array:
+def despike(height: Array) -> Array:
     """The heights with single upward spikes set to NaN.
 
-    A spike is one sample that exceeds both its neighbours by more than `share` of the range that
-    98 % of the samples lie in. Sloshing at 3 Hz seen at 60 Hz bends by 5 % of its amplitude from
-    a sample to the next, so no crest is taken for a spike.
+    A spike is one sample that exceeds both its neighbours by more than OUTLIER_SHARE of the range
+    that 98 % of the samples lie in. Sloshing at 3 Hz seen at 60 Hz bends by 5 % of its amplitude
+    from a sample to the next, so no crest is taken for a spike.
 
     Args:
         height: (N,) heights above any level [m].
-        share: of the peak.
     """
     height = np.asarray(height, dtype=np.float64)
-    return np.where(find_spikes(height, spike_limit(height, share)), np.nan, height)
+    return np.where(find_spikes(height, spike_limit(height)), np.nan, height)
 
 
-def spike_limit(height: Array, share: float = OUTLIER_SHARE) -> float:
+def spike_limit(height: Array) -> float:
     """By how much a spike exceeds both its neighbours, for a series like this one [m]."""
     finite = height[np.isfinite(height)]
     if finite.size < 3:
         return math.inf
     low, high = (float(np.quantile(finite, part)) for part in (0.01, 0.99))
-    return max(share * (high - low), 1e-9)
+    return max(OUTLIER_SHARE * (high - low), 1e-9)
 
 
 def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:

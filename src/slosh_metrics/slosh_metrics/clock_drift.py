@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_metrics.alignment import SEARCH, StillLevel, estimate_clock_offset, finite_series
 from slosh_metrics.errors import SloshMetricsError
-
-Array = NDArray[np.float64]
 
 LEAST_COVERED = 20
 """Fewer samples of a motion tell of no drift."""

@@ -20,11 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array, Integers
 from slosh_metrics.input_checks.constancy import BIN_NS, Vector
 from slosh_metrics.input_checks.constant_finder import ConstantFinder
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 MOVING = 0.15
 """How far the averaged acceleration lies from that at rest where the container moves [m/s²]."""

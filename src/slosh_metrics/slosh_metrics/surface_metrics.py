@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slosh_base.types import Array
 from slosh_metrics.errors import SloshMetricsError
-
-Array = NDArray[np.float64]
 
 
 def line_slopes(x: ArrayLike, eta: ArrayLike) -> Array:

@@ -17,8 +17,7 @@ from slosh_model.model import EffectUse, Model
 from slosh_model.simulate import Inputs, Response, Simulator, State, simulate
 
 if TYPE_CHECKING:
-    from slosh_model.model_file import read_model
-    from slosh_model.model_text import format_model, parse_model
+    from slosh_model.model_text import format_model, parse_model, read_model
 
 __all__ = [
     "Cylinder",
@@ -44,5 +43,5 @@ __all__ = [
 # They load PyYAML, which a model that is made in Python does without.
 __getattr__ = lazy_names(
     __name__,
-    {"format_model": "model_text", "parse_model": "model_text", "read_model": "model_file"},
+    {"format_model": "model_text", "parse_model": "model_text", "read_model": "model_text"},
 )

@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model import batch_kernel, kernel
 from slosh_model.errors import SloshModelError
 from slosh_model.indices import POSE_COUNT
@@ -20,7 +21,6 @@ from slosh_model.layout import divided
 from slosh_model.model import Model
 from slosh_model.simulate import MAXIMUM_STEP, Inputs, Simulator, State
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 T = TypeVar("T")
 

@@ -15,15 +15,14 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.bessel import bessel_derivative_root, check_mode
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 
-Array = NDArray[np.float64]
 ROUND, RECTANGULAR = "round", "rectangular"
 """Cross-sections: which effects have a meaning depends on them, and how heights add up."""
 DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another

@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-9
 """A correlation may miss symmetry, and the smallest eigenvalue of all of them zero, by so much."""

@@ -12,13 +12,13 @@ from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from slosh_base.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 UNITS = "units"
 """Of a table's columns, among its `attrs`."""
 

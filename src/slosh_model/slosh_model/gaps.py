@@ -6,11 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.model import Model
-
-Array = NDArray[np.float64]
 
 GAP_SHARE = 10.0
 """An interval longer than so many usual ones (their median),"""

@@ -11,15 +11,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
 from slosh_model.gradient_kernel import pull_back
 from slosh_model.layout import divided
 from slosh_model.model import VERTICAL, Model
 from slosh_model.simulate import MAXIMUM_STEP, Inputs, Response, simulate, store_of
-
-Array = NDArray[np.float64]
 
 CURVED = "surface_nonlinearity"
 COVERED = (VERTICAL, CURVED)

@@ -6,15 +6,15 @@ from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slosh_base.types import Array
 from slosh_model import kernel
 from slosh_model.effects.registry import READING_MEMORY_COUNT
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, effect_parameters, simulate
 
-Array = NDArray[np.float64]
 Elapsed = TypeVar("Elapsed", float, Array)
 
 

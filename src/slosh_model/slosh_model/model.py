@@ -146,7 +146,7 @@ class Model:
     @classmethod
     def load(cls, path: str | Path) -> Model:
         """The model in a `model.yaml`; see `read_model`."""
-        from slosh_model.model_file import read_model  # it reads YAML, which a model does without
+        from slosh_model.model_text import read_model  # it reads YAML, which a model does without
 
         return read_model(path)
 
@@ -156,7 +156,7 @@ class Model:
         Raises:
             OSError: the file cannot be written; what was there is as it was.
         """
-        from slosh_model.model_file import write_model
+        from slosh_model.model_text import write_model
 
         write_model(path, self)
 

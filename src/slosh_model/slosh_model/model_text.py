@@ -1,22 +1,21 @@
-"""Reads and writes the text of a `model.yaml`.
-
-The text comes and goes as a string: whoever opens the file names it in the errors.
-"""
+"""Reads and writes a `model.yaml` and its text."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any, cast
 
-from slosh_base.files.errors import YamlError
+from slosh_base.files import write_text
+from slosh_base.files.bounded_text import read_text
+from slosh_base.files.errors import TextFileError, YamlError
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.yaml_document import KeyPath, dotted, parse_yaml, shown
-from slosh_base.files.yaml_text import format_yaml
+from slosh_base.files.yaml_document import KeyPath, dotted, format_yaml, parse_yaml, shown
 from slosh_model.containers import SHAPES, Container, Cylinder
 from slosh_model.covariance import Covariance
-from slosh_model.errors import SloshModelError
+from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
@@ -234,3 +233,32 @@ def _whole(value: Any, path: KeyPath) -> int:
 
 def _refusal(path: KeyPath, value: Any, why: str) -> SloshModelError:
     return SloshModelError(f"{dotted(path)} = {shown(value)} {why}", path)
+
+
+def read_model(path: str | Path) -> Model:
+    """The model in a file.
+
+    >>> from slosh_model import read_model
+    >>> read_model("cup/model.yaml")
+    Model(3D-NL, radius 40 mm, filled to 60 mm, 3.369 Hz, damping ratio 0.00603)
+
+    Raises:
+        ModelFileError: the file is no regular file, too large, or not readable text.
+        SloshModelError: its content is no model; the text names the file, the line and the key.
+    """
+    if not str(path):
+        raise ModelFileError("model: no file given; name a model.yaml")
+    try:
+        text = read_text(path, LONGEST)
+    except TextFileError as error:
+        raise ModelFileError(str(error)) from None
+    return parse_model(text, str(path))
+
+
+def write_model(path: str | Path, model: Model) -> None:
+    """Writes a model that `read_model` reads back to an equal one.
+
+    Raises:
+        OSError: the file cannot be written; what was there is as it was.
+    """
+    write_text(Path(path), format_model(model))

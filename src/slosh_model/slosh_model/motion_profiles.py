@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.checks import within
 from slosh_model.errors import SloshModelError
 
-Array = NDArray[np.float64]
 Law = Callable[[Array], tuple[Array, Array, Array]]
 """(N,) relative time to position 0 … 1, its first and its second derivative, (N,) each."""
 

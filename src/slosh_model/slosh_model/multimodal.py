@@ -20,13 +20,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slosh_base.types import Array
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
-
-Array = NDArray[np.float64]
 
 ORDERS = (1, 5)
 STEPS_PER_PERIOD = 24

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.indices import POSE_COUNT
 from slosh_model.interpolation import columns_at
-
-Array = NDArray[np.float64]
 
 
 def pose_rows(

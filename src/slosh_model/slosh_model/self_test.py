@@ -13,10 +13,10 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.compiled.compilation import EntryPoint, uncompiled
 from slosh_base.compiled.compile_cache import cache_folder
+from slosh_base.types import Array
 from slosh_model import batch_kernel, kernel
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.effects.base import Effect
@@ -25,8 +25,6 @@ from slosh_model.errors import SloshModelError
 from slosh_model.layout import divided
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, effect_parameters, store_of
-
-Array = NDArray[np.float64]
 
 TOLERANCE, LEAST = 1e-9, 1e-13
 """Relative to the value, and to the largest one beside it: what cancels is known no better. The

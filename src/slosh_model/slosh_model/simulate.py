@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model import kernel
 from slosh_model.containers import X_AXIS, Y_AXIS, Container
 from slosh_model.effects.registry import (
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 
 MAXIMUM_STEP = 0.002
 """Default bound of the sub-step [s]: relative error below 1e-6 for modes up to 10 Hz."""

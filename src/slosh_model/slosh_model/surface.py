@@ -10,14 +10,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slosh_base.types import Array
 from slosh_model.bessel import radial_shape
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Response
-
-Array = NDArray[np.float64]
 
 
 def plane_surface(

@@ -6,12 +6,10 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.model import TILT, Model
 from slosh_model.pose import integrated
-
-Array = NDArray[np.float64]
 
 FELT = math.radians(0.5)
 """A motion that tilts by more than this [rad] is not answered without gravity's share."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from slosh_model.errors import ModelFileError, SloshModelError
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 
 
 def test_model_files_are_named_in_every_error(tmp_path: Path) -> None:

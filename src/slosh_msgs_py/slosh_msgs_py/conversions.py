@@ -7,6 +7,7 @@ garbage.
 from __future__ import annotations
 
 import array
+from importlib import import_module
 from typing import Any, TypeVar
 
 import numpy as np
@@ -98,3 +99,13 @@ def _integer(kind: str, content: Any) -> int:
     if number != content or not low <= number < high:
         raise ValueError(f"not in the range of {kind}")
     return number
+
+
+def find_type(name: str) -> Any:
+    """The class of a message type, e.g. 'std_msgs/msg/Header'.
+
+    Raises:
+        AttributeError, ImportError, ValueError: it is not installed here, or is no such name.
+    """
+    package, kind, message = name.split("/")
+    return getattr(import_module(f"{package}.{kind}"), message)

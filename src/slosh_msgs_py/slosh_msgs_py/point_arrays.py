@@ -20,7 +20,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.type_support import check_for_type_support
 from rosidl_parser import definition
 
-Array = NDArray[np.float64]
+from slosh_base.types import Array
 
 _BASIC = {
     "boolean": ctypes.c_bool, "octet": ctypes.c_uint8, "float": ctypes.c_float,

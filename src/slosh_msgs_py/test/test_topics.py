@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from slosh_msgs_py import topics
-from slosh_msgs_py.message_type import find_type
+from slosh_msgs_py.conversions import find_type
 
 SERVICES = (*topics.SERVICES, *topics.ACTIONS)
 

@@ -9,12 +9,10 @@ the plain mean over W.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.interpolation import columns_at
 from slosh_plan.errors import SloshPlanError
-
-Array = NDArray[np.float64]
 
 STEP = 0.1
 """W, shorter than half a period of the liquid [s]; longer where samples are far apart."""

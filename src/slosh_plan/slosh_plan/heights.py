@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.batch import wall_heights
 from slosh_model.containers import Container
 from slosh_model.errors import SloshModelError
@@ -16,8 +16,6 @@ from slosh_model.model import Model
 from slosh_model.simulate import MAXIMUM_STEP, Inputs
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.start import begun
-
-Array = NDArray[np.float64]
 
 PERIODS = 3.0
 """Usual horizon after a motion, in periods of the first mode: what follows is lower."""

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.trajectory import PEAK_SPACING, Trajectory, dense
-
-Array = NDArray[np.float64]
 
 HOW_TO_GET = (
     "a motion of joints needs Pinocchio, which is not installed "

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
 from slosh_model.gaps import gap_text
 from slosh_model.model import Model
@@ -20,8 +20,6 @@ from slosh_plan.limits import HeightLimits
 from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.validity import MotionFlag, motion_flags
-
-Array = NDArray[np.float64]
 
 LONGEST_HORIZON = 120.0
 SETTLED = 1e-3

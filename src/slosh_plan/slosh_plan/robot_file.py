@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError
-from slosh_base.files.text_file import read_text
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_plan.joints import Arm
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slosh_base.types import Array
 from slosh_model import Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import Extremes, all_extremes, first_period
@@ -25,8 +26,6 @@ from slosh_plan.planning.time_law import STEP, whole_rows
 from slosh_plan.prediction import check_start
 from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 PERIODS = 8.0
 """Of the first mode that are looked at after the stop."""

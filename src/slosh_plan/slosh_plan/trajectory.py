@@ -7,13 +7,12 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slosh_base.types import Array
 from slosh_model.errors import SloshModelError
 from slosh_model.simulate import Inputs
 from slosh_plan.errors import SloshPlanError
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 200_000
 """200 s at 1 kHz: a motion, not a recording."""

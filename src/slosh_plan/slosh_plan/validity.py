@@ -5,14 +5,11 @@ from __future__ import annotations
 from enum import IntFlag
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 from slosh_plan.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 JERK_TIME = 0.02
 """The jerk is the change of the acceleration over so long [s]: noise of samples is no jerk."""

@@ -10,9 +10,15 @@ from slosh_plan import ModelError, Trajectory, predict
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import Checker, checked
-from slosh_plan.planning.known_laws import UNIT_LAWS, best_scaled, known_laws
+from slosh_plan.planning.known_laws import (
+    PACES,
+    UNIT_LAWS,
+    Pace,
+    PacedLeg,
+    best_scaled,
+    known_laws,
+)
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.paces import PACES, Pace, PacedLeg
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
 from slosh_plan.planning.progress import StoppedError, Watch

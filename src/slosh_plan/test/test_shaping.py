@@ -10,12 +10,12 @@ from slosh_plan import Trajectory
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.checked import checked
 from slosh_plan.shaping.filters import FILTERS, Damped
-from slosh_plan.shaping.polynomial import residual_free
 from slosh_plan.shaping.shaped import (
     course_of,
     deviation,
     excited_modes,
     filter_for,
+    residual_free,
     residual_free_motion,
     shaped,
     shaped_per_axis,

@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
 from slosh_plan import SloshPlanError, Trajectory
-from slosh_plan.resampling import Averaged
+from slosh_plan.scaling import Averaged
 
 
 def still(t):

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from slosh_base.files.yaml_text import format_yaml
+from slosh_base.files.yaml_document import format_yaml
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
 from slosh_estimator.limits import Source

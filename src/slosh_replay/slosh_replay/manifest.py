@@ -30,8 +30,15 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files import write_text
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.yaml_document import Key, KeyPath, YamlDocument, dotted, read_yaml, shown
-from slosh_base.files.yaml_text import format_yaml
+from slosh_base.files.yaml_document import (
+    Key,
+    KeyPath,
+    YamlDocument,
+    dotted,
+    format_yaml,
+    read_yaml,
+    shown,
+)
 
 NAME = "manifest.yaml"
 EXACT = "exact"

@@ -7,9 +7,8 @@ from functools import cached_property
 from pathlib import Path
 
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_replay.recording.cells import CellTopics
 from slosh_replay.recording.settings import NodeStart
-from slosh_replay.recording.sources import recorded_starts
+from slosh_replay.recording.sources import CellTopics, recorded_starts
 
 
 class RecordedRun:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Integers = NDArray[np.int64]
+from slosh_base.types import Integers
+
 Columns = Mapping[str, NDArray[Any]]
 
 LASTING = 20

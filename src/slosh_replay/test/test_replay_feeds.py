@@ -14,8 +14,8 @@ from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import EstimateFlag
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.replay.columns import chosen
 from slosh_replay.replay.monitor_feed import CHECK_NS, Heights, MonitorFeed
+from slosh_replay.replay.series import chosen
 
 MS = 1_000_000
 START = 10**18

@@ -23,7 +23,7 @@ from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sight import SurfaceFlag
 from slosh_model.constants import GRAVITY
-from slosh_replay.recording.motion import Motion
+from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table, with_rows_at
 from slosh_replay.tables.table_bag import import_table, table_stamps, table_times, write_table_bag
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
@@ -439,7 +439,7 @@ def test_stamps_that_go_back_are_refused(cell: Cell):
 def test_interpolated_attitudes_take_the_shorter_way():
     quarter = math.sqrt(0.5)
     turn = np.array([[0.0, 0.0, 0.0, 2.0], [0.0, 0.0, -quarter, -quarter]])  # 90° about z
-    motion = Motion(np.array([0, 10]), np.zeros((2, 3)), turn)
+    motion = RecordedMotion(np.array([0, 10]), np.zeros((2, 3)), turn)
     attitude = with_rows_at(motion, np.array([5])).attitude
     assert attitude is not None
     eighth = math.radians(22.5)

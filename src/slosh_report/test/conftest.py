@@ -16,12 +16,12 @@ from slosh_report.run_report import (
     Frame,
     KeyFigure,
     ModelRow,
-    Motion,
+    RunMotion,
     RunReport,
+    RunVerdict,
     Span,
     Status,
     Topic,
-    Verdict,
     Verification,
 )
 
@@ -67,8 +67,8 @@ def full_report():
         ),
         models=rows(1),
         motions=(
-            Motion("RD_2D", 0.5, 8.123456, 0.0212987, rows(2)),
-            Motion("LE_3D", 9.5, 19.0, 0.02, rows(3)),
+            RunMotion("RD_2D", 0.5, 8.123456, 0.0212987, rows(2)),
+            RunMotion("LE_3D", 9.5, 19.0, 0.02, rows(3)),
         ),
         frames=(
             Frame(grey_png(), "highest: 2.24 s", "image/png", 2.24),
@@ -82,7 +82,7 @@ def full_report():
         effects={"fill_level": "More or less liquid than the model says."},
         notes=("a note",),
         warnings=("0.4 s are lost at the end",),
-        status=Status(Verdict.FAILED, ("MAE 3D-NL is too large",)),
+        status=Status(RunVerdict.FAILED, ("MAE 3D-NL is too large",)),
         checks=(
             Check("MAE 3D-NL", 0.00060000001, 0.0, 0.0006, "mm"),
             Check("samples dropped", 0, upper=0),
@@ -132,8 +132,8 @@ def hostile_report(full_report):
         events=(Span(evil("source"), 1.0, 2.0, 0.01, 0.02, evil("description")),),
         models=bad_rows,
         motions=(
-            Motion(evil("motion"), 0.5, 8.0, 0.02, bad_rows),
-            Motion(evil("motion"), 9.0, 19.0, 0.02, bad_rows),
+            RunMotion(evil("motion"), 0.5, 8.0, 0.02, bad_rows),
+            RunMotion(evil("motion"), 9.0, 19.0, 0.02, bad_rows),
         ),
         frames=(Frame(grey_png(), evil("caption"), "image/png", 2.0),),
         topics=(Topic(evil("topic"), evil("type"), 1),),
@@ -141,7 +141,7 @@ def hostile_report(full_report):
         effects={evil("effect"): evil("meaning")},
         notes=(evil("note"),),
         warnings=(evil("warning"),),
-        status=Status(Verdict.PASSED, (evil("reason"),)),
+        status=Status(RunVerdict.PASSED, (evil("reason"),)),
         checks=(Check(evil("check"), 1.0),),
         verifications=(
             Verification(evil("verification"), 0, 1, (Difference(evil("t"), evil("f"), 1),)),

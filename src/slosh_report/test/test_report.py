@@ -20,12 +20,12 @@ from slosh_report.run_report import (
     Frame,
     KeyFigure,
     ModelRow,
-    Motion,
+    RunMotion,
     RunReport,
+    RunVerdict,
     Span,
     Status,
     Topic,
-    Verdict,
     render_report,
     report_document,
 )
@@ -222,7 +222,7 @@ def test_the_status_and_the_warnings_come_first(full_report):
     places = [html.index(text) for text in ("✗ Failed", "MAE 3D-NL is too large", "0.4 s are lost",
               'class="figures"', 'id="heights"')]  # fmt: skip
     assert places == sorted(places)
-    assert "✓ Passed" in render_report(replace(full_report, status=Status(Verdict.PASSED)))
+    assert "✓ Passed" in render_report(replace(full_report, status=Status(RunVerdict.PASSED)))
     assert 'class="status' not in render_report(REPORT)
 
 
@@ -281,8 +281,8 @@ def test_the_page_forbids_itself_other_scripts_and_requests(full_report):
 
 def test_models_that_differ_between_motions_have_a_column_each():
     motions = (
-        Motion("a", 0.0, 3.0, 0.01, (ModelRow("3D-L", 0.00111, 0.1),)),
-        Motion("b", 4.0, 7.0, 0.01, (ModelRow("3D-NL", 0.00222, 0.1),)),
+        RunMotion("a", 0.0, 3.0, 0.01, (ModelRow("3D-L", 0.00111, 0.1),)),
+        RunMotion("b", 4.0, 7.0, 0.01, (ModelRow("3D-NL", 0.00222, 0.1),)),
     )
     html = render_report(replace(REPORT, motions=motions))
     assert html.count('data-path="/motions/0/models/0/sigma">1.11<') == 1
@@ -292,7 +292,7 @@ def test_models_that_differ_between_motions_have_a_column_each():
 
 def test_the_motions_that_the_model_follows_worst_are_drawn():
     motions = tuple(
-        Motion(str(i), 0.8 * i, 0.8 * i + 0.7, 0.01, (ModelRow("3D-NL", 1e-3 * (i % 5), 0.1),))
+        RunMotion(str(i), 0.8 * i, 0.8 * i + 0.7, 0.01, (ModelRow("3D-NL", 1e-3 * (i % 5), 0.1),))
         for i in range(10)
     )
     html = render_report(replace(REPORT, motions=motions))
@@ -301,7 +301,7 @@ def test_the_motions_that_the_model_follows_worst_are_drawn():
 
 
 def test_a_motion_that_is_called_by_its_number_is_not_numbered_twice():
-    motions = (Motion("1", 0.0, 3.0), Motion("", 3.0, 5.0), Motion("three", 5.0, 8.0))
+    motions = (RunMotion("1", 0.0, 3.0), RunMotion("", 3.0, 5.0), RunMotion("three", 5.0, 8.0))
     html = render_report(replace(REPORT, motions=motions))
     names = re.findall(r'<span class="badge">\d</span>(.*)\n<span class="when">', html)
     assert names == ["", "", "three"]

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_report.page.lines import NARROW
 from slosh_report.page.series import envelope, gaps, highest, lone, united
+from slosh_report.page.svg import NARROW
 from slosh_report.run_report import AzimuthSeries, render_report
 from slosh_report.run_report.charts import heights_chart, residual
 from slosh_report.run_report.polar import azimuth_agreement

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files import new_text
 from slosh_base.files.errors import SloshFileError
+from slosh_base.types import Array
 from slosh_model import for_notebooks
 from slosh_model.simulate import Inputs
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
@@ -32,7 +32,6 @@ from slosh_tables.text_table.reading import TextTable, read_table
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".csv.gz")
 """Of a motion table's file."""

@@ -12,8 +12,9 @@ from rosbags.typesys.store import Typestore
 
 from slosh_bag.columns.cdr_layout import TEXTS, WIDE, Layout, kind_of, layout_of, wide_text
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.chunks import Bytes, Integers, MessageBlock
+from slosh_bag.mcap_files.chunks import Bytes, MessageBlock
 from slosh_base.compiled.compilation import entry_point, given
+from slosh_base.types import Integers
 
 BYTES, INTEGERS = given(uint8, 1), given(int64, 1)
 

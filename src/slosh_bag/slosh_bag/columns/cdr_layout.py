@@ -17,7 +17,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.chunks import Bytes, Integers
+from slosh_bag.mcap_files.chunks import Bytes
+from slosh_base.types import Integers
 
 HEADER = 4
 """Encapsulation before the values: byte order and options [bytes]."""

@@ -15,9 +15,8 @@ from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from slosh_bag.definitions import Definitions
+from slosh_bag.definitions import Definitions, read_types
 from slosh_bag.errors import SloshBagError
-from slosh_bag.message_types import read_types
 
 Convert = Callable[[bytes], bytes]
 HEADER = "std_msgs/msg/Header"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from slosh_base.files import write_text
-from slosh_base.files.yaml_text import format_yaml
+from slosh_base.files.yaml_document import format_yaml
 
 NAME = "metadata.yaml"
 VERSION = 9

@@ -7,8 +7,8 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.base import TypesysError
 from rosbags.typesys.store import Typestore
 
+from slosh_bag.definitions import ENCODINGS, read_types
 from slosh_bag.errors import SloshBagError
-from slosh_bag.message_types import ENCODINGS, read_types
 
 
 class BagTypes:

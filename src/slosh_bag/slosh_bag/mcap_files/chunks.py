@@ -29,8 +29,8 @@ from slosh_bag.mcap_files.chunk_scan import (
     scan,
 )
 from slosh_bag.unpacking import MOST_UNPACKED, UnpackingError, unpack
+from slosh_base.types import Integers
 
-Integers = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 RECORD_HEADER = 9

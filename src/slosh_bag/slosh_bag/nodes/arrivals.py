@@ -1,8 +1,13 @@
-"""The order in which messages came on all topics together."""
+"""Order and time in which messages came, on all topics together."""
 
 from __future__ import annotations
 
 from slosh_bag.nodes.topic_input import Received
+
+STEP_NS = 50_000_000
+"""From here on it is a step of the clock [ns], and no slewing."""
+AHEAD_NS = 10_000_000
+"""What was received so long after now was received before the clock was set back [ns]."""
 
 
 class Arrivals:
@@ -32,3 +37,39 @@ class Arrivals:
         """What is held back; nothing follows."""
         held, self._held = self._held, []
         return held
+
+
+class LogTimes:
+    """Receive times by the system's clock, which never go back.
+
+    Bags are read by these times: of two stretches with the same ones nobody could tell which
+    came first. Where the clock is set back they go on as if it had not been, until it is there
+    again.
+
+    Args:
+        system_ns, steady_ns: both clocks' time [ns].
+    """
+
+    def __init__(self, system_ns: int, steady_ns: int) -> None:
+        self._now = system_ns
+        self._between = system_ns - steady_ns
+        self._shift = self._shift_before = 0
+        self._last = 0
+
+    def look(self, system_ns: int, steady_ns: int) -> None:
+        """Looks at both clocks; to be called before messages are taken."""
+        step = system_ns - steady_ns - self._between
+        self._now, self._between = system_ns, system_ns - steady_ns
+        self._shift_before = self._shift
+        if abs(step) > STEP_NS:
+            self._shift = max(self._shift - step, 0)
+
+    def of(self, received_ns: int) -> int:
+        """The time of a message that was received at a time of the system's clock [ns]."""
+        before_the_step = received_ns > self._now + AHEAD_NS
+        return received_ns + (self._shift_before if before_the_step else self._shift)
+
+    def in_order(self, time_ns: int) -> int:
+        """The time, or that of the message written before, if it is later [ns]."""
+        self._last = max(self._last, time_ns)
+        return self._last

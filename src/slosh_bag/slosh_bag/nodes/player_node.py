@@ -25,7 +25,7 @@ from slosh_bag.playing.play_plan import (
     without,
 )
 from slosh_bag.playing.playback import CLOCK_RATES, RATES, PlaybackSettings
-from slosh_msgs_py.message_type import find_type
+from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare

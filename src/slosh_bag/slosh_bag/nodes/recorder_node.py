@@ -11,21 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from slosh_bag.bag_writer import Split
-from slosh_bag.nodes.arrivals import Arrivals
-from slosh_bag.nodes.log_times import LogTimes
+from slosh_bag.nodes.arrivals import Arrivals, LogTimes
 from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
-from slosh_bag.nodes.used_topics import used_topics
 from slosh_bag.recorded_topics import Choice, TopicChoice
 from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
 from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import topics
-from slosh_msgs_py.message_type import find_type
+from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
@@ -67,6 +66,9 @@ PARAMETERS = (
         bounds=(0, 10**9),
     ),
 )
+
+_RCL_ERRORS = (RuntimeError, ValueError)
+"""Of a node that has just ended; rclpy's NodeNameNonExistentError is a RuntimeError."""
 
 
 class RecorderNode(GuardedNode):
@@ -283,6 +285,26 @@ def _why(status: RecorderStatus) -> str:
     if status.unkept:
         reasons.append(status.failure or "the disk was too slow, or the bag was deleted")
     return "; ".join(reasons)
+
+
+def used_topics(node: Node) -> set[str]:
+    """Topics of the cell's nodes; they are those that publish their settings in its namespace.
+
+    Args:
+        node: one in the cell's namespace.
+    """
+    found: set[str] = set()
+    for info in node.get_publishers_info_by_topic(topics.SETTINGS):
+        for ask in (
+            node.get_subscriber_names_and_types_by_node,
+            node.get_publisher_names_and_types_by_node,
+        ):
+            try:
+                known = ask(info.node_name, info.node_namespace)
+            except _RCL_ERRORS:
+                continue
+            found.update(topic for topic, _ in known)
+    return found
 
 
 def main() -> int:

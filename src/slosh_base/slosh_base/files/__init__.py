@@ -2,11 +2,17 @@
 
 A package of its own, below all others, because what writes a bag, a table or a page should load
 nothing else for it: the model's package would bring the compiler into the recorder's process, the
-messages' package would bring ROS into the pure cores. YAML is in modules of its own,
-`yaml_document` and `yaml_text`, so that only what reads or writes it loads PyYAML.
+messages' package would bring ROS into the pure cores. YAML is in a module of its own,
+`yaml_document`, so that only what reads or writes it loads PyYAML.
 """
 
-from slosh_base.files.apart import check_apart, check_outside
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.new_file import NewFile, naming, new_link, new_text, write_bytes, write_text
 from slosh_base.files.new_folder import check_free, is_unfinished, new_folder, remove_unfinished
@@ -26,3 +32,59 @@ __all__ = [
     "write_bytes",
     "write_text",
 ]
+
+_Identity = tuple[int, int]
+
+
+def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
+    """Refuses an output file that is an input, by whatever name, or another output.
+
+    A relative and an absolute path, a link and a hard link are names of one file.
+
+    Args:
+        outputs: the files; None: not asked for.
+        inputs: files; of a folder those that are read.
+
+    Raises:
+        SloshFileError: an output is an input, or two outputs are one file.
+    """
+    read = {_identity(path): path for path in inputs if path is not None}
+    written: dict[_Identity | str, Path] = {}
+    for path in outputs:
+        if path is None:
+            continue
+        identity = _identity(path)
+        if identity is not None and identity in read:
+            same = "" if read[identity] == path else f" {read[identity]}"
+            raise SloshFileError(f"{path}: is the input{same}; choose another output")
+        key = identity or os.path.realpath(path)
+        if key in written and not _is_special(path):
+            raise SloshFileError(f"{path}: is given for two outputs; change one of them")
+        written[key] = path
+
+
+def check_outside(folder: Path, inputs: Iterable[Path]) -> None:
+    """Refuses an output folder that is, or lies in, an input folder.
+
+    Raises:
+        SloshFileError: it does.
+    """
+    places = [folder.resolve(), *folder.resolve().parents]
+    for path in inputs:
+        if path.is_dir() and path.resolve() in places:
+            what = "is the input" if path.resolve() == places[0] else f"is inside the input {path}"
+            raise SloshFileError(f"{folder}: {what}; choose another folder")
+
+
+def _identity(path: Path) -> _Identity | None:
+    """What all names of a regular file or a folder share; None: it is not there, or special."""
+    try:
+        facts = path.stat()
+    except OSError:
+        return None
+    regular = stat.S_ISREG(facts.st_mode) or stat.S_ISDIR(facts.st_mode)
+    return (facts.st_dev, facts.st_ino) if regular else None
+
+
+def _is_special(path: Path) -> bool:
+    return path.exists() and _identity(path) is None

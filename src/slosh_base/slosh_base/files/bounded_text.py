@@ -1,4 +1,4 @@
-"""Text of a table that may be packed, read block by block, of a size that can be worked with.
+"""Text files that a user names: of bounded size; a table's may be packed and comes by blocks.
 
 A line of a gigabyte is as many times that in memory, and some megabytes of gzip are gigabytes of
 text. So text is counted as it is unpacked, before anything is made of it.
@@ -9,13 +9,15 @@ from __future__ import annotations
 import codecs
 import gzip
 import io
+import os
+import stat
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO, cast
 
-from slosh_base.files.errors import SloshFileError
+from slosh_base.files.errors import SloshFileError, TextFileError
 
 MOST_TEXT = 500_000_000
 """Of a table, unpacked, at most [bytes]."""
@@ -125,3 +127,43 @@ class _Counted(io.RawIOBase):
         ):
             if number > most:
                 raise SloshFileError(f"{self._path}: has more than {most} {unit}; {_ADVICE}")
+
+
+def read_text(path: str | Path, longest: int) -> str:
+    """The text of a file.
+
+    Args:
+        path: the file.
+        longest: bytes of it, at most.
+
+    Raises:
+        TextFileError: it is not there, no regular file, too long, or not UTF-8.
+    """
+    try:
+        content = _content(path, longest)
+    except OSError as error:
+        raise TextFileError(path, error.strerror or "cannot be read") from None
+    except ValueError as error:  # of a path with a zero byte
+        raise TextFileError(repr(str(path)), str(error)) from None
+    if content is None:
+        raise TextFileError(path, "not a regular file")
+    if len(content) > longest:
+        raise TextFileError(path, f"too large, more than {longest} bytes")
+    try:
+        return content.decode()
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise TextFileError(path, f"is not UTF-8 text (line {line})") from None
+
+
+def _content(path: str | Path, longest: int) -> bytes | None:
+    """The first bytes of a regular file; None: it is none. Waits for nobody."""
+    # A named pipe without a writer, or a terminal, would hold up an ordinary open().
+    with open(path, "rb", opener=_open_at_once) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            return None
+        return file.read(longest + 1)
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC)

@@ -7,23 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from slosh_bringup.cell.motions import Motion, make_motion
+from slosh_base.types import Array
+from slosh_bringup.cell.motions import CellMotion, make_motion
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.interpolation import columns_at
 from slosh_tables.motion_table import MotionTable, read_motion_table
 from slosh_tables.text_table.options import TableOptions, Tell, warn
-from slosh_tables.text_table.time_unit import check_span
-
-Array = NDArray[np.float64]
+from slosh_tables.text_table.units import check_span
 
 TABLE_ENDINGS = (".csv", ".csv.gz")
 REPEATS = (1, 10_000)
 """How often a motion may be played in succession."""
 
 
-def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> Motion:
+def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> CellMotion:
     """A motion.
 
     Args:
@@ -42,7 +40,7 @@ def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> Motion:
     return make_motion(name, rate)
 
 
-def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
+def motion_from_table(name: str, table: MotionTable, rate: float) -> CellMotion:
     """A table's motion on an even grid that starts at 0.
 
     Accelerations are interpolated linearly, attitudes along the shortest turn. The position is the
@@ -73,7 +71,7 @@ def motion_from_table(name: str, table: MotionTable, rate: float) -> Motion:
     if table.angular_velocity is not None:
         rate_of_turn = columns_at(moments, table.t, table.angular_velocity)
     quaternion = None if turn is None else turn.as_quat()
-    return Motion(name, t, position, acceleration, quaternion, rate_of_turn)
+    return CellMotion(name, t, position, acceleration, quaternion, rate_of_turn)
 
 
 def _attitude(

@@ -16,14 +16,13 @@ from types import MappingProxyType
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from slosh_base.files.nearest import did_you_mean
+from slosh_base.types import Array
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.constants import GRAVITY
 from slosh_model.motion_profiles import modified_trapezoid
 
-Array = NDArray[np.float64]
 Path = Callable[[Array], tuple[Array, Array, Array]]
 
 REST_BEFORE = 1.0
@@ -37,7 +36,7 @@ CIRCLE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class CellMotion:
     """A motion of the container; its arrays are copies that cannot be written to.
 
     Attributes:
@@ -77,14 +76,14 @@ class Motion:
             force = turns.apply(force, inverse=True)
         return np.asarray(force, dtype=np.float64)
 
-    def repeated(self, times: int) -> Motion:
+    def repeated(self, times: int) -> CellMotion:
         """The motion played several times in succession."""
 
         def tiled(array: Array | None) -> Array | None:
             return None if array is None else np.tile(array, (times, 1))
 
         step = self.duration / max(len(self.t) - 1, 1)
-        return Motion(
+        return CellMotion(
             self.name,
             np.arange(times * len(self.t), dtype=np.float64) * step,
             np.tile(self.position, (times, 1)),
@@ -150,7 +149,7 @@ MOTIONS: Mapping[str, MotionSpec] = MappingProxyType(_catalogue())
 """Every motion by name; the short names are gentle ones."""
 
 
-def make_motion(name: str, rate: float = 1000.0) -> Motion:
+def make_motion(name: str, rate: float = 1000.0) -> CellMotion:
     """A motion by name, with rest before and dwell after.
 
     Args:
@@ -172,7 +171,7 @@ def make_motion(name: str, rate: float = 1000.0) -> Motion:
     total = REST_BEFORE + duration + DWELL_AFTER
     t = np.arange(math.floor(total * rate) + 1) / rate
     position, acceleration = _along(spec, (t - REST_BEFORE) / duration, duration)
-    return Motion(name, t, position - position[0], acceleration)
+    return CellMotion(name, t, position - position[0], acceleration)
 
 
 def _duration(spec: MotionSpec) -> float:

@@ -1,18 +1,16 @@
-"""The truth liquid: what the container really holds while the nodes estimate and measure it."""
+"""What the container really holds in a simulated motion, and what its sensors report of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slosh_bringup.cell.motions import Motion
+from slosh_base.types import Array
+from slosh_bringup.cell.motions import CellMotion
 from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +39,7 @@ class TruthLiquid:
         )
 
 
-def integrate_truth(model: Model, motion: Motion) -> TruthLiquid:
+def integrate_truth(model: Model, motion: CellMotion) -> TruthLiquid:
     """The truth liquid of a motion, from rest.
 
     A tilted container's liquid feels gravity from the side, a = Rᵀ(a + g ẑ) − g ẑ: the truth
@@ -54,3 +52,46 @@ def integrate_truth(model: Model, motion: Motion) -> TruthLiquid:
     felt = motion.specific_force() - np.array([0.0, 0.0, GRAVITY])
     response, _ = simulate(model, Inputs(motion.t, felt))
     return TruthLiquid(response.t, response.sh_x, response.sh_y)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorReadings:
+    """Readings at the motion's samples.
+
+    Attributes:
+        acceleration: (N, 3) in the world, gravity excluded, with noise [m/s²].
+        specific_force: (N, 3) of the IMU, in the container's axes, with noise [m/s²].
+        angular_velocity: (N, 3) of the IMU, in the container's axes [rad/s].
+        position: (N, 3) in the world [m].
+        attitude: (N, 4) quaternion x, y, z, w, world ← container.
+    """
+
+    acceleration: Array
+    specific_force: Array
+    angular_velocity: Array
+    position: Array
+    attitude: Array
+
+
+def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
+    """The readings of a motion.
+
+    Args:
+        motion: the container's motion.
+        noise: standard deviation of both accelerometers' white noise [m/s²].
+        seed: of the noise.
+    """
+    generator = np.random.default_rng(seed)
+    shape = motion.acceleration.shape
+    return SensorReadings(
+        motion.acceleration + noise * generator.standard_normal(shape),
+        motion.specific_force() + noise * generator.standard_normal(shape),
+        _or_constant(motion.angular_velocity, len(motion.t), (0.0, 0.0, 0.0)),
+        motion.position,
+        _or_constant(motion.attitude, len(motion.t), (0.0, 0.0, 0.0, 1.0)),
+    )
+
+
+def _or_constant(values: Array | None, count: int, value: tuple[float, ...]) -> Array:
+    """The values, or the same one at all times where there are none."""
+    return np.broadcast_to(value, (count, len(value))) if values is None else values

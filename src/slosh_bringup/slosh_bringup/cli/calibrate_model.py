@@ -7,7 +7,7 @@ import math
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.containers import ROUND, Container
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 
 SAME = 1e-3
 """Lengths that differ by a smaller share are one."""

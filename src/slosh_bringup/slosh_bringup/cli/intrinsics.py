@@ -18,11 +18,9 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.board import FORMAT
 from slosh_camera.images.colour import Image
 from slosh_camera.images.decoding import read_image
-from slosh_camera.intrinsics.coverage import missing_poses
-from slosh_camera.intrinsics.drawing import draw_reprojection
-from slosh_camera.intrinsics.ost_file import format_camera
+from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
 from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
-from slosh_camera.intrinsics.solve import IntrinsicFit, solve_intrinsics
+from slosh_camera.intrinsics.solve import IntrinsicFit, format_camera, solve_intrinsics
 from slosh_camera.intrinsics.target import CHESSBOARD_FORMAT, Target, parse_target
 from slosh_camera.intrinsics.views import find_views
 from slosh_camera.optics.lens import COEFFICIENTS, PLUMB_BOB

@@ -8,15 +8,12 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.quantities import RATE, SPEED, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.motion_profiles import LAWS, Cycle
 from slosh_tables.motion_table import SUFFIXES, MotionTable, is_motion_table, write_motion_table
-
-Array = NDArray[np.float64]
 
 AXES = ("x", "y")
 MOST_ROWS = 10_000_000

@@ -14,9 +14,7 @@ from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NAMESPACE
-from slosh_bringup.new_cup.cup import NewCup
-from slosh_bringup.new_cup.files import next_steps, texts_of
-from slosh_bringup.new_cup.units import QUANTITIES
+from slosh_bringup.new_cup import QUANTITIES, NewCup, next_steps, texts_of
 from slosh_model.liquid import LIQUIDS, Liquid
 
 _TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}

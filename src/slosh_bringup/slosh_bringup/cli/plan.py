@@ -21,7 +21,7 @@ from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_plan import ModelError
 from slosh_plan.doubts import path_doubts
 from slosh_plan.planning.limits import (
@@ -32,10 +32,9 @@ from slosh_plan.planning.limits import (
     TILT_RATE,
     PlanLimits,
 )
-from slosh_plan.planning.path import path_through
+from slosh_plan.planning.path import Waypoints, path_through
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
-from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.tables.path_table import read_path_table, write_plan_table
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
@@ -211,7 +210,7 @@ def write_results(
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.
-            from slosh_plan.plan_report.document import plan_json
+            from slosh_plan.plan_report.data import plan_json
             from slosh_plan.plan_report.making import make_report
             from slosh_plan.plan_report.page import render_plan
 

@@ -21,7 +21,7 @@ from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_model.tilt import added_text, attitude_of
 from slosh_plan import (
     HeightLimits,
@@ -173,9 +173,7 @@ def write_shown(
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.
-    from slosh_bringup.predict.page import render_page
-    from slosh_bringup.predict.picture import write_picture
-    from slosh_bringup.predict.profiles import profiles
+    from slosh_bringup.predict.page import profiles, render_page, write_picture
 
     shown = profiles(model, motions, found, arguments.horizon)
     if arguments.plot is not None:

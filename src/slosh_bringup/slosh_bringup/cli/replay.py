@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from slosh_bag.mcap_files.bag_folder import files_of
+from slosh_bag.reader import bag_files
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
+from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.many_files import Outcome, map_files
 from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
-from slosh_bringup.replay.stated_bags import StatedBag, find_bags
-from slosh_bringup.replay.tables import accuracy_lines
 from slosh_bringup.replay.task import (
     PAGES,
     RECORDED,
@@ -29,8 +31,9 @@ from slosh_bringup.replay.task import (
     replay_task,
     unique_names,
 )
-from slosh_model.model_file import read_model
-from slosh_replay.manifest import Expectation, write_manifest
+from slosh_model.model_text import read_model
+from slosh_replay.manifest import NAME, Expectation, read_manifest, write_manifest
+from slosh_replay.replay.result import Judged, ModelAccuracy
 from slosh_report.text_table import aligned
 
 DONE, FAILED, WRONG_INPUT = 0, 1, 2
@@ -259,3 +262,112 @@ def _write_manifests(
         write_manifest(manifest, expectations)
         print(f"{manifest}: {len(expectations)} bags", file=sys.stderr)
     return DONE if all(outcome.value is not None for outcome in outcomes) else FAILED
+
+
+def accuracy_lines(results: Sequence[Judged]) -> list[str]:
+    """MAE and ε by bag and model, and their means where there are several bags.
+
+    Args:
+        results: at least one; all with the same models.
+    """
+    names = [row.name for row in results[0].accuracy]
+    clocks = any(row.clock is not None for result in results for row in result.accuracy)
+    heads = ["", *(f"MAE {name}" for name in names), *(f"ε {name}" for name in names)]
+    rows = [[*heads, "clock"] if clocks else heads]
+    rows += [_cells(result.name, result.accuracy, clocks) for result in results]
+    if len(results) > 1:
+        by_model = list(zip(*(result.accuracy for result in results), strict=True))
+        sigma = [_mean([row.sigma for row in model]) for model in by_model]
+        size = [_mean([abs(row.epsilon) for row in model]) for model in by_model]
+        mean = ["mean (of ε, its size)", *map(_mm, sigma), *(f"{100 * x:.1f}" for x in size)]
+        rows.append([*mean, ""] if clocks else mean)
+    units = "MAE in mm, ε in %" + (", offset of the measured clock in s" if clocks else "")
+    return [*aligned(rows, "<>"), units]
+
+
+def _cells(name: str, accuracy: Sequence[ModelAccuracy], clocks: bool) -> list[str]:
+    sigma = [_mm(row.sigma) for row in accuracy]
+    cells = [name, *sigma, *(f"{100 * row.epsilon:+.1f}" for row in accuracy)]
+    if not clocks:
+        return cells
+    clock = accuracy[-1].clock
+    if clock is None:
+        return [*cells, ""]
+    return [*cells, f"{clock.offset:.3f}" + ("" if clock.unambiguous else " (ambiguous)")]
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.2f}"
+
+
+@dataclass(frozen=True, slots=True)
+class StatedBag:
+    """A bag and its place in a manifest.
+
+    Attributes:
+        path: folder or file.
+        manifest: where it is or would be stated; the file may not exist.
+        key: its name there.
+        expected: what is stated; None: nothing.
+        unstated: the folder's manifest names other bags and not this one.
+    """
+
+    path: Path
+    manifest: Path
+    key: str
+    expected: Expectation | None = None
+    unstated: bool = False
+
+
+def find_bags(paths: Sequence[Path], output: Path | None = None) -> list[StatedBag]:
+    """The bags that are meant, each once.
+
+    Args:
+        paths: bags, and folders of bags with or without a manifest.
+        output: folder of results; bags in it are none that are meant.
+
+    Raises:
+        SloshBringupError: there is nothing at a path.
+        SloshBagError: a folder holds no bag, or a manifest cannot be read.
+    """
+    found: dict[Path, StatedBag] = {}
+    for path in paths:
+        if not path.exists():
+            raise SloshBringupError(f"{path}: no such file or folder")
+        for bag in _of_folder(path, output) if _is_collection(path) else [_single(path)]:
+            found.setdefault(bag.path.resolve(), bag)
+    return list(found.values())
+
+
+def _is_collection(path: Path) -> bool:
+    """A folder that holds files of its own is a bag, unless a manifest names them."""
+    return path.is_dir() and ((path / NAME).is_file() or not any(path.glob("*.mcap")))
+
+
+def _single(path: Path) -> StatedBag:
+    """A bag, with what the manifest beside it states."""
+    manifest = path.resolve().parent / NAME
+    stated = read_manifest(manifest) if manifest.is_file() else {}
+    return StatedBag(path, manifest, path.resolve().name, stated.get(path.resolve().name))
+
+
+def _of_folder(folder: Path, output: Path | None) -> list[StatedBag]:
+    manifest = folder / NAME
+    stated: Mapping[str, Expectation] = read_manifest(manifest) if manifest.is_file() else {}
+    bags = {path.parent for path in folder.glob("**/*.mcap") if path.parent != folder}
+    bags |= set(folder.glob("*.mcap"))
+    if output is not None:
+        bags = {bag for bag in bags if output.resolve() not in bag.resolve().parents}
+    bags |= {folder / name for name in stated}
+    if not bags:
+        bag_files(folder)  # says what is there instead
+    keys = {bag.relative_to(folder).as_posix(): bag for bag in sorted(bags)}
+    return [
+        StatedBag(bag, manifest, key, stated.get(key), manifest.is_file() and key not in stated)
+        for key, bag in keys.items()
+    ]

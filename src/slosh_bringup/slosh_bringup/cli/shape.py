@@ -7,18 +7,18 @@ import json
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files import check_apart
 from slosh_base.files.plain_text import plain_line
+from slosh_base.types import Array
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_model import Model
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_plan import Trajectory
 from slosh_plan.planning.checked import Checked, checked
 from slosh_plan.planning.plan import upright_yaw
-from slosh_plan.planning.time_law import Motion
+from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.shaping.filters import FILTERS
 from slosh_plan.shaping.shaped import (
     POLYNOMIAL,
@@ -33,8 +33,6 @@ from slosh_plan.shaping.shaped import (
 )
 from slosh_plan.tables.path_table import write_plan_table
 from slosh_plan.tables.trajectory_table import read_trajectory
-
-Array = NDArray[np.float64]
 
 TURNED = 1e-3
 """By how much a quaternion's components may differ along a motion that does not turn."""
@@ -100,7 +98,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def shape(arguments: argparse.Namespace, model: Model, course: Course, yaw: float) -> Motion:
+def shape(
+    arguments: argparse.Namespace, model: Model, course: Course, yaw: float
+) -> PlannedMotion:
     """The motion as it is asked for.
 
     Raises:

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import sys
 from pathlib import Path
 
-from slosh_base.files import check_apart
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.interchange.export_sinks import load_pyarrow
+from slosh_base.files import NewFile, check_apart, new_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
-from slosh_bringup.simulate.answer import Answer, make_answer
-from slosh_bringup.simulate.doubts import check_possible, doubts
-from slosh_bringup.simulate.table import STANDARD_OUTPUT, output_path, write_response
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.simulate.answer import Answer, check_possible, doubts, make_answer
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
-from slosh_model.model_file import read_model
-from slosh_model.simulate import simulate
+from slosh_model.model_text import read_model
+from slosh_model.simulate import Response, simulate
 from slosh_model.tilt import added_text, attitude_of, feeling
 from slosh_plan import HeightLimits
 from slosh_tables.motion_table import read_motion_table
-from slosh_tables.text_table.time_unit import check_span
+from slosh_tables.text_table.units import check_span
 
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
@@ -41,6 +45,10 @@ below the limit (--limit) and below the rim (if model.yaml gives rim_height).
 
 exit code: 0, 1 where the limit or the rim is exceeded, units or axes look wrong or samples are
 missing, 2 for wrong input"""
+
+COLUMNS = ("t", "msh", "azimuth", "sh_x", "sh_y")
+SUFFIXES = (".csv", ".csv.gz", ".parquet")
+STANDARD_OUTPUT = Path("/dev/stdout")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -110,3 +118,42 @@ def summary(answer: Answer, output: str, *, as_json: bool) -> str:
     if as_json:
         return json.dumps({**answer.facts(), "output": output})
     return f"{answer.text()}, {answer.samples} rows in {plain_line(output)}"
+
+
+def output_path(given: Path) -> Path:
+    """Where a table goes; `-` is standard output.
+
+    Raises:
+        SloshBringupError: its name tells no format.
+    """
+    if str(given) == "-":
+        return STANDARD_OUTPUT
+    # A pipe and what the system offers as a file (a shell's /dev/fd/63) take CSV.
+    if given.name.endswith(SUFFIXES) or given.is_relative_to("/dev") or given.is_fifo():
+        return given
+    raise SloshBringupError(f"{given}: a table is {', '.join(SUFFIXES)}, or - for standard output")
+
+
+def write_response(path: Path, response: Response, msh: NDArray[np.float64]) -> None:
+    """Writes COLUMNS [s, m, rad], one row per input sample.
+
+    Args:
+        path: where to; its suffix tells the format, CSV where it has none.
+        response: the liquid's own answer.
+        msh: (N,) what a sensor would read of its maximum [m].
+
+    Raises:
+        SloshBagError: a Parquet file, and pyarrow is not installed.
+        OSError: the file cannot be written; what was there is as it was.
+    """
+    columns = (response.t, msh, response.azimuth, response.sh_x, response.sh_y)
+    if path.suffix == ".parquet":
+        arrow, parquet = load_pyarrow()
+        with NewFile(path) as new, new.open() as stream:
+            parquet.write_table(arrow.table(dict(zip(COLUMNS, columns, strict=True))), stream)
+        return
+    with new_text(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        # The csv module writes floats by repr: to the same bits when read.
+        writer.writerows(np.column_stack(columns).tolist())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.errors import SloshBringupError
@@ -27,14 +26,8 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def table_options(
-    arguments: argparse.Namespace, tell: Callable[[str], object] | None = None
-) -> TableOptions:
-    """What the options say.
-
-    Args:
-        arguments: the parsed command line.
-        tell: is told what was assumed; None: it is printed on the standard error.
+def table_options(arguments: argparse.Namespace) -> TableOptions:
+    """What the options say; what is assumed later is printed on the standard error.
 
     Raises:
         SloshBringupError: --columns is no NAME=COLUMN.
@@ -53,4 +46,4 @@ def table_options(
     def note(line: str) -> None:
         print(plain_line(f"slosh {arguments.command}: note: {line}"), file=sys.stderr)
 
-    return TableOptions(columns, arguments.time_unit, arguments.decimal, separator, tell or note)
+    return TableOptions(columns, arguments.time_unit, arguments.decimal, separator, note)

@@ -1,12 +1,42 @@
-"""What the registry knows of an effect, as text."""
+"""What the registry knows of an effect and of a model's name, as text for a terminal."""
 
 from __future__ import annotations
 
-from slosh_bringup.explain.plain_equation import plain_equation
+import re
+import unicodedata
+from collections.abc import Mapping
+
 from slosh_model.containers import SHAPES
 from slosh_model.effects.base import Effect, Parameter
+from slosh_model.effects.registry import EFFECTS
 
 _MARGIN = 12
+
+_NAME = re.compile(r"(?P<space>[23]d)?-?(?P<surface>nl|l)?(?P<others>(?:\+\w+)*)", re.I)
+_PARTS = {
+    "2d": "2D: without the effect of vertical acceleration on the liquid",
+    "3d": "3D: vertical acceleration changes the liquid's stiffness (vertical_acceleration)",
+    "l": "L: linear; the surface is a plane (DL22, eqs. (12), (15))",
+    "nl": "NL: nonlinear; the surface is curved (effect surface_nonlinearity, or the container's "
+    "own; DL22, eqs. (11), (14))",
+}
+NAMES = ("2D-L", "3D-L", "2D-NL", "3D-NL", "2D", "3D", "L", "NL")
+
+_TOKEN = re.compile(r"\\[a-zA-Z]+|\\.|.", re.S)
+_ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "hat": "\u0302", "bar": "\u0304"}
+_FUNCTIONS = ("cos", "sin", "tan", "tanh", "min", "max")
+_GAP = "\0"
+_SIGNS = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "zeta": "ζ", "eta": "η", "theta": "θ",
+    "kappa": "κ", "mu": "μ", "nu": "ν", "xi": "ξ", "rho": "ρ", "sigma": "σ", "tau": "τ",
+    "phi": "ϕ", "varphi": "φ", "psi": "ψ", "omega": "ω",
+    "to": " → ", "le": " ≤ ", "ge": " ≥ ", "times": " × ", "cdot": "·", "perp": " ⊥ ",
+    "dots": "…", "sum": "Σ", "lVert": "‖", "rVert": "‖", "left": "", "right": "",
+    "quad": _GAP, ",": " ", " ": " ",
+}  # fmt: skip
+_ENDS_A_FACTOR = ("", "+", "-", "=", ",", ")", "}", "\\right", "\\quad")
+_RAISED = dict(zip("0123456789+-=()nT", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿᵀ", strict=True))
+_LOWERED = dict(zip("0123456789+-=()aehklmnoprstx", "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕₖₗₘₙₒₚᵣₛₜₓ", strict=True))
 
 
 def explain_effect(effect: Effect) -> str:
@@ -84,3 +114,101 @@ def _containers(effect: Effect) -> str:
     """Shapes of the containers for which an effect has a meaning."""
     fitting = [name for name, kind in SHAPES.items() if effect.fits(kind.section)]
     return "of every shape" if len(fitting) == len(SHAPES) else ", ".join(fitting)
+
+
+def model_name(name: str) -> list[str]:
+    """What it says, a line for each part; none: it is no model's name."""
+    match = _NAME.fullmatch(name.strip())
+    if match is None or not (match["space"] or match["surface"]):
+        return []
+    others = [one for one in match["others"].split("+") if one]
+    if any(one not in EFFECTS for one in others):
+        return []
+    parts = [_PARTS[part.lower()] for part in (match["space"], match["surface"]) if part]
+    return [*parts, *(f"{one}: {EFFECTS[one].meaning}" for one in others)]
+
+
+def plain_equation(latex: str) -> str:
+    """The equation in Unicode, in one line; a command that is not known becomes its name."""
+    text = "".join(_Reader(latex).all())
+    text = re.sub(r"(?<=[(\[]) +", "", re.sub(r" {2,}", " ", text))
+    return unicodedata.normalize("NFC", re.sub(rf" *{_GAP} *", "   ", text)).strip()
+
+
+class _Reader:
+    """Reads LaTeX from left to right."""
+
+    def __init__(self, latex: str) -> None:
+        self._tokens = _TOKEN.findall(latex)
+        self._at = 0
+
+    def all(self) -> list[str]:
+        """The pieces up to the end of the group, or of everything."""
+        pieces: list[str] = []
+        while self._at < len(self._tokens) and self._next() != "}":
+            pieces.append(self._piece())
+        return pieces
+
+    def _next(self) -> str:
+        return self._tokens[self._at] if self._at < len(self._tokens) else ""
+
+    def _take(self) -> str:
+        self._at += 1
+        return str(self._tokens[self._at - 1])
+
+    def _piece(self) -> str:
+        token = self._take()
+        if token.startswith("\\"):
+            return self._command(token[1:])
+        if token == "{":
+            inner = "".join(self.all())
+            self._at += 1
+            return inner
+        if token in "^_":
+            return _shifted(self._argument(), token)
+        return "−" if token == "-" else token
+
+    def _argument(self) -> str:
+        while self._next() == " ":
+            self._at += 1
+        return self._piece() if self._next() else ""
+
+    def _command(self, name: str) -> str:
+        if name in _ACCENTS:
+            letter = self._argument()
+            return letter[:1] + _ACCENTS[name] + letter[1:]
+        if name == "frac":
+            above, below = self._argument(), self._argument()
+            return self._fraction(f"{_factor(above)}/{_factor(below)}")
+        if name == "sqrt":
+            return f"√({self._argument()})"
+        if name == "mathrm":
+            return self._argument()
+        if name in _FUNCTIONS:
+            return self._function(name)
+        return _SIGNS.get(name, name)
+
+    def _fraction(self, text: str) -> str:
+        """In brackets where a factor follows, which would else stand below the line."""
+        rest = (token for token in self._tokens[self._at :] if token not in (" ", "\\,"))
+        return text if next(rest, "") in _ENDS_A_FACTOR else f"({text})"
+
+    def _function(self, name: str) -> str:
+        lead = " " if self._at > 1 else ""
+        if self._next() == "_":
+            return f"{lead}{name}{self._piece()} "
+        return f"{lead}{name}" + ("" if self._next() in ("^", "(", "\\left") else " ")
+
+
+def _factor(text: str) -> str:
+    """In brackets where it is more than one factor."""
+    one = text.startswith("√(") or not re.search(r"[\s/·]", text.strip())
+    return text if one else f"({text})"
+
+
+def _shifted(text: str, sign: str) -> str:
+    """Raised or lowered, or behind the sign where Unicode lacks a letter for it."""
+    letters: Mapping[str, str] = _RAISED if sign == "^" else _LOWERED
+    if all(letter in letters for letter in text):
+        return "".join(letters[letter] for letter in text)
+    return f"{sign}{text}" if text.isalpha() else f"{sign}({text.strip()})"

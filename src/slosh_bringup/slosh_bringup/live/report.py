@@ -18,8 +18,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files import write_text
 from slosh_bringup.live.run_data import HEIGHTS, RunData, read_run
 from slosh_bringup.live.run_result import RunResult, evaluate
-from slosh_bringup.live.shortfall import shortfall
-from slosh_bringup.live.slowness import slowness
+from slosh_bringup.live.shortfall import shortfall, slowness
 from slosh_bringup.replay.frames import bag_topics
 from slosh_bringup.replay.page import make_report
 from slosh_replay.in_force import in_force, last_starts
@@ -30,8 +29,8 @@ from slosh_report.run_report import (
     Fact,
     KeyFigure,
     RunReport,
+    RunVerdict,
     Status,
-    Verdict,
     render_report,
     report_document,
 )
@@ -189,8 +188,8 @@ def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> Ru
 
 def _status(result: LiveResult, otherwise: Status) -> Status:
     if result.reasons:
-        return Status(Verdict.FAILED, (result.nothing,))
-    return Status(Verdict.FAILED, result.failures) if result.failures else otherwise
+        return Status(RunVerdict.FAILED, (result.nothing,))
+    return Status(RunVerdict.FAILED, result.failures) if result.failures else otherwise
 
 
 def _facts(result: LiveResult) -> tuple[Fact, ...]:

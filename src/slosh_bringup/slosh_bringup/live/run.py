@@ -25,7 +25,7 @@ from slosh_bringup.processes import (
 from slosh_bringup.stop_request import StopRequest
 from slosh_bringup.watch import HOST
 from slosh_camera.calibrate.camera_file import read_any_calibration
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import claimed_namespace, own_domain
 from slosh_msgs_py.node.shared_memory import remove_leftovers

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.reader import TopicInfo, stamp_ns
+from slosh_base.types import Array
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.facts import lost_messages, shared_topics_line
 
-Array = NDArray[np.float64]
 HEIGHTS = (
     "measured",
     "estimated_linear",

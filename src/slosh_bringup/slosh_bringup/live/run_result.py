@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_bringup.live.run_data import RunData
 from slosh_estimator.sight import UNSOUND, judged
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_replay.replay import ReplayResult
 from slosh_report.json_values import plain
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

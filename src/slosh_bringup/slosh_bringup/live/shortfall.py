@@ -1,4 +1,4 @@
-"""Why a recorded run holds no moment at which the measured and the estimated height are known."""
+"""Why a recorded run holds no comparable heights, and whether the machine was too slow for it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,22 @@ from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bringup.live.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
 from slosh_estimator.sight import UNUSABLE
+from slosh_msgs_py import topics
 from slosh_replay.in_force import Starts, has_camera, image_topic, input_topic
-from slosh_replay.recording.cells import ESTIMATE, SURFACE, CellTopics
 from slosh_replay.recording.inputs import STAMP, stamps_of
+from slosh_replay.recording.sources import ESTIMATE, SURFACE, CellTopics
 
 MANY = 3
 """So many causes of one kind are named."""
 LATE = 0.5
 """Stamps that lie this far behind the recorder's clock are old [s]."""
+
+LOST_SAMPLES = 0.01
+"""Above this share of late or lost samples the estimate is not what it could be."""
+UNMEASURED_IMAGES = 0.3
+"""Above this share of unmeasured images the comparison has holes."""
+LATE_SAMPLES = 0.25
+"""A robot is never that late with its own samples [s]."""
 
 
 class Seen(NamedTuple):
@@ -151,3 +159,35 @@ def _surfaces(reader: BagReader, topic: str) -> tuple[int, NDArray[np.int64]]:
     ]
     found = np.concatenate([np.empty(0, dtype=np.int64), *flags])
     return len(found), found
+
+
+def slowness(data: RunData) -> str:
+    """What tells of a machine that is too slow, with figures; empty: nothing does.
+
+    On a robot nobody counts what was sent: the answer is empty.
+    """
+    cell, estimator, camera = (facts_of(data, node) for node in ("cell", "estimator", "camera"))
+    sent, taken = _fact_count(cell, topics.ACCEL), _fact_count(cell, topics.IMAGE)
+    if not sent:
+        return ""
+    used = _fact_count(estimator, "output total")
+    measured = _fact_count(camera, "measurement total")
+    left_out = _fact_count(cell, "images left out")
+    late = _fact_count(cell, "late maximum [ms]") * 1e-3
+    lost = sum(data.lost().values())
+    found = []
+    if sent - used > LOST_SAMPLES * sent:
+        found.append(f"{sent - used} of {sent} samples were late or lost")
+    if taken - measured > UNMEASURED_IMAGES * taken:
+        found.append(f"{taken - measured} of {taken} images were not measured")
+    if left_out:
+        found.append(f"{left_out} images were not sent")
+    if late > LATE_SAMPLES:
+        found.append(f"samples were sent up to {late:.1f} s late")
+    if lost > 0:
+        found.append(f"{lost} messages were not recorded")
+    return f"this machine is too slow for the demonstration: {', '.join(found)}" if found else ""
+
+
+def _fact_count(facts: Mapping[str, str], key: str) -> int:
+    return int(facts.get(key, 0))

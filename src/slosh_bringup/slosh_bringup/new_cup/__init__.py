@@ -1,1 +1,273 @@
 """The first files of a cup of one's own: what is told of it, and the files' text."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+from slosh_bringup.errors import SloshBringupError
+from slosh_model.containers import CupLengths
+from slosh_model.effects.registry import find_effect
+from slosh_model.liquid import Liquid
+from slosh_model.model import EffectUse, Model
+
+MODEL, CELL, CAMERA = "model.yaml", "cell.yaml", "camera.yaml"
+
+_LENGTHS = {"mm": 1e-3, "cm": 1e-2}
+
+_NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+
+
+def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
+    """The files' texts by their names; commands in them name `folder` as it was given."""
+    texts = {MODEL: _model(cup), CELL: _cell(cup, folder)}
+    return {**texts, CAMERA: _camera(cup, folder)} if cup.camera else texts
+
+
+def next_steps(cup: NewCup, folder: Path) -> list[str]:
+    """The commands that make the camera's calibration and start the cell, in their order."""
+    names = ("ost.yaml", MODEL, CAMERA, CELL)
+    lens, model, camera, cell = (_word(folder / name) for name in names)
+    steps = [
+        "slosh intrinsics --board 9x6 --square 0.025 --print-board board.pdf",
+        f"slosh intrinsics IMAGES --board 9x6 --square 0.025 -o {lens}",
+        f"{_calibrate(cup, lens, model)} -o {camera}",
+        f"slosh cell --config {cell}",
+    ]
+    if not cup.camera:
+        return steps[-1:]
+    return steps if cup.is_round else steps[2:]
+
+
+def _word(path: Path) -> str:
+    """A path as a shell takes it, in one line."""
+    return shlex.quote(str(path)) if str(path).isprintable() else path.name
+
+
+def _calibrate(cup: NewCup, lens: str, model: str) -> str:
+    if not cup.is_round:
+        return f"slosh calibrate STILL --page clicks.html --model {model}"
+    wall = "" if cup.wall is None else f" --wall {cup.wall:g}"
+    return f"slosh calibrate STILL --camera {lens} --model {model}{wall}"
+
+
+def _container(cup: NewCup, *, wall: bool) -> str:
+    """The container's keys, a line each."""
+    words = {
+        "radius": "inner radius [m]",
+        "width": "inner width, along the container's x [m]",
+        "depth": "inner depth, along its y [m]",
+    }
+    rows = [(key, value, words[key]) for key, value in cup.lengths.items()]
+    rows.append(("fill_height", cup.fill_height, "of the liquid at rest, above the floor [m]"))
+    lines = [f"  shape: {cup.shape}"]
+    lines += [f"  {key}: {value!r}  # {meaning}" for key, value, meaning in rows]
+    rim = "of the rim, above the floor [m]: beyond it liquid spills"
+    if cup.rim_height is None:
+        lines.append(f"  # rim_height: 0.12  # {rim}")
+    else:
+        lines.append(f"  rim_height: {cup.rim_height!r}  # {rim}")
+    if wall:
+        lines.append(f"  wall_thickness: {cup.wall or 0.0!r}  # [m]; it refracts light")
+        lines.append("  wall_refractive_index: 1.49  # acrylic glass; 1.47 borosilicate")
+    return "\n".join(lines)
+
+
+def _model(cup: NewCup) -> str:
+    effects = "".join(_effect(use) for use in cup.model.effects)
+    liquid = cup.liquid
+    if not cup.is_round:
+        effects += "  # - name: pendulum_nonlinearity  # for large surface angles\n"
+    return f"""\
+# The container and its liquid: used by estimator, replay, planning and discovery.
+# All values are in SI units; every key is explained in docs/files.md.
+container:
+{_container(cup, wall=False)}
+liquid:
+  density: {liquid.density!r}  # [kg/m3]
+  kinematic_viscosity: {liquid.kinematic_viscosity!r}  # [m2/s]; water 1e-6, milk 2e-6, oil 7e-5
+# auto: by formula. `slosh identify` measures it; it determines how long waves last.
+damping_ratio: auto
+# Effects added to the planar linear model; `slosh discover` finds missing ones.
+effects:
+{effects}"""
+
+
+def _effect(use: EffectUse) -> str:
+    """An effect's lines."""
+    lines = [f"  - name: {use.name}  # {find_effect(use.name).title}"]
+    lines += [f"    {name}: {value!r}" for name, value in use.parameters.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(cup: NewCup, folder: Path) -> str:
+    images = "#   camera/image_raw: /camera/image_raw\n" if cup.camera else ""
+    camera = (
+        f"calibration: {CAMERA}"
+        if cup.camera
+        else "# Only the estimate is monitored. With a camera: `calibration: camera.yaml`.\n"
+        "camera: none"
+    )
+    return f"""\
+# Configuration of a running cell: slosh cell --config {_word(folder / CELL)}
+# Paths are relative to this file.
+model: {MODEL}
+{camera}
+# Namespace of all nodes and topics.
+namespace: {cup.namespace}
+# ROS parameters that differ from the nodes' defaults, such as the limits (docs/robot.md).
+# parameters: parameters.yaml
+# Where the robot's topics have other names: relative topic -> the robot's topic.
+# remap:
+#   accel: /arm/tcp_acceleration
+{images}"""
+
+
+def _camera(cup: NewCup, folder: Path) -> str:
+    width, height = cup.image_size
+    steps = "\n".join(f"#   {step}" for step in next_steps(cup, folder)[:-1])
+    return f"""\
+# The camera is not calibrated yet: the matrix is zero, and `pose` and `still_image` are missing.
+# STILL is an image of the liquid at rest. These commands overwrite this file (docs/start.md):
+{steps}
+image_width: {width}
+image_height: {height}
+camera_name: camera
+camera_matrix: {{rows: 3, cols: 3, data: [0, 0, 0, 0, 0, 0, 0, 0, 1]}}
+distortion_model: plumb_bob
+distortion_coefficients: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}
+container:
+{_container(cup, wall=True)}
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a value of a kind can be.
+
+    Attributes:
+        words: what it is, for people.
+        unit: SI.
+        least: smallest value that is taken.
+        most: largest value that is taken.
+        typical: of two units that a refused value may be in, the one nearer to this is proposed.
+        others: units that people type by mistake, in SI.
+    """
+
+    words: str
+    unit: str
+    least: float
+    most: float
+    typical: float
+    others: Mapping[str, float]
+
+    def check(self, name: str, value: float) -> float:
+        """The value, where it can be one.
+
+        Args:
+            name: how the refusal calls it.
+            value: in SI.
+
+        Raises:
+            SloshBringupError: it is outside the limits; with the unit that it looks like.
+        """
+        if math.isfinite(value) and self.least <= value <= self.most:
+            return value
+        told = f"{name} = {value:g} {self.unit}"
+        guess = self._guess(value)
+        if guess is not None:
+            raise SloshBringupError(
+                f"{told}: did you mean {value * self.others[guess]:g} ({value:g} {guess})?"
+            )
+        raise SloshBringupError(f"{told}: must be {self.least:g} to {self.most:g} {self.unit}")
+
+    def _guess(self, value: float) -> str | None:
+        """The unit that the value is likely in."""
+        likely = [
+            unit for unit, size in self.others.items() if self.least <= value * size <= self.most
+        ]
+        return min(
+            likely, key=lambda unit: self._distance(value * self.others[unit]), default=None
+        )
+
+    def _distance(self, value: float) -> float:
+        return abs(math.log(value / self.typical)) if value > 0.0 else math.inf
+
+
+def _length(words: str, least: float, most: float, typical: float) -> Quantity:
+    return Quantity(words, "m", least, most, typical, _LENGTHS)
+
+
+# From a test tube to a tank on wheels.
+QUANTITIES: Mapping[str, Quantity] = {
+    "radius": _length("inner radius", 2e-3, 2.0, 0.05),
+    "diameter": _length("inner diameter", 4e-3, 4.0, 0.1),
+    "width": _length("inner width along x", 4e-3, 4.0, 0.1),
+    "depth": _length("inner depth along y", 4e-3, 4.0, 0.1),
+    "fill_height": _length("height of the liquid at rest above the inner floor", 2e-3, 4.0, 0.07),
+    "rim_height": _length("height of the rim above the inner floor", 2e-3, 4.0, 0.12),
+    "wall": _length("thickness of the wall", 0.0, 0.05, 2e-3),
+    "density": Quantity("density", "kg/m3", 100.0, 2e4, 1e3, {"g/cm3": 1e3}),
+    "viscosity": Quantity(
+        "kinematic viscosity", "m2/s", 1e-8, 0.02, 1e-6, {"mm2/s": 1e-6, "cm2/s": 1e-4}
+    ),
+}
+"""By the option's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class NewCup:
+    """What the first files say.
+
+    Attributes:
+        lengths: inner dimensions by their key in the files: `radius`, or `width` and `depth` [m].
+        fill_height: height of the liquid at rest above the inner floor [m].
+        liquid: what is in it.
+        rim_height: above the inner floor [m]; None: unknown.
+        wall: thickness [m]; None: unknown.
+        namespace: of the nodes.
+        image_size: width and height of the camera's images [px].
+        camera: whether the cell has one.
+    """
+
+    lengths: dict[str, float]
+    fill_height: float
+    liquid: Liquid
+    rim_height: float | None
+    wall: float | None
+    namespace: str
+    image_size: tuple[int, int]
+    camera: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse a rim below the liquid, and a namespace that is none."""
+        if self.rim_height is not None and self.rim_height <= self.fill_height:
+            raise SloshBringupError(
+                f"rim_height = {self.rim_height:g} m: must lie above the liquid, whose "
+                f"fill_height is {self.fill_height:g} m"
+            )
+        if not _NAMESPACE.fullmatch(self.namespace):
+            raise SloshBringupError(
+                f"namespace = {self.namespace!r}: must be names after slashes, such as /slosh"
+            )
+
+    @property
+    def model(self) -> Model:
+        """The model that a new cup begins with."""
+        heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
+        return Model.from_cup(liquid=self.liquid, **cast(CupLengths, {**self.lengths, **heights}))
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it is a cylinder."""
+        return "radius" in self.lengths
+
+    @property
+    def shape(self) -> str:
+        """As the files call it."""
+        return "cylinder" if self.is_round else "rectangle"

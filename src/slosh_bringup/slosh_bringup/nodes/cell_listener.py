@@ -7,7 +7,6 @@ import os
 import time
 from collections import Counter
 from collections.abc import Collection
-from types import TracebackType
 from typing import Any, Protocol
 
 import rclpy
@@ -19,7 +18,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bringup.cell_watch import NodeReport, reports
 from slosh_msgs.msg import NodeSettings, SloshComparison
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.message_type import find_type
+from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.run import initialise, make_heard
 from slosh_replay.recording.settings import NodeStart, node_start
@@ -99,12 +98,7 @@ class CellListener:
         self._executor.add_node(self._node)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown()

@@ -6,16 +6,14 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import AccelStamped, PoseStamped
-from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
+from slosh_base.types import Array
 from slosh_camera.optics.calibration import Calibration
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
-
-Array = NDArray[np.float64]
 
 WORLD_FRAME = "world"
 IMU_FRAME = "imu"

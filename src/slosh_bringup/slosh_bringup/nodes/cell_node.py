@@ -15,8 +15,7 @@ from std_msgs.msg import String
 from slosh_base.compiled.compilation import load_telling
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
 from slosh_bringup.cell.renderer import Appearance, CupRenderer
-from slosh_bringup.cell.sensors import read_sensors
-from slosh_bringup.cell.truth import integrate_truth
+from slosh_bringup.cell.truth import integrate_truth, read_sensors
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
     PUBLISHED,
@@ -30,7 +29,7 @@ from slosh_bringup.nodes.ready_cell import ReadyCell
 from slosh_bringup.processes import config_folder
 from slosh_bringup.ready_wait import PATIENCE
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_msgs_py import images, topics
 from slosh_msgs_py.node.diagnostics import OK, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare

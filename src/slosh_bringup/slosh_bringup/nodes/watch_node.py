@@ -26,9 +26,8 @@ from slosh_bag.errors import SloshBagError
 from slosh_bringup.cell_watch import reports
 from slosh_bringup.watch import HOST, PORT, hearing
 from slosh_bringup.watch.access import new_access
-from slosh_bringup.watch.hub import Hub
 from slosh_bringup.watch.picture import Camera, is_small_jpeg
-from slosh_bringup.watch.server import WatchServer, listen, live_app
+from slosh_bringup.watch.server import Hub, WatchServer, listen, live_app
 from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels

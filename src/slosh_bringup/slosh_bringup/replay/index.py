@@ -11,7 +11,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.many_files import Outcome
 from slosh_bringup.replay.task import Replayed, Task
 from slosh_report.index_page import MARK, IndexRow, render_index
-from slosh_report.run_report import Verdict
+from slosh_report.run_report import RunVerdict
 
 INDEX = "index.html"
 _HEAD = 4096
@@ -55,9 +55,9 @@ def _row(outcome: Outcome[Task, Replayed]) -> IndexRow:
     if item is None:
         return IndexRow(outcome.item.name, None, reason=outcome.error)
     row, checked = item.headline, item.checked
-    verdict = Verdict.NO_EXPECTATION
+    verdict = RunVerdict.NO_EXPECTATION
     if checked is not None:
-        verdict = Verdict.PASSED if checked.passed else Verdict.FAILED
+        verdict = RunVerdict.PASSED if checked.passed else RunVerdict.FAILED
     return IndexRow(
         item.name,
         verdict,

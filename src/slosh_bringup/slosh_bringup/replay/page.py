@@ -7,17 +7,22 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Final, NamedTuple
 
+from slosh_bag.reader import BagReader
 from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.predictions import predicted_motions
+from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay import ReplayResult
 from slosh_replay.replay.checking import Checked
 from slosh_replay.replay.report import Surroundings, replay_report, report_start
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
+
+TOPIC: Final = "prediction_outcome"
+MESSAGE_TYPE: Final = "slosh_msgs/msg/PredictionOutcome"
 
 
 def write_page(
@@ -76,3 +81,44 @@ def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) ->
     around = replace(around, facts=(*around.facts, *planned), notes=(*around.notes, *notes))
     pictures, topics = bag_pictures(run, result), bag_topics(run, result.seconds)
     return replay_report(result, replace(around, frames=pictures, topics=topics))
+
+
+class PredictedMotion(NamedTuple):
+    """A planned motion: its number, and what was predicted, estimated and measured of it [m].
+
+    Attributes:
+        id: counts the planned trajectories.
+        predicted, estimated, measured: highest heights [m].
+        counted: whether what ran was what was planned.
+    """
+
+    id: int
+    predicted: float
+    estimated: float
+    measured: float
+    counted: bool
+
+    @property
+    def sentence(self) -> str:
+        """The three heights, for people."""
+        heights = (
+            f"highest {1e3 * self.predicted:.1f} mm predicted, {1e3 * self.estimated:.1f} mm "
+            f"estimated, {1e3 * self.measured:.1f} mm measured"
+        )
+        return heights if self.counted else f"{heights}; not the motion that was planned"
+
+
+def predicted_motions(reader: BagReader) -> tuple[PredictedMotion, ...]:
+    """The planned motions of a recording's first cell, in their order.
+
+    Raises:
+        SloshBagError: the bag cannot be read.
+    """
+    topic = CellTopics(reader.topics()).topic(TOPIC, MESSAGE_TYPE)
+    if topic is None:
+        return ()
+    outcomes = [reader.decode(message) for message in reader.messages({topic})]
+    return tuple(
+        PredictedMotion(one.id, one.predicted, one.estimated, one.measured, bool(one.counted))
+        for one in outcomes
+    )

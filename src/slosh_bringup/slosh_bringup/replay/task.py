@@ -21,7 +21,7 @@ from slosh_bag.mcap_files.bag_facts import read_facts
 from slosh_bag.mcap_files.bag_folder import METADATA
 from slosh_base.files import is_unfinished, new_folder
 from slosh_bringup.errors import SloshBringupError
-from slosh_model.model_file import read_model
+from slosh_model.model_text import read_model
 from slosh_replay.manifest import Expectation
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import ReplayResult, replay_bag

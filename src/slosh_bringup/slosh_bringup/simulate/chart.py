@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.style import context
-from numpy.typing import NDArray
 
 from slosh_base.files import NewFile
+from slosh_base.types import Array
 from slosh_bringup.simulate.answer import Answer
 from slosh_model.simulate import Inputs
 from slosh_report.page.series import envelope
-
-Array = NDArray[np.float64]
 
 SIZE = (9.6, 5.4)
 DPI = 120

@@ -17,11 +17,11 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.watch import hearing
 from slosh_bringup.watch.picture import Camera
 from slosh_bringup.watch.state import PERIOD, WatchState
-from slosh_bringup.watch.verdict import Verdict
+from slosh_bringup.watch.verdict import CellVerdict
 from slosh_camera.errors import SloshCameraError
 from slosh_msgs_py import topics
-from slosh_replay.recording.cells import CellTopics
 from slosh_replay.recording.settings import TOPIC, node_start
+from slosh_replay.recording.sources import CellTopics
 
 _PAGE = {row.name.lstrip("/"): row for row in topics.TOPICS if row.page}
 HEIGHTS = {
@@ -99,7 +99,7 @@ def first_happening(frames: Sequence[str]) -> int:
     """
     highest = []
     for number, frame in enumerate(map(json.loads, frames)):
-        if frame["verdict"] == Verdict.EXCEEDED.value:
+        if frame["verdict"] == CellVerdict.EXCEEDED.value:
             return number
         heights = (abs(h) for _, *row in frame["rows"] for h in row if h is not None)
         highest.append(max(heights, default=0.0))
@@ -117,7 +117,7 @@ class _Listener:
         self._surface: Any = None
         self._estimate: BagMessage | None = None
         cell = CellTopics(reader.topics())
-        self._namespace = cell.cells[0] if cell.cells else "/slosh"
+        self._namespace = cell.cells[0] if cell.cells else topics.NAMESPACE
         wanted = (HEIGHTS | BESIDE).items()
         found = {cell.topic(name, kind): name for name, kind in wanted}
         self._names = {topic: name for topic, name in found.items() if topic is not None}

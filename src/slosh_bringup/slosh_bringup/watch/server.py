@@ -7,9 +7,10 @@ import contextlib
 import os
 import socket
 import threading
+from collections import deque
 from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import uvicorn
 from starlette.applications import Starlette
@@ -21,7 +22,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.watch.access import HEADERS, Access
-from slosh_bringup.watch.hub import Hub
 from slosh_bringup.watch.recording import Recording
 
 PAGE = Path(__file__).parent / "page"
@@ -38,6 +38,9 @@ MOST_FRAMES = 600
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+
+KEPT = 300
+"""Frames of the drawing: 30 s."""
 
 
 class Guard:
@@ -231,3 +234,60 @@ def listen(host: str, port: int) -> socket.socket:
         raise SloshBringupError(
             f"the page cannot be served on {host}, port {port}: {reason}; choose another port"
         ) from None
+
+
+class News(NamedTuple):
+    """What a viewer has not seen.
+
+    Attributes:
+        frames: as JSON, in their order.
+        picture: the newest camera image with its heading; None: it has seen that.
+        seen: numbers of the last frame and picture, for the next time.
+    """
+
+    frames: list[str]
+    picture: bytes | None
+    seen: tuple[int, int]
+
+
+class Hub:
+    """Takes frames and pictures in the server's loop and gives them to whoever asks.
+
+    What is new is put once; each viewer takes what has come since it took last. A slow viewer
+    gets more at once and at last misses what is older than the drawing; it holds nobody up.
+
+    Attributes:
+        viewers: how many there are.
+    """
+
+    def __init__(self) -> None:
+        self.viewers = 0
+        self._frames: deque[str] = deque(maxlen=KEPT)
+        self._picture = b""
+        self._last = (0, 0)
+        self._news = asyncio.Event()
+
+    def put_frame(self, frame: str) -> None:
+        """Takes the next frame."""
+        self._frames.append(frame)
+        self._last = (self._last[0] + 1, self._last[1])
+        self._tell()
+
+    def put_picture(self, picture: bytes) -> None:
+        """Takes the newest picture."""
+        self._picture = picture
+        self._last = (self._last[0], self._last[1] + 1)
+        self._tell()
+
+    async def after(self, seen: tuple[int, int] = (0, 0)) -> News:
+        """Waits for what is newer than what a viewer has seen."""
+        while seen == self._last:
+            await self._news.wait()
+        missed = min(self._last[0] - seen[0], len(self._frames))
+        frames = list(self._frames)[len(self._frames) - missed :]
+        picture = self._picture if seen[1] != self._last[1] else None
+        return News(frames, picture, self._last)
+
+    def _tell(self) -> None:
+        news, self._news = self._news, asyncio.Event()
+        news.set()

@@ -11,7 +11,7 @@ OK, WARN, ERROR, STALE, BLIND = range(5)
 """States of slosh_msgs/SloshComparison."""
 
 
-class Verdict(Enum):
+class CellVerdict(Enum):
     """What an operator reads across the room."""
 
     SAFE = "safe"
@@ -24,7 +24,7 @@ class Verdict(Enum):
 class Judgement(NamedTuple):
     """A verdict and why."""
 
-    verdict: Verdict
+    verdict: CellVerdict
     reason: str
 
 
@@ -50,22 +50,28 @@ def judge(
         disagree: camera and model disagree.
     """
     if state is None:
-        return Judgement(Verdict.BLIND, "no comparison received yet: is the monitor running?")
+        return Judgement(CellVerdict.BLIND, "no comparison received yet: is the monitor running?")
     if age > SILENCE:
-        return Judgement(Verdict.BLIND, f"no message from the monitor for {age:.0f} s")
+        return Judgement(CellVerdict.BLIND, f"no message from the monitor for {age:.0f} s")
     if state == ERROR or exceeded:
-        return Judgement(Verdict.EXCEEDED, exceeded or "a limit is exceeded")
+        return Judgement(CellVerdict.EXCEEDED, exceeded or "a limit is exceeded")
     if state == STALE:
-        return Judgement(Verdict.BLIND, f"no messages from {' and '.join(stale) or 'one side'}")
+        return Judgement(
+            CellVerdict.BLIND, f"no messages from {' and '.join(stale) or 'one side'}"
+        )
     if state == BLIND:
         what = "the estimate" if alone else "measurement and estimate"
-        return Judgement(Verdict.BLIND, f"{what} cannot be {'trusted' if alone else 'compared'}")
+        return Judgement(
+            CellVerdict.BLIND, f"{what} cannot be {'trusted' if alone else 'compared'}"
+        )
     if state == WARN and disagree:
-        return Judgement(Verdict.DISAGREE, "camera and model disagree: see the monitor's message")
+        return Judgement(
+            CellVerdict.DISAGREE, "camera and model disagree: see the monitor's message"
+        )
     if state == WARN:
-        return Judgement(Verdict.NEAR, "a limit is near, or was exceeded a moment ago")
+        return Judgement(CellVerdict.NEAR, "a limit is near, or was exceeded a moment ago")
     if state == OK and alone:
-        return Judgement(Verdict.SAFE, "estimated below its limit; no camera configured")
+        return Judgement(CellVerdict.SAFE, "estimated below its limit; no camera configured")
     if state == OK:
-        return Judgement(Verdict.SAFE, "measured and estimated below their limits")
-    return Judgement(Verdict.BLIND, f"unknown state {state} of the monitor")
+        return Judgement(CellVerdict.SAFE, "measured and estimated below their limits")
+    return Judgement(CellVerdict.BLIND, f"unknown state {state} of the monitor")

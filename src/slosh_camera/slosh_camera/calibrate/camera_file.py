@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from slosh_base.files.yaml_document import YamlDocument, shown
-from slosh_base.files.yaml_text import format_yaml
+from slosh_base.files.yaml_document import YamlDocument, format_yaml, shown
 from slosh_camera.calibrate.intrinsics import camera_of, lens_block
 from slosh_camera.calibrate.yaml_fields import (
     camera_name,

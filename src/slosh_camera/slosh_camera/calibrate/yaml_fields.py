@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError, YamlError
 from slosh_base.files.nearest import did_you_mean
-from slosh_base.files.text_file import read_text
 from slosh_base.files.yaml_document import LONGEST, YamlDocument, parse_yaml, shown
 from slosh_camera.errors import SloshCameraError
 

@@ -7,6 +7,7 @@ array is a read-only view of the message's own memory: nothing is copied.
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +19,12 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
 from slosh_camera.images.image_size import JPEG, PNG, check_size
 from slosh_camera.images.jpeg_file import jpeg_damage
-from slosh_camera.images.png_file import png_damage
+
+Bytes = NDArray[np.uint8]
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+# Length and kind before what a chunk holds, the sum behind it.
+_BEFORE, _BEHIND = 8, 4
 
 
 class _Layout(NamedTuple):
@@ -249,3 +255,29 @@ def _damage(array: Image) -> str:
     if signature.startswith(JPEG):
         return jpeg_damage(array)
     return png_damage(array) if signature.startswith(PNG) else ""
+
+
+def png_damage(data: Bytes) -> str:
+    """Why a PNG file is not whole; what is appended behind its end does not matter.
+
+    Args:
+        data: (N,) the file.
+
+    Returns:
+        Some words; empty where the file is whole.
+    """
+    view = data.data
+    if view[: len(_SIGNATURE)] != _SIGNATURE:
+        return "its header is damaged"
+    at = len(_SIGNATURE)
+    while at + _BEFORE + _BEHIND <= len(view):
+        kind = bytes(view[at + 4 : at + _BEFORE])
+        end = at + _BEFORE + int.from_bytes(view[at : at + 4], "big")
+        if end + _BEHIND > len(view):
+            break
+        if zlib.crc32(view[at + 4 : end]) != int.from_bytes(view[end : end + _BEHIND], "big"):
+            return f"its chunk {kind.decode('ascii', 'replace')!r} at byte {at} is damaged"
+        if kind == b"IEND":
+            return ""
+        at = end + _BEHIND
+    return "the file is cut off"

@@ -8,8 +8,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.files.yaml_document import format_yaml
+from slosh_base.types import Array
+from slosh_camera.calibrate.intrinsics import lens_block
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.intrinsics.views import LEAST_VIEWS, LeftOut, View, Views
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
@@ -20,8 +22,6 @@ from slosh_camera.optics.lens import (
     RATIONAL_POLYNOMIAL,
     THIN_PRISM,
 )
-
-FloatArray = NDArray[np.float64]
 
 # A third radial coefficient of plumb_bob makes more of noise than of most lenses; ROS leaves it
 # out, too.
@@ -55,8 +55,8 @@ class SolvedView:
     """
 
     view: View
-    rotation: FloatArray
-    projected: FloatArray
+    rotation: Array
+    projected: Array
     rms: float
 
 
@@ -82,16 +82,16 @@ class IntrinsicFit:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solution:
     model: str
-    matrix: FloatArray
-    lens: FloatArray
-    stddev: FloatArray
+    matrix: Array
+    lens: Array
+    stddev: Array
     rms: float
-    turns: Sequence[FloatArray]
-    shifts: Sequence[FloatArray]
-    view_rms: FloatArray
+    turns: Sequence[Array]
+    shifts: Sequence[Array]
+    view_rms: Array
 
     @property
-    def numbers(self) -> FloatArray:
+    def numbers(self) -> Array:
         """fx, fy, cx, cy [px]."""
         return self.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
 
@@ -194,7 +194,7 @@ def _fisheye(
     return replace(found, view_rms=np.array(each))
 
 
-def _projected(found: _Solution, view: View, turn: FloatArray, shift: FloatArray) -> FloatArray:
+def _projected(found: _Solution, view: View, turn: Array, shift: Array) -> Array:
     """Where a view's corners should be (N, 2) [px]."""
     if found.model == EQUIDISTANT:
         points = view.points.reshape(1, -1, 3)
@@ -204,15 +204,15 @@ def _projected(found: _Solution, view: View, turn: FloatArray, shift: FloatArray
     return np.asarray(pixels, np.float64).reshape(-1, 2)
 
 
-def _rms(view: View, projected: FloatArray) -> float:
+def _rms(view: View, projected: Array) -> float:
     return float(np.sqrt(np.mean(np.sum((projected - view.pixels) ** 2, axis=1))))
 
 
-def _vectors(values: Iterable[Any]) -> list[FloatArray]:
+def _vectors(values: Iterable[Any]) -> list[Array]:
     return [np.asarray(value, np.float64) for value in values]
 
 
-def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) -> FloatArray:
+def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) -> Array:
     """Standard errors (4,) by leaving pictures out in turn, single or in groups [px]."""
     count = min(len(used), _MOST_GROUPS)
     found = np.array(
@@ -223,11 +223,11 @@ def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) ->
             for group in range(count)
         ]
     )
-    errors: FloatArray = np.sqrt((count - 1) * np.mean((found - found.mean(axis=0)) ** 2, axis=0))
+    errors: Array = np.sqrt((count - 1) * np.mean((found - found.mean(axis=0)) ** 2, axis=0))
     return errors
 
 
-def _check_determined(found: _Solution, stddev: FloatArray) -> None:
+def _check_determined(found: _Solution, stddev: Array) -> None:
     if found.rms > _WORST_RMS:
         raise SloshCameraError(
             f"pictures: corners lie {found.rms:.1f} px rms from the best camera, more than "
@@ -250,3 +250,18 @@ def _solved_views(used: Sequence[View], found: _Solution) -> tuple[SolvedView, .
         projected = _projected(found, view, turn, shift)
         solved.append(SolvedView(view, rotation, projected, float(rms)))
     return tuple(solved)
+
+
+def format_camera(camera: PinholeCamera, name: str) -> str:
+    """Text of an `ost.yaml`; `read_known_camera` reads it back to the same camera."""
+    projection = np.column_stack((camera.matrix, np.zeros(3)))
+    document = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_name": name,
+        "camera_matrix": {"rows": 3, "cols": 3, "data": camera.matrix.ravel().tolist()},
+        **lens_block(camera),
+        "rectification_matrix": {"rows": 3, "cols": 3, "data": np.eye(3).ravel().tolist()},
+        "projection_matrix": {"rows": 3, "cols": 4, "data": projection.ravel().tolist()},
+    }
+    return format_yaml(document, sort_keys=False, default_flow_style=None, width=99)

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_camera.calibrate.aruco import find_corners
 from slosh_camera.calibrate.board import FORMAT, Board, parse_board
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image, to_gray
-
-FloatArray = NDArray[np.float64]
 
 CHESSBOARD_FORMAT = "COLSxROWS"
 _LEAST_SIDE, _MOST_SIDE = 3, 50
@@ -83,7 +81,7 @@ def parse_target(text: str, square: float | None) -> Target:
     return Chessboard(int(match[1]), int(match[2]), square)
 
 
-def corners_of(image: Image, target: Target) -> tuple[FloatArray, FloatArray]:
+def corners_of(image: Image, target: Target) -> tuple[Array, Array]:
     """Corners of the board that an image shows.
 
     Args:

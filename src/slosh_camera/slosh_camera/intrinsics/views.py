@@ -6,13 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image
 from slosh_camera.intrinsics.target import Chessboard, Target, corners_of
-
-FloatArray = NDArray[np.float64]
 
 LEAST_VIEWS = 4
 _LEAST_CORNERS = 6
@@ -33,8 +31,8 @@ class View:
     """
 
     name: str
-    points: FloatArray
-    pixels: FloatArray
+    points: Array
+    pixels: Array
 
 
 @dataclass(frozen=True, slots=True)

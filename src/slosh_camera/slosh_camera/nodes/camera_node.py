@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import sys
 import time
 from collections import Counter
@@ -14,17 +15,15 @@ from sensor_msgs.msg import CompressedImage, Image
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_base.files.nanoseconds import SECOND
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
-from slosh_camera.nodes.complaints import Complaints
 from slosh_camera.nodes.driver_info import DriverInfo
-from slosh_camera.nodes.frame_gaps import FrameGaps
-from slosh_camera.nodes.level_changes import LevelChanges
-from slosh_camera.nodes.newest_image import NewestImage
+from slosh_camera.nodes.newest_image import FrameGaps, NewestImage
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -57,6 +56,9 @@ PARAMETERS = (
         (0.0, 1000.0),
     ),
 )
+
+PERIOD_NS = 5 * SECOND
+_MOST = 5
 
 
 class CameraNode(PreparedNode):
@@ -217,6 +219,63 @@ def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
         peak_side=int(measurement.peak_side),
         flags=int(measurement.flags),
     )
+
+
+class Complaints:
+    """Tells each complaint once in a period, and no more than a few different ones.
+
+    Args:
+        tell: takes a line.
+    """
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        self._tell = tell
+        self._told: set[str] = set()
+        self._begin_ns: int | None = None
+        self.last = ""
+
+    def add(self, complaint: str, now_ns: int) -> None:
+        """Tells a complaint, unless it has just been told.
+
+        Args:
+            complaint: one line.
+            now_ns: by a clock that never jumps [ns].
+        """
+        self.last = complaint
+        if self._begin_ns is None or now_ns - self._begin_ns >= PERIOD_NS:
+            self._begin_ns, self._told = now_ns, set()
+        if complaint not in self._told and len(self._told) < _MOST:
+            self._told.add(complaint)
+            self._tell(complaint)
+
+
+class LevelChanges:
+    """The changes that the images between two reports show."""
+
+    def __init__(self) -> None:
+        self._changes: list[tuple[float, float]] = []
+
+    def add(self, measurement: Measurement) -> None:
+        """Take note of one measurement."""
+        if Flag.LEVEL_CHANGED in measurement.flags:
+            self._changes.append((measurement.level_change, measurement.level_change_stddev))
+
+    def report(self, images: int) -> str:
+        """One line, empty where fewer than half of the images show a change; starts anew.
+
+        Args:
+            images: how many there were since the last report.
+        """
+        changes, self._changes = self._changes, []
+        if 2 * len(changes) <= images:
+            return ""
+        level, stddev = (statistics.median(part) for part in zip(*changes, strict=True))
+        return (
+            f"the liquid's level has changed by {1e3 * level:+.1f} ± "
+            f"{max(1e3 * stddev, 0.1):.1f} mm since the still image ({len(changes)} of "
+            f"{images} images): heights refer to the old level; record a new still image and "
+            "correct the fill height of camera and model"
+        )
 
 
 def main() -> int:

@@ -1,15 +1,20 @@
-"""Subscription to images that hands out the newest one alone."""
+"""Subscription to images that hands out the newest one alone, and the frames that are missing."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
+from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs_py import qos
 from slosh_msgs_py.node.speakers import WithInfo
+
+_REMEMBERED = 40
+_ENOUGH = 8
 
 
 class NewestImage:
@@ -69,3 +74,37 @@ class NewestImage:
                 self.dropped += number - self._last - 1
             self._last = number
         self._use(message)
+
+
+class FrameGaps:
+    """Counts missing frames.
+
+    A gap of more than a second is a pause of the camera, not a loss. Where every second frame is
+    lost from the start, nothing in the stamps shows it: then only a stated rate does.
+
+    Args:
+        rate: frames per second of the camera [Hz]; 0: the one that the stamps show.
+    """
+
+    def __init__(self, rate: float = 0.0) -> None:
+        self._period_ns = SECOND / rate if rate > 0.0 else 0.0
+        self._intervals: deque[int] = deque(maxlen=_REMEMBERED)
+        self._last_ns: int | None = None
+        self.missing = 0
+
+    def add(self, stamp_ns: int) -> None:
+        """Takes the stamp of the next frame [ns]; one that runs back starts anew."""
+        last_ns, self._last_ns = self._last_ns, stamp_ns
+        if last_ns is None or not 0 < stamp_ns - last_ns <= SECOND:
+            return
+        interval = stamp_ns - last_ns
+        period = self._period_ns or self._learned()
+        self._intervals.append(interval)
+        if period > 0.0:
+            self.missing += max(round(interval / period) - 1, 0)
+
+    def _learned(self) -> float:
+        if len(self._intervals) < _ENOUGH:
+            return 0.0
+        # The lower quartile: right as long as three of four gaps may be due to losses.
+        return float(sorted(self._intervals)[len(self._intervals) // 4])

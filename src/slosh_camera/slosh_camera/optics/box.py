@@ -13,13 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.container import Container
 from slosh_camera.optics.pose import Pose
-
-FloatArray = NDArray[np.float64]
 
 # Newton's method on a concave increasing function converges from below in a handful of steps.
 _NEWTON_STEPS = 20
@@ -67,7 +66,7 @@ class BoxView:
     camera: PinholeCamera
     pose: Pose
     box: Box
-    _centre: FloatArray = field(init=False, repr=False)
+    _centre: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Refuse a face that is not in front of the camera, or not seen from outside."""
@@ -91,7 +90,7 @@ class BoxView:
                 "point up"
             )
 
-    def project_face(self, x: ArrayLike, z: ArrayLike) -> FloatArray:
+    def project_face(self, x: ArrayLike, z: ArrayLike) -> Array:
         """Project points of the inner side of the face towards the camera.
 
         The direction of a ray leaves it where, with q the tangent of its angle in air,
@@ -121,7 +120,7 @@ class BoxView:
         )
         return self.camera.project(outer @ self.pose.rotation.T)
 
-    def on_face(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def on_face(self, pixels: ArrayLike) -> tuple[Array, Array]:
         """Place pixels on the inner side of the face towards the camera.
 
         Args:
@@ -137,7 +136,7 @@ class BoxView:
         way = self._air + self.box.wall_thickness / inside
         return self._centre[0] + slope_x * way, self._centre[2] + slope_z * way
 
-    def on_rear(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def on_rear(self, pixels: ArrayLike) -> tuple[Array, Array]:
         """Place pixels on the inner side of the rear wall, seen through air above the liquid.
 
         Args:
@@ -159,16 +158,16 @@ class BoxView:
         """
         return -self.box.fill_height, self.box.rim_level or 0.5 * self.box.width
 
-    def outline(self) -> FloatArray:
+    def outline(self) -> Array:
         """Pixels (N, 2) of floor and rim on the front face."""
         half = 0.5 * self.box.width
         return np.vstack([self.project_face([-half, half], level) for level in self.levels()])
 
-    def scale_places(self, heights: FloatArray) -> FloatArray:
+    def scale_places(self, heights: Array) -> Array:
         """Pixels (N, 2) of heights (N,) [m] on the face's right edge."""
         return self.project_face(0.5 * self.box.width, heights)
 
-    def fitted_line(self, measurement: Measurement) -> FloatArray:
+    def fitted_line(self, measurement: Measurement) -> Array:
         """Pixels (N, 2) of the straight line that was fitted; empty where none was."""
         slope, half = np.tan(measurement.slope_angle), 0.5 * self.box.width
         rest = measurement.profile_height - slope * measurement.profile_x
@@ -177,7 +176,7 @@ class BoxView:
         x = np.linspace(-half, half, _FITTED_POINTS)
         return self.project_face(x, np.nanmean(rest) + slope * x)
 
-    def on_front(self, azimuth: FloatArray) -> NDArray[np.bool_]:
+    def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
         """All: a side view shows the front face alone."""
         return np.ones(len(azimuth), dtype=np.bool_)
 
@@ -187,7 +186,7 @@ class BoxView:
         _, height = self.on_face([[u, v - 0.5], [u, v + 0.5]])
         return float(abs(height[1] - height[0]))
 
-    def _slopes(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def _slopes(self, pixels: ArrayLike) -> tuple[Array, Array]:
         """How far rays in air go along x and z while they go 1 along y; NaN away from the face."""
         direction = self.camera.rays(pixels) @ self.pose.rotation
         ahead = np.where(direction[:, 1] > 0.0, direction[:, 1], np.nan)
@@ -198,7 +197,7 @@ class BoxView:
         """Distance of the camera from the outer side of the face [m]."""
         return float(self.box.face - self.box.wall_thickness - self._centre[1])
 
-    def _tangent(self, radius: FloatArray) -> FloatArray:
+    def _tangent(self, radius: Array) -> Array:
         """Tangents of the angles in air of the rays that reach lateral distances."""
         air, thickness = self._air, self.box.wall_thickness
         index2 = self.box.wall_refractive_index**2

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.lens import (
     COEFFICIENTS,
@@ -17,8 +18,6 @@ from slosh_camera.optics.lens import (
     lens_of,
     lens_parameters,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ class PinholeCamera:
         return self.width, self.height
 
     @property
-    def matrix(self) -> FloatArray:
+    def matrix(self) -> Array:
         """Camera matrix K, (3, 3) [px]."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
@@ -107,7 +106,7 @@ class PinholeCamera:
                 f"{self.height} of uint8, grey or with three colours"
             )
 
-    def project(self, points: ArrayLike) -> FloatArray:
+    def project(self, points: ArrayLike) -> Array:
         """Project points of the camera frame into the image.
 
         Args:
@@ -128,7 +127,7 @@ class PinholeCamera:
             normalised = distorted
         return normalised * (self.fx, self.fy) + (self.cx, self.cy)
 
-    def rays(self, pixels: ArrayLike) -> FloatArray:
+    def rays(self, pixels: ArrayLike) -> Array:
         """Directions in which pixels look.
 
         Args:

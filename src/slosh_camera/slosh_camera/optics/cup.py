@@ -14,14 +14,13 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.container import Container
 from slosh_camera.optics.pose import Pose
 from slosh_camera.optics.refraction import GlassWall, WallTrace
-
-FloatArray = NDArray[np.float64]
 
 _AROUND = 73
 _FITTED_POINTS = 241
@@ -66,7 +65,7 @@ class CupView:
     camera: PinholeCamera
     pose: Pose
     cup: Cup
-    _centre: FloatArray = field(init=False, repr=False)
+    _centre: Array = field(init=False, repr=False)
     _glass: GlassWall = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -93,7 +92,7 @@ class CupView:
         """Azimuth at which the camera stands about the container's axis [rad]."""
         return float(np.arctan2(self._centre[1], self._centre[0]))
 
-    def project(self, points: ArrayLike) -> FloatArray:
+    def project(self, points: ArrayLike) -> Array:
         """Project points of the container frame into the image.
 
         Args:
@@ -107,7 +106,7 @@ class CupView:
 
     def project_wall(
         self, azimuth: ArrayLike, height: ArrayLike, wall: Wall | None = None
-    ) -> FloatArray:
+    ) -> Array:
         """Project points of the inner wall, through the wall that light crosses on its way.
 
         Args:
@@ -125,7 +124,7 @@ class CupView:
         rear = None if wall is None else np.full(len(points), wall is Wall.REAR)
         return self.project(self._centre + self._glass.sight(self._centre, points, rear))
 
-    def wall_points(self, azimuth: ArrayLike, height: ArrayLike) -> FloatArray:
+    def wall_points(self, azimuth: ArrayLike, height: ArrayLike) -> Array:
         """Points (N, 3) of the inner wall in the container frame [m], by azimuth and height."""
         angle, level = np.broadcast_arrays(
             np.atleast_1d(np.asarray(azimuth, dtype=np.float64)),
@@ -134,7 +133,7 @@ class CupView:
         radius = self.cup.radius
         return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), level))
 
-    def rays(self, pixels: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    def rays(self, pixels: ArrayLike) -> tuple[Array, Array]:
         """Rays of pixels in the container frame.
 
         Args:
@@ -150,7 +149,7 @@ class CupView:
         origin, direction = self.rays(pixels)
         return self._glass.trace(origin, direction)
 
-    def on_wall(self, pixels: ArrayLike, wall: Wall) -> tuple[FloatArray, FloatArray]:
+    def on_wall(self, pixels: ArrayLike, wall: Wall) -> tuple[Array, Array]:
         """Place pixels on the inner wall: the ray's intersection with the cylinder.
 
         Args:
@@ -190,18 +189,18 @@ class CupView:
         """
         return -self.cup.fill_height, self.cup.rim_level or self.cup.radius
 
-    def outline(self) -> FloatArray:
+    def outline(self) -> Array:
         """Pixels (N, 2) of floor and rim; NaN where the camera cannot see."""
         around = np.linspace(-np.pi, np.pi, _AROUND)
         return np.vstack([self.project_wall(around, level) for level in self.levels()])
 
-    def scale_places(self, heights: FloatArray) -> FloatArray:
+    def scale_places(self, heights: Array) -> Array:
         """Pixels (N, 2) of heights (N,) [m] on the right outer edge, which nothing refracts."""
         points = self.wall_points(self.tangent_azimuths()[1], heights)
         points[:, :2] *= 1.0 + self.cup.wall_thickness / self.cup.radius
         return self.project(points)
 
-    def fitted_line(self, measurement: Measurement) -> FloatArray:
+    def fitted_line(self, measurement: Measurement) -> Array:
         """Pixels (N, 2) of the surface that was fitted; empty where none was.
 
         On the wall every mode of one azimuthal wave is a cosine.
@@ -212,7 +211,7 @@ class CupView:
         around = self.camera_azimuth + np.linspace(-np.pi, np.pi, _FITTED_POINTS)
         return self.project_wall(around, height * np.cos(around - azimuth))
 
-    def on_front(self, azimuth: FloatArray) -> NDArray[np.bool_]:
+    def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
         """Which azimuths (N,) [rad] of the wall face the camera."""
         half = abs(_wrapped(np.asarray(self.tangent_azimuths()[0]) - self.camera_azimuth))
         found: NDArray[np.bool_] = np.abs(_wrapped(azimuth - self.camera_azimuth)) <= half + 1e-9
@@ -225,6 +224,6 @@ class CupView:
         return float(abs(height[1] - height[0]))
 
 
-def _wrapped(angle: FloatArray) -> FloatArray:
+def _wrapped(angle: Array) -> Array:
     """The same angle in (-π, π]."""
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), dtype=np.float64)

@@ -19,9 +19,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
-
-FloatArray = NDArray[np.float64]
 
 PLUMB_BOB = "plumb_bob"
 RATIONAL_POLYNOMIAL = "rational_polynomial"
@@ -47,10 +46,10 @@ _TOLERANCE = 1e-10
 class Lens(Protocol):
     """What every model of distortion does."""
 
-    def distort(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def distort(self, normalised: Array) -> tuple[Array, Array]:
         """Distorted coordinates (N, 2) of normalised ones (N, 2), and their Jacobian (N, 2, 2)."""
 
-    def undistort(self, distorted: FloatArray) -> FloatArray:
+    def undistort(self, distorted: Array) -> Array:
         """Normalised coordinates (N, 2) of distorted ones; NaN where there are none."""
 
 
@@ -139,7 +138,7 @@ class PolynomialLens:
         self._k1, self._k2, self._p1, self._p2, self._k3 = padded[:5]
         self._below, self._prism = padded[5:8], padded[8:]
 
-    def distort(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def distort(self, normalised: Array) -> tuple[Array, Array]:
         """See Lens."""
         p1, p2 = self._p1, self._p2
         x, y = normalised[:, 0], normalised[:, 1]
@@ -160,7 +159,7 @@ class PolynomialLens:
             self._add_prism(r2, normalised, distorted, jacobian)
         return distorted, jacobian
 
-    def _radial(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _radial(self, r2: Array) -> tuple[Array, Array]:
         """The radial factor and its derivative by r²."""
         k1, k2, k3 = self._k1, self._k2, self._k3
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -175,15 +174,13 @@ class PolynomialLens:
         radial = radial / below
         return radial, (slope - radial * below_slope) / below
 
-    def _add_prism(
-        self, r2: FloatArray, normalised: FloatArray, distorted: FloatArray, jacobian: FloatArray
-    ) -> None:
+    def _add_prism(self, r2: Array, normalised: Array, distorted: Array, jacobian: Array) -> None:
         for axis, (linear, square) in enumerate((self._prism[:2], self._prism[2:])):
             distorted[:, axis] += r2 * (linear + r2 * square)
             slope = linear + 2.0 * r2 * square
             jacobian[:, axis] += 2.0 * normalised * slope[:, np.newaxis]
 
-    def undistort(self, distorted: FloatArray) -> FloatArray:
+    def undistort(self, distorted: Array) -> Array:
         """See Lens; by Newton's method."""
         normalised = distorted.copy()
         with np.errstate(all="ignore"):
@@ -210,7 +207,7 @@ class EquidistantLens:
     def __init__(self, coefficients: Sequence[float]) -> None:
         self._k = tuple(coefficients)
 
-    def distort(self, normalised: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def distort(self, normalised: Array) -> tuple[Array, Array]:
         """See Lens."""
         radius = np.hypot(normalised[:, 0], normalised[:, 1])
         angle = np.arctan(radius)
@@ -228,7 +225,7 @@ class EquidistantLens:
         jacobian[:, 1, 1] += across
         return normalised * across[:, np.newaxis], jacobian
 
-    def undistort(self, distorted: FloatArray) -> FloatArray:
+    def undistort(self, distorted: Array) -> Array:
         """See Lens; by Newton's method on the angle. Rays of 90° and more have no place."""
         goal = np.hypot(distorted[:, 0], distorted[:, 1])
         angle = np.minimum(goal, 0.5 * np.pi)
@@ -240,11 +237,11 @@ class EquidistantLens:
             solved = (np.abs(turned - goal) < _TOLERANCE) & (turning > 0.0)
             solved &= (angle >= 0.0) & (angle < 0.5 * np.pi)
             scale = np.where(goal > 1e-8, np.tan(angle) / np.maximum(goal, 1e-300), 1.0)
-        normalised: FloatArray = distorted * scale[:, np.newaxis]
+        normalised: Array = distorted * scale[:, np.newaxis]
         normalised[~solved] = np.nan
         return normalised
 
-    def _turned(self, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _turned(self, angle: Array) -> tuple[Array, Array]:
         """θ_d and its derivative by θ."""
         k1, k2, k3, k4 = self._k
         square = angle * angle
@@ -255,20 +252,20 @@ class EquidistantLens:
         return angle * factor, turning
 
 
-def _determinant(jacobian: FloatArray) -> FloatArray:
-    determinant: FloatArray = (
+def _determinant(jacobian: Array) -> Array:
+    determinant: Array = (
         jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
     )
     return determinant
 
 
-def is_unfolded(jacobian: FloatArray) -> NDArray[np.bool_]:
+def is_unfolded(jacobian: Array) -> NDArray[np.bool_]:
     """Where a distortion with these Jacobians (N, 2, 2) keeps the order of neighbouring points."""
     trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
     return np.asarray((_determinant(jacobian) > 0.0) & (trace > 0.0))
 
 
-def _solve(jacobian: FloatArray, error: FloatArray) -> FloatArray:
+def _solve(jacobian: Array, error: Array) -> Array:
     determinant = _determinant(jacobian)
     return np.column_stack(
         (

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
-
-FloatArray = NDArray[np.float64]
 
 _ORTHONORMAL_TOLERANCE = 1e-6
 
@@ -23,8 +22,8 @@ class Pose:
         translation: (3,) [m].
     """
 
-    rotation: FloatArray
-    translation: FloatArray
+    rotation: Array
+    translation: Array
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""
@@ -39,9 +38,9 @@ class Pose:
         object.__setattr__(self, "translation", translation)
 
     @property
-    def camera_centre(self) -> FloatArray:
+    def camera_centre(self) -> Array:
         """The camera's centre in the container frame, (3,) [m]."""
-        centre: FloatArray = -self.rotation.T @ self.translation
+        centre: Array = -self.rotation.T @ self.translation
         return centre
 
 
@@ -70,7 +69,7 @@ def look_at(camera_centre: ArrayLike, target: ArrayLike) -> Pose:
     return Pose(rotation, -rotation @ centre)
 
 
-def _frozen(values: ArrayLike, shape: tuple[int, ...], name: str) -> FloatArray:
+def _frozen(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     array = np.array(values, dtype=np.float64)
     if array.shape != shape:
         raise SloshCameraError(f"{name}: has shape {array.shape}, needs {shape}")

@@ -11,10 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from slosh_base.types import Array, BoolArray
 
 _NEWTON_STEPS = 40
 _DIFFERENCE = 1e-7
@@ -32,8 +30,8 @@ class WallTrace:
             where the front wall reflects all light back.
     """
 
-    front: FloatArray
-    rear: FloatArray
+    front: Array
+    rear: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +60,7 @@ class GlassWall:
         """Whether the wall deflects light."""
         return self.thickness > 0.0 and self.index != 1.0
 
-    def trace(self, origin: FloatArray, directions: FloatArray) -> WallTrace:
+    def trace(self, origin: Array, directions: Array) -> WallTrace:
         """Follow rays from outside to the inner wall.
 
         Args:
@@ -85,9 +83,7 @@ class GlassWall:
         front[over], rear[over] = straight.front[over], straight.rear[over]
         return WallTrace(front, rear)
 
-    def sight(
-        self, origin: FloatArray, points: FloatArray, rear: BoolArray | None = None
-    ) -> FloatArray:
+    def sight(self, origin: Array, points: Array, rear: BoolArray | None = None) -> Array:
         """Directions in which points of the inner wall are seen from outside.
 
         A vertical wall leaves a ray's vertical component alone, so the path in plan view is that
@@ -137,9 +133,7 @@ class GlassWall:
         directions[over] = straight[over] / flat[:, np.newaxis]
         return directions
 
-    def _over_the_rim(
-        self, start: FloatArray, direction: FloatArray
-    ) -> tuple[BoolArray, WallTrace]:
+    def _over_the_rim(self, start: Array, direction: Array) -> tuple[BoolArray, WallTrace]:
         """Which straight rays look into the tube over its rim, and where all of them would hit."""
         front = _hit(start, direction, self.radius, far=False)
         rear = _hit(start, direction, self.radius, far=True)
@@ -163,24 +157,22 @@ class GlassWall:
         slope = np.array([np.tan(elevation)])
         return float(self._turn(self._widest(slope), slope, distance, None)[0])
 
-    def _plan_index(self, slope: FloatArray) -> FloatArray:
+    def _plan_index(self, slope: Array) -> Array:
         """Refractive index in plan view for rays of a slope outside."""
         if not self.bends:
             return np.ones_like(slope)
         # sin²/cos² of the elevation are slope²/(1 + slope²) and 1/(1 + slope²).
-        index: FloatArray = np.sqrt(self.index**2 * (1.0 + slope**2) - slope**2)
+        index: Array = np.sqrt(self.index**2 * (1.0 + slope**2) - slope**2)
         return index
 
-    def _widest(self, slope: FloatArray) -> FloatArray:
+    def _widest(self, slope: Array) -> Array:
         """Impact parameter up to which rays reach the inner wall [m]."""
         return np.minimum(self.outer_radius, self._plan_index(slope) * self.radius)
 
-    def _turn(
-        self, impact: FloatArray, slope: FloatArray, distance: float, rear: BoolArray | None
-    ) -> FloatArray:
+    def _turn(self, impact: Array, slope: Array, distance: float, rear: BoolArray | None) -> Array:
         """Azimuth from the camera's at which a ray meets the front or the rear wall [rad]."""
         in_wall = impact / self._plan_index(slope)
-        angle: FloatArray = (
+        angle: Array = (
             _arcsin(impact / self.outer_radius)
             - _arcsin(impact / distance)
             + _arcsin(in_wall / self.radius)
@@ -190,9 +182,7 @@ class GlassWall:
             return angle
         return np.where(rear, angle + np.pi - 2.0 * _arcsin(impact / self.radius), angle)
 
-    def _flat_length(
-        self, impact: FloatArray, slope: FloatArray, distance: float, rear: BoolArray
-    ) -> FloatArray:
+    def _flat_length(self, impact: Array, slope: Array, distance: float, rear: BoolArray) -> Array:
         """Length in plan view over which a ray outside would rise as much as the bent one [m]."""
         index = self._plan_index(slope)
         in_wall = impact / index
@@ -202,7 +192,7 @@ class GlassWall:
         return outside + wall + np.where(rear, 2.0 * _leg(self.radius, impact), 0.0)
 
 
-def _hit(start: FloatArray, direction: FloatArray, radius: float, far: bool) -> FloatArray:
+def _hit(start: Array, direction: Array, radius: float, far: bool) -> Array:
     """Points (N, 3) where rays meet a cylinder ahead of their start; NaN where they miss."""
     a = direction[:, 0] ** 2 + direction[:, 1] ** 2
     half_b = direction[:, 0] * start[:, 0] + direction[:, 1] * start[:, 1]
@@ -217,27 +207,27 @@ def _hit(start: FloatArray, direction: FloatArray, radius: float, far: bool) -> 
     return start + scale[:, np.newaxis] * direction
 
 
-def _outward(points: FloatArray) -> FloatArray:
+def _outward(points: Array) -> Array:
     normal = np.column_stack((points[:, 0], points[:, 1], np.zeros(len(points))))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return normal
 
 
-def _refracted(direction: FloatArray, normal: FloatArray, ratio: float) -> FloatArray:
+def _refracted(direction: Array, normal: Array, ratio: float) -> Array:
     """Unit directions (N, 3) after a surface whose normal faces the ray; NaN: all reflected."""
     cosine = -np.sum(direction * normal, axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):
         square = 1.0 - ratio**2 * (1.0 - cosine**2)
         transmitted = np.sqrt(np.where(square >= 0.0, square, np.nan))
-    bent: FloatArray = ratio * direction + (ratio * cosine - transmitted) * normal
+    bent: Array = ratio * direction + (ratio * cosine - transmitted) * normal
     return bent
 
 
-def _arcsin(sine: FloatArray) -> FloatArray:
-    angle: FloatArray = np.arcsin(np.clip(sine, -1.0, 1.0))
+def _arcsin(sine: Array) -> Array:
+    angle: Array = np.arcsin(np.clip(sine, -1.0, 1.0))
     return angle
 
 
-def _leg(hypotenuse: float, leg: FloatArray) -> FloatArray:
-    other: FloatArray = np.sqrt(np.maximum(hypotenuse**2 - leg**2, 0.0))
+def _leg(hypotenuse: float, leg: Array) -> Array:
+    other: Array = np.sqrt(np.maximum(hypotenuse**2 - leg**2, 0.0))
     return other

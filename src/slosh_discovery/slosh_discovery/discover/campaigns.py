@@ -15,16 +15,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from slosh_base.types import Array
 from slosh_discovery.discover.evidence import GROUP_PRIOR
 from slosh_discovery.discover.fitting import Evaluator, Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_model.effects.base import Effect, Stage
 from slosh_model.effects.registry import EFFECTS
 
-Array = NDArray[np.float64]
 Members = tuple[int, ...]
 
 LEAST_MEMBERS = 2

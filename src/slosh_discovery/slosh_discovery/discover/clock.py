@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.fitting import Evaluator, Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_model.model import Model
-
-Array = NDArray[np.float64]
 
 LAG = 1.0 / 60.0
 """Step of the offsets that are tried [s]."""

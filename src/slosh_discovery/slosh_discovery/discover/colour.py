@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
+from slosh_base.types import Array
 from slosh_discovery.discover.differences import LEAST_NOISE, robust_scale
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 MOST = 0.9

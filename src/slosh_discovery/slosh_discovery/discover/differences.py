@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-Array = NDArray[np.float64]
+from slosh_base.types import Array
 
 ORDERS = (10, 6, 3)
 """Of the differences: by the tenth, 8 Hz sampled at 60 Hz is attenuated to 2e-4 of its amplitude;

@@ -12,8 +12,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.input_noise import InputNoise
 from slosh_discovery.discover.problem import LONGEST_STEP, PreparedMotion, liquid_alone
 from slosh_model.batch import wall_heights
@@ -23,8 +23,6 @@ from slosh_model.measure import measured_heights, reading_clock
 from slosh_model.model import Model
 from slosh_model.modes import Mode
 from slosh_model.simulate import Response
-
-Array = NDArray[np.float64]
 
 SMALL = 0.1
 """An answer below this share of the sensor's noise is left out, as is what remains of one."""

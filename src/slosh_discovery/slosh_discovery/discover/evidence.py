@@ -19,14 +19,12 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.explanation import Key
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_model.effects.registry import EFFECTS
-
-Array = NDArray[np.float64]
 
 EFFECT_PRIOR = 1.0 / 70.0
 """Odds of one given effect being at work, before any data: about one in three that any is. For

@@ -10,14 +10,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import EffectUse, Model
-
-Array = NDArray[np.float64]
 
 PRIOR_VARIANCE = 1.0 / 12.0
 """Of a parameter that lies anywhere within its plausible width, in squares of that width."""

@@ -9,8 +9,8 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model.for_notebooks import Shown, counted, height_axes, table
 from slosh_model.model import Model
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 NAN = float("nan")
 
 

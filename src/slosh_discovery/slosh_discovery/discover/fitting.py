@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from slosh_base.types import Array
 from slosh_discovery.discover.explanation import Explanation
 from slosh_discovery.discover.problem import Answer, PreparedMotion, simulate_all
 from slosh_model.model import Model
-
-Array = NDArray[np.float64]
 
 STEP = 1e-3
 """Step of the derivatives, relative to a parameter's plausible width."""

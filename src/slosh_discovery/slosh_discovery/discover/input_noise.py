@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.differences import (
     LEAST_SAMPLES,
     ORDERS,
@@ -22,7 +23,6 @@ from slosh_discovery.discover.input_series import angular_velocity
 from slosh_metrics.motion_spans import MOVING, TURNING
 from slosh_model.simulate import Inputs
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_NOISE = 1e-4

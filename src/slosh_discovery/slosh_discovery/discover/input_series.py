@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_metrics.motion_spans import motion_spans
 from slosh_model.interpolation import columns_at
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 STILL = 1e-3
 """Nothing drives the liquid where the acceleration is below this share of the inputs' peak,"""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.for_notebooks import peak, span
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 MINIMUM_SAMPLES = 20
 HIGHEST = 2.0

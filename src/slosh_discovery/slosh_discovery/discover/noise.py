@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from slosh_base.types import Array
 from slosh_discovery.discover.differences import (
     LEAST_NOISE,
     LEAST_SAMPLES,
@@ -29,8 +30,6 @@ from slosh_discovery.discover.differences import (
 from slosh_discovery.discover.input_series import still_until
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 SETTLE = 0.05
 """The last part of a still segment that is left out [s]: the clocks may differ a little."""
@@ -44,6 +43,8 @@ OVERSAMPLING = 2
 """Zero padding of the spectrum: a line between two frequencies loses 1 dB, not 4."""
 LINES_PER_FREQUENCY = 2.0
 """Independent chances per frequency at that oversampling (by simulation of white noise)."""
+SIGNIFICANCE = 0.015
+"""A residual is white noise where that is likelier than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +93,6 @@ class Removable:
         return min(self.rms**2 / self.total**2, 1.0) if self.total > 0.0 else 0.0
 
 
-def measurement_noise(motion: MeasuredMotion) -> float:
-    """Standard deviation of one sample of the heights [m]; see `estimate_noise`."""
-    return estimate_noise(motion).stddev
-
-
 def estimate_noise(motion: MeasuredMotion, others: Sequence[MeasuredMotion] = ()) -> Noise:
     """Measurement noise of a motion's heights.
 
@@ -122,17 +118,6 @@ def estimate_noise(motion: MeasuredMotion, others: Sequence[MeasuredMotion] = ()
         <= CONSISTENT * math.hypot(other.uncertainty, leading.uncertainty)
     ]
     return _combined(consistent)
-
-
-def pooled_noise(motions: Sequence[MeasuredMotion]) -> Noise:
-    """Noise of one sensor over several motions: their estimates, weighted, with their scatter."""
-    estimates = [estimate_noise(motion, motions) for motion in motions]
-    pooled = _combined(estimates)
-    if len(estimates) < 2:
-        return pooled
-    values = np.array([estimate.stddev for estimate in estimates])
-    scatter = float(values.std(ddof=1) / math.sqrt(len(values)))
-    return Noise(pooled.stddev, max(pooled.uncertainty, scatter), pooled.source)
 
 
 def _combined(estimates: Sequence[Noise]) -> Noise:
@@ -293,9 +278,9 @@ def removable(t: Array, residual: Array, noise: Noise | None = None) -> Removabl
     )
 
 
-def is_white(t: Array, residual: Array, significance: float = 0.015) -> bool:
+def is_white(t: Array, residual: Array) -> bool:
     """Whether a residual may be nothing but white noise; see `whiteness`."""
-    return whiteness(t, residual) > significance
+    return whiteness(t, residual) > SIGNIFICANCE
 
 
 def whiteness(t: Array, residual: Array) -> float:

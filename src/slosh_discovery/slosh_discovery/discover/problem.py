@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.colour import Whitening, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
@@ -23,8 +24,6 @@ from slosh_model.interpolation import columns_at
 from slosh_model.measure import ReadingClock, measured_heights, reading_clock, remembers
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response
-
-Array = NDArray[np.float64]
 
 SPACING = 0.0042
 """Longest time between two inputs [s]."""

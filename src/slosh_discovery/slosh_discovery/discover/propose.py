@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from slosh_base.types import Array
 from slosh_discovery.discover.finding import Proposal
 from slosh_discovery.discover.generic.response import Setting
 from slosh_discovery.discover.generic.terms import LIBRARY, Term
@@ -26,8 +27,6 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import is_white, removable
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
-
-Array = NDArray[np.float64]
 
 MAXIMUM_TERMS = 3
 SIZES = (0.003, 0.01, 0.025, 0.06, 0.12, 0.25)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.evidence import log_evidence, residual_series, temperature_of
 from slosh_discovery.discover.explanation import Explanation, Key, Part, starts
 from slosh_discovery.discover.fitting import Evaluator, Fit, fit
@@ -26,7 +27,6 @@ from slosh_discovery.discover.problem import PreparedMotion
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 BEAM = 5

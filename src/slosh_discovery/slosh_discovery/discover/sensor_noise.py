@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
+from slosh_base.types import Array
 from slosh_discovery.discover.colour import Neighbours, Whitening
 from slosh_discovery.discover.differences import LEAST_SAMPLES, robust_scale
 from slosh_discovery.discover.problem import HeightNoise, PreparedMotion, claimed_noise
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LIQUID_BAND = 8.0

@@ -15,16 +15,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
+from slosh_base.types import Array
 from slosh_discovery.discover.finding import SeparatingMotion
-from slosh_discovery.discover.model_variants import variants_of
 from slosh_discovery.discover.problem import liquid_alone
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
     MAXIMUM_TRAVEL,
-    Motion,
+    CandidateMotion,
     inputs_of,
     text_of,
 )
@@ -34,8 +33,6 @@ from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 RATIOS = (0.3, 0.5, 0.7, 0.85, 0.95, 1.05, 1.2)
 """Frequencies that are tried first, in units of the first mode's."""
@@ -59,6 +56,14 @@ SAMPLE_RATE = 60.0
 """Of the heights that are compared [Hz]."""
 ALIKE = 0.005
 """Models that differ by less of their heights are taken for the same in the linear regime."""
+
+WIDTH_CHANGE = 0.003
+"""Relative change of the container's width: 0.15 % of the natural frequency."""
+DAMPING_CHANGE = 0.03
+"""Relative change of the damping."""
+PARAMETER_CHANGE = 0.03
+"""Change of an effect's parameter, in units of its distance from neutral, at least 0.1 % of the
+bounds' span."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +98,7 @@ class _Trial:
         sensitivity: largest rms change of the heights by one step of a parameter [m]; likewise.
     """
 
-    motion: Motion
+    motion: CandidateMotion
     inputs: Inputs
     difference: float
     relative: float
@@ -174,7 +179,9 @@ def _search(pair: _Pair) -> _Trial | None:
     for family in FAMILIES:
         if family.turns and not turning:
             continue
-        tried = [_largest(pair, Motion(family, ratio * pair.frequency)) for ratio in RATIOS]
+        tried = [
+            _largest(pair, CandidateMotion(family, ratio * pair.frequency)) for ratio in RATIOS
+        ]
         ranked = sorted((each for each in tried if each is not None), key=_by_difference)
         found += [_with_remaining(pair, each) for each in ranked[-PER_FAMILY:]]
     if not found:
@@ -192,7 +199,7 @@ def _refined(pair: _Pair, best: _Trial) -> _Trial:
     return _better(pair, best, replace(best.motion, dwell=LONG_DWELL))
 
 
-def _better(pair: _Pair, best: _Trial, motion: Motion) -> _Trial:
+def _better(pair: _Pair, best: _Trial, motion: CandidateMotion) -> _Trial:
     tried = _largest(pair, motion)
     return best if tried is None else max(best, _with_remaining(pair, tried), key=_by_merit)
 
@@ -205,7 +212,7 @@ def _by_merit(trial: _Trial) -> float:
     return trial.remaining / math.hypot(FLOOR, trial.sensitivity)
 
 
-def _largest(pair: _Pair, motion: Motion) -> _Trial | None:
+def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
     """The motion at the largest size that keeps the liquid in; None: it spills at any."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
@@ -215,7 +222,7 @@ def _largest(pair: _Pair, motion: Motion) -> _Trial | None:
     return None
 
 
-def _try(pair: _Pair, motion: Motion) -> _Trial | None:
+def _try(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
     inputs = inputs_of(motion)
     times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / SAMPLE_RATE)
     try:
@@ -307,3 +314,29 @@ def _rms(values: Array) -> float:
 
 
 __all__ = ["MAXIMUM_TRAVEL", "separating_motion"]
+
+
+def variants_of(model: Model) -> Iterator[Model]:
+    """Models with the natural frequency, the damping or one parameter of an effect changed."""
+    wider = model.container.widened(1.0 + WIDTH_CHANGE)
+    if model.natural_frequency is None:
+        yield replace(model, container=wider)
+    else:
+        slower = wider.natural_frequency(1) / model.container.natural_frequency(1)
+        yield replace(model, natural_frequency=slower * model.natural_frequency)
+    damping = model.mode_constants()[0].damping_ratio
+    yield replace(model, damping_ratio=min(damping * (1.0 + DAMPING_CHANGE), 0.99))
+    for use in model.effects:
+        for parameter in EFFECTS[use.name].parameters:
+            if parameter.choices is not None:
+                continue
+            value = use.parameters[parameter.name]
+            span = parameter.upper - parameter.lower
+            reference = value - (parameter.neutral or 0.0)
+            step = max(PARAMETER_CHANGE * abs(reference), 0.001 * span)
+            for moved in (value + step, value - step):
+                try:
+                    yield model.with_effect(use.name, **{**use.parameters, parameter.name: moved})
+                except SloshModelError:
+                    continue
+                break

@@ -10,12 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 STILL = 1.5
 """Still part before every motion [s]: level and noise are taken from it."""
@@ -101,7 +99,7 @@ FAMILIES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class CandidateMotion:
     """A member of a family.
 
     Attributes:
@@ -117,7 +115,7 @@ class Motion:
     dwell: float = DWELL
 
 
-def inputs_of(motion: Motion) -> Inputs:
+def inputs_of(motion: CandidateMotion) -> Inputs:
     """The motion's inputs: still part, swing, dwell."""
     family = motion.family
     t = np.arange(0.0, STILL + SWING + motion.dwell + 0.5 * STEP, STEP)
@@ -136,7 +134,7 @@ def inputs_of(motion: Motion) -> Inputs:
     return Inputs(t, amplitude * acceleration, attitude, angular_velocity)
 
 
-def text_of(motion: Motion) -> str:
+def text_of(motion: CandidateMotion) -> str:
     """The motion in words, with its figures."""
     inputs = inputs_of(motion)
     peak = float(np.linalg.norm(inputs.acceleration, axis=1).max())
@@ -153,7 +151,7 @@ def text_of(motion: Motion) -> str:
     return ", ".join(parts)
 
 
-def _amplitude(motion: Motion, position: Array, acceleration: Array) -> float:
+def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) -> float:
     """Amplitude at which acceleration and travel keep to their bounds."""
     peak = float(np.linalg.norm(acceleration, axis=1).max())
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
@@ -162,7 +160,7 @@ def _amplitude(motion: Motion, position: Array, acceleration: Array) -> float:
     return min(motion.acceleration / peak, MAXIMUM_TRAVEL / extent)
 
 
-def _rotation(t: Array, motion: Motion) -> tuple[int, Array, Array]:
+def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
     """Axis, angle [rad] and rate [rad/s]."""
     place, first, _ = _swing(t, motion, 1.0, 0.0)
     family = motion.family
@@ -173,13 +171,15 @@ def _rotation(t: Array, motion: Motion) -> tuple[int, Array, Array]:
     return 2, size * place, size * first
 
 
-def _sweep(motion: Motion) -> tuple[float, float]:
+def _sweep(motion: CandidateMotion) -> tuple[float, float]:
     """From, to [Hz]."""
     half = math.sqrt(motion.family.sweep)
     return motion.frequency / half, motion.frequency * half
 
 
-def _swing(t: Array, motion: Motion, harmonic: float, shift: float) -> tuple[Array, Array, Array]:
+def _swing(
+    t: Array, motion: CandidateMotion, harmonic: float, shift: float
+) -> tuple[Array, Array, Array]:
     """The product w sin(k φ + δ) with its first and second derivative."""
     since = np.clip(t - STILL, 0.0, SWING)
     low, high = (2.0 * math.pi * each for each in _sweep(motion))

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.evidence import (
     EFFECT_PRIOR,
     log_evidence,
@@ -24,8 +24,6 @@ from slosh_discovery.discover.evidence import (
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_discovery.discover.search import Pool, leftover
-
-Array = NDArray[np.float64]
 
 TAKEN = 1.0 / 3.0
 """A change takes away at least this share of what a constant parameter leaves beside noise,"""

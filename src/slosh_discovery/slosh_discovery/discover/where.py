@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from slosh_base.types import Array
 from slosh_discovery.discover.finding import NAN, MotionFinding, WhereRow, WorstMoment
 from slosh_discovery.discover.input_series import InputSeries
 from slosh_discovery.discover.noise import even_grid
 from slosh_model.model import Model
 from slosh_model.simulate import simulate
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.str_]
 
 QUARTERS = ("first quarter", "second quarter", "third quarter", "last quarter")

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.campaigns import find_campaigns, in_groups
 from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.crosscheck import held_out
@@ -22,13 +22,16 @@ from slosh_discovery.discover.finding import (
     FittedParameters,
     FoundEffect,
     MotionFinding,
+    Proposal,
     Role,
+    SeparatingMotion,
+    Verdict,
 )
 from slosh_discovery.discover.fitting import Fit, fit
 from slosh_discovery.discover.gap import is_worse, total_gap
 from slosh_discovery.discover.motion import MeasuredMotion
-from slosh_discovery.discover.next_steps import proposal, separating_motions
 from slosh_discovery.discover.problem import PreparedMotion, prepare
+from slosh_discovery.discover.propose import propose
 from slosh_discovery.discover.remarks import (
     answer_remarks,
     campaign_remarks,
@@ -38,7 +41,8 @@ from slosh_discovery.discover.remarks import (
 )
 from slosh_discovery.discover.rounds import Searched, search_in_rounds, with_noise
 from slosh_discovery.discover.search import Progress, leftover
-from slosh_discovery.discover.verdict import Judgement, judge, rejected
+from slosh_discovery.discover.separate import separating_motion
+from slosh_discovery.discover.verdict import RIVAL, Judgement, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.sound_inputs import sound, sound_fit
@@ -47,13 +51,14 @@ from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 
-Array = NDArray[np.float64]
 NAN = float("nan")
 
 NO_AGREEMENT = Agreement(rms=math.inf, sigma=NAN, epsilon=NAN, peak=NAN)
 """Of a model that has no finite answer."""
 TABLED = 5
 """So many explanations are checked on motions left out of their fit."""
+
+MOST_RIVALS = 2
 
 
 def discover(
@@ -332,3 +337,45 @@ def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
     parts = zip(motions, parts_of(one.residual, motions), strict=True)
     metres = np.concatenate([motion.in_metres(part) for motion, part in parts])
     return float(np.sqrt(np.mean(metres**2)))
+
+
+def separating_motions(
+    judgement: Judgement, motions: Sequence[PreparedMotion]
+) -> tuple[SeparatingMotion, ...]:
+    """For an ambiguous verdict: what would tell the best explanation from each rival."""
+    if judgement.verdict is not Verdict.AMBIGUOUS:
+        return ()
+    best, share = judgement.ranked[0]
+    rivals = [one for one, other in judgement.ranked[1:] if other >= RIVAL * share]
+    azimuths = motions[0].azimuths
+    found = []
+    for rival in rivals[:MOST_RIVALS]:
+        first, second = best.model, rival.model
+        try:
+            motion = separating_motion(
+                first,
+                second,
+                [one.motion.inputs for one in motions],
+                first.limits.acceleration,
+                names=(_name(best), _name(rival)),
+                azimuths=None if azimuths is None else azimuths.tolist(),
+            )
+        except (SloshDiscoveryError, SloshModelError):
+            continue  # no motion within the limits tells them apart
+        found.append(motion)
+    return tuple(found)
+
+
+def proposal(judgement: Judgement, motions: Sequence[PreparedMotion]) -> Proposal | None:
+    """For an unexplained gap: a generic term, on top of the best of the listed effects."""
+    if judgement.verdict is not Verdict.UNEXPLAINED or judgement.elsewhere is not None:
+        return None
+    return propose(
+        [one.motion for one in motions],
+        judgement.chosen.model,
+        clock_offsets=judgement.chosen.clock_offsets,
+    )
+
+
+def _name(one: Fit) -> str:
+    return " + ".join(one.explanation.effects) or "the model as it is"

@@ -6,11 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_metrics.alignment import find_spikes, spike_limit
-
-Array = NDArray[np.float64]
 
 SPIKE_NOISES = 6.0
 """A sample that stands out by less than so many standard deviations of the noise is noise."""

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
 from slosh_discovery.discover_data.recording import Heights, Recording
 from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.motion_spans import MotionSpan, motion_spans
-from slosh_replay.recording.motion import Motion
+from slosh_replay.recording.motion import RecordedMotion
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 REST_NS = 2 * SECOND
@@ -91,7 +91,7 @@ def split(recording: Recording) -> Split:
     return Split(parts, notes)
 
 
-def recorded_spans(motion: Motion) -> list[MotionSpan]:
+def recorded_spans(motion: RecordedMotion) -> list[MotionSpan]:
     """When the container of a recording moves.
 
     What is constant, as with a sensor that is mounted askew or has a bias, is no motion.

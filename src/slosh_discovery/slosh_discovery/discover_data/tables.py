@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.errors import SloshDiscoveryError
@@ -18,9 +19,7 @@ from slosh_model.gaps import gap_text
 from slosh_model.model import Model
 from slosh_tables.motion_table import SUFFIXES, MotionTable, read_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.time_unit import check_span
-
-Array = NDArray[np.float64]
+from slosh_tables.text_table.units import check_span
 
 
 def table_motion(

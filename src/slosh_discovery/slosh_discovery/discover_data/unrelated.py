@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import Recording, Tell
@@ -25,10 +25,8 @@ from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.facts import noted_container
-from slosh_replay.recording.motion import Motion
+from slosh_replay.recording.motion import RecordedMotion
 from slosh_report.errors import SloshReportError
-
-Array = NDArray[np.float64]
 
 SEARCH = 2.0
 """Half-width of the search around the onsets' offset [s]: where a container tilts, measured and
@@ -98,7 +96,7 @@ def plain(model: Model) -> Model:
     return effectless.spatial().nonlinear()
 
 
-def held_at_rest(motion: Motion, duration_ns: int) -> Motion:
+def held_at_rest(motion: RecordedMotion, duration_ns: int) -> RecordedMotion:
     """The motion, and after a command's end the rest that follows it.
 
     A commanded motion ends where the container comes to rest; the camera goes on. The inputs go on
@@ -128,7 +126,7 @@ def held_at_rest(motion: Motion, duration_ns: int) -> Motion:
 
 
 def _offset(
-    t: Array, motion: Motion, measured_t: Array, height: Array, model: Model | None
+    t: Array, motion: RecordedMotion, measured_t: Array, height: Array, model: Model | None
 ) -> tuple[float, str]:
     """Measured clock minus motion's clock [s], and by what it was found."""
     felt = felt_acceleration(motion)
@@ -157,7 +155,7 @@ def _peak_offset(t: Array, felt: Array, measured_t: Array, height: Array) -> flo
     return float(measured_t[peak] - t[int(np.argmax(np.hypot(felt[:, 0], felt[:, 1])))])
 
 
-def felt_acceleration(motion: Motion) -> Array:
+def felt_acceleration(motion: RecordedMotion) -> Array:
     """What drives the liquid, gravity's share along a tilted floor with it: (N, 3) [m/s²].
 
     Rz(ψ) Rᵀ (a + g ẑ) - g ẑ in axes that do not follow the yaw ψ. Only the offset is found by it:

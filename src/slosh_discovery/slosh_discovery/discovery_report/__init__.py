@@ -5,9 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from slosh_discovery.discovery_report.data import Command, DiscoveryReport
-from slosh_discovery.discovery_report.document import (
+from slosh_discovery.discovery_report.data import (
     SCHEMA,
+    Command,
+    DiscoveryReport,
     discovery_document,
     discovery_json,
 )

@@ -1,11 +1,34 @@
-"""What a discovery's page and text show."""
+"""What a discovery's page, text and `discovery.json` show."""
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import dataclass
+from typing import Any
 
-from slosh_discovery.discover.finding import Finding
+import numpy as np
+
+from slosh_discovery.discover.finding import (
+    Agreement,
+    Candidate,
+    Finding,
+    FoundEffect,
+    Gap,
+    MotionFinding,
+    Proposal,
+    SeparatingMotion,
+)
+from slosh_discovery.discover.gap import closed_share
+from slosh_discovery.discovery_report.words import residual_rms, si_unit, verdict_sentence
+from slosh_model.model import Model
+from slosh_model.model_text import format_model
+from slosh_report.json_values import plain
 from slosh_report.page.frame import Frame
+
+SCHEMA = 1
+
+Document = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,3 +69,132 @@ class DiscoveryReport:
     def remarks(self) -> tuple[str, ...]:
         """Notes and remarks, each once."""
         return tuple(dict.fromkeys((*self.notes, *self.finding.remarks)))
+
+
+def discovery_json(report: DiscoveryReport) -> str:
+    """The text of `discovery.json`: strict JSON, the same for the same report.
+
+    Numbers are in SI units, null: not known. The keys stay as they are within one number of
+    `schema`; further keys may come.
+    """
+    return json.dumps(discovery_document(report), indent=2, allow_nan=False) + "\n"
+
+
+def discovery_document(report: DiscoveryReport) -> Document:
+    """A report's numbers and names; `json.dumps` takes it as it is.
+
+    Every number that the page shows in a `<data>` element is in here: the element's `data-path`
+    is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.
+    """
+    finding = report.finding
+    document: Document = plain(
+        {
+            "schema": SCHEMA,
+            "verdict": finding.verdict,
+            "summary": verdict_sentence(finding),
+            "confidence": finding.confidence,
+            "effects": [_effect(effect) for effect in finding.effects],
+            "gap": _gap(finding.gap),
+            "where": finding.where,
+            "worst": finding.worst,
+            "motions": [_motion(motion) for motion in finding.motions],
+            "candidates": [_candidate(candidate) for candidate in finding.candidates],
+            "separating": [
+                _separating(motion, report.separating_files[index:])
+                for index, motion in enumerate(finding.separating)
+            ],
+            "proposal": finding.proposal and _proposal(finding.proposal),
+            "remarks": report.remarks,
+            "base": _model(finding.base),
+            "model": _model(finding.model),
+            "group_models": {name: _model(model) for name, model in finding.group_models.items()},
+        }
+    )
+    return document
+
+
+def _effect(effect: FoundEffect) -> Document:
+    """With the parameters' SI units, "1" for none."""
+    sets = [effect.parameters, *(one.parameters for one in effect.by_group.values())]
+    units = {name: si_unit(effect.name, name) for one in sets for name in one}
+    return {**plain(effect), "units": units}
+
+
+def _gap(gap: Gap) -> Document:
+    """Root mean squares of the residual [m] by stage; holdout is null where none was held out.
+
+    `closed`: see Gap; the other two are the shares by motions' role.
+    """
+    return {
+        "unit": "m",
+        "noise": gap.noise,
+        "before": {"fit": gap.fit_before, "holdout": gap.holdout_before},
+        "after": {"fit": gap.fit_after, "holdout": gap.holdout_after},
+        "closed": gap.closed,
+        "fit_closed": gap.fit_closed,
+        "holdout_closed": gap.holdout_closed,
+    }
+
+
+def _motion(finding: MotionFinding) -> Document:
+    """`peak`: highest measured height, from its own zero [m]; `closed`: see `closed_share`."""
+    motion = finding.motion
+    before = residual_rms(finding, finding.before_heights)
+    after = residual_rms(finding, finding.after_heights)
+    peaks = motion.peak_heights
+    return {
+        "name": motion.name,
+        "group": motion.group,
+        "role": finding.role,
+        "samples": finding.samples,
+        "duration": motion.t[-1] - motion.t[0],
+        "peak": max(peaks[np.isfinite(peaks)], default=math.nan),
+        "noise": finding.noise,
+        "clock_offset": finding.clock_offset,
+        "level": finding.level,
+        "before": _agreement(finding.before, before),
+        "after": _agreement(finding.after, after),
+        "closed": closed_share(before, after, finding.noise, finding.samples),
+    }
+
+
+def _agreement(agreement: Agreement, residual: float) -> Document:
+    """`residual`: root mean square over all measured heights [m]; the others are of the peak's."""
+    return {"residual": residual, **plain(agreement)}
+
+
+def _candidate(candidate: Candidate) -> Document:
+    """`applicable`: whether it was fitted."""
+    return {
+        "effects": candidate.effects,
+        "per_group": candidate.per_group,
+        "applicable": not candidate.reason,
+        "reason": candidate.reason,
+        **plain(candidate),
+    }
+
+
+def _separating(motion: SeparatingMotion, files: tuple[str, ...]) -> Document:
+    """`file`: its table beside the document; null: it was not written."""
+    return {
+        "names": motion.names,
+        "description": motion.description,
+        "file": files[0] if files else None,
+        "duration": motion.inputs.t[-1] - motion.inputs.t[0],
+        "difference": motion.difference,
+        "present_difference": motion.present_difference,
+    }
+
+
+def _proposal(proposal: Proposal) -> Document:
+    names = ("term", "coefficient", "unit")
+    return {
+        "equation": proposal.equation,
+        "terms": [dict(zip(names, term, strict=True)) for term in proposal.terms],
+        "explained": proposal.explained,
+    }
+
+
+def _model(model: Model) -> Document:
+    """Its short name and the text of its model.yaml."""
+    return {"name": model.name, "text": format_model(model)}

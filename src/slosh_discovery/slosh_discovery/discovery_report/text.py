@@ -14,16 +14,14 @@ from slosh_discovery.discover.finding import (
     WhereRow,
 )
 from slosh_discovery.discovery_report.data import Command, DiscoveryReport
-from slosh_discovery.discovery_report.figures import (
-    NAN,
-    largest_share,
-    shown_confidence,
-    shown_parameter,
-)
 from slosh_discovery.discovery_report.words import (
+    NAN,
     explanation,
+    largest_share,
     marked,
     part_name,
+    shown_confidence,
+    shown_parameter,
     verdict_sentence,
 )
 from slosh_report.page.units import DASH, shown

@@ -5,9 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from slosh_discovery.identification_report.data import Beside, IdentificationReport
-from slosh_discovery.identification_report.document import (
+from slosh_discovery.identification_report.data import (
     SCHEMA,
+    Beside,
+    IdentificationReport,
     identification_document,
     identification_json,
 )

@@ -15,16 +15,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 from scipy.optimize import least_squares
 
+from slosh_base.types import Array
 from slosh_discovery.discover.colour import Colour, Neighbours, estimate_colour
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import neighbours_of
 from slosh_discovery.identify.whitening import White, driven_by
-
-Array = NDArray[np.float64]
 
 HUBER = 2.0
 """Residuals beyond so many standard deviations count by their size; 1 % of the efficiency."""

@@ -11,13 +11,11 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import Trial
 from slosh_model.parameters import DAMPING, FREQUENCY
-
-Array = NDArray[np.float64]
 
 SPAN = 1.3
 """Frequencies up to this factor from the model's are tried."""

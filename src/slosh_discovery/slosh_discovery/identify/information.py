@@ -7,18 +7,21 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.colour import Colour
 from slosh_discovery.discover.problem import LONGEST_STEP
-from slosh_discovery.discover.separating_families import FAMILIES, Motion, inputs_of, text_of
+from slosh_discovery.discover.separating_families import (
+    FAMILIES,
+    CandidateMotion,
+    inputs_of,
+    text_of,
+)
 from slosh_discovery.identify.fitting import information
 from slosh_discovery.identify.problem import STEP, Problem
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
 from slosh_model.simulate import Inputs, Response
-
-Array = NDArray[np.float64]
 
 UNKNOWN = 1.0
 """A direction whose standard error exceeds what is known without any data is not identified."""
@@ -97,7 +100,7 @@ def _with_help(
     missing: Unidentified,
     known: Array,
     places: Sequence[int],
-    candidates: Sequence[tuple[Motion, Inputs, Array]],
+    candidates: Sequence[tuple[CandidateMotion, Inputs, Array]],
 ) -> Unidentified:
     """With the first motion that makes it about as well known as any does, if one does.
 
@@ -121,14 +124,14 @@ def _with_help(
 
 def _candidates(
     problem: Problem, vector: Array, colour: Colour
-) -> Iterator[tuple[Motion, Inputs, Array]]:
+) -> Iterator[tuple[CandidateMotion, Inputs, Array]]:
     """Motions with the information (P, P) that each would add, in the parameters' widths."""
     model = problem.model_at(vector)
     if model is None:
         return
     first = model.mode_frequency(1) / (2.0 * np.pi)
     for family, share, acceleration in product(FAMILIES, FREQUENCIES, ACCELERATIONS):
-        motion = Motion(family, share * first, acceleration)
+        motion = CandidateMotion(family, share * first, acceleration)
         inputs = inputs_of(motion)
         jacobian = _answers_change(problem, vector, inputs)
         if jacobian is not None:

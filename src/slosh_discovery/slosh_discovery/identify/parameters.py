@@ -6,9 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from slosh_base.files.nearest import did_you_mean
 from slosh_discovery.discover.explanation import plausible
 from slosh_discovery.errors import SloshDiscoveryError
@@ -23,8 +20,6 @@ from slosh_model.parameters import (
     parameter_value,
     with_parameters,
 )
-
-Array = NDArray[np.float64]
 
 _OF_THE_MODEL = (DAMPING, FREQUENCY, FILL_HEIGHT)
 DEFAULT = (FREQUENCY, DAMPING)

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from slosh_base.types import Array
 from slosh_discovery.discover.colour import Colour
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.trials import OperatingPoint
@@ -19,8 +17,6 @@ from slosh_model.model import Model
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
-
-Array = NDArray[np.float64]
 
 
 class Strategy(Enum):

@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.colour import Neighbours, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
@@ -20,8 +20,6 @@ from slosh_discovery.discover_data.heights import sample_noise
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 MOVES = 1e-4
 """A container of less acceleration [m/s²] does not move: the liquid decays freely."""

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_discovery.discover.motion import MeasuredMotion
@@ -24,8 +23,6 @@ from slosh_metrics.surface_metrics import line_approximation_error
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 0.0005
 """TM20's tolerable ε̄ [m]."""

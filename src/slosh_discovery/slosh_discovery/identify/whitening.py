@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.colour import Colour, Neighbours, Whitening
 from slosh_discovery.discover.driven import with_input_noise
 from slosh_discovery.discover.input_noise import estimate_input_noise
 from slosh_discovery.discover.problem import SharedNoise
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import neighbours_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import whiteness
 from slosh_discovery.errors import SloshDiscoveryError
@@ -41,7 +42,6 @@ from slosh_model.covariance import covariance_of
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], object]
 
 RATIO = 0.4

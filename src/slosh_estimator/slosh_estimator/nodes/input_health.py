@@ -5,7 +5,7 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.gate import DROPPED, SampleGate, Verdict
+from slosh_estimator.gate import DROPPED, SampleGate, SampleVerdict
 from slosh_estimator.inputs import AnyInput
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sampling import gap_sentence
@@ -14,10 +14,10 @@ from slosh_msgs_py.node.diagnostics import ERROR, STALE, WARN, Health
 from slosh_msgs_py.node.silence import SilentTopic
 
 _HINTS = {
-    Verdict.STALE: ": their stamps are older than max_age, so they are late or stamped by "
+    SampleVerdict.STALE: ": their stamps are older than max_age, so they are late or stamped by "
     "another clock",
-    Verdict.IMPOSSIBLE: ": inputs must be in m/s^2, rad/s and m",
-    Verdict.AHEAD: " by more than max_age, so by another clock",
+    SampleVerdict.IMPOSSIBLE: ": inputs must be in m/s^2, rad/s and m",
+    SampleVerdict.AHEAD: " by more than max_age, so by another clock",
 }
 
 
@@ -67,7 +67,7 @@ class InputHealth:
             gate: that judges the input.
         """
         used, self._used = gate.used - self._used, gate.used
-        restarts = gate.counts[Verdict.RESTART] - self._restarts
+        restarts = gate.counts[SampleVerdict.RESTART] - self._restarts
         self._restarts += restarts
         counts = {verdict: gate.counts[verdict] for verdict in DROPPED}
         dropped = {verdict: counts[verdict] - self._dropped[verdict] for verdict in DROPPED}

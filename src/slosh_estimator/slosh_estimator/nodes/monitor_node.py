@@ -9,26 +9,32 @@ from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_base.files.yaml_document import parse_yaml
 from slosh_estimator import SOURCES
+from slosh_estimator.agreement import MotionAgreement
 from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import RIM, MonitorSettings
-from slosh_estimator.nodes.announced_model import announced_model
 from slosh_estimator.nodes.monitor_health import MonitorHealth
-from slosh_estimator.nodes.prediction_watch import PredictionWatch
+from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_estimator.sight import ClockWatch
+from slosh_model.model import Model
+from slosh_model.model_text import parse_model
 from slosh_msgs.msg import (
     ExpectedReading,
     FreeSurface,
     LimitEvent,
+    MotionPrediction,
     NodeSettings,
+    PredictionOutcome,
     SloshComparison,
     SloshEstimate,
 )
@@ -239,6 +245,75 @@ def event_message(event: Event, frame: str) -> LimitEvent:
         duration_ns=max(event.duration_ns, 0),
         description=event.description,
     )
+
+
+def announced_model(message: NodeSettings) -> Model | None:
+    """What an estimator's announcement says that it runs.
+
+    None: it is another node's, or a stranger's that cannot be read.
+    """
+    if message.node != "estimator":
+        return None
+    try:
+        document = parse_yaml(message.document, "settings of the estimator").value
+        return parse_model(document["files"]["model"], "the estimator's model")
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+class PredictionWatch:
+    """Takes a node's predictions and motions, publishes outcomes.
+
+    Args:
+        node: the node.
+        frame: of the container.
+    """
+
+    def __init__(self, node: Node, frame: str) -> None:
+        self._node, self._frame = node, frame
+        self._record = PredictionRecord()
+        self._outcomes = node.create_publisher(
+            PredictionOutcome, topics.PREDICTION_OUTCOME, qos.EVENT
+        )
+        node.create_subscription(
+            MotionPrediction, topics.PREDICTION, self._on_prediction, qos.EVENT
+        )
+
+    def reset(self) -> None:
+        """Starts the record anew."""
+        self._record.reset()
+
+    def judge(self, motion: MotionAgreement) -> None:
+        """Takes a motion that has ended; publishes what became of its prediction."""
+        outcome = self._record.judge(motion)
+        if outcome is None:
+            return
+        message = filled(PredictionOutcome, frame_id=self._frame, **outcome._asdict())
+        self._outcomes.publish(message)
+        self._node.get_logger().info(f"planned motion {outcome.id}: {outcome.description}")
+
+    def facts(self) -> dict[str, Any]:
+        """For the diagnostics."""
+        record, last = self._record, self._record.last
+        if last is None:
+            return {"predictions": 0}
+        return {
+            "predictions": record.count,
+            "last prediction": last.description,
+            "MAE of predictions [mm]": f"{1e3 * record.sigma:.2f}",
+            "epsilon of predictions [%]": f"{1e2 * record.epsilon:.1f}",
+        }
+
+    def _on_prediction(self, message: MotionPrediction) -> None:
+        self._record.announce(
+            Announced(
+                message.id,
+                to_nanoseconds(message.header.stamp),
+                to_nanoseconds(message.start),
+                message.duration,
+                message.peak,
+            )
+        )
 
 
 def main() -> int:

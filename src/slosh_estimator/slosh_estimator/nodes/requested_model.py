@@ -8,8 +8,7 @@ from typing import Any
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import parse_model
+from slosh_model.model_text import parse_model, read_model
 
 
 def requested_model(request: Any, tell: Callable[[str], object]) -> Model:

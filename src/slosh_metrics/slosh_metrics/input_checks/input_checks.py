@@ -24,6 +24,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array, Integers
 from slosh_metrics.input_checks.constancy import (
     BIN,
     BIN_NS,
@@ -44,8 +45,6 @@ from slosh_metrics.input_checks.constant_meaning import (
 )
 from slosh_metrics.input_checks.input_faults import FaultWatch
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 _Part = TypeVar("_Part", float, Array)
 """Of one quaternion, or of many."""
 

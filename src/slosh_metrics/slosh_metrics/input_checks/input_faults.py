@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
-
-Array = NDArray[np.float64]
+from slosh_base.types import Array
 
 AXES = ("ax", "ay", "az")
 LEAST_SAMPLES = 16

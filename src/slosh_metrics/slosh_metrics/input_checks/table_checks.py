@@ -9,18 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array, Integers
 from slosh_metrics.input_checks.constancy import MOST, TOLERANCE, TOP_SPEED, Bins, Stretch, Vector
 from slosh_metrics.input_checks.constant_finder import DEPARTURE, REST
 from slosh_metrics.input_checks.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt
 from slosh_metrics.input_checks.input_checks import AccelCheck, PoseCheck
 from slosh_metrics.input_checks.input_faults import FaultKind
 from slosh_model.constants import GRAVITY
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 UNLIKELY = 100.0
 """Ten times what the models hold for [m/s²]; machines that carry liquid stay below."""

@@ -14,12 +14,13 @@ from collections.abc import Callable
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
+from slosh_base.files.plain_text import plain_line
 from slosh_msgs_py.node.mismatches import Mismatches
-from slosh_msgs_py.node.plain_logger import PlainLogger
 
 Callback = Callable[..., Any]
 
@@ -165,3 +166,30 @@ class GuardedNode(Node):
                 self.faults.add(where, error)
 
         return guarded
+
+
+class PlainLogger(RcutilsLogger):
+    """As rclpy's, with every message one plain line.
+
+    One method for each severity: rclpy refuses two severities from one place in the sources.
+    """
+
+    def debug(self, message: str, **options: Any) -> bool:
+        """As rclpy's."""
+        return bool(super().debug(plain_line(message), **options))
+
+    def info(self, message: str, **options: Any) -> bool:
+        """As rclpy's."""
+        return bool(super().info(plain_line(message), **options))
+
+    def warning(self, message: str, **options: Any) -> bool:
+        """As rclpy's."""
+        return bool(super().warning(plain_line(message), **options))
+
+    def error(self, message: str, **options: Any) -> bool:
+        """As rclpy's."""
+        return bool(super().error(plain_line(message), **options))
+
+    def fatal(self, message: str, **options: Any) -> bool:
+        """As rclpy's."""
+        return bool(super().fatal(plain_line(message), **options))

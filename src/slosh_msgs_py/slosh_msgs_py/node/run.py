@@ -7,6 +7,7 @@ import gc
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,6 +15,7 @@ from types import FrameType
 from typing import Any, TypeVar
 
 import rclpy
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import (
     ExternalShutdownException,
     MultiThreadedExecutor,
@@ -25,7 +27,6 @@ from rclpy.signals import SignalHandlerOptions
 from slosh_base.files.plain_text import plain_line
 from slosh_base.files.private_mode import keep_others_from_writing
 from slosh_msgs_py.errors import SloshMessageError
-from slosh_msgs_py.node.clock_steps import wake_timers, watch_clock
 from slosh_msgs_py.node.dead_ports import free_dead_ports, hold_dead_ports
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.lifeline import watch_lifelines
@@ -42,6 +43,11 @@ SURE = 3
 HEARING_PERIOD = 2.0  # s
 _Node = TypeVar("_Node", bound=Node)
 _POLL = 0.1  # s; how long an idle executor waits before it looks whether to stop
+
+PERIOD = 0.25
+"""How long it takes at most until a step is noticed [s]."""
+STEP_NS = 50_000_000
+"""From here on it is a step [ns]: a clock that is slewed goes wrong by a thousandth at most."""
 
 
 def run_node(
@@ -248,3 +254,34 @@ def make_executor() -> Any:
     except ImportError:
         return SingleThreadedExecutor()
     return EventsExecutor()
+
+
+def watch_clock(set_back: Callable[[], None]) -> None:
+    """Calls a function, in a thread of its own, whenever the system's clock was set back.
+
+    Libraries built for old systems, rclpy and Fast DDS as wheels among them, wait until a moment
+    of the system's clock: set back by an hour, the executor's timers would wait an hour longer.
+    """
+    threading.Thread(target=_watch, args=(set_back,), name="clock steps", daemon=True).start()
+
+
+def wake_timers(node: Node) -> None:
+    """Has all of a node's timers wait anew, a whole period each."""
+    for timer in list(node.timers):
+        with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
+            timer.reset()
+
+
+def _watch(set_back: Callable[[], None]) -> None:
+    never = threading.Event()
+    before = _ahead()
+    while not never.wait(PERIOD):
+        now = _ahead()
+        if now < before - STEP_NS:
+            set_back()
+        before = now
+
+
+def _ahead() -> int:
+    """By how much the system's clock is ahead of the steady one [ns]."""
+    return time.time_ns() - time.monotonic_ns()

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from slosh_base.files.yaml_text import format_yaml
+from slosh_base.files.yaml_document import format_yaml
 from slosh_msgs.msg import NodeSettings
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_time

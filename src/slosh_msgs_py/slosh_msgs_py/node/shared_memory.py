@@ -21,8 +21,7 @@ import time
 from collections.abc import Collection
 from pathlib import Path
 
-from slosh_msgs_py.node.dead_ports import held_dead_ports, mapped_ports
-from slosh_msgs_py.node.lock_files import held
+from slosh_msgs_py.node.dead_ports import held, held_dead_ports, mapped_ports
 
 _SEGMENT = re.compile(r"/fastrtps_[0-9a-f]{16}_el")
 _PORT = re.compile(r"(.*/fastrtps_port(\d+))_el")

@@ -7,25 +7,23 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Transform, Twist
-from numpy.typing import NDArray
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_msgs.msg import MotionPlan
 from slosh_msgs_py.stamps import to_duration
 from slosh_plan import Trajectory
-from slosh_plan.nodes.predict_messages import given
-from slosh_plan.nodes.trajectory_messages import (
+from slosh_plan.nodes.predict_messages import (
+    given,
     poses_of,
     read_points,
 )
 from slosh_plan.planning.execution import Execution, execution_of
 from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
+from slosh_plan.planning.path import TURNED, Waypoints
 from slosh_plan.planning.plan import Plan
-from slosh_plan.planning.waypoints import TURNED, Waypoints
-
-Array = NDArray[np.float64]
 
 NAME = "the path"
 MOST_WAYPOINTS = 5_000

@@ -22,7 +22,7 @@ from slosh_plan import HeightLimits, LiquidState, Prediction
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.look_ahead import Record, error_of, look_ahead, warning
 from slosh_plan.nodes.newest_estimate import NewestEstimate
-from slosh_plan.nodes.trajectory_messages import trajectory_of_points
+from slosh_plan.nodes.predict_messages import trajectory_of_points
 from slosh_plan.trajectory import MOST_POINTS
 
 MOST_BYTES = 50_000_000

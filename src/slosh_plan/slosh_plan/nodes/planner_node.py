@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
@@ -15,9 +16,9 @@ from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.nodes.requested_model import model_at
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 from slosh_msgs import action, srv
+from slosh_msgs.action import PlanMotion
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import OK, Health
 from slosh_msgs_py.node.memory import LargeMessages
@@ -28,13 +29,11 @@ from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.point_arrays import action_with_point_arrays, service_with_point_arrays
 from slosh_plan.nodes import plan_messages
-from slosh_plan.nodes.goal_feedback import GoalFeedback
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
-from slosh_plan.planning.from_state import check_plan_from, check_state
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.plan import TIME_LIMIT, plan
-from slosh_plan.planning.progress import Watch
+from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state, plan
+from slosh_plan.planning.progress import PlanProgress, Watch
 
 SOURCES = ("slosh_plan", "slosh_model")
 LONGEST = 600.0
@@ -55,6 +54,9 @@ MOST_ROWS = 20_000
 THREADS = 4
 """The service and the action wait for their plans; diagnostics and cancelling go on."""
 CLOSING = 5.0
+
+PERIOD = 0.5
+"""Between two reports without news [s]."""
 
 
 class PlannerNode(PreparedNode):
@@ -197,6 +199,31 @@ class PlannerNode(PreparedNode):
 
     def _facts(self) -> dict[str, Any]:
         return {"refused requests": self._refused}
+
+
+class GoalFeedback:
+    """Tells the client of a goal how far it is: at each news, and twice a second."""
+
+    def __init__(self, goal: Any) -> None:
+        self._goal = goal
+        self._told = PlanProgress("", math.inf, -math.inf)
+
+    def tell(self, progress: PlanProgress) -> None:
+        """Takes progress, however often it is told."""
+        told = self._told
+        same = (progress.phase, progress.duration) == (told.phase, told.duration)
+        if same and progress.elapsed - told.elapsed < PERIOD:
+            return
+        self._told = progress
+        duration = progress.duration if math.isfinite(progress.duration) else math.nan
+        self._goal.publish_feedback(
+            PlanMotion.Feedback(phase=progress.phase, duration=duration, elapsed=progress.elapsed)
+        )
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether the client has had enough."""
+        return bool(self._goal.is_cancel_requested)
 
 
 def main() -> int:

@@ -11,8 +11,7 @@ from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator.nodes.requested_model import model_at
 from slosh_model.model import Model
-from slosh_model.model_file import read_model
-from slosh_model.model_text import format_model
+from slosh_model.model_text import format_model, read_model
 from slosh_model.tilt import added_text, attitude_of
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import topics

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import msh_of
 from slosh_plan.plan_report.data import PlanReport, ShownMotion
 from slosh_plan.planning.checked import Checked, attitudes, checked
+from slosh_plan.planning.path import Waypoints
 from slosh_plan.planning.plan import Plan
-from slosh_plan.planning.time_law import STEP, Motion
-from slosh_plan.planning.waypoints import Waypoints
+from slosh_plan.planning.time_law import STEP, PlannedMotion
 from slosh_plan.prediction import COVERAGE, principal_variants
 from slosh_plan.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 PLANNED, PROPOSAL = "planned", "the waypoints’ own times"
 
@@ -51,7 +49,7 @@ def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = 
     )
 
 
-def proposed_motion(waypoints: Waypoints) -> Motion:
+def proposed_motion(waypoints: Waypoints) -> PlannedMotion:
     """The motion from rest to rest that the waypoints' own times make, at 1 kHz.
 
     Raises:
@@ -64,7 +62,9 @@ def proposed_motion(waypoints: Waypoints) -> Motion:
         raise SloshPlanError("they last less than two milliseconds")
     t = np.linspace(given.t[0], given.t[-1], count + 1)
     speed = np.linalg.norm(spline(t, 1), axis=1)
-    return Motion(STEP * np.arange(count + 1, dtype=np.float64), spline(t), spline(t, 2), speed)
+    return PlannedMotion(
+        STEP * np.arange(count + 1, dtype=np.float64), spline(t), spline(t, 2), speed
+    )
 
 
 def height_band(model: Model, found: Checked, attitude: Array | None) -> Array | None:

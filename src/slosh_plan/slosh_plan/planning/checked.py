@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.time_law import Motion
+from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, principal_variants
-
-Array = NDArray[np.float64]
 
 PERIODS = 8.0
 """Of the first mode that are looked at after a motion's end."""
@@ -38,7 +36,7 @@ class Checked:
         tilt, tilt_rate, tilt_acceleration: the largest [rad, rad/s, rad/s²]; 0: there is none.
     """
 
-    motion: Motion
+    motion: PlannedMotion
     msh: Array
     peak: float
     residual: float
@@ -86,7 +84,7 @@ class Checker:
     attitude: Array | None = None
     error: ModelError | None = None
 
-    def __call__(self, motions: Sequence[Motion]) -> list[Checked]:
+    def __call__(self, motions: Sequence[PlannedMotion]) -> list[Checked]:
         """What motions reach."""
         found = checked(self.model, motions, self.attitude)
         if self.error is None:
@@ -104,7 +102,7 @@ class Checker:
             for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
         ]
 
-    def glance(self, motions: Sequence[Motion]) -> list[Checked]:
+    def glance(self, motions: Sequence[PlannedMotion]) -> list[Checked]:
         """The same without the covariance: not lower than it is."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
@@ -116,7 +114,9 @@ def _squared(one: Checked, other: Checked) -> tuple[float, float]:
     return (0.25 * (one.peak - other.peak) ** 2, 0.25 * (one.residual - other.residual) ** 2)
 
 
-def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> list[Checked]:
+def checked(
+    model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
+) -> list[Checked]:
     """Simulates motions from a liquid at rest.
 
     Args:
@@ -134,7 +134,7 @@ def checked(model: Model, motions: Sequence[Motion], attitude: Array | None) -> 
     return [_checked(model, one, both) for one, both in zip(motions, heights, strict=True)]
 
 
-def attitudes(motion: Motion, attitude: Array | None, rows: int) -> Array | None:
+def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
     """(rows, 4) quaternions over a motion and what follows it; None: upright and not turned.
 
     Args:
@@ -148,7 +148,7 @@ def attitudes(motion: Motion, attitude: Array | None, rows: int) -> Array | None
     return None if attitude is None else np.tile(attitude, (rows, 1))
 
 
-def _checked(model: Model, motion: Motion, heights: Array) -> Checked:
+def _checked(model: Model, motion: PlannedMotion, heights: Array) -> Checked:
     msh = msh_of(model.container, heights)
     msh = np.where(np.isfinite(msh), msh, np.inf)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)

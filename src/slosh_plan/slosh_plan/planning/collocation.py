@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
+from slosh_base.types import Array
 from slosh_plan.planning.flow import Expression, Flow
 from slosh_plan.planning.interval import (
     CHAIN,
@@ -23,7 +24,6 @@ from slosh_plan.planning.interval import (
 )
 from slosh_plan.planning.path import Leg, Path
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 

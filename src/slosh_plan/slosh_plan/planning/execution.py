@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_plan.planning.time_law import Motion
+from slosh_base.types import Array
+from slosh_plan.planning.time_law import PlannedMotion
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 NEAR = 1.5e-4
@@ -37,7 +37,7 @@ class Execution:
     waypoints: Rows
 
 
-def execution_of(motion: Motion, waypoints: Array) -> Execution:
+def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
     """A motion with a row more where it passes a waypoint between two.
 
     Args:
@@ -61,7 +61,7 @@ def execution_of(motion: Motion, waypoints: Array) -> Execution:
     return Execution(t, columns[0], columns[1], columns[2], np.searchsorted(t, passed))
 
 
-def passing_times(motion: Motion, waypoints: Array) -> Array:
+def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
     """When a motion passes each waypoint (M, 3), one after another [s]."""
     starts, steps = motion.position[:-1], np.diff(motion.position, axis=0)
     squares = np.maximum((steps**2).sum(axis=1), 1e-30)
@@ -94,7 +94,7 @@ def _first_nearest(away: Array) -> int:
     return first + int(np.argmin(away[first:last]))
 
 
-def _between(motion: Motion, velocity: Array, moment: float) -> tuple[Array, Array, Array]:
+def _between(motion: PlannedMotion, velocity: Array, moment: float) -> tuple[Array, Array, Array]:
     """Position, velocity and acceleration at a moment between two rows; the jerk is constant."""
     row = int(np.searchsorted(motion.t, moment)) - 1
     since, step = moment - motion.t[row], motion.t[row + 1] - motion.t[row]

@@ -14,14 +14,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
+from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_plan.planning.flow import Expression, Flow
 from slosh_plan.planning.path import DEGREE, Leg
-
-Array = NDArray[np.float64]
 
 CHAIN = 3
 """States of what is driven by its third derivative: value, rate, acceleration."""

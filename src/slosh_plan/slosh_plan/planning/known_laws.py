@@ -10,21 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
 
+from slosh_base.types import Array
 from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
 from slosh_plan.planning.checked import Checked, Checker
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.paces import PACES, PacedLeg, curved
-from slosh_plan.planning.path import Path
+from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
-from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
+from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
 
-Array = NDArray[np.float64]
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
 
 RATIO = 1.02
@@ -35,11 +35,15 @@ COARSE = 8e-3
 """Step of motions that are looked at first [s]."""
 NEARLY = 0.03
 """By which share of a limit a coarse motion may exceed it to be looked at in all its rows."""
-Make = Callable[[float, float], Motion]
+Make = Callable[[float, float], PlannedMotion]
 """Duration and step between rows [s] to a motion."""
 LONGEST = 120.0
 """Duration up to which a motion is looked for [s]."""
 _TOGETHER = 16
+
+POINTS = 800
+STRAIGHT = 1e-3
+"""Curvature by length of a leg below which it is straight."""
 
 
 def septic(u: Array) -> tuple[Array, Array, Array]:
@@ -103,7 +107,7 @@ class KnownLaw:
         durations = leg_durations(self.path, duration)
         return [self._law(leg, time) for leg, time in zip(self.legs, durations, strict=True)]
 
-    def motion(self, duration: float, step: float = STEP) -> Motion:
+    def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
         """The motion of a duration, with a step between two rows [s]."""
         durations = leg_durations(self.path, duration)
         return motion_along(self.path, self.laws(duration), durations, step)
@@ -131,13 +135,13 @@ class Scaled:
     found: Checked
 
 
-def known_laws(path: Path, units: Mapping[str, UnitLaw] = UNIT_LAWS) -> dict[str, KnownLaw]:
+def known_laws(path: Path) -> dict[str, KnownLaw]:
     """The laws along a path by their names; along straight legs all paces are one."""
     paces = PACES if any(curved(leg) for leg in path.legs) else {"": PACES[""]}
     found: dict[str, KnownLaw] = {}
     for words, pace in paces.items():
         legs = tuple(PacedLeg(leg, pace) for leg in path.legs)
-        found |= {f"{name}{words}": KnownLaw(path, unit, legs) for name, unit in units.items()}
+        found |= {f"{name}{words}": KnownLaw(path, unit, legs) for name, unit in UNIT_LAWS.items()}
     return found
 
 
@@ -217,3 +221,62 @@ def _least(make: Make, limits: PlanLimits) -> float:
     return trial * max(
         math.sqrt(acceleration / limits.acceleration), math.cbrt(jerk / limits.jerk)
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """Speed by curvature κ: proportional to (κ² + (floor · κ̄)²)^(-power / 2), κ̄ its RMS.
+
+    Attributes:
+        power: 0: an even speed; 1/3: the two-thirds power law, at which an ellipse is gone through
+            harmonically; 1/2: an even lateral acceleration.
+        floor: below which curvature hardly counts.
+    """
+
+    power: float
+    floor: float
+
+
+PACES: Mapping[str, Pace] = MappingProxyType(
+    {
+        "": Pace(0.0, 1.0),
+        ", slower in curves": Pace(1.0 / 3.0, 0.3),
+        ", evenly in curves": Pace(0.5, 1.0),
+    }
+)
+"""By what their names add to a law's."""
+
+
+@dataclass(frozen=True)
+class PacedLeg:
+    """A leg by the parameter of a pace, from 0 to 1.
+
+    Attributes:
+        leg: the leg.
+        pace: the pace.
+    """
+
+    leg: Leg
+    pace: Pace
+
+    @cached_property
+    def splines(self) -> tuple[BSpline, ...]:
+        """S [m] over the parameter and its first two derivatives."""
+        s = np.linspace(0.0, self.leg.length, POINTS + 1)
+        squared = (self.leg.at(s)[2] ** 2).sum(axis=1)
+        least = (self.pace.floor**2) * squared.mean() + (STRAIGHT / self.leg.length) ** 2
+        slow = (squared + least) ** (0.5 * self.pace.power)
+        at = np.concatenate([[0.0], np.cumsum(0.5 * (slow[1:] + slow[:-1]))])
+        spline = make_interp_spline(at / at[-1], s, k=5)
+        return (spline, spline.derivative(), spline.derivative(2))
+
+    def along(self, place: Array, rate: Array, change: Array) -> tuple[Array, Array, Array]:
+        """S and its first two derivatives by time, of the parameter's."""
+        s, slope, bend = (np.asarray(spline(np.clip(place, 0.0, 1.0))) for spline in self.splines)
+        return s, slope * rate, bend * rate**2 + slope * change
+
+
+def curved(leg: Leg) -> bool:
+    """Whether a leg has curves, so that paces differ."""
+    bends = np.linalg.norm(leg.at(np.linspace(0.0, leg.length, POINTS + 1))[2], axis=1)
+    return bool(np.ptp(bends) * leg.length > STRAIGHT)

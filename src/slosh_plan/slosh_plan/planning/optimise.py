@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_plan.planning.collocation import Problem
 from slosh_plan.planning.flow import Flow
 from slosh_plan.planning.interval import LIMITS, LIQUID, Layout, casadi
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
-
-Array = NDArray[np.float64]
 
 NODES_PER_SECOND = 32.0
 FEWEST_NODES, MOST_NODES = 60, 200

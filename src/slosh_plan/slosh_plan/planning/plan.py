@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_model import Model
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.limits import HeightLimits
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import Checked, Checker, attitudes, horizon
 from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
@@ -25,15 +26,15 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
 from slosh_plan.planning.search import OptimalSearch
-from slosh_plan.planning.time_law import Motion
-from slosh_plan.prediction import ModelError, predict
+from slosh_plan.planning.time_law import PlannedMotion
+from slosh_plan.prediction import ModelError, check_start, predict
+from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 
 TIME_LIMIT = 30.0
 """Of a search [s]."""
@@ -187,7 +188,9 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
     )
 
 
-def _upper(model: Model, motion: Motion, attitude: Array | None) -> tuple[float, float] | None:
+def _upper(
+    model: Model, motion: PlannedMotion, attitude: Array | None
+) -> tuple[float, float] | None:
     """Upper ends of a motion's intervals, as `predict` tells them."""
     if model.covariance is None:
         return None
@@ -212,3 +215,34 @@ def upright_yaw(attitude: Array | None) -> float:
             f"the container is tilted by {tilt:.3g}°: only upright containers can be planned for"
         )
     return 2.0 * math.atan2(z, w)
+
+
+def check_state(model: Model, limits: PlanLimits, state: LiquidState) -> None:
+    """Raises SloshPlanError where the liquid stands above the limit before any motion."""
+    check_start(model, state, HeightLimits(limits.height))
+
+
+def check_plan_from(
+    model: Model, answer: Plan, attitude: Array | None, state: LiquidState
+) -> None:
+    """Raises SloshPlanError where a plan exceeds its limits if it begins in a state.
+
+    Args:
+        model: as it was planned with.
+        answer: the plan.
+        attitude: (4,) that the container keeps; None: not turned.
+        state: the liquid when the motion begins.
+    """
+    motion, limits = answer.found.motion, answer.limits
+    turned = None if attitude is None else np.tile(attitude, (len(motion.t), 1))
+    trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
+    heights = HeightLimits(limits.height, limits.residual)
+    (found,) = predict(
+        model, trajectory, limits=heights, state=state, horizon=horizon(model)
+    )  # fmt: skip
+    peak, residual = found.nonlinear.peak, found.nonlinear.residual
+    if peak > limits.height or residual > limits.residual:
+        raise SloshPlanError(
+            f"the liquid moves: from its state now the plan reaches {1e3 * peak:.1f} mm and "
+            f"leaves {1e3 * residual:.1f} mm; wait until it has settled"
+        )

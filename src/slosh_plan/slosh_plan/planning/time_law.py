@@ -12,12 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from slosh_base.types import Array
 from slosh_plan.planning.path import Path
-from slosh_plan.planning.tilt import Tilt
 
-Array = NDArray[np.float64]
 Law = Callable[[Array], tuple[Array, Array, Array]]
 """Time [s] to s [m] and its first two derivatives."""
 
@@ -70,7 +69,7 @@ class JerkLaw:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class PlannedMotion:
     """A motion from rest to rest, at 1 kHz; coarser where it is only looked at, not returned.
 
     Attributes:
@@ -100,7 +99,7 @@ class Motion:
 
 def motion_along(
     path: Path, laws: Sequence[Law], durations: Sequence[float], step: float = STEP
-) -> Motion:
+) -> PlannedMotion:
     """The motion that a time law makes of a path.
 
     Args:
@@ -124,9 +123,41 @@ def motion_along(
         speed[rows] = v
     acceleration[0] = acceleration[-1] = 0.0
     speed[0] = speed[-1] = 0.0
-    return Motion(t, position, acceleration, speed)
+    return PlannedMotion(t, position, acceleration, speed)
 
 
 def whole_rows(duration: float) -> float:
     """The next whole number of rows [s]."""
     return STEP * math.ceil(duration / STEP - 1e-9)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tilt:
+    """A tilt about horizontal axes of the container, by its rotation vector (x, y, 0).
+
+    Attributes:
+        yaw: of the container before it tilts [rad].
+        vector: (N, 2) x and y [rad], at the motion's rows.
+        rate, acceleration: (N, 2) its derivatives [rad/s, rad/s²].
+    """
+
+    yaw: float
+    vector: Array
+    rate: Array
+    acceleration: Array
+
+    @property
+    def attitude(self) -> Array:
+        """(N, 4) quaternion x, y, z, w, world ← container."""
+        vectors = np.column_stack([self.vector, np.zeros(len(self.vector))])
+        turned = Rotation.from_euler("z", self.yaw) * Rotation.from_rotvec(vectors)
+        quaternions: Array = turned.as_quat()
+        return quaternions * np.where(quaternions[:, 3:] < 0.0, -1.0, 1.0)
+
+    @property
+    def largest(self) -> tuple[float, float, float]:
+        """Of the angle, its rate and acceleration [rad, rad/s, rad/s²]."""
+        sizes = (np.linalg.norm(one, axis=1).max() for one in
+                 (self.vector, self.rate, self.acceleration))  # fmt: skip
+        angle, rate, acceleration = (float(size) for size in sizes)
+        return angle, rate, acceleration

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from slosh_base.types import Array
 from slosh_model.model import Model
 from slosh_plan.planning.checked import checked
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.time_law import Motion
-
-Array = NDArray[np.float64]
+from slosh_plan.planning.time_law import PlannedMotion
 
 ERRORS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 """Relative errors of the natural frequency that are tried, to either side."""
@@ -36,7 +32,7 @@ class Tolerance:
 
 
 def frequency_tolerance(
-    model: Model, motion: Motion, limits: PlanLimits, attitude: Array | None = None
+    model: Model, motion: PlannedMotion, limits: PlanLimits, attitude: Array | None = None
 ) -> Tolerance:
     """Simulates a motion with other natural frequencies.
 

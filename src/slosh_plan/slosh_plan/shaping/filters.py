@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
-
-Array = NDArray[np.float64]
 
 QUADRATURE = 32
 """Points of a continuous kernel: its zero at one period is exact to rounding."""

@@ -9,20 +9,19 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 from scipy.spatial import cKDTree
 
+from slosh_base.types import Array
 from slosh_model import Model
 from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.motion_profiles import quintic
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning.known_laws import UnitLaw
 from slosh_plan.planning.path import Leg, Path, path_through
-from slosh_plan.planning.time_law import STEP, Law, Motion, motion_along, whole_rows
+from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped, Filter
-from slosh_plan.shaping.polynomial import residual_free
 from slosh_plan.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 POLYNOMIAL = "polynomial"
 REST = 0.01
@@ -35,6 +34,12 @@ NEAR = 1e-3
 """A stop at a corner is looked for within so much of its place [m]."""
 FINE = 1e-4
 """Between two points of a path, where a distance from it is measured [m]."""
+
+TERMS = 6
+_POINTS = 400
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_POINTS)
+_U: Array = 0.5 * (_NODES + 1.0)
+_BACKWARDS = -1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +63,7 @@ class Course:
         """Of the motion [s]."""
         return sum(self.durations)
 
-    def motion(self) -> Motion:
+    def motion(self) -> PlannedMotion:
         """As it is, at 1 kHz."""
         return _along(self.path, list(self.laws), list(self.durations))
 
@@ -94,13 +99,13 @@ def course_of(trajectory: Trajectory) -> Course:
     return Course(path, tuple(laws), tuple(np.diff(ends).tolist()), spline)
 
 
-def shaped(course: Course, chosen: Filter) -> Motion:
+def shaped(course: Course, chosen: Filter) -> PlannedMotion:
     """A motion filtered along its path's length: every leg for itself, the path as it was."""
     laws = [_filtered(law, chosen) for law in course.laws]
     return _along(course.path, laws, [time + chosen.length for time in course.durations])
 
 
-def shaped_per_axis(course: Course, chosen: Filter) -> Motion:
+def shaped_per_axis(course: Course, chosen: Filter) -> PlannedMotion:
     """A motion filtered in x, y and z, as a machine does that knows no path; it bends the path."""
     end = course.duration
     duration = whole_rows(end + chosen.length)
@@ -117,10 +122,10 @@ def shaped_per_axis(course: Course, chosen: Filter) -> Motion:
         return values
 
     speed = np.linalg.norm(chosen(part(1), t), axis=1)
-    return Motion(t, chosen(part(0), t), chosen(part(2), t), np.asarray(speed))
+    return PlannedMotion(t, chosen(part(0), t), chosen(part(2), t), np.asarray(speed))
 
 
-def residual_free_motion(course: Course, mode: Damped) -> Motion:
+def residual_free_motion(course: Course, mode: Damped) -> PlannedMotion:
     """A motion along the same path in the same time by the residual-free polynomial, leg by leg.
 
     Raises:
@@ -179,7 +184,7 @@ def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[
     return tuple(Damped(frequency, mode.damping_ratio) for frequency in kept or [along])
 
 
-def deviation(course: Course, motion: Motion) -> float:
+def deviation(course: Course, motion: PlannedMotion) -> float:
     """Farthest that a motion is from a path [m]."""
     farthest = np.full(len(motion.t), np.inf)
     for leg in course.path.legs:
@@ -199,7 +204,7 @@ def _from_segment(points: Array, starts: Array, stops: Array) -> Array:
     return np.asarray(np.linalg.norm(points - nearest, axis=1))
 
 
-def _along(path: Path, laws: list[Law], durations: list[float]) -> Motion:
+def _along(path: Path, laws: list[Law], durations: list[float]) -> PlannedMotion:
     """The motion, whose last leg rests until the next whole row."""
     total = sum(durations)
     return motion_along(path, laws, [*durations[:-1], durations[-1] + whole_rows(total) - total])
@@ -271,3 +276,71 @@ def _filtered(law: Law, chosen: Filter) -> Law:
         return columns[..., 0], columns[..., 1], columns[..., 2]
 
     return made
+
+
+def residual_free(mode: Damped, duration: float) -> UnitLaw:
+    """The law from 0 to 1 of the thirteenth degree that leaves no wave of a linear mode.
+
+    To the quintic polynomial u⁴ (1 − u)⁴ Σ cₖ (1 − 2u)ᵏ, k = 0 … 5, is added, which leaves the
+    ends as they are. The cₖ make ∫ s̈ exp(−p t) dt zero at the mode's pole p, two real equations;
+    of all that do, they add the least acceleration in the mean square. Fewer terms would run
+    backwards at many durations.
+
+    Args:
+        mode: the mode.
+        duration: of the motion [s].
+
+    Raises:
+        SloshPlanError: so short or so long a motion would run backwards on its way.
+    """
+    coefficients = _coefficients(mode, duration)
+
+    def law(u: Array) -> tuple[Array, Array, Array]:
+        inside = np.clip(u, 0.0, 1.0)
+        first, second = quintic(inside), _added(inside)
+        place, rate, change = (
+            one + coefficients @ more for one, more in zip(first, second, strict=True)
+        )
+        return place, rate, change
+
+    rate = law(np.linspace(0.0, 1.0, 2001))[1]
+    if rate.min() < _BACKWARDS * max(rate.max(), 1.0):
+        raise SloshPlanError(
+            f"a motion of {duration:.3g} s, {duration / mode.period:.1f} periods of the liquid, "
+            "has no residual-free polynomial that does not run backwards: choose another "
+            "duration, or a filter"
+        )
+    return law
+
+
+def _coefficients(mode: Damped, duration: float) -> Array:
+    """(TERMS,) cₖ."""
+    pole = complex(-mode.decay, mode.damped_frequency)
+    # As seen at the motion's end: at most 1 in size, so that long motions do not overflow.
+    wave = _WEIGHTS * np.exp(pole * duration * (1.0 - _U))
+    more = _added(_U)[2]
+    parts, own = more @ wave, quintic(_U)[2] @ wave
+    equations = np.stack([parts.real, parts.imag])
+    squares = (more * _WEIGHTS) @ more.T
+    eased = np.linalg.solve(squares, equations.T)
+    right = -np.array([own.real, own.imag])
+    return np.asarray(eased @ np.linalg.lstsq(equations @ eased, right, rcond=1e-12)[0])
+
+
+def _added(u: Array) -> tuple[Array, Array, Array]:
+    """(TERMS, N) u⁴(1 − u)⁴(1 − 2u)ᵏ: value, first and second derivative."""
+    v, w = u * (1.0 - u), 1.0 - 2.0 * u
+    # With v' = w and w' = -2; a negative power only comes with the factor 0.
+    powers = [np.zeros_like(w), np.zeros_like(w), *(w**n for n in range(TERMS + 2))]
+    rows = [
+        (
+            v**4 * powers[k + 2],
+            4.0 * v**3 * powers[k + 3] - 2.0 * k * v**4 * powers[k + 1],
+            12.0 * v**2 * powers[k + 4]
+            - (16.0 * k + 8.0) * v**3 * powers[k + 2]
+            + 4.0 * k * (k - 1.0) * v**4 * powers[k],
+        )
+        for k in range(TERMS)
+    ]
+    value, rate, change = (np.stack(column) for column in zip(*rows, strict=True))
+    return value, rate, change

@@ -6,19 +6,16 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slosh_base.files import new_text
 from slosh_base.files.errors import SloshFileError
+from slosh_base.types import Array
 from slosh_plan.planning.checked import attitudes
-from slosh_plan.planning.path import MOST_POINTS
-from slosh_plan.planning.time_law import Motion
-from slosh_plan.planning.waypoints import TURNED, Waypoints
+from slosh_plan.planning.path import MOST_POINTS, TURNED, Waypoints
+from slosh_plan.planning.time_law import PlannedMotion
 from slosh_tables.motion_table import ATTITUDE, CHOOSE, MOTION, POSITION
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 from slosh_tables.text_table.reading import TextTable, read_table
-
-Array = NDArray[np.float64]
 
 PLACES = ("t", *POSITION)
 ACCELERATION = MOTION[1:]
@@ -48,7 +45,7 @@ def read_path_table(path: Path, options: TableOptions = FOUND_OUT) -> Waypoints:
     return Waypoints(table.column("t"), position, _attitude(table))
 
 
-def write_plan_table(path: Path, motion: Motion, attitude: Array | None) -> None:
+def write_plan_table(path: Path, motion: PlannedMotion, attitude: Array | None) -> None:
     """Writes a motion as t, x, y, z, the attitude where it is given or tilts, ax, ay, az.
 
     Raises:

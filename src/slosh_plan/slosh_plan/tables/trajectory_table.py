@@ -9,9 +9,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from slosh_base.files.errors import SloshFileError
 from slosh_plan import Trajectory
 from slosh_plan.consistency import check_consistent
@@ -19,8 +16,6 @@ from slosh_plan.joints import Arm
 from slosh_tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, CHOOSE, ETA, MOTION, MSH, PROFILE
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 from slosh_tables.text_table.reading import read_table
-
-Array = NDArray[np.float64]
 
 ACCELERATION = MOTION[1:]
 POSITION = ("x", "y", "z")

@@ -8,12 +8,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array, Integers
 from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.sight import SATURATED, UNUSABLE
 from slosh_replay.recording.inputs import STAMP, stamps_of
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Columns = Mapping[str, NDArray[Any]]
 

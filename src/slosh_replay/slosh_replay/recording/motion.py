@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.rotation import matrix_from_rpy
 from slosh_estimator.sample import Samples
@@ -19,7 +20,6 @@ from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_replay.recording.inputs import STAMP, InputReader, fields, stamps_of
 from slosh_replay.strays import StrayFilter
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 
@@ -34,7 +34,7 @@ _ORIENTATION_KNOWN, _TURNING_KNOWN = (
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class RecordedMotion:
     """A motion at stamps.
 
     Attributes:
@@ -88,7 +88,7 @@ class MotionCollector:
             self._stamps.append(stamps)
             self._turns.append(_reported(columns, TURNING, _TURNING_KNOWN))
 
-    def motion(self, path: Path, topic: str) -> Motion:
+    def motion(self, path: Path, topic: str) -> RecordedMotion:
         """All that came.
 
         Raises:
@@ -107,7 +107,9 @@ class MotionCollector:
                 f"{path}: the stamps of {topic} go back at {stamps[late[0]] / SECOND:.3f} s; "
                 f"split the bag there with `slosh recover --split {path} -o NEW`"
             )
-        motion = Motion(stamps, np.concatenate([part.accelerations for part in self._samples]))
+        motion = RecordedMotion(
+            stamps, np.concatenate([part.accelerations for part in self._samples])
+        )
         if self._kind == "accel":
             return motion
         if self._kind == "pose":
@@ -181,7 +183,7 @@ class AttitudeCollector:
         self._attitudes.append(_reported(columns, ORIENTATION, _ORIENTATION_KNOWN)[here])
         self._turnings.append(_reported(columns, TURNING, _TURNING_KNOWN)[here])
 
-    def added_to(self, motion: Motion) -> Motion:
+    def added_to(self, motion: RecordedMotion) -> RecordedMotion:
         """The motion with attitude and angular velocity, where every sample has them."""
         if not self._stamps:
             return motion

@@ -15,13 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.sight import judged
 from slosh_metrics.alignment import ClockOffset, find_spikes, spike_limit
 from slosh_metrics.metrics import RunningAccuracy
 from slosh_replay.replay.result import ModelAccuracy, MotionAccuracy
 from slosh_replay.replay.series import Series
-
-Array = NDArray[np.float64]
 
 SAMPLED = 200_000
 """Heights that the limit of a spike is taken from."""

@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array, Integers
 from slosh_estimator.sight import UNSOUND
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 MAX_GAP_NS = 50_000_000
 """Widest pair of estimates between which is interpolated."""

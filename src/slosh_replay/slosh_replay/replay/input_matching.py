@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
-
-Integers = NDArray[np.int64]
+from slosh_base.types import Integers
 
 PATIENCE_NS = 10_000_000_000
 """An input without an estimate is decided upon once inputs this much later have come [ns]. On a

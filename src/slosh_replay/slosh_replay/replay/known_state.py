@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Integers
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.input_matching import Decision
 from slosh_replay.replay.verification import Verifier
-
-Integers = NDArray[np.int64]
 
 AT_FIRST = "before the first known state"
 LATER = "after inputs that are missing in the recording, until the next known state"

@@ -11,16 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array, Integers
 from slosh_estimator.agreement import MotionWatch
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.replay.columns import chosen
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from slosh_replay.replay.series import chosen
 
 NAN = float("nan")
 CHECK_NS = 100_000_000

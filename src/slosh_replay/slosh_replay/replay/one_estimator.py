@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Integers = NDArray[np.int64]
-
+from slosh_base.types import Integers
 
 LONGEST = 500_000_000
 """Estimates that follow each other are not further apart [ns]."""

@@ -43,7 +43,6 @@ from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.recording.states import RecordedState, states_of
-from slosh_replay.replay.columns import chosen, joined
 from slosh_replay.replay.conclusion import Origin, conclude
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
@@ -52,7 +51,7 @@ from slosh_replay.replay.monitor_feed import MonitorFeed
 from slosh_replay.replay.one_estimator import OneEstimator
 from slosh_replay.replay.replay_table import replay_table
 from slosh_replay.replay.result import ReplayResult
-from slosh_replay.replay.series import Series
+from slosh_replay.replay.series import Series, chosen, joined
 from slosh_replay.replay.stream import Components, Outputs, ReplayStream
 from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
 from slosh_replay.replay.verification import COMPARED, ESTIMATED, Verifier, estimate_fields

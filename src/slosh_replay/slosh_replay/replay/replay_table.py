@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array, Integers
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
@@ -27,9 +28,6 @@ from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.stream import Components, Outputs, ReplayStream
 from slosh_tables.motion_table import MotionTable
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _LONGEST_STEP = 3600.0
 """A table's rows belong together, however far apart they are [s]."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.limits import Event, Kind, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
@@ -24,16 +24,14 @@ from slosh_report.run_report import (
     Frame,
     KeyFigure,
     ModelRow,
-    Motion,
+    RunMotion,
     RunReport,
+    RunVerdict,
     Span,
     Status,
     Topic,
-    Verdict,
     Verification,
 )
-
-Array = NDArray[np.float64]
 
 NAN = float("nan")
 BESIDE = 1.0  # [s]
@@ -179,12 +177,12 @@ def _shown(result: ReplayResult) -> slice:
 
 def _status(result: ReplayResult, checked: Checked | None) -> Status:
     if checked is not None:
-        verdict = Verdict.PASSED if checked.passed else Verdict.FAILED
+        verdict = RunVerdict.PASSED if checked.passed else RunVerdict.FAILED
         return Status(verdict, checked.failures)
     found = result.verification
     if found is None or not found.recorded + found.missing:
         return Status()
-    return Status(Verdict.NO_EXPECTATION, () if found.exact else found.lines())
+    return Status(RunVerdict.NO_EXPECTATION, () if found.exact else found.lines())
 
 
 def _verifications(result: ReplayResult, start: int) -> list[Verification]:
@@ -220,9 +218,9 @@ def _differences(found: verification.Verification, start: int) -> tuple[Differen
     return tuple(rows)
 
 
-def _motions(result: ReplayResult, start: int) -> tuple[Motion, ...]:
+def _motions(result: ReplayResult, start: int) -> tuple[RunMotion, ...]:
     return tuple(
-        Motion(
+        RunMotion(
             str(number),
             motion.start - 1e-9 * start,
             motion.end - 1e-9 * start,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import ClockOffset, StillLevel
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
-
 
 def _none() -> Array:
     return np.empty(0)
@@ -32,9 +31,6 @@ def _none() -> Array:
 
 def _no_flags() -> NDArray[np.int64]:
     return np.empty(0, dtype=np.int64)
-
-
-MODELS = ("2D-L", "3D-L", "2D-NL", "3D-NL")
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,10 @@ A day's recording needs no more memory than a minute's.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from slosh_base.files import naming
 
 BLOCK = 65_536
 """Rows that are in memory at once."""
+
+Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
 def row_type(models: int) -> np.dtype[np.void]:
@@ -94,3 +97,27 @@ class Series:
         """Removes the file."""
         with suppress(OSError):  # what it has not written yet is not needed
             self._file.close()
+
+
+def chosen(table: Table, rows: NDArray[Any]) -> Table:
+    """Some rows of a table.
+
+    Args:
+        table: named tuple of arrays of one length; a column may be None.
+        rows: indices or a mask.
+    """
+    make: Any = type(table)
+    found: Table = make(*(None if column is None else column[rows] for column in table))
+    return found
+
+
+def joined(tables: Sequence[Table]) -> Table:
+    """Tables one below the other, at least one; a column may be None in all of them."""
+    make: Any = type(tables[0])
+    found: Table = make(
+        *(
+            None if columns[0] is None else np.concatenate(columns)
+            for columns in zip(*tables, strict=True)
+        )
+    )
+    return found

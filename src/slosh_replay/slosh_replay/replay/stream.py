@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Integers
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.inputs import InputSettings
@@ -29,17 +30,14 @@ from slosh_replay.recording.inputs import InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart, model_of, settings_of, starts_at_rest
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.at_images import ModelHeights, at_images
-from slosh_replay.replay.columns import chosen, joined
 from slosh_replay.replay.input_matching import Decision, InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.model_set import ModelSet, ModelSetEstimates
 from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
-from slosh_replay.replay.series import Series
+from slosh_replay.replay.series import Series, chosen, joined
 from slosh_replay.replay.verification import Verifier, comparison_columns, estimate_columns
 from slosh_replay.strays import StrayFilter
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 
 BEHIND_NS = 2_000_000_000

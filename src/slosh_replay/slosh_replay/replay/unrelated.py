@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_base.types import Array
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import (
     ClockOffset,
@@ -31,8 +32,6 @@ from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
 from slosh_report.errors import SloshReportError
-
-Array = NDArray[np.float64]
 
 
 class WholeRun(NamedTuple):

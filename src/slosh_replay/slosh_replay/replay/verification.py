@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_base.types import Integers
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.estimator import Estimates
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 Columns = Mapping[str, NDArray[Any]]
 
 _HEIGHTS = ("msh", "azimuth", "sh_x", "sh_y")

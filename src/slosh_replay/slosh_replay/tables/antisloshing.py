@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import scipy.io
-from numpy.typing import NDArray
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
@@ -24,9 +23,8 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.files import check_free, new_folder
 from slosh_base.files.bounded_text import bounded_text
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_replay.recording.facts import CLOCKS, CONTAINER_FILL_HEIGHT, CONTAINER_RADIUS, UNRELATED
-
-Array = NDArray[np.float64]
 
 RADIUS = 0.049
 FILL_HEIGHT = 0.078

@@ -30,11 +30,12 @@ from slosh_bag.interchange.topic_choice import find_topic
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.inputs import IMU, InputSettings
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
 from slosh_replay.recording.inputs import recorded_inputs
-from slosh_replay.recording.motion import AttitudeCollector, Motion, MotionCollector
+from slosh_replay.recording.motion import AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.tables.table_bag import (
     HEIGHTS,
@@ -47,7 +48,6 @@ from slosh_replay.tables.table_bag import (
 )
 from slosh_tables.motion_table import MSH, MotionTable, eta_azimuths
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 NO_HEIGHTS: Final = "none"
@@ -197,7 +197,9 @@ class TableHeights:
         self._wall_stamps.append(stamp)
         self._walls.extend(points["height"].tolist())
 
-    def placed(self, motion: Motion, max_gap: float) -> tuple[Motion, PlacedHeights]:
+    def placed(
+        self, motion: RecordedMotion, max_gap: float
+    ) -> tuple[RecordedMotion, PlacedHeights]:
         """The motion with a row for each height, and the heights at the rows.
 
         Args:
@@ -239,7 +241,7 @@ def _notes(between: int, outside: int, came: Measurements) -> tuple[str, ...]:
     return tuple(f"{count} {text}" for count, text in told if count)
 
 
-def with_rows_at(motion: Motion, between: Stamps) -> Motion:
+def with_rows_at(motion: RecordedMotion, between: Stamps) -> RecordedMotion:
     """The motion with further rows, interpolated linearly.
 
     Args:
@@ -266,7 +268,7 @@ def with_rows_at(motion: Motion, between: Stamps) -> Motion:
         return np.concatenate([values, _unit(middle) if unit else middle])[order]
 
     acceleration = filled(motion.acceleration)
-    return Motion(
+    return RecordedMotion(
         np.concatenate([motion.stamps, between])[order],
         motion.acceleration if acceleration is None else acceleration,
         filled(motion.attitude, unit=True),

@@ -29,14 +29,15 @@ from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_base.files import new_folder
 from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
 from slosh_estimator.inputs import ACCEL, IMU, MESSAGE_TYPES
 from slosh_model.constants import GRAVITY
+from slosh_msgs_py.topics import NAMESPACE
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN
 from slosh_replay.recording.motion import NOT_REPORTED
 from slosh_tables.motion_table import MotionTable, column_names, read_motion_table
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 LAST_NS: Final = (2**31 - 1) * SECOND
@@ -94,7 +95,6 @@ def write_table_bag(
     path: Path,
     table: MotionTable,
     bag: Path,
-    namespace: str = "/slosh",
     definitions: Definitions | None = None,
     progress: Progress = lambda done, total: None,
 ) -> TableImport:
@@ -104,7 +104,6 @@ def write_table_bag(
         path: where the table comes from; for what is said of it.
         table: the table.
         bag: the bag's folder.
-        namespace: of the topics.
         definitions: where message definitions come from.
         progress: is told the number of rows so far and in all.
 
@@ -128,10 +127,10 @@ def write_table_bag(
     }
     with new_folder(bag) as room, BagWriter(room, messages.definitions, facts) as writer:
         for topic, message_type in messages.topics().items():
-            writer.add_topic(f"{namespace}/{topic}", message_type)
+            writer.add_topic(f"{NAMESPACE}/{topic}", message_type)
         for row, stamp in enumerate(stamps.tolist()):
             for topic, data in messages.serialised(row, stamp):
-                writer.write(f"{namespace}/{topic}", data, stamp)
+                writer.write(f"{NAMESPACE}/{topic}", data, stamp)
             progress(row + 1, len(stamps))
     rounded = np.count_nonzero(table.t != table_times(stamps - origin_ns))
     return TableImport(bag, len(stamps), int(rounded))

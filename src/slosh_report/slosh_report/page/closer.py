@@ -14,11 +14,10 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_report.page.series import extremes
 from slosh_report.page.svg import MARGINS
 from slosh_report.page.template import Script, script
-
-Array = NDArray[np.float64]
 
 MOST_SAMPLES = 4_000
 """Longer series are thinned to their extremes: a page of three hours stays below a megabyte."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from slosh_base.types import Array
 
 SMALLEST_GAP = 0.1
 """A camera that drops some images in a row has no gap yet [s]."""

@@ -8,21 +8,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_report.page.lines import (
+from slosh_base.types import Array
+from slosh_report.page.series import POINTS, gaps, highest, united
+from slosh_report.page.svg import (
+    CARD,
     DASHES,
+    GAP,
+    INK,
+    LIMIT,
+    LINEAR,
+    MEASURED,
+    NONLINEAR,
     SMALL,
+    SPAN,
     badge,
     chart_points,
     draw_line,
     time_chart,
     time_ends,
 )
-from slosh_report.page.series import POINTS, gaps, highest, united
-from slosh_report.page.svg import CARD, GAP, INK, LIMIT, LINEAR, MEASURED, NONLINEAR, SPAN
 from slosh_report.run_report.data import RunReport
-from slosh_report.run_report.rows import Motion
+from slosh_report.run_report.rows import RunMotion
 
-Array = NDArray[np.float64]
 Spans = Iterable[tuple[float, float]]
 
 NUMBERS = 25
@@ -57,7 +64,7 @@ def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> s
     return time_chart(draw, time_ends(report.t), size, name)
 
 
-def motion_chart(report: RunReport, motion: Motion, name: str) -> str:
+def motion_chart(report: RunReport, motion: RunMotion, name: str) -> str:
     """Measured, L and NL over one motion and a little more [mm], as SVG text."""
     beside = 0.05 * (motion.end - motion.start)
     ends = (motion.start - beside, motion.end + beside)
@@ -123,7 +130,7 @@ def _lower_bounds(axes: Any, t: Array, measured: Array, saturated: NDArray[np.bo
         )  # fmt: skip
 
 
-def _motions(axes: Any, motions: Sequence[Motion]) -> None:
+def _motions(axes: Any, motions: Sequence[RunMotion]) -> None:
     """A bracket with the motion's number above the chart, where there are several."""
     if len(motions) < 2:
         return

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_report.errors import SloshReportError
 from slosh_report.page.frame import Frame
 from slosh_report.run_report.rows import (
@@ -15,14 +16,13 @@ from slosh_report.run_report.rows import (
     Fact,
     KeyFigure,
     ModelRow,
-    Motion,
+    RunMotion,
     Span,
     Status,
     Topic,
     Verification,
 )
 
-Array = NDArray[np.float64]
 OPEN = Status()
 
 
@@ -100,7 +100,7 @@ class RunReport:
     checks: tuple[Check, ...] = ()
     verifications: tuple[Verification, ...] = ()
     facts: tuple[Fact, ...] = ()
-    motions: tuple[Motion, ...] = ()
+    motions: tuple[RunMotion, ...] = ()
     measured_azimuth: AzimuthSeries | None = None
     estimated_azimuth: AzimuthSeries | None = None
     saturated: NDArray[np.bool_] | None = None

@@ -11,7 +11,7 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from slosh_report.page.closer import Row, axis, closer_scripts, series_element
-from slosh_report.page.lines import NARROW, WIDE, time_ends
+from slosh_report.page.svg import NARROW, WIDE, time_ends
 from slosh_report.page.template import data_element, make_environment, number
 from slosh_report.page.units import digits_that_differ, shown, unit_style
 from slosh_report.run_report.charts import (

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_base.types import Array
 from slosh_report.page.series import gap_length, highest
 from slosh_report.page.svg import CARD, INK, MEASURED, NONLINEAR, canvas, style, svg_text
 from slosh_report.run_report.data import AzimuthSeries, RunReport
-
-Array = NDArray[np.float64]
 
 SIZE = (4.1, 3.8)
 """[in]; one drawing for all screens: it is no wider than a phone."""

@@ -11,7 +11,7 @@ NAN = float("nan")
 INFINITE = float("inf")
 
 
-class Verdict(StrEnum):
+class RunVerdict(StrEnum):
     """What a check of the run came to."""
 
     PASSED = "passed"
@@ -28,7 +28,7 @@ class Status:
         reasons: why, one line each; the first one matters most.
     """
 
-    verdict: Verdict = Verdict.NO_EXPECTATION
+    verdict: RunVerdict = RunVerdict.NO_EXPECTATION
     reasons: tuple[str, ...] = ()
 
 
@@ -204,7 +204,7 @@ class ModelRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class RunMotion:
     """One motion of the run, and how well each model followed the liquid over it.
 
     Attributes:

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from slosh_base.files import bounded_text as bounds
 from slosh_base.files.errors import SloshFileError
 from slosh_base.files.file_kind import TEXT, foreign_kind
+from slosh_base.types import Array
 from slosh_tables.text_table.form import UNKNOWN, Rows, name_of, read_form
 from slosh_tables.text_table.names import TIME, Column, columns_of, is_index
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
-from slosh_tables.text_table.time_unit import EPOCH_FROM, assumed_unit, check_step
+from slosh_tables.text_table.units import EPOCH_FROM, assumed_unit, check_step
 from slosh_tables.text_table.units import TIME as TIME_UNITS
 
-Array = NDArray[np.float64]
 _THOUSANDS: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """A number whose comma may be decimal, or part thousands."""
 

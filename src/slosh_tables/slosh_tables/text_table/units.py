@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Final
+
+import numpy as np
+
+from slosh_base.files.errors import SloshFileError
+from slosh_base.types import Array
 
 STANDARD_GRAVITY: Final = 9.80665
 TIME: Final[Mapping[str, float]] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
@@ -40,6 +46,23 @@ _CHANGED = str.maketrans({"²": "2", "µ": "u", "μ": "u", "⁻": "-", "¹": "1"
 _DROPPED = re.compile(r"[\s^*·.]|\\")
 
 
+_FROM, _TO = 9.4e8, 4.1e9  # s since 1970: the years 2000 to 2100
+EPOCH_FROM: Final[Mapping[str, float]] = {
+    unit: _FROM / TIME[unit] for unit in ("s", "ms", "us", "ns")
+}
+"""Numbers from here on (the year 2000) may be times since 1970 in this unit."""
+SLOW = 1.0
+"""No motion that moves a liquid is sampled so seldom [s]: the unit is another one,"""
+SLOW_ROWS = 10
+"""where there are more rows than a person writes."""
+SLOWEST = 10.0
+"""With few rows, too [s]."""
+USUAL_RATES = (10.0, 20_000.0)
+"""Rates at which motions are sampled [Hz]."""
+LONGEST_MOTION = 86_400.0
+"""A day [s]: it takes half a minute to simulate; more is a time in another unit."""
+
+
 def unit_of(text: str) -> str:
     """A unit in its usual spelling: 'm/s²', 'm/s^2' and 'm s-2' are all 'm/s2'."""
     plain = text.strip()
@@ -55,3 +78,64 @@ def is_unit(text: str) -> bool:
     """Whether a text is a unit of any kind."""
     found = unit_of(text)
     return any(found in kind for kind in (TIME, ACCELERATION, LENGTH, TURNING, ANGLE, NUMBER))
+
+
+def assumed_unit(first: float, t: Array) -> str:
+    """The unit of times that can only be times since 1970; empty: they are not.
+
+    Args:
+        first: the first time as it stands in the table.
+        t: (N,) times from some origin, in the same unit.
+    """
+    step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    for unit, start in EPOCH_FROM.items():
+        usual = 1e-5 <= step * TIME[unit] <= 10.0
+        if start <= first <= _TO / TIME[unit] and (usual or len(t) < 2):
+            return unit
+    return ""
+
+
+def likely_units(step: float) -> list[str]:
+    """Units in which rows so far apart [s, were they seconds] make a usual rate."""
+    low, high = USUAL_RATES
+    return [u for u in ("ms", "us", "ns") if low <= 1.0 / (step * TIME[u]) <= high]
+
+
+def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
+    """Refuses samples that are so far apart that their times must be in another unit.
+
+    Args:
+        path: of the table.
+        t: (N,) [s].
+        unit: that heading, values or user told; None: seconds were assumed.
+        name: of the column.
+
+    Raises:
+        SloshFileError: the line names the likely unit and the option that tells it.
+    """
+    if unit is not None or len(t) < 2:
+        return
+    step = float(np.median(np.diff(t)))
+    if step < (SLOW if len(t) > SLOW_ROWS else SLOWEST):
+        return
+    units = likely_units(step)
+    likely = " or ".join(f"{one} ({1.0 / (step * TIME[one]):.4g} Hz)" for one in units)
+    raise SloshFileError(
+        f"{path}: column {name!r}: rows are {step:.6g} apart, too far for seconds; "
+        + (f"probably {likely}: " if units else "")
+        + f"give the unit: --time-unit {units[0] if units else 'ms'} (or s)"
+    )
+
+
+def check_span(path: Path, t: Array) -> None:
+    """Refuses a motion that is too long to be simulated.
+
+    Raises:
+        SloshFileError: it is longer than LONGEST_MOTION.
+    """
+    span = float(t[-1] - t[0])
+    if span > LONGEST_MOTION:
+        raise SloshFileError(
+            f"{path}: column 't': the motion lasts {span:.6g} s, more than {LONGEST_MOTION:g} "
+            "s; is the time in another unit (--time-unit)? Otherwise split the table"
+        )

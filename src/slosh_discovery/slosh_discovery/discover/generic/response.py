@@ -17,6 +17,7 @@ from slosh_base.compiled.compilation import (
     compiled,
     entry_point,
 )
+from slosh_base.types import Array
 from slosh_discovery.discover.generic.terms import Term, term_value
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_model import kernel
@@ -25,8 +26,6 @@ from slosh_model.layout import records
 from slosh_model.measure import measured_heights, reading_clock, with_moments
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response, Simulator
-
-Array = NDArray[np.float64]
 
 GRID = 0.005
 """Longest time between the samples at which the terms are evaluated [s]."""
