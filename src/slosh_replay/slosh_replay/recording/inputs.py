@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.gate import DROPPED, GateSettings, Verdict
+from slosh_estimator.gate import DROPPED, GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
@@ -171,7 +171,7 @@ class InputReader:
     def warnings(self) -> list[str]:
         """What the input's rate and order cost, and what helps; one line each."""
         counts, gate = self.counters, self._adapter.gate
-        late = gate.counts[Verdict.DISORDERED]
+        late = gate.counts[SampleVerdict.DISORDERED]
         if late > MIXED * (late + gate.used):
             return [
                 f"{late} of {late + gate.used} messages of {self.kind} are stamped before the one "
