@@ -58,9 +58,12 @@ class SeamFinder:
 
     Args:
         window: left, top, right and bottom of that part [px].
+        all_lines: whether the lines of the liquid that will be given are all that it has: then a
+            seam is told where none of them is near, too.
     """
 
-    def __init__(self, window: tuple[int, int, int, int]) -> None:
+    def __init__(self, window: tuple[int, int, int, int], *, all_lines: bool = True) -> None:
+        self._all_lines = all_lines
         self._left, self._top, right, bottom = window
         self._part = slice(self._top, bottom), slice(self._left, right)
         self._columns = np.arange(self._left, right)
@@ -114,6 +117,8 @@ class SeamFinder:
         beside = np.count_nonzero(steps.sharp[(away > 0) & (away <= _ALONE)], axis=1)
         most = max(beside, default=0)
         least = max(_MANY, min(_FEWER * most, _LONG * self._columns.size))
+        if not (touched or self._all_lines):
+            return False
         return bool(run.size >= (max(_SOME, _SOME_FEWER * most) if touched else least))
 
     def _sharp(self, image: Image, rather: float = 1.0) -> tuple[Columns, Columns]:

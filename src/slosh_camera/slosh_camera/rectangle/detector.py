@@ -71,7 +71,9 @@ class SideViewDetector:
         self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
         self._repeats = RepeatedFrames()
         rows, columns = self._region.window
-        self._seams = SeamFinder((columns.start, rows.start, columns.stop, rows.stop))
+        window = columns.start, rows.start, columns.stop, rows.stop
+        # The line on the rear wall is not looked for.
+        self._seams = SeamFinder(window, all_lines=False)
 
     @property
     def still_offset(self) -> float:
