@@ -42,7 +42,8 @@ class TestVerdict:
         ("state", "expected"),
         [
             (0, CellVerdict.SAFE), (1, CellVerdict.NEAR), (2, CellVerdict.EXCEEDED),
-            (3, CellVerdict.BLIND), (4, CellVerdict.BLIND), (17, CellVerdict.BLIND), (None, CellVerdict.BLIND),
+            (3, CellVerdict.BLIND), (4, CellVerdict.BLIND), (17, CellVerdict.BLIND),
+            (None, CellVerdict.BLIND),
         ],
     )  # fmt: skip
     def test_each_state_of_the_monitor_has_one(self, state, expected):
