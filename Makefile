@@ -14,6 +14,8 @@ WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 # As many of them as there are cores: none computes in several threads.
 export OPENBLAS_NUM_THREADS ?= 1
 export OPENCV_FOR_THREADS_NUM ?= 1
+# The tests' compiled code is kept: each worker and each run would compile 400 files anew.
+export PYTHONDONTWRITEBYTECODE =
 PYTEST := tools/run python -m pytest
 BESIDE := -n $(WORKERS) --no-loadscope-reorder
 # A test of live nodes can fail because the machine stood still: what has failed (exit code 1) is run

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,9 +20,9 @@ FIRST_DOMAINS = itertools.count(os.getpid(), 7)
 REAL_TIME = "tests/real_time/"
 """Tests of processes that must keep pace: one worker runs them all, one after the other."""
 
-# `make test` tries the same examples in every run: what passed for a change passes again.
+# `make test` tries the same few examples in every run: what passed for a change passes again.
 # `make test-all` looks for new ones.
-settings.register_profile("same", derandomize=True, deadline=None, database=None)
+settings.register_profile("same", max_examples=40, derandomize=True, deadline=None, database=None)
 settings.register_profile("search", deadline=None)
 settings.load_profile("same")
 
@@ -45,6 +46,19 @@ def interrupts() -> None:
     """Workers ignore Ctrl-C, nohup the hang-up, and what a test starts would inherit that."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Marks as long what follows the first cases of a test that says how many are enough."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        enough = item.get_closest_marker("first")
+        if enough is not None:
+            function = item.nodeid.partition("[")[0]
+            seen[function] += 1
+            if seen[function] > enough.args[0]:
+                item.add_marker(pytest.mark.long)
 
 
 @pytest.hookimpl(optionalhook=True)

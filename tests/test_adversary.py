@@ -128,6 +128,7 @@ def from_now_on(robot: Robot, count: int) -> list[SloshEstimate]:
 class TestBlind:
     """The monitor never says OK where it cannot see."""
 
+    @pytest.mark.first(1)
     @pytest.mark.parametrize(("shift", "way"), [(-10.0, "behind"), (10.0, "ahead of")])
     def test_a_camera_on_another_clock(self, calm: Robot, shift: float, way: str) -> None:
         calm.camera_shift = shift
@@ -177,6 +178,7 @@ class TestBlind:
         calm.until(lambda: calm.comparisons[-1].estimate_stale, "the monitor's word")
         calm.frame = "world"
 
+    @pytest.mark.first(1)
     @pytest.mark.parametrize("gravity", [0.0, 1.0])
     def test_a_sensor_without_gravity(self, inertial: Robot, gravity: float) -> None:
         inertial.gravity = gravity
@@ -184,6 +186,7 @@ class TestBlind:
         inertial.until(lambda: inertial.health["estimator"][0] == ERROR, "the reason")
         inertial.gravity = GRAVITY
 
+    @pytest.mark.long
     @pytest.mark.parametrize(
         "lens", ["upside down", pytest.param("covered", marks=pytest.mark.long)]
     )
@@ -321,6 +324,7 @@ class TestNoFall:
         assert estimate.yaw == 0.0
         assert math.isfinite(estimate.nonlinear.msh)
 
+    @pytest.mark.long
     def test_a_strange_pose(self, tmp_path: Path, domain: int) -> None:
         with nodes_and_robot(tmp_path, domain, kind=topics.POSE) as (_, robot):
             for size in (1e5, 1e160, 1.7e308, math.inf):

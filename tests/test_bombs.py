@@ -183,6 +183,7 @@ def mostly_long(names: Iterable[str], quick: Iterable[str]) -> list[object]:
     return [n if n in quick else pytest.param(n, marks=pytest.mark.long) for n in names]
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("name", mostly_long(MCAPS, QUICK_MCAPS))
 @pytest.mark.parametrize("command", ["replay", "export", "recover", "import"])
 def test_a_chunk_that_is_huge_when_unpacked(tmp_path, idle, name, command):
@@ -249,6 +250,7 @@ TYPES = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", mostly_long(TYPES, ["a type within itself"]))
 @pytest.mark.parametrize("command", ["export", "recover", "import"])
 def test_a_message_type_without_an_end(tmp_path, idle, name, command):
@@ -348,6 +350,7 @@ def index_bomb(path: Path) -> Path:
 ROS1_BAGS = {"bz2": bz2_bomb, "lz4": lz4_bomb, "one index many times": index_bomb}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", mostly_long(ROS1_BAGS, ["bz2"]))
 def test_a_ros1_bag_that_is_huge_when_unpacked(tmp_path, idle, name):
     path = ROS1_BAGS[name](tmp_path / "bomb.bag")
@@ -462,6 +465,7 @@ def tiff(width: int, height: int) -> bytes:
 PICTURES = {".png": png, ".jpg": jpeg, ".bmp": bmp, ".tif": tiff}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("ending", mostly_long(PICTURES, [".png"]))
 @pytest.mark.parametrize("command", ["detect", "calibrate"])
 def test_a_picture_of_900_megapixels(tmp_path, idle, ending, command):

@@ -74,6 +74,7 @@ def push_beyond_the_limit(folder):
     return folder / "push.csv"
 
 
+@pytest.mark.long
 def test_a_file_with_two_parameters_keeps_the_limits_and_the_cell_says_so(
     domain, tmp_path, write_cell
 ):
@@ -123,6 +124,7 @@ def test_a_mistyped_parameter_starts_nothing(tmp_path, write_cell):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 def test_a_cell_without_input_says_so_and_ends_with_a_report(domain, tmp_path, write_cell):
     path = write_cell(remap={"accel": "/arm/acceleration"})
     folder = tmp_path / "out" / "latest"

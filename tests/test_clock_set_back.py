@@ -69,6 +69,7 @@ def recorded(robot: Robot) -> int:
     return int(told[1]) if told else 0  # it may tell of a lost message first
 
 
+@pytest.mark.long
 def test_an_hour_back_and_forward_again(
     cell: tuple[NodeGroup, Robot], set_clock: Callable[[int], None], tmp_path: Path
 ) -> None:

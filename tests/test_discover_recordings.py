@@ -61,6 +61,7 @@ class TestShippedBags:
             assert motion.stddev is not None
             assert 3e-5 < np.nanmedian(motion.stddev) < 2e-4
 
+    @pytest.mark.long
     def test_nothing_is_named_of_which_the_accelerometer_s_noise_is_the_cause(self) -> None:
         """The README's own command: the truth differs in damping alone, by a factor of 1.26.
 

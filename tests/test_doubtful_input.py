@@ -41,6 +41,7 @@ def test_gravity_in_the_acceleration_is_flagged_and_named(tmp_path: Path, domain
         robot.until(lambda: not flagged(robot), "an end")
 
 
+@pytest.mark.long
 def test_a_tool_that_points_down_is_flagged_and_the_remedy_cures_it(
     tmp_path: Path, domain: int
 ) -> None:
@@ -56,6 +57,7 @@ def test_a_tool_that_points_down_is_flagged_and_the_remedy_cures_it(
         assert not flagged(robot)
 
 
+@pytest.mark.long
 def test_poses_in_another_frame_are_refused_and_the_remedy_is_told(
     tmp_path: Path, domain: int
 ) -> None:

@@ -35,6 +35,7 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
+@pytest.mark.long
 def test_a_cell_of_hostile_names_runs_and_says_so_plainly(
     domain: int, tmp_path: Path, folder: Path
 ) -> None:

@@ -18,6 +18,7 @@ def runs():
     return untilted_runs(FOLDER)
 
 
+@pytest.mark.long
 def test_decays_of_two_runs_tell_the_same_frequency_as_geometry(runs):
     found = [
         identify([free_decay(runs[name])], CUP).overall.parameters[0]
@@ -30,6 +31,7 @@ def test_decays_of_two_runs_tell_the_same_frequency_as_geometry(runs):
         assert entry.error < 0.003 * entry.value
 
 
+@pytest.mark.long
 def test_half_of_the_runs_predict_the_other_half(runs):
     base = driven_model()
     found = identify([runs[name] for name in FITTED], base).overall

@@ -185,6 +185,7 @@ def test_each_launch_records_and_a_killed_recorder_goes_on(launch, tmp_path):
     assert len(list(tmp_path.glob("out/cell/2*"))) == 2
 
 
+@pytest.mark.long
 def test_a_node_that_refuses_its_parameters_ends_the_launch(launch, tmp_path):
     (tmp_path / "parameters.yaml").write_text(
         "/**: {monitor: {ros__parameters: {measured_limit: much}}}"

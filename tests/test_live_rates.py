@@ -125,6 +125,7 @@ def heard(listener: Listener, begin: int, move: Move) -> tuple[float, float]:
     return float(msh.max()), float(msh[stamps > (move.end + 0.1) * SECOND].max())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("rate", [125, 30])
 def test_poses_of_a_robot_give_the_true_heights_over_dds(
     rate: int, tmp_path: Path, domain: int
@@ -166,6 +167,7 @@ def test_a_slow_input_is_named_with_a_remedy(tmp_path: Path, domain: int) -> Non
     )
 
 
+@pytest.mark.long
 def test_poses_that_are_all_gaps_are_named(tmp_path: Path, domain: int) -> None:
     """At 19 Hz each interval is longer than max_gap: there is no estimate."""
     with estimator(tmp_path, domain, PoseStamped, topics.POSE) as listener:

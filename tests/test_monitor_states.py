@@ -89,6 +89,7 @@ def test_both_sides_fall_silent(tmp_path: Path, domain: int) -> None:
         robot.until(lambda: robot.comparisons[-1].state == OK, "the state OK again")
 
 
+@pytest.mark.long
 def test_a_simulated_clock_that_stands_is_never_ok(tmp_path: Path, domain: int) -> None:
     with monitor_alone(
         tmp_path, domain, "/standing",
@@ -109,6 +110,7 @@ def test_a_simulated_clock_that_stands_is_never_ok(tmp_path: Path, domain: int) 
         assert OK not in {one.state for one in robot.comparisons[heard:]}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("constant", [0.0, 0.7])
 def test_a_dead_accelerometer_under_a_wave(tmp_path: Path, domain: int, constant: float) -> None:
     with nodes_and_robot(tmp_path, domain, namespace="/dead") as (_, robot):
@@ -161,6 +163,7 @@ class EchoingCamera:
             self._publisher.publish(surface)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("degrees", [90, pytest.param(180, marks=pytest.mark.long)])
 def test_an_azimuth_that_is_wrong_reaches_the_state_within_the_motion(
     tmp_path: Path, domain: int, degrees: int
@@ -198,6 +201,7 @@ def test_an_azimuth_that_is_wrong_reaches_the_state_within_the_motion(
         robot.until(moves(lambda: robot.comparisons[-1].state == WARN), "the state WARN")
 
 
+@pytest.mark.long
 def test_without_a_camera_the_estimate_alone_is_watched(tmp_path: Path, domain: int) -> None:
     with monitor_alone(
         tmp_path, domain, "/alone",
@@ -224,6 +228,7 @@ def test_without_a_camera_the_estimate_alone_is_watched(tmp_path: Path, domain: 
         assert robot.comparisons[-1].without_camera
 
 
+@pytest.mark.long
 def test_images_of_a_camera_that_was_contested_are_flagged_no_more(
     tmp_path: Path, domain: int
 ) -> None:

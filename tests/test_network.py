@@ -76,6 +76,7 @@ def answer_of(listening: subprocess.Popen[str]) -> dict[str, Any]:
     return answer
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("reach", "expected"),
     [("LOCALHOST", False), pytest.param("SUBNET", True, marks=pytest.mark.long)],

@@ -154,6 +154,7 @@ def names_of(file, folder):
     yield os.path.relpath(file, folder)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("line", "name"), INPUT_AS_OUTPUT)
 def test_an_output_that_is_an_input_is_refused(own, tmp_path, monkeypatch, capsys, line, name):
     folder = tmp_path / "names"
@@ -410,6 +411,7 @@ def results_of_before(name, shop, place):
     return contents(place)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("name", mostly_long(CASES, QUICK))
 def test_a_full_disk_leaves_what_was_there(shop, place, name):
     case = CASES[name]
@@ -435,6 +437,7 @@ def complaints(told):
     return [line for line in lines if ": note: " not in line]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "name", mostly_long([name for name in CASES if CASES[name].long], {"simulate", "recover"})
 )

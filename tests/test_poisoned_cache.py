@@ -91,6 +91,7 @@ def run(folder: Path, cache: str, *words: str) -> subprocess.CompletedProcess[st
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(PROGRAMS))
 def test_a_process_that_computes_heights_refuses_to(poisoned: Path, name: str) -> None:
     done = run(poisoned, "cache", *PROGRAMS[name])

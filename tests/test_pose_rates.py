@@ -46,6 +46,7 @@ def errors(found: Heights, true: Heights) -> tuple[float, float]:
     )
 
 
+@pytest.mark.first(12)
 @pytest.mark.parametrize("kind", ["moves", "shuttle"])
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("rate", [125, 250, 1000])

@@ -116,6 +116,7 @@ def frames(seen, title):
     return [frame.rstrip() for frame in re.split(r"[\r\n]+", seen) if frame.startswith(title[:6])]
 
 
+@pytest.mark.first(1)
 @commands
 def test_in_a_pipe_it_is_a_few_whole_lines(inputs, tmp_path, domain, name):
     command, title, unit = command_of(name, inputs, tmp_path)
@@ -129,6 +130,7 @@ def test_in_a_pipe_it_is_a_few_whole_lines(inputs, tmp_path, domain, name):
     assert title + ":" not in done.stdout
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("columns", [100, 40])
 @commands
 def test_on_a_terminal_bar_and_unit_are_whole(inputs, tmp_path, domain, name, columns):
@@ -153,6 +155,7 @@ def test_a_dumb_terminal_gets_lines(inputs, tmp_path, domain):
     assert re.fullmatch(rf"{title}: 100%, {unit}", lines[-1])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["detect", "recover", "replay"])
 def test_json_is_all_of_standard_output(inputs, tmp_path, capfd, name):
     (_, _, _, *words), _, _ = command_of(name, inputs, tmp_path)

@@ -68,6 +68,7 @@ def test_an_example_is_short(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 20
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("name", "picture", "words"),
     [
@@ -121,6 +122,7 @@ def results():
     }
 
 
+@pytest.mark.long
 def test_a_result_says_in_one_line_what_it_is(results):
     for value in (*results.values(), *results["finding"].motions):
         text = repr(value)

@@ -305,6 +305,7 @@ def test_an_output_that_fails_leaves_the_old_one(recorded, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
+@pytest.mark.long
 def test_outputs_within_the_folder_of_bags_are_none(bags, capsys):
     for _ in range(2):
         code, out, errors = replay(capsys, bags, "-o", bags / "out", "--check")
@@ -426,6 +427,7 @@ def test_a_bag_that_is_named_twice_is_replayed_once(recorded, capsys):
     assert list(table(out)) == ["bag", "a", "b", "c"]
 
 
+@pytest.mark.long
 def test_two_processes_give_the_same_as_one(recorded, tmp_path, capsys, changed_model):
     words = [recorded, "--check", "--json", "--model", changed_model]
     one = replay(capsys, *words, "-o", tmp_path / "one")

@@ -31,6 +31,7 @@ def begun_late(kind="accel", start=1010):
     return live
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("start", [1001, 1124, 1125])
 def test_from_the_first_state_on_every_bit_is_the_same(kind, start, tmp_path):
@@ -143,6 +144,7 @@ def test_the_recorder_may_hear_a_new_estimator_late(tmp_path):
     assert PATIENCE_NS > 2_500_000_000
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("late", [False, True])
 def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
@@ -215,6 +217,7 @@ def test_a_mounting_is_applied_again_bit_for_bit(kind, tmp_path):
     assert all("tilts by up to 1.3 deg" in line for line in result.warnings)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["accel", "pose"])
 def test_a_recording_of_the_time_before_knew_no_checks_and_no_mounting(kind, tmp_path):
     live = LiveBag(kind)

@@ -50,6 +50,7 @@ def mean(results, model, field):
 
 @needs_messages
 class TestMeasuredRuns:
+    @pytest.mark.long
     def test_3d_nl_has_the_smallest_mean_error(self, untilted):
         sigma = {name: mean(untilted, name, "sigma") for name in ("2D-L", "3D-L", "2D-NL")}
         best = mean(untilted, "3D-NL", "sigma")

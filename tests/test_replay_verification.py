@@ -171,6 +171,7 @@ def test_a_file_is_as_good_as_its_folder(live, tmp_path):
     assert replay_bag(file).verification.exact
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("jump", [{}, {1500: {"max_jump": 0.05}, 1600: {"max_jump": 20.0}}])
 def test_parameters_that_change_apply_from_the_same_input_on(kind, jump, tmp_path):

@@ -72,6 +72,7 @@ def test_a_signal_ends_all_nodes_and_gives_the_report(demo, number):
     assert "Traceback" not in running.said
 
 
+@pytest.mark.long
 def test_a_run_whose_folder_was_deleted_tells_what_is_lost(demo):
     running, folder = demo
     run = folder.resolve()
@@ -85,6 +86,7 @@ def test_a_run_whose_folder_was_deleted_tells_what_is_lost(demo):
     assert int(BagReader(run / "bag").metadata()["messages_lost"]) > 100
 
 
+@pytest.mark.long
 def test_a_run_whose_disk_is_full_at_its_end_tells_what_is_lost(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
@@ -107,6 +109,7 @@ def test_a_run_whose_disk_is_full_at_its_end_tells_what_is_lost(tmp_path):
     assert "Traceback" not in running.said
 
 
+@pytest.mark.long
 def test_a_second_signal_ends_the_report_at_once(demo):
     running, folder = demo
     running.process.send_signal(signal.SIGTERM)
@@ -234,6 +237,7 @@ def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
     assert reports(folder) == REPORT
 
 
+@pytest.mark.long
 def test_a_terminal_that_is_closed_during_the_start_leaves_no_node_and_gives_a_report(tmp_path):
     folder = tmp_path / "out" / "latest"
     with on_a_terminal(folder) as (process, keyboard):

@@ -67,6 +67,7 @@ def stop(process):
     return process.communicate(timeout=PATIENCE)
 
 
+@pytest.mark.long
 def test_a_second_cell_leaves_the_first_ones_recording(cell, tmp_path):
     output = tmp_path / "out" / "cell"
     first = cell()

@@ -6,6 +6,7 @@ import importlib.metadata
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -128,6 +129,20 @@ def test_every_module_and_every_template_is_installed(package, monkeypatch):
     }
     data = {path for path in root.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     assert installed == data - set(root.rglob("*.py"))
+
+
+def test_code_that_python_kept_beside_a_launch_file_is_not_installed(tmp_path, monkeypatch):
+    """A folder among the files ends the set-up with an error."""
+    package = shutil.copytree(
+        ROOT / "src" / "slosh_bringup", tmp_path / "slosh_bringup",
+        ignore=shutil.ignore_patterns("__pycache__", "test"),
+    )  # fmt: skip
+    (package / "launch" / "__pycache__").mkdir()
+    installed = [
+        name for _, names in setup_keywords(package, monkeypatch)["data_files"] for name in names
+    ]
+    assert "launch/cell.launch.py" in installed
+    assert [name for name in installed if not (package / name).is_file()] == []
 
 
 def setup_keywords(package, monkeypatch):
@@ -259,6 +274,7 @@ def test_kept_code_is_loaded_without_what_it_was_compiled_with():
     assert said(program) == "[]\n"
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("command", ["cell", "demo", "discover", "identify", "plan", "replay"])
 def test_a_mistake_does_not_wait_for_what_draws(command):
     """matplotlib loads for a third of a second; what comes before a page does without."""

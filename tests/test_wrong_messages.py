@@ -81,6 +81,7 @@ def stranger(domain: int) -> Iterator[Node]:
         rclpy.shutdown(context=context)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("shift", "reason"),
     [
@@ -117,6 +118,7 @@ def test_a_topic_in_another_type_is_told(robot: Robot, domain: int) -> None:
         wait_until_well(robot)
 
 
+@pytest.mark.long
 def test_a_reader_that_asks_for_too_much_is_named(robot: Robot, domain: int) -> None:
     with stranger(domain) as other:
         asked = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

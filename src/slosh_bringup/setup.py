@@ -31,9 +31,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/launch", sorted(glob("launch/*"))),
-        (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
-        (f"share/{PACKAGE}/layouts", sorted(glob("layouts/*"))),
+        (f"share/{PACKAGE}/launch", sorted(glob("launch/*.*"))),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
+        (f"share/{PACKAGE}/layouts", sorted(glob("layouts/*.*"))),
         ("bin", ["bin/slosh"]),
     ],
     install_requires=[

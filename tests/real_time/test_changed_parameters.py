@@ -146,7 +146,7 @@ def start(tmp_path, domain):
     rclpy.try_shutdown()
 
 
-@pytest.mark.parametrize("executor", ["events", "single"])
+@pytest.mark.parametrize("executor", ["events", pytest.param("single", marks=pytest.mark.long)])
 def test_each_prediction_starts_from_the_newest_estimate(start, monkeypatch, executor):
     monkeypatch.setenv("SLOSH_EXECUTOR", executor)
     # A pause of the machine is no gap here.
@@ -193,7 +193,7 @@ def told(events) -> list[tuple]:
     return sorted((e.source, e.stamp_ns, e.kind, e.limit, e.peak, e.description) for e in events)
 
 
-def test_a_recording_with_changes_replays_bit_for_bit(recorded):
+def test_a_recording_with_changes_replays_bit_for_bit_and_is_reported(recorded):
     cell, bag = recorded
     result = replay_bag(bag)
     assert result.verification.exact, result.verification.lines()
@@ -212,9 +212,6 @@ def test_a_recording_with_changes_replays_bit_for_bit(recorded):
     }
     assert any("limit changed to" in words for *_, words in live)
 
-
-def test_the_report_tells_which_parameters_changed_when(recorded):
-    _, bag = recorded
     page = make_live_report(bag, "changed").page
     assert "estimator: max_jump changed from 20.0 to 0.1 after" in page
     assert "monitor: hold changed from 0.1 to 0.02 after" in page

@@ -88,9 +88,13 @@ def unflagged_after_the_first_foreign_one(heard: list[tuple[float, int]]) -> int
 
 @pytest.mark.parametrize(
     ("kind", "rate", "other"),
-    [("accel", 250.0, 250.0), ("accel", 250.0, 40.0), ("accel", 100.0, 400.0),
-     ("imu", 250.0, 250.0)],
-)  # fmt: skip
+    [
+        ("accel", 250.0, 40.0),
+        ("imu", 250.0, 250.0),
+        pytest.param("accel", 250.0, 250.0, marks=pytest.mark.long),
+        pytest.param("accel", 100.0, 400.0, marks=pytest.mark.long),
+    ],
+)
 def test_estimates_are_flagged_from_the_first_foreign_sample_on(hear, domain, kind, rate, other):
     listener = hear(kind)
     with source(domain, kind, rate, OWN):

@@ -13,7 +13,7 @@ from slosh_bringup.live.run_data import read_run
 from slosh_replay.recorded_run import RecordedRun
 from tests.live_processes import live_process, until
 
-TIMES, PAUSE, BETWEEN = 4, 2.5, 0.5
+TIMES, PAUSE, BETWEEN = 2, 2.5, 0.5
 """How often it is stopped, for how long and how soon again [s]: longer than a publisher at 1 kHz
 keeps its messages for a reader that does not fetch them."""
 INPUT = "/slosh/accel"
@@ -22,7 +22,7 @@ INPUT = "/slosh/accel"
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stopped")
-    words = "demo", "--motion", "l", "--repeat", "4", "-o", str(folder / "out")
+    words = "demo", "--motion", "l", "--repeat", "2", "-o", str(folder / "out")
     with live_process(*words, output=folder / "words") as demo:
         demo.wait_until_ready()
         demo.wait_for_recording(folder / "out" / "latest" / "bag")

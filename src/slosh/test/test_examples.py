@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-LONG = {"slosh.discover"}
+LONG = {"slosh.discover", "slosh.identify"}
 ROOT = Path(__file__).resolve().parents[2]
 PUBLIC = sorted(
     init.parent.name for init in ROOT.glob("*/slosh*/__init__.py") if "__all__" in init.read_text()

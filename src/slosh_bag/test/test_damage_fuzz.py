@@ -251,7 +251,7 @@ def fuzz(bags, tmp_path, cases):
 
 
 def test_random_damage(bags, tmp_path):
-    fuzz(bags, tmp_path, range(300))
+    fuzz(bags, tmp_path, range(100))
 
 
 @pytest.mark.long
@@ -268,6 +268,7 @@ def test_the_whole_bags_are_read_without_a_warning(bags, tmp_path):
         assert bool(reader.warnings) == (name == "unfinished"), name
 
 
+@pytest.mark.long
 def test_every_byte_around_the_chunks(bags, tmp_path):
     """One flip at each place that no chunk's checksum covers, in a bag of the project's writer."""
     whole, original = bags["ours"]

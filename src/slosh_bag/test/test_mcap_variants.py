@@ -205,6 +205,7 @@ def test_only_the_chunks_with_the_topic_are_read_of_a_padded_file(tmp_path, monk
 
 @pytest.mark.parametrize("cut", [0, 60], ids=["finished", "unfinished"])
 @pytest.mark.parametrize("opcode", [op for op in range(256) if op != Opcode.CHUNK])
+@pytest.mark.first(40)
 def test_a_padded_chunk_that_has_become_another_record_is_told(tmp_path, monkeypatch, opcode, cut):
     """Also where no number of messages and no checksum of all data would tell."""
     path = tmp_path / "a.mcap"

@@ -134,6 +134,7 @@ def test_the_second_process_loads_what_the_first_has_compiled(with_code):
     assert Process(with_code).result() == {"answers": ANSWERS, "loaded": NAMES, "compiled": []}
 
 
+@pytest.mark.long
 def test_checkouts_share_what_is_equal_and_leave_each_other_the_rest(tmp_path, with_code):
     folder = with_code
     other = checkout(tmp_path / "there", "# Another branch.\n" + MODULE.replace("3.0", "4.0"))
@@ -245,6 +246,7 @@ def test_of_processes_that_start_at_once_one_compiles_each_function(folder):
     assert len([name for result in results for name in result["loaded"]]) == 2 * len(NAMES)
 
 
+@pytest.mark.long
 def test_a_process_that_waits_goes_on_when_the_one_that_compiles_is_killed(folder):
     stuck = """
 from numba.core import event
@@ -263,6 +265,7 @@ event.register("numba:compile", Stuck())
     assert second.result()["compiled"] == NAMES
 
 
+@pytest.mark.long
 def test_a_child_that_was_forked_meanwhile_holds_no_lock(folder):
     forks = """
 import os
@@ -286,6 +289,7 @@ event.register("numba:compile", Forks())
 # Places where nothing can be kept.
 
 
+@pytest.mark.long
 def test_a_full_disk_costs_a_warning_and_nothing_else(folder, monkeypatch):
     # `make coverage` would write to that disk, too, and complain.
     monkeypatch.delenv("COVERAGE_PROCESS_CONFIG", raising=False)
@@ -319,6 +323,7 @@ def read_only(tmp_path):
     subprocess.run(["umount", "-l", str(place)], check=True)
 
 
+@pytest.mark.long
 def test_a_folder_that_cannot_be_written_to_is_replaced(folder, read_only, tmp_path):
     (tmp_path / "tmp").mkdir()
     elsewhere = {"NUMBA_CACHE_DIR": str(read_only), "TMPDIR": str(tmp_path / "tmp")}
@@ -329,6 +334,7 @@ def test_a_folder_that_cannot_be_written_to_is_replaced(folder, read_only, tmp_p
     assert list(read_only.iterdir()) == []
 
 
+@pytest.mark.long
 def test_without_a_home_code_is_kept_in_the_temporary_folder(folder, tmp_path):
     (tmp_path / "tmp").mkdir()
     homeless = {"NUMBA_CACHE_DIR": "", "HOME": "/dev/null/nobody", "TMPDIR": str(tmp_path / "tmp")}
@@ -348,6 +354,7 @@ class Planted:
         return Path.touch, (self._path,)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("trusted", [True, False], ids=["our folder", "a folder open to all"])
 def test_code_that_others_may_have_planted_is_not_run(with_code, tmp_path, trusted):
     folder = with_code
@@ -375,6 +382,7 @@ def {name}(values):
 """
 
 
+@pytest.mark.long
 def test_processes_share_no_name_of_what_numba_itself_brings_along(tmp_path):
     """Numba numbers its own closures too: of two of a name, the linker would keep the first."""
     names = []

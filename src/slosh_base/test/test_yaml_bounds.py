@@ -17,6 +17,7 @@ MERGES = "a0: &a0 {x0: 1, y0: 1}\n" + "".join(
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("text", "problem"),
     [

@@ -147,6 +147,7 @@ def attempt(number, pictures, folder, capsys, kinds=KINDS):
     return code
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("number", [1000, 1001, 1002, 1004, 1008, 1022])
 def test_some_images(number, pictures, tmp_path, capsys):
     attempt(number, pictures, tmp_path, capsys)

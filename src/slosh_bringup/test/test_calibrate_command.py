@@ -172,6 +172,7 @@ def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monk
     assert "warning: `slosh detect` and the node: no whole line" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_what_detection_will_find_doubtful_is_told(
     capsys, tmp_path, still, intrinsics, monkeypatch
 ):
@@ -181,6 +182,7 @@ def test_what_detection_will_find_doubtful_is_told(
     assert "warning: `slosh detect` and the node: too clear" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_camera_yaml_gives_the_container_too(capsys, tmp_path, still, intrinsics):
     first, second = tmp_path / "camera.yaml", tmp_path / "second.yaml"
     options = [*CONTAINER, *GLASS, "-o", first]
@@ -222,6 +224,7 @@ def test_what_nobody_told_is_said(capsys, tmp_path, still, intrinsics):
     assert said("--camera", intrinsics, *GLASS) == []
 
 
+@pytest.mark.long
 def test_a_wrong_fill_height_is_noticed_at_the_floor(capsys, tmp_path, still, intrinsics):
     output = tmp_path / "camera.yaml"
     container = ["--radius", CUP.radius, "--fill-height", CUP.fill_height - 0.012]

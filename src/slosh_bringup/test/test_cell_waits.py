@@ -45,6 +45,7 @@ def start(table, domain, *parameters):
     )  # fmt: skip
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [

@@ -200,6 +200,7 @@ def ready_to_run(words, recording):
     return [str(recording) if word == "RECORDING" else word for word in words]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["file", "folder of tables", "foreign table", "folder of bags"])
 def test_each_printed_command_can_be_typed(capsys, discovery, tables, tmp_path, day, kind):
     options = []

@@ -146,6 +146,7 @@ def test_bags_are_read_as_tables_are_with_their_model(shop, tmp_path, capsys):
     assert "contains no model" in line
 
 
+@pytest.mark.long
 def test_earlier_results_are_shown_beside(shop, tmp_path, capsys):
     first, second = tmp_path / "first", tmp_path / "second"
     assert main(words(shop, first)) == 0

@@ -47,6 +47,7 @@ def test_pictures_become_a_file_that_calibrate_reads(folder, tmp_path, capsys):
     assert cv2.imread(str(picture)).shape == (480, 640, 3)
 
 
+@pytest.mark.long
 def test_json_holds_the_same(folder, tmp_path, capsys):
     words = [*sorted(folder.glob("board_*.png")), *BOARD, "-o", tmp_path / "ost.yaml", "--json"]
     assert main(["intrinsics", *map(str, words)]) == 0

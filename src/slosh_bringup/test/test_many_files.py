@@ -174,6 +174,7 @@ def test_a_running_cluster_does_the_same(work):
     assert len(outcomes) == len(numbers)
 
 
+@pytest.mark.long
 def test_who_worked_beside_one_that_kills_the_worker_is_not_blamed(work):
     import dask
     import distributed  # noqa: F401  # its settings are there once it is imported
@@ -225,6 +226,7 @@ def test_options_that_do_not_fit_are_told_before_any_work():
         map_files(len, ["a"], jobs=2, scheduler="tcp://127.0.0.1:1")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("moment", ["starting", "working"])
 def test_an_interrupt_ends_all_of_it_without_a_word(work, tmp_path, moment):
     program = (

@@ -104,6 +104,7 @@ def wait_for(words, text):
         time.sleep(0.02)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_an_interrupt_ends_it_without_a_traceback(start, number):
     process, words = start("--wait", "0", "--loop")

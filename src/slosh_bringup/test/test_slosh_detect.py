@@ -84,6 +84,7 @@ def test_a_folder_gives_heights_in_natural_order(capsys, tmp_path, folder):
     assert "11 of 11 images measured" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_processes_do_not_change_a_number(tmp_path, folder, images):
     (folder / "frame_9.png").write_bytes(b"no image")
     cv2.imwrite(str(folder / "frame_10.png"), images[0])

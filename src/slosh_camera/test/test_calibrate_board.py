@@ -114,6 +114,7 @@ def test_a_board_at_a_known_place_gives_the_pose():
     assert np.all(np.sqrt(np.diag(covariance)) < 5e-3)
 
 
+@pytest.mark.long
 def test_board_and_edges_together(make_scene):
     scene = make_scene(
         width=1280, height=960, focal=1500.0, camera_height=0.25, distance=0.5, aim=-0.01

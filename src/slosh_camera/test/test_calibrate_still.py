@@ -94,6 +94,7 @@ SCENES = {
 }
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("name", SCENES)
 def test_drawn_cup(make_scene, name):
     scene = make_scene(**SCENES[name])
@@ -143,6 +144,7 @@ def test_the_azimuth_is_the_callers(make_scene):
     assert np.allclose(fit.view.pose.translation, truth.pose.translation, atol=2e-3)
 
 
+@pytest.mark.long
 def test_a_hint_moves_the_fit_as_far_as_it_is_sure(make_scene):
     scene = make_scene(camera_height=0.05)
     camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
@@ -209,6 +211,7 @@ def drawn(scene):
     return scene.draw(), CupView(view.camera, view.pose, cup), cup
 
 
+@pytest.mark.long
 def test_a_blurred_image_has_larger_standard_errors(make_scene):
     image, truth, cup = drawn(make_scene(camera_height=0.05))
     sharp = calibrate_by_edges(image, truth.camera, cup)
@@ -230,6 +233,7 @@ def test_a_small_container_has_large_standard_errors(make_scene):
     assert worst_error(truth, fit) < 3.0 * max(fit.height_stddev.values())
 
 
+@pytest.mark.long
 def test_what_is_in_doubt_is_estimated_and_its_error_is_in_the_heights(make_scene):
     image, truth, cup = drawn(make_scene(camera_height=0.08))
     zoomed = dataclasses.replace(
@@ -359,6 +363,7 @@ SCALES = {
 }
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", SCALES)
 def test_a_printed_scale_is_not_the_level(make_scene, name):
     heights, arc, look = SCALES[name]
@@ -368,6 +373,7 @@ def test_a_printed_scale_is_not_the_level(make_scene, name):
     assert worst_error(truth, fit) < 1.5e-3
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("height", [pytest.param(-0.025, marks=pytest.mark.long), 0.02])
 def test_of_two_lines_alike_a_click_tells_the_level(make_scene, height):
     scene = make_scene(liquid=214, surface=214)

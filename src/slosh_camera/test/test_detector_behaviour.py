@@ -39,6 +39,7 @@ def same(first, second):
 # Surfaces of second order.
 
 
+@pytest.mark.first(12)
 @CAMERAS
 @pytest.mark.parametrize("azimuth_deg", range(-165, 180, 60))
 @pytest.mark.parametrize("size_mm", [10.0, 20.0, 30.0])
@@ -129,6 +130,7 @@ def test_a_peak_at_the_side_that_is_hidden_is_that_of_the_fit(make_scene, camera
     assert result.msh_stddev > 1.5 * detector.measure(2, scene.draw(0.02, 0.0)).msh_stddev
 
 
+@pytest.mark.first(12)
 @CAMERAS
 @pytest.mark.parametrize("azimuth", [0.0, 1.5, 2.5])
 @pytest.mark.parametrize("half", [20, 40, 60])
@@ -232,6 +234,7 @@ def detectors(request, make_scene):
     return plain, learnt
 
 
+@pytest.mark.first(16)
 @pytest.mark.parametrize("seed", range(24))
 def test_no_surface_is_read_from_a_texture(detectors, seed):
     image = texture(seed)

@@ -25,6 +25,7 @@ def angle(a, b):
     return abs(np.degrees(np.angle(np.exp(1j * (a - b)))))
 
 
+@pytest.mark.first(12)
 @pytest.mark.parametrize("azimuth_deg", range(-180, 180, 30))
 @pytest.mark.parametrize("camera", [{}, PITCHED], ids=["level", "pitched"])
 def test_tilted_plane_all_around(make_scene, camera, azimuth_deg):

@@ -79,6 +79,7 @@ WIDE = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "model", [pytest.param("rational_polynomial", marks=pytest.mark.long), "equidistant"]
 )
@@ -115,6 +116,7 @@ def sheet_page(board, scale):
     return page_of(rows, width, height, scale), (width / 1e3, height / 1e3)
 
 
+@pytest.mark.first(1)
 @needs_markers
 @pytest.mark.parametrize("board", [CHARUCO, GRID], ids=["charuco", "aruco"])
 def test_a_printed_board_of_markers_gives_the_camera(board):

@@ -44,6 +44,7 @@ def test_a_missing_effect_is_named_with_its_parameters(effect, parameters):
     assert [case.role for case in finding.motions] == [Role.FIT] * 3 + [Role.HOLDOUT]
 
 
+@pytest.mark.long
 def test_in_a_rectangle_what_its_shape_can_have_is_tried():
     base = Model(Rectangle(0.1, 0.09, 0.07), damping_ratio=0.006)
     truth = base.with_effect("quadratic_damping", beta=0.1)
@@ -55,6 +56,7 @@ def test_in_a_rectangle_what_its_shape_can_have_is_tried():
     assert not tried & {"surface_nonlinearity", "anisotropic_stiffness", "visible_arc"}
 
 
+@pytest.mark.long
 def test_what_makes_the_motions_held_out_worse_is_not_added():
     """As what a few motions alone have: of another fill, or of a cause that the list lacks."""
     truth = BASE.with_effect("quadratic_damping", beta=0.1)
@@ -112,6 +114,7 @@ def test_a_wrong_parameter_is_fitted_anew_and_no_term_is_invented():
     assert finding.effects[0].parameters["alpha"] == pytest.approx(1.4, rel=0.05)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [0, 20, 40])
 def test_nothing_is_named_where_nothing_is_missing(seed):
     finding = discover([measured(BASE, seed + k) for k in range(3)], BASE)
@@ -161,6 +164,7 @@ def test_a_difference_that_no_model_has_right_decides_nothing():
     assert names(finding) == {"static_tilt"}
 
 
+@pytest.mark.long
 def test_a_frequency_that_no_plausible_fill_has_is_named_as_one():
     truth = BASE.with_effect("frequency_mismatch", factor=0.96)
     finding = discover([measured(truth, seed) for seed in range(3)], BASE)
@@ -177,6 +181,7 @@ def test_a_frequency_that_a_plausible_fill_has_is_the_fills():
     assert finding.verdict is Verdict.NAMED
 
 
+@pytest.mark.long
 def test_clock_offset_and_still_level_are_no_effects_where_they_are_unknown():
     truth = BASE.with_effect("vertical_acceleration")
     motions = [
@@ -196,6 +201,7 @@ def test_effects_that_change_nothing_in_these_motions_say_so():
     assert {("gravity_tilt",), ("lever_arm",), ("yaw_coupling",)} <= set(reasons)
 
 
+@pytest.mark.long
 def test_the_number_of_threads_changes_nothing():
     truth = BASE.with_effect("time_offset", tau=0.02)
     motions = [measured(truth, seed) for seed in range(2)]

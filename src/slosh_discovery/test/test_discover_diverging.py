@@ -49,6 +49,7 @@ def test_what_has_no_answer_to_a_motion_held_out_is_not_added():
     check_report(finding)
 
 
+@pytest.mark.long
 def test_a_motion_held_out_to_which_the_base_has_no_answer_is_named():
     motions = [measured(BASE, seed) for seed in range(2)]
     finding = discover(motions, SOFT, [in_millimetres(BASE)])

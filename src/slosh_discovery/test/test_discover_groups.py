@@ -134,6 +134,7 @@ def test_one_campaign_is_not_split_be_it_given_as_two_or_as_none(given):
     assert finding.group_models == {}
 
 
+@pytest.mark.long
 def test_groups_alone_are_no_reason_to_name_anything():
     groups = ("one", "one", "one", "two", "two", "two")
     motions = [replace(measured(BASE, seed), group=group) for seed, group in enumerate(groups)]

@@ -67,6 +67,7 @@ def test_a_parameter_that_does_nothing_costs_little_and_one_that_is_pinned_down_
     assert error == pytest.approx(NOISE / np.sqrt(motions[0].kept.sum()), rel=0.05)
 
 
+@pytest.mark.long
 def test_an_unlikely_effect_is_named_only_after_all_others_were_tried_in_its_place(monkeypatch):
     """A wrong fill height is far from linear: by what it promises it may not be tried at all."""
     truth = BASE.with_effect("fill_level", delta=0.02).with_effect("height_scale", gain=1.1)

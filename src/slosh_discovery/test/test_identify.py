@@ -264,6 +264,7 @@ def test_what_remembers_too_long_to_be_noise_is_not_taken_out():
     assert Colour(1e-3, 0.96).memory == 0.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["msh", "line", "round"])
 def test_free_decay_alone_is_enough(kind):
     rng = np.random.default_rng(13)
@@ -286,6 +287,7 @@ def test_free_decay_alone_is_enough(kind):
         assert entry.error < 0.01 * TRUE[entry.name]
 
 
+@pytest.mark.long
 def test_a_gain_that_no_free_decay_tells_of_is_named_with_the_motion_that_would():
     t = np.arange(0.0, 4.0, 0.01)
     still = Inputs(np.array([0.0, 4.0]), np.zeros((2, 3)))

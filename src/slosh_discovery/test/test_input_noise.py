@@ -98,6 +98,7 @@ def test_shared_noise_is_taken_out_and_put_back():
     assert white @ (np.eye(40) + columns @ columns.T) @ white.T == pytest.approx(np.eye(40))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("noise", [0.02, 0.2])
 def test_what_is_left_of_the_true_model_is_white(noise):
     squares, sizes = [], []

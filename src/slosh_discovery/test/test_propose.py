@@ -66,6 +66,7 @@ def measured(extra):
     ]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("extra", "label", "size", "unit"),
     [

@@ -114,6 +114,7 @@ def test_azimuths_are_series_of_their_own():
     assert back == pytest.approx(motion.heights[motion.kept])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("noise", "correlation", "jitter"),
     [(3e-4, 0.7, 0.0023), (6e-4, 0.5, 0.0), (2e-4, 0.7, 0.0023)],
@@ -128,6 +129,7 @@ def test_colour_and_jitter_are_told_apart(noise, correlation, jitter):
     assert found.outliers == pytest.approx(0.011, abs=0.006)
 
 
+@pytest.mark.long
 def test_a_zero_that_is_not_known_is_no_noise():
     known, unknown = (
         estimate_sensor(leftovers(np.random.default_rng(3), jitter=0.0023, outliers=3, zero=zero))
@@ -139,6 +141,7 @@ def test_a_zero_that_is_not_known_is_no_noise():
     assert unknown.jitter == pytest.approx(known.jitter, rel=0.1)
 
 
+@pytest.mark.long
 def test_white_noise_is_plain():
     assert estimate_sensor(leftovers(np.random.default_rng(1), correlation=0.0)) is None
 
@@ -164,6 +167,7 @@ def test_what_goes_on_for_longer_than_a_sensors_noise_is_the_models(
     assert (found is not None) == is_noise
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_drift_beside_the_noise_does_not_make_it_plain(seed):
     """Together they remember more than any noise does; above the liquid's band they part."""
@@ -199,6 +203,7 @@ def test_outliers_are_left_out_and_the_rest_is_white():
         assert abs(np.mean(white[1:] * white[:-1])) < 0.2
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("correlation", [0.0, 0.6])
 def test_a_sensors_own_claim_weighs_its_heights(correlation):
     random = np.random.default_rng(6)
@@ -228,6 +233,7 @@ def test_a_claim_that_does_not_hold_is_not_believed():
     assert estimate_sensor(found) is None
 
 
+@pytest.mark.long
 def test_noises_that_differ_little_are_alike():
     sensor = estimate_sensor(leftovers(np.random.default_rng(8), jitter=0.0023))
     assert alike(sensor, replace(sensor, stddev=1.1 * sensor.stddev))

@@ -60,6 +60,7 @@ def test_every_family_starts_and_ends_at_rest_within_its_bounds(family, frequenc
     assert f"{frequency:.2f} Hz" in text_of(motion) or family.sweep != 1.0
 
 
+@pytest.mark.long
 def test_a_gain_on_the_input_against_one_on_the_height():
     first = MODEL.with_effect("accel_gain", gain=1.15)
     second = MODEL.with_effect("height_scale", gain=1.15)
@@ -110,6 +111,7 @@ def test_an_impossible_limit(limit):
         separating_motion(MODEL, MODEL, PRESENT, limit)
 
 
+@pytest.mark.long
 def test_a_liquid_that_always_spills():
     full = Model(Cylinder(0.05, 0.07, rim_height=0.0700001))
     with pytest.raises(SloshDiscoveryError, match="keeps the liquid in"):

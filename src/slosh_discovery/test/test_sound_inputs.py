@@ -26,6 +26,7 @@ def faulty(seed, kind):
     return replace(motion, inputs=Inputs(t, values))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("kind", "what"), [("clipped", "is clipped at"), ("frozen", "repeats")])
 @pytest.mark.parametrize("ask", [discover, identify])
 def test_motions_with_a_faulty_input_are_left_out_and_told(ask, kind, what):

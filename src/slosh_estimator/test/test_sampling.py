@@ -36,6 +36,7 @@ def told(intervals: list[int], modes=CUP) -> Sampling:
     return sampling
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("rate", "gain"), [(18, 0.8916), (20, 0.9114), (30, 0.9598), (50, 0.9854), (1000, 1.0)]
 )
@@ -51,6 +52,7 @@ def test_straight_lines_between_samples_lose_a_share_of_a_wave(rate: int, gain: 
     assert projected == pytest.approx(gain, abs=2e-3)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("rate", [20, 30, 45, 60, 125, 500])
 def test_the_gain_of_poses_is_what_passes_of_a_wave(rate: int) -> None:
     w = 21.0

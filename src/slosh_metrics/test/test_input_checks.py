@@ -93,6 +93,7 @@ def test_an_acceleration_without_gravity_tells_neither_axes_nor_unit(number, uni
     assert not flagged.any()
 
 
+@pytest.mark.first(24)
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("number", range(24))
 def test_a_specific_force_is_right_or_named_and_the_remedy_cures_it(number, unit):
@@ -115,6 +116,7 @@ def test_a_specific_force_is_right_or_named_and_the_remedy_cures_it(number, unit
         assert cured.doubt is None
 
 
+@pytest.mark.first(24)
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("number", range(24))
 def test_a_specific_force_without_gravity_is_named(number, unit):
@@ -226,7 +228,7 @@ def test_an_acceleration_in_millimetres_is_named():
     assert "mm/s²" in " ".join(doubt.text for doubt in check.raised.values())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 900))
 def test_blocks_single_samples_and_a_state_taken_up_give_the_same_bits(seed, block):
     given_ = honest_input(seed)
@@ -301,6 +303,7 @@ def raised_by(seed):
     return [doubt.text for doubt in (*accel.raised.values(), *imu.raised.values())] + [*table]
 
 
+@pytest.mark.first(20)
 @pytest.mark.parametrize("seed", range(20_000, 20_040))
 def test_honest_motions_are_not_named(seed):
     assert raised_by(seed) == []

@@ -56,6 +56,7 @@ def test_overlaps_of_the_bound_modes(m):
     assert first == pytest.approx(bound_modes.FIRST, rel=1e-14)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("fill", [0.02, 0.04, 0.07])
 def test_bound_modes_are_those_of_the_second_order(fill):
     """Fed with the first mode of the flow, the effect gives the flow's mean and double wave."""

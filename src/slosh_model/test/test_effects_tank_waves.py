@@ -148,6 +148,7 @@ def shift(times, heights, omega):
     return (2.0 * math.pi / np.diff(moments).mean() / omega) ** 2 - 1.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("relative", [pytest.param(0.4, marks=pytest.mark.long), 0.5, 1.0])
 def test_a_free_wave_has_the_frequency_of_the_third_order(relative):
     fill, height = relative * WIDTH, 0.04 * WIDTH

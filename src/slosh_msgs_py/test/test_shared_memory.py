@@ -394,6 +394,7 @@ sys.exit(run_node(Loses, []))
 """
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("how", ["closed", "deleted"])
 def test_a_node_that_loses_its_port_says_so_and_ends(domain, how):
     """It would hear nothing any more, and say so to nobody."""

@@ -34,6 +34,7 @@ def test_random_paths_keep_the_limits(seed, random_path, check_plan):
     check_plan(answer, points, model, limits)
 
 
+@pytest.mark.long
 def test_where_no_motion_is_safe_it_says_so():
     limits = PlanLimits(1e-8, 1e-8, 9.5, 74.0)
     line = path_through([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])

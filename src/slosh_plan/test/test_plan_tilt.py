@@ -39,6 +39,7 @@ def test_a_cup_that_tilts_is_faster(tilting, check_plan):
     assert np.corrcoef(lean, motion.acceleration[:, 0])[0, 1] > 0.7
 
 
+@pytest.mark.long
 def test_a_turned_rectangle_that_tilts_keeps_the_limits(random_path, check_plan):
     points, half = random_path(2), np.array([0.0, 0.0, math.sin(0.3), math.cos(0.3)])
     answer = plan(TANK, path_through(points), TEN, attitude=half)
@@ -47,6 +48,7 @@ def test_a_turned_rectangle_that_tilts_keeps_the_limits(random_path, check_plan)
     check_plan(answer, points, TANK, TEN)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("tilt", [1e-4, 1e-3])
 def test_hardly_any_tilt_is_hardly_any_gain(tilt):
     upright = plan(CUP, path_through(LINE), LIMITS).found.motion.duration

@@ -47,6 +47,7 @@ def live(cup, phase=0.3):
     return LiquidState(linear, nonlinear)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("phase", [0.05, 0.12, 0.2, 0.3])
 @pytest.mark.parametrize("speed", [0.3, 0.8])
 def test_a_stop_keeps_every_limit_by_another_integrator(cup, phase, speed):

@@ -50,6 +50,7 @@ def mix(folder, lead_ns, ends=ENDS, facts=(), left_out="nothing"):
     return folder
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "lead",
     [
@@ -90,6 +91,7 @@ def check(found, count):
     assert any(re.search(named, line) for line in found.warnings)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("lead", [0.0, 1.0, 2.6])
 def test_of_two_cells_the_estimator_that_came_first_is_replayed_by_itself(tmp_path, lead):
     bag = mix(tmp_path / "bag", round(lead * 1e9) + 333_000, facts=noted(NOTED))

@@ -122,7 +122,7 @@ def test_comparisons_wait_for_their_estimates_before_they_are_missed():
         name: np.array([getattr(row, name) for row in out.rows])
         for name in ("measured", "estimated_linear", "estimated_nonlinear")
     }
-    found = replayed(10, recorded=(stamps, fields))[2]
+    found = replayed(130, recorded=(stamps, fields))[2]
     assert (found.identical, found.missing, found.extra) == (370, 0, 0)
 
 
