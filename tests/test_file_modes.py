@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from slosh_base.files.private_mode import OTHERS_WRITE
+from slosh_base.files.new_file import OTHERS_WRITE
 from slosh_bringup.processes import NodeProcess, node_environment
 from tests.live_processes import PATIENCE, until
 

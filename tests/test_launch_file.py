@@ -9,8 +9,7 @@ import pytest
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.launched_cell import LaunchedCell
-from slosh_bringup.processes import NODES
-from slosh_bringup.restarts import LONGEST_PAUSE
+from slosh_bringup.processes import LONGEST_PAUSE, NODES
 from tests.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
 
 NOW = datetime(2026, 11, 25, 9, 30, 1)

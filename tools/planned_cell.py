@@ -44,9 +44,10 @@ from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_plan.nodes.plan_messages import plan_message
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.path import Waypoints, path_through
+from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, Plan, plan
 from slosh_plan.planning.time_law import STEP
+from slosh_plan.planning.waypoints import Waypoints
 
 Array = NDArray[np.float64]
 

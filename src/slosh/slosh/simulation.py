@@ -19,9 +19,10 @@ from slosh_model.tilt import feeling
 from slosh_plan.doubts import path_doubts, trajectory_doubts
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.limits import ACCELERATION, JERK, RESIDUAL, PlanLimits
-from slosh_plan.planning.path import Waypoints, path_through
+from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.plan import plan as plan_path
+from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.prediction import Prediction
 from slosh_plan.prediction import predict as predict_trajectories
 from slosh_plan.tables.path_table import read_path_table

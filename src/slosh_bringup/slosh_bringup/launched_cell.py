@@ -29,13 +29,15 @@ from slosh_bringup.live.run import BAG
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.parameter_file import check_parameter_file
 from slosh_bringup.processes import (
+    EXIT_WRONG_INPUT,
     LAST,
     NODES,
     STOP_TIMEOUT,
     NodeProcess,
     config_folder,
+    pause,
+    restarted,
 )
-from slosh_bringup.restarts import EXIT_WRONG_INPUT, pause, restarted
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_model.model_text import read_model

@@ -1,6 +1,7 @@
 """Starts the nodes as processes and stops them again.
 
 The same job as a launch file, for machines without `launch` and for runs that end by themselves.
+A node that ends is started again, unless with EXIT_WRONG_INPUT: it refuses its configuration.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -42,6 +43,10 @@ LAST = "recorder"
 STOP_TIMEOUT = 20.0
 # Words, numbers and lists of them: what ROS reads as it stands.
 _PLAIN = re.compile(r"[\w./+~-]*|\[[\w., +-]*\]", re.ASCII)
+
+EXIT_WRONG_INPUT = 2
+LONGEST_PAUSE = 30.0
+"""Between two starts of a node [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,3 +240,28 @@ def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str
         except subprocess.TimeoutExpired:
             process.kill()
     return {name: process.wait() for name, process in processes.items()}
+
+
+def pause(recent: int) -> float:
+    """How long to wait before a node is started again [s]: twice as long each time.
+
+    Args:
+        recent: how often it has ended of late, this time included.
+    """
+    return min(2.0 ** (recent - 1), LONGEST_PAUSE)
+
+
+def restarted(process: NodeProcess, ends: int) -> NodeProcess:
+    """How a node is started that has missed something of the motion.
+
+    Args:
+        process: how it was started first.
+        ends: how often it has ended so far.
+    """
+    own: Mapping[str, str] = process.parameters
+    if process.name == "estimator":
+        own = {**own, "starts_at_rest": "false"}
+    if process.name == LAST:
+        # What has been recorded stays as it is.
+        own = {**own, "output": f"{own['output']}_{ends + 1}"}
+    return replace(process, parameters=own)

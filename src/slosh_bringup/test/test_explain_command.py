@@ -11,7 +11,7 @@ from slosh_bringup.cli import simulate as simulated
 from slosh_bringup.cli.main import main
 from slosh_bringup.detect import table as detected
 from slosh_bringup.explain.effect import NAMES, plain_equation
-from slosh_bringup.explain.flags import flags
+from slosh_bringup.explain.terms import flags
 from slosh_bringup.live import run_result
 from slosh_camera.measurement import Flag
 from slosh_discovery.discovery_report import text as discovered

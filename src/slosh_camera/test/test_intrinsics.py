@@ -25,8 +25,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
 from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
 from slosh_camera.intrinsics.solve import format_camera, solve_intrinsics
-from slosh_camera.intrinsics.target import Chessboard, corners_of, parse_target
-from slosh_camera.intrinsics.views import find_views
+from slosh_camera.intrinsics.views import Chessboard, corners_of, find_views, parse_target
 
 BOARD = Chessboard(8, 5, 0.02)
 CHARUCO = Board(True, 8, 5, 0.02, 0.015)

@@ -31,7 +31,6 @@ from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_model.tilt import attitude_of, ignored_text, unfelt_tilt
-from slosh_msgs_py.topics import NAMESPACE
 from slosh_replay.recording import settings
 from slosh_replay.recording.sources import CellTopics, recorded_starts
 from slosh_tables.motion_table import MotionTable, is_motion_table, write_motion_table
@@ -42,6 +41,8 @@ GROUP_MODEL = "model_{}.yaml"
 SEPARATING = "separating_{}.csv"
 HELD_OUT = 3
 """Without --holdout every third motion is held out."""
+CELL = "/slosh"
+"""Namespace of a cell where no recording tells another."""
 SERVICE = "load_model"
 
 Motions = tuple[MeasuredMotion, ...]
@@ -317,8 +318,8 @@ def recorded_cell(data: Sequence[Path]) -> str:
         for item in (path, *inside):
             if item.suffix == ".mcap" or (item.is_dir() and any(item.glob("*.mcap"))):
                 cells = CellTopics(BagReader(item).topics()).cells
-                return cells[0] if cells else NAMESPACE
-    return NAMESPACE
+                return cells[0] if cells else CELL
+    return CELL
 
 
 def _use(request: Request, model: Path) -> list[Command]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
-from slosh_plan.planning.path import Waypoints
+from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.trajectory import Trajectory
 
 FAR = 50.0

@@ -14,8 +14,9 @@ from slosh_plan.plan_report.data import plan_document, plan_json
 from slosh_plan.plan_report.making import height_band, make_report, proposed_motion
 from slosh_plan.plan_report.page import drawn, render_plan, tick_spacing, views
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.path import Waypoints, path_through
+from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
+from slosh_plan.planning.waypoints import Waypoints
 
 CUP = replace(Model(Cylinder(0.05, 0.07)).spatial().nonlinear(), natural_frequency=19.0)
 UNSURE = replace(CUP, covariance=Covariance(("natural_frequency",), ((0.01,),)))

@@ -14,8 +14,8 @@ from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay.accuracy import judge
-from slosh_replay.replay.at_images import ModelHeights, at_images
 from slosh_replay.replay.conclusion import thinned
+from slosh_replay.replay.model_set import ModelHeights, at_images
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
 

@@ -1,4 +1,4 @@
-"""Files that are written aside and take their name when they are whole."""
+"""Files that are written aside and take their name when they are whole; they are their user's."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from typing import Any, BinaryIO, TextIO
 PREFIX = ".slosh-"
 """How the names of unfinished files and folders begin."""
 _DESCRIPTOR = re.compile(r"/dev/(?:(stdout)|(stderr)|fd/(\d+))|/proc/self/fd/(\d+)")
+
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 class NewFile:
@@ -222,3 +224,12 @@ def _make(part: Path, old: os.stat_result | None) -> None:
             with contextlib.suppress(OSError):  # only root can give a file away
                 os.fchown(file.fileno(), old.st_uid, old.st_gid)
             os.fchmod(file.fileno(), stat.S_IMODE(old.st_mode))
+
+
+def keep_others_from_writing() -> None:
+    """Makes no file or folder from now on that group or others may write, whatever the umask.
+
+    Holds for this process and those that it starts.
+    """
+    # There is no other way to ask for it than to set it.
+    os.umask(os.umask(0o077) | OTHERS_WRITE)

@@ -27,7 +27,7 @@ _UNUSED = ("camera", "fov", "board", "distance", "level", "picture", "wall_thick
 
 def run_page(arguments: argparse.Namespace) -> int:
     """Writes the page on which the two ends are clicked."""
-    from slosh_bringup.scale_page.page import render_clicks
+    from slosh_bringup.scale_page import render_clicks
 
     check_apart([arguments.page, arguments.output], [arguments.still, arguments.model])
     if arguments.scale is not None:

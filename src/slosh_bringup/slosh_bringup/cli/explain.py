@@ -12,7 +12,7 @@ from slosh_bringup.cli.quantities import QUANTITIES
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.explain import terms
 from slosh_bringup.explain.effect import NAMES, explain_effect, model_name
-from slosh_bringup.explain.flags import by_number, fields, flags
+from slosh_bringup.explain.terms import by_number, fields, flags
 from slosh_model.effects.registry import EFFECTS
 
 _FLAG_PAGES = "docs/camera.md, docs/interfaces.md"

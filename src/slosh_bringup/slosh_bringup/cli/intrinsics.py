@@ -21,8 +21,7 @@ from slosh_camera.images.decoding import read_image
 from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
 from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
 from slosh_camera.intrinsics.solve import IntrinsicFit, format_camera, solve_intrinsics
-from slosh_camera.intrinsics.target import CHESSBOARD_FORMAT, Target, parse_target
-from slosh_camera.intrinsics.views import find_views
+from slosh_camera.intrinsics.views import CHESSBOARD_FORMAT, Target, find_views, parse_target
 from slosh_camera.optics.lens import COEFFICIENTS, PLUMB_BOB
 from slosh_report.json_values import plain
 

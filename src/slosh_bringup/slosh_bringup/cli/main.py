@@ -16,8 +16,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, TextIO, cast
 
+from slosh_base.files.new_file import keep_others_from_writing
 from slosh_base.files.plain_text import PlainStream, plain_line
-from slosh_base.files.private_mode import keep_others_from_writing
 from slosh_bringup.cli.parser import EXIT_WRONG_INPUT, SloshParser, grouped_help
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import StopRequest

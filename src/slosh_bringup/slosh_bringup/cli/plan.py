@@ -32,9 +32,10 @@ from slosh_plan.planning.limits import (
     TILT_RATE,
     PlanLimits,
 )
-from slosh_plan.planning.path import Waypoints, path_through
+from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
+from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.tables.path_table import read_path_table, write_plan_table
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's

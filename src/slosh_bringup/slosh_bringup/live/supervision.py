@@ -8,8 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 from slosh_bringup.cell_watch import SILENT
 from slosh_bringup.live.other_cells import OtherCells
-from slosh_bringup.processes import LAST, NodeEnd, NodeGroup, NodeProcess
-from slosh_bringup.restarts import EXIT_WRONG_INPUT, restarted
+from slosh_bringup.processes import (
+    EXIT_WRONG_INPUT,
+    LAST,
+    NodeEnd,
+    NodeGroup,
+    NodeProcess,
+    restarted,
+)
 from slosh_msgs_py.node.dead_ports import DeadPorts
 
 ATTEMPTS, WITHIN = 5, 60.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from slosh_camera.calibrate.aruco import markers_of
 from slosh_camera.calibrate.board import Board
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.intrinsics.target import Chessboard, Target
+from slosh_camera.intrinsics.views import Chessboard, Target
 
 Box = tuple[float, float, float, float]
 """Left, top, width and height [mm]."""

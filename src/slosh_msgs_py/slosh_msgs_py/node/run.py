@@ -24,8 +24,8 @@ from rclpy.executors import (
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from slosh_base.files.new_file import keep_others_from_writing
 from slosh_base.files.plain_text import plain_line
-from slosh_base.files.private_mode import keep_others_from_writing
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.dead_ports import free_dead_ports, hold_dead_ports
 from slosh_msgs_py.node.guarded import GuardedNode

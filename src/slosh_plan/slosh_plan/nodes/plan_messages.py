@@ -22,8 +22,8 @@ from slosh_plan.nodes.predict_messages import (
 )
 from slosh_plan.planning.execution import Execution, execution_of
 from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
-from slosh_plan.planning.path import TURNED, Waypoints
 from slosh_plan.planning.plan import Plan
+from slosh_plan.planning.waypoints import TURNED, Waypoints
 
 NAME = "the path"
 MOST_WAYPOINTS = 5_000

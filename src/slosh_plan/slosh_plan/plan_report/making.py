@@ -11,9 +11,9 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import msh_of
 from slosh_plan.plan_report.data import PlanReport, ShownMotion
 from slosh_plan.planning.checked import Checked, attitudes, checked
-from slosh_plan.planning.path import Waypoints
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.time_law import STEP, PlannedMotion
+from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.prediction import COVERAGE, principal_variants
 from slosh_plan.trajectory import Trajectory
 

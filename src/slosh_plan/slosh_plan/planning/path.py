@@ -38,9 +38,6 @@ _SHORTEST = 1e-3  # m
 _FEWEST = 8
 _FINE = 4000
 
-TURNED = 1e-3
-"""By which an attitude may differ from the first one [rad]."""
-
 
 @dataclass(frozen=True)
 class Leg:
@@ -248,18 +245,3 @@ def _departure(leg: Leg, points: Array) -> float:
     nearest = starts + np.clip(share, 0.0, 1.0)[..., None] * steps
     distance: float = np.linalg.norm(curve[:, None] - nearest, axis=2).min(axis=1).max()
     return float(distance)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Waypoints:
-    """A path as it is given.
-
-    Attributes:
-        t: (N,) times, a proposal [s].
-        position: (N, 3) of the container's origin in the world's axes [m].
-        attitude: (4,) quaternion x, y, z, w, world ← container, kept all along; None: not given.
-    """
-
-    t: Array
-    position: Array
-    attitude: Array | None

@@ -29,10 +29,9 @@ from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart, model_of, settings_of, starts_at_rest
 from slosh_replay.recording.states import RecordedState
-from slosh_replay.replay.at_images import ModelHeights, at_images
 from slosh_replay.replay.input_matching import Decision, InputMatcher
 from slosh_replay.replay.known_state import KnownState
-from slosh_replay.replay.model_set import ModelSet, ModelSetEstimates
+from slosh_replay.replay.model_set import ModelHeights, ModelSet, ModelSetEstimates, at_images
 from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
 from slosh_replay.replay.series import Series, chosen, joined
 from slosh_replay.replay.verification import Verifier, comparison_columns, estimate_columns

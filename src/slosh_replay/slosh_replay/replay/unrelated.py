@@ -27,7 +27,7 @@ from slosh_metrics.clock_drift import estimate_clock_drift
 from slosh_metrics.motion_spans import motion_spans
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay.accuracy import judge
-from slosh_replay.replay.at_images import ModelHeights
+from slosh_replay.replay.model_set import ModelHeights
 from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
