@@ -55,7 +55,7 @@ _ABOVE, _LEAST_DEPTH = (0.3, 0.9), 0.5
 _ONE_LINE, _APART = 0.3, 0.1
 # So far from a level its lines are looked for [radii], upwards a little less, since a meniscus
 # climbs the wall.
-_BAND, _UPWARDS = 0.2, 0.8
+_BAND, _UPWARDS, _FROM_BELOW = 0.2, 0.8, 0.5
 # Towards the surface's rear edge so far, as a part of the way there, where the two are apart.
 _TO_REAR = 0.5
 # The weakest level; what must show of it against the clearest line within its surface, seen from
@@ -241,10 +241,14 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
 
 
 def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
-    """Height of the nearest line about a level, whose rear line may be the clearer one [m]."""
+    """Height of the nearest line about a level [m]; from above its rear line may be clearer.
+
+    From below the nearest line is the highest: the top of the meniscus and not the level.
+    """
+    if one.high - one.height <= one.height - one.low:
+        return one.height
     near = [it for it in lines if abs(it.height - one.height) <= reach]
-    heights = [it.height for it in near if it.line >= _RIVAL * one.line]
-    return min(heights) if one.high - one.height > one.height - one.low else max(heights)
+    return min(it.height for it in near if it.line >= _RIVAL * one.line)
 
 
 def _strengths(
@@ -297,7 +301,7 @@ def _middle(
     """Middle of the lines about a height, without those at the surface's rear edge [m]."""
     rear = float(rear_above(cup, place, middle))
     reach = _BAND * cup.radius
-    up, down = _UPWARDS * reach, reach
+    up, down = (_UPWARDS if rear > 0.0 else _FROM_BELOW) * reach, reach
     if rear > _ONE_LINE * cup.radius:
         up = min(up, _TO_REAR * rear)
     elif rear < -_ONE_LINE * cup.radius:
