@@ -55,7 +55,7 @@ def test_of_two_lines_round_the_glass_a_click_tells_the_level(make_scene):
         ((u, v),) = truth.project_wall(truth.camera_azimuth, height, Wall.FRONT)
         outline = find_outline(edge_image(image), truth.camera, truth.cup, (u + 3.0, v + 2.0))
         assert outline is not None
-        assert front_of(outline)[1] == pytest.approx(v, abs=1.5)
+        assert front_of(outline)[1] == pytest.approx(v, abs=2.2)
 
 
 def test_rings_alone_are_no_level(make_scene):
