@@ -6,6 +6,7 @@ import pytest
 from slosh_camera.calibrate.curves import Curve
 from slosh_camera.calibrate.edges import edge_image
 from slosh_camera.calibrate.outline import find_outline
+from slosh_camera.calibrate.still import calibrate_by_edges
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import Wall
 
@@ -69,3 +70,17 @@ def test_no_sides_no_container(make_scene):
     view = make_scene().calibration().view
     image = make_scene(noise=3.0).empty()
     assert find_outline(edge_image(image), view.camera, view.cup) is None
+
+
+@pytest.mark.long
+def test_a_large_picture_of_a_graduated_cylinder_is_calibrated(make_scene):
+    scene = make_scene(
+        radius=0.0185, distance=0.33, width=620, height=1660, focal=2200.0, oversampling=1,
+        liquid=150, surface=170, camera_height=0.06,
+    )  # fmt: skip
+    image = scene.with_rings(scene.with_sides(scene.draw()), RINGS, (-20.0, 60.0))
+    truth = scene.calibration().view
+    fit = calibrate_by_edges(image, truth.camera, truth.cup)
+    for height in (-0.01, 0.0, 0.01):
+        pixel = truth.project_wall(truth.camera_azimuth, height, Wall.FRONT)
+        assert fit.view.on_wall(pixel, Wall.FRONT)[1][0] == pytest.approx(height, abs=0.8e-3)

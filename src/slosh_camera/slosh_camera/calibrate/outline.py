@@ -56,6 +56,8 @@ _ONE_LINE, _APART = 0.3, 0.1
 # So far from a level its lines are looked for [radii], upwards a little less, since a meniscus
 # climbs the wall.
 _BAND, _UPWARDS, _FROM_BELOW = 0.2, 0.8, 0.5
+# A meniscus is thicker at the sides: columns differ by no more than so many radii from the others.
+_WANDER = 0.03
 # Towards the surface's rear edge so far, as a part of the way there, where the two are apart.
 _TO_REAR = 0.5
 # The weakest level; what must show of it against the clearest line within its surface, seen from
@@ -326,7 +328,8 @@ def _front(edges: EdgeImage, strip: Strip, height: float, cup: Cup) -> SeenCurve
     share = weight[:, seen] / total[seen]
     # The lines of all columns together tell the height, and each column how far it is off.
     away = (share * (strip.heights[near] - height)[:, np.newaxis]).sum(axis=0)
-    at = height + _steady(away - np.median(away))
+    most = _WANDER * cup.radius
+    at = height + np.clip(_steady(away - np.median(away)), -most, most)
     rows = np.interp(at, strip.heights, np.arange(strip.heights.size))
     pixels = strip.pixels[:, seen].astype(np.float64)
     lower = np.clip(rows.astype(int), 0, len(pixels) - 2)
