@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -207,6 +208,17 @@ class Scene:
             )
             first, last = np.rint(view.project(ends) * 16).astype(int)
             cv2.line(picture, tuple(first), tuple(last), 120, 2, cv2.LINE_AA, 4)
+        return picture
+
+    def with_rings(self, image: np.ndarray, heights: Iterable[float], arc=(-76.0, 76.0)):
+        """The image with lines printed on the container's front at some heights [m]."""
+        view, picture = self.calibration().view, image.copy()
+        azimuth = view.camera_azimuth + np.deg2rad(np.linspace(*arc, 61))
+        across = self.radius * np.column_stack((np.cos(azimuth), np.sin(azimuth)))
+        for height in heights:
+            points = np.column_stack((across, np.full(61, height)))
+            line = np.rint(view.project(points) * 16).astype(np.int32)
+            cv2.polylines(picture, [line], False, 60, 2, cv2.LINE_AA, 4)
         return picture
 
     def empty(self) -> np.ndarray:

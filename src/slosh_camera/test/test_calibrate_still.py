@@ -336,20 +336,6 @@ def test_checking_a_known_pose_sees_how_far_it_is_off(make_scene):
     assert np.isnan(blank.residual)
 
 
-def with_rings(scene, image, heights, arc=(-76.0, 76.0), grey=60):
-    """The image with lines printed on the container's front at some heights [m]."""
-    view, picture = scene.calibration().view, image.copy()
-    azimuth = view.camera_azimuth + np.deg2rad(np.linspace(*arc, 61))
-    radius = view.cup.radius
-    for height in heights:
-        points = np.column_stack(
-            (radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(61, height))
-        )
-        line = np.rint(view.project(points) * 16).astype(np.int32)
-        cv2.polylines(picture, [line], False, grey, 2, cv2.LINE_AA, 4)
-    return picture
-
-
 # A scale begins at the cup's rim or at its floor, and the level is anywhere in it.
 SCALES = {
     "above a dyed liquid": (np.arange(0.006, 0.05, 0.006), (-76.0, 76.0), {"liquid": 120}),
@@ -369,7 +355,7 @@ def test_a_printed_scale_is_not_the_level(make_scene, name):
     heights, arc, look = SCALES[name]
     scene = make_scene(**look)
     image, truth, cup = drawn(scene)
-    fit = calibrate_by_edges(with_rings(scene, image, heights, arc), truth.camera, cup)
+    fit = calibrate_by_edges(scene.with_rings(image, heights, arc), truth.camera, cup)
     assert worst_error(truth, fit) < 1.5e-3
 
 
@@ -378,7 +364,7 @@ def test_a_printed_scale_is_not_the_level(make_scene, name):
 def test_of_two_lines_alike_a_click_tells_the_level(make_scene, height):
     scene = make_scene(liquid=214, surface=214)
     truth = scene.calibration().view
-    image = with_rings(scene, scene.with_sides(scene.draw()), (0.0, height, -0.07))
+    image = scene.with_rings(scene.with_sides(scene.draw()), (0.0, height, -0.07))
     assert "two levels are possible" in refusal(image, truth.camera, truth.cup)
     ((u, v),) = truth.project_wall(truth.camera_azimuth + 0.3, 0.0, Wall.FRONT)
     fit = calibrate_by_edges(image, truth.camera, truth.cup, level=(u, v + 1.5))

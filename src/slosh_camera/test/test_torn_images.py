@@ -3,10 +3,12 @@
 import cv2
 import numpy as np
 import pytest
+from side_view_scene import Liquid, Look, Setup, draw, still
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.images.seams import SeamFinder
 from slosh_camera.measurement import Flag
+from slosh_camera.rectangle.detector import SideViewDetector
 
 WRONG = 1e-3
 
@@ -69,3 +71,24 @@ def test_old_pictures_in_turn_are_told_under_fresh_noise(make_scene, order):
     ]
     assert not any(flags[:2])
     assert all(Flag.AMBIGUOUS in one for one in flags[3 * len(order) :])
+
+
+def test_torn_side_views_are_flagged_and_whole_ones_are_not():
+    setup, look = Setup(columns=240, rows=200, focal=800.0), Look(surface=100.0, noise=2.0)
+    detector = SideViewDetector(setup.calibration())
+    detector.learn_still(still(setup, look))
+    wrong = unflagged = 0
+    for size in (0.008, -0.013):
+        liquid, old = Liquid(modes=(size, 0.002)), Liquid(modes=(-0.4 * size, -0.001))
+        new = draw(setup, liquid, look, 2)
+        assert detector.measure(0, new).flags == Flag.NONE
+        before = draw(setup, old, look, 3)
+        rows = np.flatnonzero(np.any(np.abs(new.astype(int) - before) > 30, axis=1))
+        for row in np.linspace(rows[0] + 5, rows[-1] - 5, 5).astype(int).tolist():
+            for upper, lower in ((new, before), (before, new)):
+                found = detector.measure(0, np.vstack((upper[:row], lower[row:])))
+                if abs(found.msh - liquid.highest(setup.width)) > WRONG:
+                    wrong += 1
+                    unflagged += found.flags == Flag.NONE
+    assert wrong > 8
+    assert unflagged <= 0.5 * wrong, (wrong, unflagged)

@@ -27,6 +27,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.repeated_heights import RepeatedHeights
 from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.sight import (
+    AMBIGUOUS,
     FROZEN,
     HIGHEST,
     SATURATED,
@@ -36,6 +37,7 @@ from slosh_estimator.sight import (
     estimate_obstacle,
     obstacle,
 )
+from slosh_estimator.stray_heights import StrayHeights
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import RunningAccuracy
 
@@ -86,7 +88,7 @@ class Monitor:
         self._last_measured = self._last_estimate_msh = NAN
         self._measured_stamp = 0
         self._sight = Sight(settings.timeout)
-        self._pictures = RepeatedHeights()
+        self._pictures, self._strays = RepeatedHeights(), StrayHeights()
         self._met = False  # a measurement was compared since the last look at the clock
         self._silent_looks = 0
         self.obstruction = self.standstill = ""
@@ -429,6 +431,8 @@ class Monitor:
             self._met = True
             if self._pictures.look(measured, expected):
                 measured = measured._replace(flags=measured.flags | FROZEN)
+            if self._strays.look(measured, expected):
+                measured = measured._replace(flags=measured.flags | AMBIGUOUS)
             found = obstacle(measured.msh, measured.flags, nonlinear, flags)
             self._sight.look(now_ns, found)
             if not found:

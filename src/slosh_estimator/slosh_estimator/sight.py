@@ -35,6 +35,7 @@ class SurfaceFlag(IntFlag):
 # Plain numbers: they are compared with every sample's flags.
 SATURATED = int(SurfaceFlag.SATURATED)
 FROZEN = int(SurfaceFlag.FROZEN)
+AMBIGUOUS = int(SurfaceFlag.AMBIGUOUS)
 UNUSABLE = int(SurfaceFlag.NOT_FOUND | SurfaceFlag.BAD_IMAGE)
 HIGHEST = 10.0
 """No container is higher [m]: a measured height beyond it is none, whoever publishes it."""

@@ -1,4 +1,4 @@
-"""Clipped, frozen and missing stretches of an input are found, and planned motions are none."""
+"""Clipped, frozen, mixed and missing stretches of an input are found, planned motions are none."""
 
 from __future__ import annotations
 
@@ -94,6 +94,28 @@ def test_a_rest_and_a_short_record_have_no_faults():
     gap = (T < 0.05) | (T > 3.2)
     assert kinds(0.0 * SMOOTH[gap], T[gap]) == []
     assert kinds(SMOOTH[:10], T[:10]) == []
+
+
+@pytest.mark.parametrize(("every", "behind"), [(1, 0.3e-3), (1, 1.6e-3), (3, 2.1e-3)])
+def test_two_publishers_on_one_topic_are_told(every, behind):
+    """Each sends at its own rhythm, and the container of the other moves otherwise."""
+    other = T[::every] + behind
+    t = np.concatenate([T, other])
+    order = np.argsort(t)
+    values = np.concatenate([noisy(SMOOTH), noisy(-0.7 * SMOOTH[::every, [1, 0, 2]])])[order]
+    (fault,) = find_input_faults(t[order], values)
+    assert fault.kind is FaultKind.MIXED
+    assert "several publishers are mixed on its topic; stop one of them" in fault.text()
+    # Neither are they two where the liquid's container stands still.
+    assert kinds(0.01 * values, t[order]) == []
+
+
+def test_a_vibration_at_half_the_rate_is_of_one_publisher():
+    """Its samples jump to and fro, at intervals that differ by chance alone."""
+    random = np.random.default_rng(5)
+    t = T + 4e-4 * random.uniform(-1.0, 1.0, T.size)
+    shake = 0.4 * np.sin(np.pi * 248.0 * t)[:, np.newaxis] * [1.0, 0.5, 0.3]
+    assert kinds(noisy(SMOOTH) + shake, t) == []
 
 
 def test_a_stream_tells_the_faults_of_its_parts_once():

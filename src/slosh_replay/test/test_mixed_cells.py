@@ -12,9 +12,12 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import PUBLISHERS, SEVERAL
+from slosh_model.containers import Cylinder
+from slosh_model.model import Model
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.one_estimator import OneEstimator
 
+MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 BAGS = Path(__file__).resolve().parents[3] / "bags"
 # Not the comparisons: those of the shipped bags are shorter than the writer's definition.
 ENDS = ("/accel", "/estimate", "/estimator_state", "/settings", "/free_surface")
@@ -38,7 +41,7 @@ def part(name, ends=ENDS):
 
 def mix(folder, lead_ns, ends=ENDS, facts=(), left_out="nothing"):
     """The bag c, and the bag e as of another cell that began later, less one of its topics."""
-    first, begin = part("c")
+    first, begin = part("c", ends)
     second, other = part("e", [end for end in ends if end != left_out])
     both = first + [shifted(message, begin - other + lead_ns) for message in second]
     with BagWriter(folder) as writer:
@@ -74,6 +77,12 @@ def test_two_cells_of_which_only_one_tells_its_settings_are_refused(tmp_path):
     bag = mix(tmp_path / "bag", 32_500_333_000, left_out="/settings")
     with pytest.raises(SloshBagError, match=r"go back \d+ times, .* several publishers"):
         replay_bag(bag)
+
+
+@pytest.mark.parametrize("ends", [("/accel", "/settings"), ("/accel", "/free_surface")])
+def test_inputs_of_two_cells_without_estimates_are_told(tmp_path, ends):
+    found = replay_bag(mix(tmp_path / "bag", 333_000, ends), MODEL)
+    assert any("several publishers are mixed on its topic" in line for line in found.warnings)
 
 
 NOTED = ["/slosh/accel", "/slosh/estimate"]

@@ -142,6 +142,7 @@ def fit_place(
     hint: Hint = NO_HINT,
     *,
     rough: bool = False,
+    found: tuple[SeenCurve, ...] = (),
 ) -> Fit | None:
     """Fit the camera's place to the edges, looking for them ever closer to the prediction.
 
@@ -151,6 +152,7 @@ def fit_place(
         start: where to start.
         hint: what else is known.
         rough: from far away, to a few pixels: light goes straight, which is quicker.
+        found: the edges, where they are found already; empty: they are looked for.
 
     Returns:
         The fit; None where it runs away or loses the edges.
@@ -164,7 +166,7 @@ def fit_place(
         view = view_at(*told.off_by(solved.change), solved.place)
         for share, least in _ROUGH if rough else _FINE:
             reach = max(share * width_of(view), least)
-            seen = look_for_curves(edges, view, reach, _level_reach(hint, reach))
+            seen = found or look_for_curves(edges, view, reach, _level_reach(hint, reach))
             if not _enough(seen):
                 return None
             # Empty glass has an outer and an inner edge, and either may be the stronger.
@@ -175,7 +177,7 @@ def fit_place(
         if len(certain) < len(fitted) and _enough(certain):
             solved = _Problem(told, solved, certain, hint).solved()
             view = view_at(*told.off_by(solved.change), solved.place)
-        seen = look_for_curves(edges, view, reach, _level_reach(hint, reach))
+        seen = found or look_for_curves(edges, view, reach, _level_reach(hint, reach))
     except SloshCameraError:
         return None
     if not _enough(seen):

@@ -114,24 +114,33 @@ def _axes(
 ) -> list[tuple[Axis, float]]:
     """Axes of the pairs of lines that can be a container's two sides, with their width [px]."""
     axes = []
-    middle = 0.5 * (shape[0] - 1)
     for first, second in combinations(lines, 2):
         left, right = sorted((first, second), key=lambda line: line.column)
         width = right.column - left.column
         shared = min(left.bottom, right.bottom) - max(left.top, right.top)
         if width < _LEAST_WIDTH * shape[1] or shared < 0.03 * shape[0]:
             continue
-        rays = [_line_rays(line, camera, middle) for line in (left, right)]
-        axis = axis_from_sides(rays[0], rays[1], cup.radius + cup.wall_thickness)
-        if axis is None or axis.distance < 1.5 * cup.radius:
-            continue
-        place = axis.place(0.0)
-        if abs(place.pitch) <= _MAX_PITCH and abs(place.roll) <= _MAX_ROLL:
+        axis = axis_of_lines(left, right, camera, cup)
+        if axis is not None:
             axes.append((axis, width))
     return axes
 
 
-def _line_rays(line: UprightLine, camera: PinholeCamera, middle: float) -> FloatArray:
+def axis_of_lines(
+    left: UprightLine, right: UprightLine, camera: PinholeCamera, cup: Cup
+) -> Axis | None:
+    """Axis of the container whose sides are two lines; None: they cannot be."""
+    rays = [_line_rays(line, camera) for line in (left, right)]
+    axis = axis_from_sides(rays[0], rays[1], cup.radius + cup.wall_thickness)
+    if axis is None or axis.distance < 1.5 * cup.radius:
+        return None
+    place = axis.place(0.0)
+    upright = abs(place.pitch) <= _MAX_PITCH and abs(place.roll) <= _MAX_ROLL
+    return axis if upright else None
+
+
+def _line_rays(line: UprightLine, camera: PinholeCamera) -> FloatArray:
+    middle = 0.5 * (camera.height - 1)
     v = np.array([0.25, 1.75]) * middle
     u = line.column + line.lean * (v - middle)
     return np.column_stack(((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(2)))
@@ -155,7 +164,7 @@ def _best_level(
     heights = near * (axis.forward[1] - slope * axis.forward[2]) / drop
     heights = heights[np.abs(heights) < 3.0 * axis.distance]
     if level is not None:
-        heights = _height_through(camera, cup, axis, level)
+        heights = height_through(camera, cup, axis, level)
     if heights.size == 0:
         return None
     scores = _scores(maps, camera, cup, axis, heights)
@@ -164,7 +173,7 @@ def _best_level(
     return Candidate(axis.place(float(heights[best])), score, width)
 
 
-def _height_through(
+def height_through(
     camera: PinholeCamera, cup: Cup, axis: Axis, pixel: tuple[float, float]
 ) -> FloatArray:
     """The camera's height (1,) above a level whose front line goes through a pixel, else (0,)."""

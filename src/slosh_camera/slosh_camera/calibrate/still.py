@@ -18,7 +18,8 @@ from slosh_camera.calibrate.curves import (
 from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, Doubt, Told
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
 from slosh_camera.calibrate.fit import NO_HINT, Fit, Hint, fit_place
-from slosh_camera.calibrate.level import levels_of, without_thin_lines
+from slosh_camera.calibrate.level import levels_of
+from slosh_camera.calibrate.outline import find_outline
 from slosh_camera.calibrate.pose import CameraPlace, place_of
 from slosh_camera.calibrate.refusals import (
     check_enclosed,
@@ -31,7 +32,7 @@ from slosh_camera.calibrate.search import Candidate, find_candidates
 from slosh_camera.calibrate.still_fit import StillFit, still_fit
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.cup import Cup, CupView
+from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.lens import EQUIDISTANT
 
 FloatArray = NDArray[np.float64]
@@ -46,6 +47,8 @@ _RETRIED = 2
 _SEARCH_SIZE = 800
 # Rough fits that differ by less than this, relative to the distance or [rad], are one.
 _ALIKE = 0.02
+# A finer fit has the level where the rougher one has it, to so much [m].
+_SAME_LEVEL = 0.3e-3
 # How well a distance is known that is told, as a part of it.
 _TOLD_DISTANCE = 0.1
 
@@ -86,16 +89,9 @@ def calibrate_by_edges(
     if distance is not None:
         hint = hint.with_distance(distance, _TOLD_DISTANCE * distance)
     task = _Task(straight, pinhole, Told(pinhole, cup, doubt), azimuth, hint, distance)
-    shrink = _shrink(pinhole)
-    try:
-        return _for_lens(_by_edges(task), camera, 1)
-    except SloshCameraError:
-        if shrink == 1:
-            raise
-    # Blur and the lens move edges by fewer pixels of a smaller image, and thin print is gone.
-    smaller = _smaller(task, shrink)
-    plain = replace(smaller, image=without_thin_lines(smaller.image))
-    return _for_lens(_by_edges(plain), camera, shrink)
+    # A large picture is most often a photograph, with more edges than a container has.
+    answer = _by_outline(task) if _shrink(pinhole) > 1 else None
+    return _for_lens(answer or _by_edges(task), camera, 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,6 +109,48 @@ class _Task:
     def sure(self) -> bool:
         """The distance was told, so that what is found there is the container."""
         return self.distance is not None
+
+
+def _by_outline(task: _Task) -> StillFit | None:
+    """The pose by the container's sides first; None: they do not tell it.
+
+    Raises:
+        SloshCameraError: two lines may be the level.
+    """
+    shrink = _shrink(task.camera)
+    small = _smaller(task, shrink)
+    edges, told = edge_image(small.image), small.told
+    outline = find_outline(edges, told.camera, told.cup, small.hint.level)
+    if outline is None:
+        return None
+    # The level that was told is that of the curves already.
+    hint = replace(task.hint, level=None)
+    fit = fit_place(edges, told, outline.place, hint, found=outline.curves)
+    answer = _sound(fit, small)
+    if answer is None:
+        return None
+    answer = _for_lens(answer, task.camera, shrink)
+    # Edges of the whole picture and both lines of the level tell more, where they are clear.
+    finer = _sound(fit_place(edge_image(task.image), task.told, answer.place, hint), task)
+    if finer is None or _level_moves(answer.view, finer.view) > _SAME_LEVEL:
+        return answer
+    return finer
+
+
+def _sound(fit: Fit | None, task: _Task) -> StillFit | None:
+    """What follows from a fit at a level that is known; None: it has a fault."""
+    if fit is None:
+        return None
+    answer = still_fit(fit, task.camera, task.azimuth)
+    return None if find_fault(fit, answer, sure=True, level_shows=True) else answer
+
+
+def _level_moves(view: CupView, other: CupView) -> float:
+    """How far apart two poses have the middle of the level's front line [m]."""
+    azimuth = view.camera_azimuth
+    (here,) = view.project_wall(azimuth, 0.0, Wall.FRONT)
+    (there,) = other.project_wall(azimuth, 0.0, Wall.FRONT)
+    return float(np.hypot(*(there - here))) * view.height_per_pixel(here, Wall.FRONT)
 
 
 def _by_edges(task: _Task) -> StillFit:

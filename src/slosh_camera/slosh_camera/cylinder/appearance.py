@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.cylinder.medians import median
+
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -83,22 +85,28 @@ def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Ton
     if len(wet) < _LEAST_SAMPLES or len(rest) < _LEAST_SAMPLES:
         return None
     liquid = percentile(wet, 50.0)
-    distance = np.max(np.abs(rest - liquid), axis=1).astype(np.uint8)
+    distance = _farthest(rest, liquid).astype(np.uint8)
     limit, _ = cv2.threshold(distance, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     dry = rest[distance > limit]
     if len(dry) < _LEAST_SAMPLES:
         return None
     # Further down it may be the free surface.
     upper = _samples(picture, inside, slice(0, above))
-    clear = upper[np.max(np.abs(upper - liquid), axis=1) > limit]
+    clear = upper[_farthest(upper, liquid) > limit]
     background = percentile(clear if len(clear) >= _LEAST_SAMPLES else dry, 50.0)
     axis = _axis(wet, dry, liquid, background)
     if axis is None:
         return None
     part = picture[body, :: 4 * _EVERY].reshape(body.stop - body.start, -1, liquid.size)
     steps = np.diff(part.astype(np.float64) @ axis, axis=0)
-    noise = _ROBUST * float(np.median(np.abs(steps))) / np.sqrt(2.0)
+    noise = _ROBUST * float(median(np.abs(steps).ravel())) / np.sqrt(2.0)
     return Tone(liquid, background, axis, noise)
+
+
+def _farthest(samples: Image, middle: FloatArray) -> FloatArray:
+    """How far samples (N, C) are from a middle (C,) in the channel where it is most."""
+    away = np.abs(samples - middle)
+    return away[:, 0] if middle.size == 1 else np.max(away, axis=1)
 
 
 def _axis(wet: Image, dry: Image, liquid: FloatArray, background: FloatArray) -> FloatArray | None:

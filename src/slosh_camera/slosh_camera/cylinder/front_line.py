@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search
 from slosh_camera.cylinder.appearance import Tone, find_tone, percentile
+from slosh_camera.cylinder.medians import median
 from slosh_camera.cylinder.scan_grid import ScanGrid
 from slosh_camera.cylinder.stationary_edges import moved_edges
 from slosh_camera.cylinder.surface_evidence import Unrolled, WallPoints
@@ -109,10 +110,11 @@ class FrontLineFinder:
         row = edge_search.liquid_tops(picture, self._wall.inside, level, tolerance)
         place, width = edge_search.refine_edges(picture, row, first, last)
         known = width[np.isfinite(width)]
-        softness = float(np.median(known)) if known.size else _SHARP
+        softness = float(median(known)) if known.size else _SHARP
         clipped = bool(np.all(tone.background >= _WHITE))
-        behind, hidden = np.ones_like(picture), np.inf
-        if beside is not None:
+        if beside is None:
+            behind, hidden = np.ones_like(picture), np.inf
+        else:
             behind, hidden = self._backdrop.reduced(beside, tone), _HIDDEN
         view = Unrolled(
             picture, behind, stationary, surface, hidden, tone.noise, softness, clipped

@@ -200,7 +200,8 @@ class SurfaceFitter:
         guess = np.where(self._wall.stretched | (upper < 0.0), np.nan, upper)
         size = float(np.hypot(heights[1], heights[2]))
         # The prior's doubt of the surface's shape, in rows.
-        reach = int(np.clip(4.0 + 0.3 * size**2 / self._wall.radius / self._wall.footprint, 5, 24))
+        doubt = 0.3 * size**2 / self._wall.radius / self._wall.footprint
+        reach = int(min(max(4.0 + doubt, 5.0), 24.0))
         agree = np.abs(points.place - expected) < 3.0
         floor = np.where(agree, points.place, expected)
         floor -= max(_APART, _WIDTHS_APART * view.softness)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder import silhouette, surface_solver
+from slosh_camera.cylinder.medians import median
 from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
 
@@ -93,7 +94,7 @@ class SurfaceReading:
         self._trust = weight * self._told * _ordinary(self._residual)
         self._footprint, self._cut_off = footprint, cut_off
         width = points.width[front & ~points.bound]
-        self.edge_width = float(np.median(width)) if width.size else np.nan
+        self.edge_width = float(median(width)) if width.size else np.nan
         self._local, self._seen = self._around_the_wall(1 if cut_off else _NEAR)
         self._scatter = self._consistency()
         # A shade is off as a whole, which the fit knows.
@@ -211,7 +212,7 @@ def _ordinary(residual: FloatArray) -> FloatArray:
     """Weight of each residual [m] among the others."""
     if not residual.size:
         return residual
-    ratio = residual / max(_ORDINARY * float(np.median(np.abs(residual))), _STANDS_OUT)
+    ratio = residual / max(_ORDINARY * float(median(np.abs(residual))), _STANDS_OUT)
     return np.asarray(np.square(1.0 - np.minimum(np.square(ratio), 1.0)))
 
 

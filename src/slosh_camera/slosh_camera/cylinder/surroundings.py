@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numba.types import boolean, float32, float64, int64
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import GIVEN_3, entry_point, given
 from slosh_camera.cylinder.appearance import Tone, percentile
 
 Image = NDArray[np.uint8]
@@ -85,11 +87,36 @@ class Backdrop:
     def reduced(self, image: Image, tone: Tone) -> Single:
         """(J, M) on the axis from liquid to background: at most 1, and 1 where it is not known."""
         seen = image[self._rows, self._columns].reshape(*self._rows.shape, -1)
-        # The middle one of three.
-        level = np.sort(seen @ tone.axis, axis=2)[:, :, 1] - tone.axis @ tone.liquid
-        level = np.where(self._seen, np.minimum(level, 1.0), 1.0).astype(np.float32)
-        left, right = cv2.erode(level, np.ones((2 * _BENT + 1, 1), np.uint8)).T
-        return np.asarray(left[self._level] + (right - left)[self._level] * self._share)
+        level = _middle(seen @ tone.axis, float(tone.axis @ tone.liquid), self._seen)
+        level = cv2.erode(level, np.ones((2 * _BENT + 1, 1), np.uint8))
+        return np.asarray(_across(level, self._level, self._share))
+
+
+@entry_point(float32[:, ::1](GIVEN_3, float64, given(boolean, 2)))
+def _middle(seen, liquid, known):  # type: ignore[no-untyped-def]
+    """The middle ones (L, 2) of three levels (L, 2, 3) above the liquid's, at most 1.
+
+    1 where nothing is known.
+    """
+    level = np.ones(known.shape, np.float32)
+    for j in range(known.shape[0]):
+        for side in range(known.shape[1]):
+            a, b, c = seen[j, side, 0], seen[j, side, 1], seen[j, side, 2]
+            if known[j, side]:
+                level[j, side] = min(max(min(a, b), min(max(a, b), c)) - liquid, 1.0)
+    return level
+
+
+@entry_point(float32[:, ::1](given(float32, 2), given(int64, 2), given(float32, 2)))
+def _across(ends, level, share):  # type: ignore[no-untyped-def]
+    """Values (J, M) between two ends (levels, 2): at a level (J, M), a share (J, M) of the way."""
+    rows, lines = level.shape
+    values = np.empty((rows, lines), np.float32)
+    for j in range(rows):
+        for i in range(lines):
+            left, right = ends[level[j, i], 0], ends[level[j, i], 1]
+            values[j, i] = left + (right - left) * share[j, i]
+    return values
 
 
 def _place_at(levels: NDArray[np.int64], depth: FloatArray, place: FloatArray) -> FloatArray:

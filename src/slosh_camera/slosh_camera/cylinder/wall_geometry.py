@@ -91,7 +91,8 @@ class WallGeometry:
 
     def fade(self, softness: float) -> float:
         """Height on the rear wall over which a crest fades in, by the edges' width [rows]."""
-        return self.footprint * float(np.clip(softness / _SHARP, *_FADE_LIMITS))
+        least, most = _FADE_LIMITS
+        return self.footprint * min(max(softness / _SHARP, least), most)
 
     def silhouette(
         self, heights: FloatArray, softness: float, *, coarse: bool = False

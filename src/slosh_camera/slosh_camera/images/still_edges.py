@@ -14,8 +14,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numba.types import float32, float64
 from numpy.typing import NDArray
 
+from slosh_base.compiled.compilation import entry_point, given
 from slosh_camera.images.colour import Image, to_gray
 
 FloatArray = NDArray[np.float64]
@@ -61,11 +63,22 @@ class _EdgeStrips(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """Across one edge: steps of the picture, how marked they are, whether it is cut off."""
+    """Grey levels of a picture across one edge, and the steps from sample to sample."""
 
+    grey: Image
     steps: Single
-    edges: Single
-    clipped: bool
+
+    @property
+    def clipped(self) -> bool:
+        """Whether a camera has cut off too many of the levels."""
+        return bool(((self.grey <= _BLACK) | (self.grey >= _WHITE)).mean() > _CLIPPED)
+
+    @property
+    def edges(self) -> Single:
+        """How marked the steps are, about their mean."""
+        sizes = np.abs(self.steps)
+        edges = np.asarray(sizes / (sizes + np.float32(_HALF_EDGE)), np.float32)
+        return edges - edges.mean(axis=1, keepdims=True)
 
 
 class StillEdges:
@@ -117,17 +130,10 @@ class StillEdges:
         if not self._strips:
             return []
         grey = to_gray(np.asarray(cv2.remap(image, *self._map, cv2.INTER_LINEAR), dtype=np.uint8))
-        clipped = (grey <= _BLACK) | (grey >= _WHITE)
         # Along the strips alone: neighbours may lie anywhere.
         levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _BLUR, sigmaY=1e-3)
         steps = np.diff(np.asarray(levels, np.float32), axis=1)
-        sizes = np.abs(steps)
-        edges = np.asarray(sizes / (sizes + np.float32(_HALF_EDGE)), np.float32)
-        edges -= edges.mean(axis=1, keepdims=True)
-        return [
-            _Seen(steps[rows], edges[rows], bool(clipped[rows].mean() > _CLIPPED))
-            for rows, _ in self._strips
-        ]
+        return [_Seen(grey[rows], steps[rows]) for rows, _ in self._strips]
 
 
 def along_side(fill_height: float) -> FloatArray:
@@ -150,8 +156,9 @@ def _is_marked(seen: _Seen) -> bool:
 
 def _agree(now: _Seen, learnt: _Seen) -> bool:
     """Whether the edge of a picture is the learnt one, by its steps or by where they are."""
-    pairs = (now.steps, learnt.steps), (now.edges, learnt.edges)
-    return any(_agree_in_place(_correlations(*pair)) for pair in pairs)
+    return _agree_in_place(_correlations(now.steps, learnt.steps)) or _agree_in_place(
+        _correlations(now.edges, learnt.edges)
+    )
 
 
 def _agree_in_place(correlations: FloatArray) -> bool:
@@ -160,14 +167,23 @@ def _agree_in_place(correlations: FloatArray) -> bool:
     return best >= max(_AGREES, float(correlations[~near].max()) / _BETTER)
 
 
-def _correlations(now: Single, learnt: Single) -> FloatArray:
+@entry_point(float64[::1](given(float32, 2, "A"), given(float32, 2, "A")))
+def _correlations(now, learnt):  # type: ignore[no-untyped-def]
     """Correlation (2 _LOOKED + 1,) of a picture's strips with the learnt ones, by shift."""
-    width = learnt.shape[1] - 2 * _LOOKED
-    template = learnt[:, _LOOKED : _LOOKED + width]
-    size = float(np.vdot(template, template))
-    correlations = np.zeros(2 * _LOOKED + 1)
-    for shift in range(correlations.size):
-        part = now[:, shift : shift + width]
-        scale = float(np.vdot(part, part)) * size
-        correlations[shift] = float(np.vdot(part, template)) / np.sqrt(scale) if scale else 0.0
+    shifts = 2 * _LOOKED + 1
+    rows, width = learnt.shape[0], learnt.shape[1] - 2 * _LOOKED
+    size, together, squares = 0.0, np.zeros(shifts), np.zeros(shifts)
+    line = np.empty(now.shape[1])
+    for n in range(rows):
+        line[:] = now[n]
+        for k in range(width):
+            part = np.float64(learnt[n, _LOOKED + k])
+            size += part * part
+            for shift in range(shifts):
+                together[shift] += line[k + shift] * part
+                squares[shift] += line[k + shift] * line[k + shift]
+    correlations = np.zeros(shifts)
+    for shift in range(shifts):
+        if size * squares[shift] > 0.0:
+            correlations[shift] = together[shift] / np.sqrt(size * squares[shift])
     return correlations

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.repeats import RepeatedFrames
+from slosh_camera.images.seams import SeamFinder
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import SideCalibration
@@ -69,6 +70,10 @@ class SideViewDetector:
         self._knowledge = Knowledge()
         self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
         self._repeats = RepeatedFrames()
+        rows, columns = self._region.window
+        window = columns.start, rows.start, columns.stop, rows.stop
+        # The line on the rear wall is not looked for.
+        self._seams = SeamFinder(window, all_lines=False)
 
     @property
     def still_offset(self) -> float:
@@ -110,6 +115,7 @@ class SideViewDetector:
             )
         self._knowledge = self._learnt(light, Knowledge(level, slope))
         self._still_edges.learn(image)
+        self._seams.learn(image)
         return level
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
@@ -149,6 +155,8 @@ class SideViewDetector:
         if trace.line is None:
             return SideMeasurement(stamp_ns=stamp_ns, flags=trace.flags)
         flags = trace.flags | _limits(trace.line)
+        if not flags and self._is_torn(image, trace.line):
+            flags = Flag.AMBIGUOUS
         profile, scale_error = describe(trace.line, self._view), self._settings.scale_error
         return _measurement(stamp_ns, flags, trace.line, profile, scale_error)
 
@@ -159,6 +167,16 @@ class SideViewDetector:
     def follow(self, stamp_ns: int, sighting: SideMeasurement) -> SideMeasurement:
         """The measurement of the next image of a sequence: a side view tells all by itself."""
         return replace(sighting, stamp_ns=stamp_ns)
+
+    def _is_torn(self, image: Image, line: TracedLine) -> bool:
+        """Whether an image is of two moments, above and below a row."""
+        steps = self._seams.steps(image)
+        if not steps.rows.size:
+            return False
+        # As fitted: what was traced runs along a seam, too.
+        heights = line.shape.at(line.x) + line.knowledge.zero(line.x)
+        u, v = self._view.project_face(line.x, heights).T
+        return self._seams.is_torn(steps, (u, v))
 
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
         """What the image of the liquid at rest shows, given where its line lies."""

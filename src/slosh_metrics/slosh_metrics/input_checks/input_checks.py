@@ -72,8 +72,8 @@ class Check(ABC):
         doubt: what is wrong now; None: nothing is known to be.
         doubtful: whether what follows from the input is wrong.
         raised: what was wrong at any time, the last of each kind.
-        faults: of the samples: clipped, frozen, missing. They are no part of the memory: what is
-            estimated does not depend on them.
+        faults: of the samples: clipped, frozen, mixed, missing. They are no part of the memory:
+            what is estimated does not depend on them.
     """
 
     WIDTH = 3

@@ -1,4 +1,4 @@
-"""Faults of a recorded acceleration: clipped, frozen, with a stretch missing.
+"""Faults of a recorded acceleration: clipped, frozen, mixed, with a stretch missing.
 
 What a sensor, a driver or a bus does to an input looks like physics that a model lacks: so it is
 looked for first, in tables, bags and live windows alike. Everything here is a function of samples.
@@ -8,6 +8,8 @@ looked for first, in tables, bags and live windows alike. Everything here is a f
   straight ramp or without a slope.
 - *Frozen*: all axes repeat their values while the container is being accelerated, and jump
   afterwards to where they would have gone meanwhile.
+- *Mixed*: samples jump to and fro between two motions, in turns and at uneven intervals, as those
+  of two publishers on one topic do.
 - *Missing*: no sample for a time in which the acceleration is not nearly zero.
 
 An input that holds its values at a lower rate than its stamps (125 Hz written at 500 Hz) is sound.
@@ -62,6 +64,19 @@ JUMP = 3.0
 """After a freeze values jump by so many times what they change beside it in a sample at most."""
 GAP, GAP_SAMPLES = 0.05, 5.0
 """A stretch is missing from this time on [s], and from so many sampling intervals."""
+APART, STICKS_OUT = 0.4, 2.0
+"""A sample sticks out where it is this far off the middle of its neighbours [m/s²], and so many
+times further than they are from each other."""
+IN_TURN, AT_LEAST, MOST_BETWEEN = 12, 30, 20
+"""So many that stick out one after the other, so many in all, with at most so many samples from
+one to the next, are another motion's."""
+ALIKE, ALONG = 0.5, 0.8
+"""They stick out as far as the one before, by this part, and in its direction, by this cosine."""
+REGULAR = 0.25
+"""By this share the number of samples between them may change, or by one."""
+UNEVEN, UNEVENNESS = 0.05, 2.5
+"""Intervals between all samples differ by this share of themselves, and by so many times more than
+those between the samples of one publisher."""
 
 WINDOW_NS, OVERLAP_NS = 10 * SECOND, SECOND // 2
 """A stream is looked at in parts of this length, with so much of the part before."""
@@ -76,6 +91,7 @@ class FaultKind(Enum):
 
     CLIPPED = "clipped"
     FROZEN = "frozen"
+    MIXED = "mixed"
     MISSING = "missing"
 
 
@@ -111,6 +127,11 @@ class InputFault(NamedTuple):
                 f"the acceleration repeats its values {when} while the container moves: the "
                 "driver or the bus stalled; record again"
             )
+        if self.kind is FaultKind.MIXED:
+            return (
+                f"the acceleration jumps to and fro between two motions {when}: several "
+                "publishers are mixed on its topic; stop one of them and record again"
+            )
         return (
             f"the acceleration has no samples {when} while the container moves: messages were "
             "lost; record again"
@@ -129,6 +150,7 @@ def find_input_faults(t: Array, acceleration: Array) -> tuple[InputFault, ...]:
     groups = [
         *_clipped(t, acceleration),
         *_one(FaultKind.FROZEN, _frozen(t, acceleration)),
+        *_one(FaultKind.MIXED, _mixed(t, acceleration)),
         *_one(FaultKind.MISSING, _missing(t, acceleration)),
     ]
     return tuple(sorted(groups, key=lambda fault: fault.start))
@@ -327,6 +349,43 @@ def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 def _jump(steps: Array, start: int, end: int) -> float:
     """By how much the values change where a repetition ends [m/s²]."""
     return float(steps[end - 1]) if end - 1 < len(steps) else 0.0
+
+
+def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
+    beside = acceleration[2:] - acceleration[:-2]
+    off = acceleration[1:-1] - acceleration[:-2] - 0.5 * beside
+    sizes = np.linalg.norm(off, axis=1)
+    least = np.maximum(STICKS_OUT * np.linalg.norm(beside, axis=1), APART)
+    rows = np.flatnonzero(sizes > least)
+    if len(rows) < IN_TURN:
+        return []
+    size, between = sizes[rows], np.diff(rows)
+    ratio = size[1:] / size[:-1]
+    cosine = np.abs(np.sum(off[rows[1:]] * off[rows[:-1]], axis=1)) / (size[1:] * size[:-1])
+    change = np.abs(np.diff(between, prepend=between[:1]))
+    regular = change <= np.maximum(REGULAR * between, 1.0)
+    turns = regular & (between <= MOST_BETWEEN)
+    turns &= (ratio > ALIKE) & (ratio < 1.0 / ALIKE) & (cosine > ALONG)
+    runs = [rows[start : end + 1] + 1 for start, end in _runs(turns) if end - start >= IN_TURN]
+    if sum(map(len, runs)) < AT_LEAST:
+        return []
+    both, rest = np.sum([_unevenness(t, run) for run in runs], axis=0)
+    if both[0] < UNEVEN * both[1] or both[0] * rest[1] < UNEVENNESS * rest[0] * both[1]:
+        return []
+    return [(float(t[run[0]]), float(t[run[-1]])) for run in runs]
+
+
+def _unevenness(t: Array, run: NDArray[np.int64]) -> tuple[tuple[float, float], ...]:
+    """By how much intervals differ from the next ones, and the intervals [s], mean of both.
+
+    Of all samples around a run of rows, and of those that are not of the run's publisher.
+    """
+    # Where both stick out from each other, every second one is of the other.
+    dense = len(run) > 0.75 * (run[-1] - run[0])
+    part = t[run[0] - 1 : run[-1] + 2]
+    own = np.delete(part, (run[::2] if dense else run) - (run[0] - 1))
+    spacings = np.diff(part), np.diff(own)
+    return tuple((float(np.mean(np.abs(np.diff(one)))), float(np.mean(one))) for one in spacings)
 
 
 def _missing(t: Array, acceleration: Array) -> list[tuple[float, float]]:

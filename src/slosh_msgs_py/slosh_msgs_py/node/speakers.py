@@ -81,10 +81,10 @@ class SpeakerWatch:
         self._own, self._begun = known or _Stream(number, arrival_ns), True
 
     def _look(self, now_ns: int) -> None:
+        self.contested = now_ns - self._joined_ns < BESIDE_NS
         if self._others:
             self._others = [one for one in self._others if now_ns - one.at_ns < FORGOTTEN_NS]
-        joined = now_ns - self._joined_ns < BESIDE_NS
-        self.contested = joined or any(now_ns - one.at_ns < BESIDE_NS for one in self._others)
+            self.contested |= any(now_ns - one.at_ns < BESIDE_NS for one in self._others)
 
 
 class _Stream:

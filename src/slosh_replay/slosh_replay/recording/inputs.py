@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.accel_input import AccelInput
-from slosh_estimator.gate import DROPPED, GateSettings
+from slosh_estimator.gate import DROPPED, GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
@@ -37,6 +37,8 @@ _FIELDS = {
     ),
 }  # fmt: skip
 _FRAME = "header.frame_id"
+MIXED = 0.05
+"""One publisher stamps no such share of its messages before the one ahead of them."""
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """Fields of every message with a header that `stamps_of` reads."""
 
@@ -167,8 +169,15 @@ class InputReader:
         self._adapter.sampling.carry(modes)
 
     def warnings(self) -> list[str]:
-        """What the input's rate costs, and what helps; one line each."""
+        """What the input's rate and order cost, and what helps; one line each."""
         counts, gate = self.counters, self._adapter.gate
+        late = gate.counts[SampleVerdict.DISORDERED]
+        if late > MIXED * (late + gate.used):
+            return [
+                f"{late} of {late + gate.used} messages of {self.kind} are stamped before the one "
+                "ahead of them, and are not used: several publishers are mixed on its topic; "
+                "stop one of them and record again"
+            ]
         # Of samples that are all gaps, one in two is used: their rate is not that of the input.
         line = gap_sentence(gate, counts["samples_used"], counts["gaps"]) or self._slow
         return [line] if line else []

@@ -1,0 +1,345 @@
+"""A container by its two sides first: they give its axis, and its wall unrolled shows the level.
+
+Made for photographs of tall glass, where print, reflections and a meniscus have more edges than
+the level has. What is on the wall is compared at all heights before one of them is the level.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibrate.curves import Curve, SeenCurve, view_at
+from slosh_camera.calibrate.edges import EdgeImage, find_edges
+from slosh_camera.calibrate.lines import UprightLine, upright_lines
+from slosh_camera.calibrate.pose import Axis, CameraPlace
+from slosh_camera.calibrate.search import axis_of_lines, height_through
+from slosh_camera.calibrate.strip import (
+    Strip,
+    beside,
+    lasting_changes,
+    lines_across,
+    rear_above,
+    slopes_of,
+    unrolled,
+    walls_below,
+)
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cup import Cup, CupView
+
+FloatArray = NDArray[np.float64]
+
+# The numbers below were set on every second of a set of photographs of graduated cylinders.
+_LINES, _LEAST_LINE = 26, 0.06
+# Sides are so far apart at least, as a part of the image's width, and show together on so many of
+# its rows.
+_LEAST_WIDTH, _LEAST_ROWS = 0.06, 0.15
+# Rows count on which both show so clearly; every second is looked at, so far off the line [px].
+_SHOWN, _SPACING, _NEAR = 0.4, 2, 2.0
+# A line's weight without a lasting change of colour, the change that counts fully [grey levels],
+# also as a part of the largest, and what is taken off a line that goes on beside the container.
+_LINE_ALONE, _FULL_STEP, _OF_LARGEST, _BEHIND = 0.5, 15.0, 0.7, 0.6
+# The sides show on so much of the liquid's height below its level, and on less than so much of the
+# stretch below its floor, which starts and ends so many fill heights below it.
+_WALLED, _BELOW, _BELOW_FROM, _BELOW_TO = 0.68, 0.5, 1.12, 1.4
+# Of another line that may be the level they show on so much of it.
+_MAY_BE_WALLED = 0.55
+# They show above the level, too, from so many radii above it to so many.
+_ABOVE, _LEAST_DEPTH = (0.3, 0.9), 0.5
+# Lines nearer than so many radii are one: a meniscus has two edges, and the level is between.
+_ONE_LINE, _APART = 0.3, 0.1
+# So far from a level its lines are looked for [radii], upwards a little less, since a meniscus
+# climbs the wall.
+_BAND, _UPWARDS, _FROM_BELOW = 0.2, 0.8, 0.5
+# A meniscus is thicker at the sides: columns differ by no more than so many radii from the others.
+_WANDER = 0.03
+# Towards the surface's rear edge so far, as a part of the way there, where the two are apart.
+_TO_REAR = 0.5
+# The weakest level; what must show of it against the clearest line within its surface, seen from
+# above or below; and what another line may have of it.
+_LEAST, _OF_INSIDE, _RIVAL = 0.25, 0.8, 0.8
+_STEPS = 2
+_REACH = 1.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """Where a container and its level are.
+
+    Attributes:
+        place: of the camera.
+        curves: edges on its two sides, and on the level's front line, in the middle of its
+            meniscus.
+    """
+
+    place: CameraPlace
+    curves: tuple[SeenCurve, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A line that may be the level.
+
+    Attributes:
+        height: where it is [m].
+        low: from where on the surface would be seen through the front wall [m].
+        high: up to where [m].
+        beats: its strength over that of the strongest line elsewhere.
+        line: how much of it shows, 0 to 1.
+        of_inside: the same as a part of what shows of the clearest line within the surface.
+    """
+
+    height: float
+    low: float
+    high: float
+    beats: float
+    line: float
+    of_inside: float
+
+
+def find_outline(
+    edges: EdgeImage, camera: PinholeCamera, cup: Cup, level: tuple[float, float] | None = None
+) -> Outline | None:
+    """The container with the best pair of sides, and its level.
+
+    Args:
+        edges: the image, without distortion.
+        camera: its camera, without distortion.
+        cup: the container.
+        level: a pixel on the front line of the still level; None: not told.
+
+    Returns:
+        Both; None where there are no two sides, or no line between them looks like a level.
+
+    Raises:
+        SloshCameraError: two lines may be the level.
+    """
+    found = _sides(edges, camera, cup)
+    if found is None:
+        return None
+    axis, sides = found
+    # Heights count from where the axis is nearest to the camera.
+    place = axis.place(0.0)
+    view = view_at(camera, cup, place)
+    low, high = _extent(view, camera)
+    if not high > low:
+        return None
+    strip = unrolled(edges, view, low, high)
+    if level is not None:
+        heights = -height_through(camera, cup, axis, level)
+        line = lines_across(edges, strip)
+        middles = [_middle(line, strip.heights, float(one), cup, place) for one in heights]
+        heights = np.array(middles, dtype=np.float64)
+    else:
+        heights = _level(edges, view, strip, place)
+    if heights.size == 0:
+        return None
+    height = float(heights[0])
+    front = _front(edges, strip, height, cup)
+    return None if front is None else Outline(axis.place(-height), (*sides, front))
+
+
+def _sides(
+    edges: EdgeImage, camera: PinholeCamera, cup: Cup
+) -> tuple[Axis, tuple[SeenCurve, SeenCurve]] | None:
+    """The two upright lines that show together on most rows, and the axis between them."""
+    rows, columns = edges.shape
+    lines = upright_lines(edges, _LINES, _LEAST_LINE * rows)
+    support = edges.support(edges.across).astype(np.float32)
+    support = np.asarray(cv2.dilate(support, np.ones((1, 5), np.uint8)), np.float32)
+    shown = [_along(support, line) for line in lines]
+    best, found = _LEAST_ROWS * rows, None
+    for pair in combinations(sorted(range(len(lines)), key=lambda i: lines[i].column), 2):
+        left, right = (lines[index] for index in pair)
+        both = np.minimum(*(shown[index] for index in pair))
+        if right.column - left.column < _LEAST_WIDTH * columns or both.sum() <= best:
+            continue
+        axis = axis_of_lines(left, right, camera, cup)
+        if axis is not None:
+            best, found = float(both.sum()), (axis, left, right, both)
+    if found is None:
+        return None
+    axis, left, right, both = found
+    v = np.flatnonzero(both >= _SHOWN)[::_SPACING].astype(np.float64)
+    return axis, (_side(edges, left, v, Curve.LEFT), _side(edges, right, v, Curve.RIGHT))
+
+
+def _side(edges: EdgeImage, line: UprightLine, v: FloatArray, curve: Curve) -> SeenCurve:
+    """The edges on a side in some rows (N,)."""
+    u = line.column + line.lean * (v - 0.5 * (edges.shape[0] - 1))
+    outwards = np.array([1.0, -line.lean]) / np.hypot(1.0, line.lean)
+    normals = np.tile(outwards if curve is Curve.RIGHT else -outwards, (v.size, 1))
+    seen = find_edges(edges, np.column_stack((u, v)), normals, _NEAR, outermost=False)
+    kept = seen.slope > 0.0
+    return SeenCurve(curve, seen.pixels[kept], normals[kept], seen.slope[kept], v.size)
+
+
+def _along(support: NDArray[np.float32], line: UprightLine) -> FloatArray:
+    """Support of a line's pixel in each row (rows,); 0 outside the image."""
+    rows, columns = support.shape
+    v = np.arange(rows)
+    u = np.rint(line.column + line.lean * (v - 0.5 * (rows - 1))).astype(int)
+    inside = (u >= 0) & (u < columns)
+    return np.where(inside, support[v, np.where(inside, u, 0)], 0.0)
+
+
+def _extent(view: CupView, camera: PinholeCamera) -> tuple[float, float]:
+    """Lowest and highest point of the front wall's middle that is in the image [m]."""
+    distance = float(np.hypot(*view.pose.camera_centre[:2]))
+    heights = np.linspace(-_REACH, _REACH, 1201) * distance
+    azimuth = view.camera_azimuth
+    across = view.cup.radius * np.array([np.cos(azimuth), np.sin(azimuth)])
+    points = np.column_stack((*np.broadcast_arrays(across[0], across[1], heights),))
+    u, v = view.project(points).T
+    inside = (u >= 1.0) & (u <= camera.width - 2.0) & (v >= 1.0) & (v <= camera.height - 2.0)
+    seen = heights[inside]
+    return (float(seen[0]), float(seen[-1])) if seen.size else (0.0, 0.0)
+
+
+def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) -> FloatArray:
+    """Height of the level (1,) [m]; (0,): no line looks like one.
+
+    Raises:
+        SloshCameraError: two do.
+    """
+    cup, heights = view.cup, strip.heights
+    line, strength, rivals = _strengths(edges, view, strip, place)
+    found = []
+    for index in _peaks(strength, heights, _APART * cup.radius):
+        height = float(heights[index])
+        rear = float(rear_above(cup, place, height))
+        slack = _ONE_LINE * cup.radius
+        low, high = height + min(rear, 0.0) - slack, height + max(rear, 0.0) + slack
+        inside = (heights >= low) & (heights <= high)
+        found.append(
+            _Line(
+                height,
+                low,
+                high,
+                float(strength[index] / np.max(rivals, initial=1e-9, where=~inside)),
+                float(line[index]),
+                float(line[index] / line[inside].max()),
+            )
+        )
+    if not found:
+        return np.empty(0)
+    # A surface seen from above or below holds images of the wall and of its own edge.
+    whole = [one for one in found if one.beats >= 1.0 / _RIVAL and one.of_inside >= _OF_INSIDE]
+    for one in whole:
+        outer = [it for it in found if it is not one and it.low <= one.height <= it.high]
+        outer = [it for it in outer if not one.low <= it.height <= one.high]
+        if not any(it.line >= _RIVAL * one.line for it in outer):
+            front = _foremost(one, whole, _ONE_LINE * cup.radius)
+            return np.array([_middle(strength, heights, front, cup, place)])
+    raise SloshCameraError(
+        "still image: two levels are possible; printed rings, seams and the edge of a foot look "
+        "similar; click on the still level's front line: --level U V"
+    )
+
+
+def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
+    """Height of the nearest line about a level [m]; from above its rear line may be clearer.
+
+    From below the nearest line is the highest: the top of the meniscus and not the level.
+    """
+    if one.high - one.height <= one.height - one.low:
+        return one.height
+    near = [it for it in lines if abs(it.height - one.height) <= reach]
+    return min(it.height for it in near if it.line >= _RIVAL * one.line)
+
+
+def _strengths(
+    edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What the wall shows at each height, (N,) each, 0 to 1.
+
+    Returns:
+        How much of a line is there; how much it looks like the level, where that can be; and the
+        same where it may be if the fill height was told too roughly.
+    """
+    cup, heights = view.cup, strip.heights
+    fill = cup.fill_height
+    line = lines_across(edges, strip) * (1.0 - _BEHIND * beside(edges, view, heights))
+    depth = max(fill, _LEAST_DEPTH * cup.radius)
+    walled = walls_below(edges, view, heights, 0.0, depth)
+    allowed = walled >= _MAY_BE_WALLED
+    # So they do above it, below the rim.
+    allowed &= (
+        walls_below(
+            edges, view, heights, -_ABOVE[1] * cup.radius, (_ABOVE[1] - _ABOVE[0]) * cup.radius
+        )
+        >= _WALLED
+    )
+    stretch = max((_BELOW_TO - _BELOW_FROM) * fill, _LEAST_DEPTH * cup.radius)
+    allowed &= walls_below(edges, view, heights, _BELOW_FROM * fill, stretch) < _BELOW
+    change = np.where(allowed, lasting_changes(strip, cup, place), 0.0)
+    full = max(_FULL_STEP, _OF_LARGEST * float(change.max()))
+    strength = line * (_LINE_ALONE + (1.0 - _LINE_ALONE) * np.minimum(change / full, 1.0))
+    likely = allowed & (walled >= _WALLED)
+    return (
+        np.where(allowed, line, 0.0),
+        np.where(likely, strength, 0.0),
+        np.where(allowed, strength, 0.0),
+    )
+
+
+def _peaks(strength: FloatArray, heights: FloatArray, apart: float) -> list[int]:
+    """The strongest heights that are no weaker than a level, so far apart."""
+    left, peaks = strength.copy(), []
+    while left.max() >= _LEAST:
+        peaks.append(int(np.argmax(left)))
+        left[np.abs(heights - heights[peaks[-1]]) < apart] = 0.0
+    return peaks
+
+
+def _middle(
+    strength: FloatArray, heights: FloatArray, middle: float, cup: Cup, place: CameraPlace
+) -> float:
+    """Middle of the lines about a height, without those at the surface's rear edge [m]."""
+    rear = float(rear_above(cup, place, middle))
+    reach = _BAND * cup.radius
+    up, down = (_UPWARDS if rear > 0.0 else _FROM_BELOW) * reach, reach
+    if rear > _ONE_LINE * cup.radius:
+        up = min(up, _TO_REAR * rear)
+    elif rear < -_ONE_LINE * cup.radius:
+        down = min(down, -_TO_REAR * rear)
+    for _ in range(_STEPS):
+        near = (heights >= middle - down) & (heights <= middle + up)
+        middle = float(np.average(heights[near], weights=strength[near] ** 2))
+    return middle
+
+
+def _front(edges: EdgeImage, strip: Strip, height: float, cup: Cup) -> SeenCurve | None:
+    """The level's front line: in each column of the wall the middle of the edges there."""
+    near = np.flatnonzero(np.abs(strip.heights - height) <= _BAND * cup.radius)
+    if near.size < 3:
+        return None
+    slope = slopes_of(strip)[near]
+    weight = np.where(slope > 0.5 * edges.reference, edges.support(slope), 0.0)
+    total = weight.sum(axis=0)
+    seen = total > 0.0
+    if not np.any(seen):
+        return None
+    share = weight[:, seen] / total[seen]
+    # The lines of all columns together tell the height, and each column how far it is off.
+    away = (share * (strip.heights[near] - height)[:, np.newaxis]).sum(axis=0)
+    most = _WANDER * cup.radius
+    at = height + np.clip(_steady(away - np.median(away)), -most, most)
+    rows = np.interp(at, strip.heights, np.arange(strip.heights.size))
+    pixels = strip.pixels[:, seen].astype(np.float64)
+    lower = np.clip(rows.astype(int), 0, len(pixels) - 2)
+    part, column = (rows - lower)[:, np.newaxis], np.arange(rows.size)
+    middle = (1.0 - part) * pixels[lower, column] + part * pixels[lower + 1, column]
+    normals = np.tile([0.0, -1.0], (len(middle), 1))
+    return SeenCurve(Curve.FRONT, middle, normals, slope.max(axis=0)[seen], slope.shape[1])
+
+
+def _steady(values: FloatArray) -> FloatArray:
+    """Each value (N,) as the median of five neighbours: bubbles and rings move single columns."""
+    padded = np.pad(values, 2, "edge")
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))

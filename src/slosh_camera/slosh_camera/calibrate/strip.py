@@ -1,0 +1,171 @@
+"""A container's front wall unrolled, and what its rows show: lines, changes of colour, sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_camera.calibrate.curves import sides_of
+from slosh_camera.calibrate.edges import EdgeImage
+from slosh_camera.calibrate.pose import CameraPlace
+from slosh_camera.optics.cup import Cup, CupView
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+FloatOrArray = TypeVar("FloatOrArray", float, FloatArray)
+
+# The numbers below were set on every second of a set of photographs of graduated cylinders.
+# The part of the front wall that is looked at, in so many sectors of so many columns each.
+_ARC, _SECTORS, _COLUMNS = np.deg2rad(66.0), 5, 5
+SLACK = 2
+"""How far a line may be off its place [px]."""
+# The colours compared lie so far above and below a line, in radii: the change is at the line, and
+# it lasts.
+_WINDOWS = ((0.06, 0.2), (0.15, 0.7))
+_MOST_ROWS = 3000
+# Where a line that goes on beside the container is looked for, in outer radii from the axis: an
+# edge of a table behind it.
+_BESIDE = (1.2, 1.3, 1.4, 1.5)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strip:
+    """The front wall unrolled: pixels (N, M, 2), colours (N, M, channels), heights (N,) [m]."""
+
+    heights: FloatArray
+    pixels: Float32Array
+    colours: Float32Array
+
+
+def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
+    """The front wall between two heights [m], a row for about a pixel."""
+    cup = view.cup
+    left, right = sides_of(view)
+    step = 2.0 * cup.radius / float(np.hypot(*(right - left)))
+    first, last = np.clip((np.floor(low / step), np.ceil(high / step)), -_MOST_ROWS, _MOST_ROWS)
+    heights = step * np.arange(first, last + 1.0)
+    azimuth = view.camera_azimuth + np.linspace(-_ARC, _ARC, _SECTORS * _COLUMNS)
+    shape = (heights.size, azimuth.size)
+    points = np.empty((*shape, 3))
+    points[..., 0] = cup.radius * np.cos(azimuth)
+    points[..., 1] = cup.radius * np.sin(azimuth)
+    points[..., 2] = heights[:, np.newaxis]
+    pixels = view.project(points.reshape(-1, 3)).reshape(*shape, 2).astype(np.float32)
+    rows, columns = edges.shape
+    inside = np.all((pixels >= 1.0) & (pixels <= (columns - 2.0, rows - 2.0)), axis=2)
+    where = np.where(inside[..., np.newaxis], pixels, 0.0).astype(np.float32)
+    # OpenCV's types do not know that one map may hold both coordinates.
+    colours = cv2.remap(  # type: ignore[call-overload]
+        edges.smooth, where, None, cv2.INTER_LINEAR
+    ).reshape(*shape, -1)
+    colours[~inside] = np.nan
+    return Strip(heights, pixels, np.asarray(colours, np.float32))
+
+
+def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
+    """How much of an edge runs from side to side at each height (N,), 0 to 1."""
+    support = edges.support(slopes_of(strip)).astype(np.float32)
+    support = np.asarray(cv2.dilate(support, np.ones((2 * SLACK + 1, 1), np.uint8)), np.float32)
+    sectors = support.reshape(len(support), _SECTORS, _COLUMNS).mean(axis=2)
+    return np.asarray(np.sort(sectors, axis=1)[:, :2].mean(axis=1), np.float64)
+
+
+def slopes_of(strip: Strip) -> FloatArray:
+    """Change of colour from row to row (N, M) [levels/px]; 0 outside the image."""
+    apart = np.hypot(*np.moveaxis(np.gradient(strip.pixels, axis=0), 2, 0))
+    slope = np.abs(np.gradient(strip.colours, axis=0)).max(axis=2) / np.maximum(apart, 1e-3)
+    return np.nan_to_num(np.asarray(slope, np.float64))
+
+
+def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
+    """How much the colour changes at each height (N,), and stays changed [grey levels]."""
+    step = float(strip.heights[1] - strip.heights[0])
+    rear = np.maximum(rear_above(cup, place, strip.heights), 0.0) / step
+    change = np.full(strip.heights.size, np.inf)
+    for window in _WINDOWS:
+        near, far = (max(round(share * cup.radius / step), 1) for share in window)
+        change = np.minimum(change, _change(strip.colours, rear, near, far))
+    return change
+
+
+def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
+    """How much of a line at each height (N,) goes on to both sides of the container, 0 to 1."""
+    outer = view.cup.radius + view.cup.wall_thickness
+    across = np.array([-np.sin(view.camera_azimuth), np.cos(view.camera_azimuth)])
+    tall = np.ones((4 * SLACK + 1, 1), np.uint8)
+    support = np.asarray(cv2.dilate(edges.support(edges.down).astype(np.float32), tall))
+    least = np.ones(heights.size)
+    for side in (-1.0, 1.0):
+        seen = np.zeros(heights.size)
+        for away in _BESIDE:
+            place = side * away * outer * across
+            points = np.column_stack((*np.broadcast_arrays(place[0], place[1], heights),))
+            seen += _values(support, view.project(points)) / len(_BESIDE)
+        least = np.minimum(least, seen)
+    return least
+
+
+def _values(chart: NDArray[np.generic], pixels: FloatArray) -> FloatArray:
+    """Values of the nearest pixels (N, 2); 0 outside."""
+    # OpenCV's types do not know that one map may hold both coordinates.
+    found = cv2.remap(  # type: ignore[call-overload]
+        np.asarray(chart, np.float32), pixels.astype(np.float32)[:, np.newaxis], None,
+        cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT,
+    )  # fmt: skip
+    return np.asarray(found[:, 0], np.float64)
+
+
+def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> FloatArray:
+    """Change of colour (N,) from above a level's rear line to below its front line [grey levels].
+
+    Args:
+        colours: (N, M, channels) of the strip, from below.
+        rear: (N,) rows from the front line to the rear one.
+        near: where the rows begin whose median is taken, from either line.
+        far: where they end.
+    """
+    count = far - near + 1
+    middles = np.full(colours.shape, np.nan, np.float32)
+    if len(colours) >= count:
+        rows = np.lib.stride_tricks.sliding_window_view(colours, count, axis=0)
+        middles[: len(rows)] = np.median(rows, axis=-1)
+    index = np.arange(len(colours))
+    above = index + rear.astype(int) + near
+    known = (above < len(colours)) & (index >= far)
+    step = middles[np.maximum(index - far, 0)] - middles[np.minimum(above, len(colours) - 1)]
+    change = np.max(np.abs(np.median(step, axis=1)), axis=1)
+    return np.where(known, np.nan_to_num(change), 0.0)
+
+
+def rear_above(cup: Cup, place: CameraPlace, height: FloatOrArray) -> FloatOrArray:
+    """How much higher on the front wall the rear line of a level at some height appears [m]."""
+    return (place.height - height) * 2.0 * cup.radius / (place.distance + cup.radius)
+
+
+def walls_below(
+    edges: EdgeImage, view: CupView, heights: FloatArray, start: float, depth: float
+) -> FloatArray:
+    """Part of a depth on which both sides show, from so far below each height (N,) on."""
+    step = float(heights[1] - heights[0])
+    count = max(round(depth / step), 1)
+    z = np.concatenate((heights[0] - step * np.arange(count, 0, -1.0), heights)) - start
+    total = np.concatenate(([0.0], np.cumsum(_sides_seen(edges, view, z))))
+    return np.asarray((total[count + 1 :] - total[1 : heights.size + 1]) / count)
+
+
+def _sides_seen(edges: EdgeImage, view: CupView, z: FloatArray) -> FloatArray:
+    """Whether both sides show at each height (N,): 0 or 1."""
+    outer = view.cup.radius + view.cup.wall_thickness
+    half = np.arccos(min(outer / float(np.hypot(*view.pose.camera_centre[:2])), 1.0))
+    support = edges.support(edges.across).astype(np.float32)
+    wide = np.asarray(cv2.dilate(support, np.ones((1, 4 * SLACK + 1), np.uint8)), np.float32)
+    seen = np.ones(z.size)
+    for side in (-half, half):
+        azimuth = view.camera_azimuth + side
+        flat = np.full(z.size, outer * np.cos(azimuth)), np.full(z.size, outer * np.sin(azimuth))
+        seen = np.minimum(seen, _values(wide, view.project(np.column_stack((*flat, z)))) > 0.4)
+    return seen

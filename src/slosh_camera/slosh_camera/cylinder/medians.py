@@ -1,0 +1,23 @@
+"""The median of a few hundred numbers: `np.median` takes ten times as long for so few."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba.types import float64
+
+from slosh_base.compiled.compilation import entry_point, given
+
+
+@entry_point(float64(given(float64, 1, "A")))
+def median(values):  # type: ignore[no-untyped-def]
+    """Median of (N,) numbers, as NumPy has it: NaN where one of them is, or there is none."""
+    half = values.size // 2
+    for value in values:
+        if np.isnan(value):
+            return np.nan
+    if not values.size:
+        return np.nan
+    ordered = np.partition(values, half)
+    if values.size % 2:
+        return ordered[half]
+    return 0.5 * (np.max(ordered[:half]) + ordered[half])
