@@ -39,7 +39,7 @@ UPWARDS = {
         "slosh_base.compiled",
     ),
     "A bag is read in one place, below export and playing": (
-        "slosh_bag/mcap_files/bag_facts.py",
+        "slosh_bag/mcap_files/checksum.py",
         "slosh_bag.reader",
     ),
     "A replay is above what a recording holds": (

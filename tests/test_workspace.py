@@ -262,6 +262,11 @@ def test_a_start_waits_for_no_part_of_scipy(module):
     assert said(program) == "[]\n"
 
 
+def test_the_recorder_loads_no_compiler():
+    program = "import sys, slosh_bag.nodes.recorder_node\nprint('numba' in sys.modules)"
+    assert said(program) == "False\n"
+
+
 def test_kept_code_is_loaded_without_what_it_was_compiled_with():
     """Nor does its check take a part of SciPy: both load longer than all of the code."""
     program = (

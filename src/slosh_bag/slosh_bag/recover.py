@@ -14,11 +14,11 @@ from mcap.stream_reader import StreamReader
 from slosh_bag.bag_writer import PROFILE, BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.bag_facts import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.bag_facts import NAME as FACTS
 from slosh_bag.mcap_files.bag_folder import bag_folder, check_no_other, folder_facts, ordered_files
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.bag_types import BagTypes
+from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.chunks import Chunk
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bag.reader import DAMAGE

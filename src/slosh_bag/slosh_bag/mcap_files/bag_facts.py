@@ -6,10 +6,7 @@ has to be read from its start to its end. A record that carries its own is read 
 
 from __future__ import annotations
 
-import json
 import struct
-import zlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,6 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata, MetadataIndex
 
 from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.checksum import CHECKSUM, checksum_of
 from slosh_bag.mcap_files.chunks import RECORD_HEADER, DamageError, parse
 from slosh_bag.mcap_files.mcap_summary import MAGIC, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk
@@ -24,8 +22,6 @@ from slosh_bag.mcap_files.record_stream import RecordStream
 
 NAME = "slosh"
 _HEADER = struct.Struct("<BQ")
-
-CHECKSUM = "crc32"
 
 
 def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
@@ -113,13 +109,3 @@ def _data_checksum(stream: RecordStream) -> int:
 
 def _without_checksum(path: Path) -> str:
     return f"{path}: facts about the bag without checksums: damage would not be noticed"
-
-
-def with_checksum(facts: Mapping[str, str]) -> dict[str, str]:
-    """The content of a metadata record: facts, and their checksum."""
-    return {**facts, CHECKSUM: checksum_of(facts)}
-
-
-def checksum_of(facts: Mapping[str, str]) -> str:
-    """The checksum of facts, whatever their order."""
-    return f"{zlib.crc32(json.dumps(dict(facts), sort_keys=True).encode()):08x}"

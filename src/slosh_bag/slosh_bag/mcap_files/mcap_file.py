@@ -34,8 +34,8 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from slosh_bag.mcap_files.bag_facts import with_checksum
 from slosh_bag.mcap_files.bag_metadata import SERIALIZATION
+from slosh_bag.mcap_files.checksum import with_checksum
 
 CHUNK_BYTES = 2**20
 """A chunk ends with the message that makes it as long as this, before compression [bytes]."""
