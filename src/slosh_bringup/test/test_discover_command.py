@@ -345,7 +345,7 @@ def test_tables_of_a_damped_liquid_name_its_damping(capsys, tmp_path):
         t = np.arange(0.0, 4.0, 0.002)
         shape = np.where(t < 2.0, np.sin(np.pi * t / 2.0) ** 2, 0.0)
         turn = (16.0 + number) * t
-        acceleration = np.column_stack([3.0 * shape * np.sin(turn), 2.0 * shape, 0.3 * shape])
+        acceleration = np.column_stack([2.0 * shape * np.sin(turn), 2.0 * shape, 0.3 * shape])
         seen = np.full(len(t), np.nan)
         heights = predicted_heights(truth, Inputs(t, acceleration), t[::8])[:, 0]
         seen[::8] = heights + 2e-4 * noise.standard_normal(len(heights))

@@ -78,7 +78,7 @@ class _Seen(NamedTuple):
         """How marked the steps are, about their mean."""
         sizes = np.abs(self.steps)
         edges = np.asarray(sizes / (sizes + np.float32(_HALF_EDGE)), np.float32)
-        return edges - edges.mean(axis=1, keepdims=True)
+        return np.asarray(edges - edges.mean(axis=1, keepdims=True), np.float32)
 
 
 class StillEdges:
