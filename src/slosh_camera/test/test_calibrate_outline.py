@@ -1,5 +1,7 @@
 """A container by its sides first: its level among printed rings, from above and below."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,16 @@ def test_no_sides_no_container(make_scene):
     view = make_scene().calibration().view
     image = make_scene(noise=3.0).empty()
     assert find_outline(edge_image(image), view.camera, view.cup) is None
+
+
+def test_a_shallow_liquid_needs_a_click(make_scene):
+    _, image, truth = tall(make_scene, liquid=150)
+    edges, cup = edge_image(image), dataclasses.replace(truth.cup, fill_height=0.02)
+    assert find_outline(edges, truth.camera, cup) is None
+    ((u, v),) = truth.project_wall(truth.camera_azimuth, 0.0, Wall.FRONT)
+    outline = find_outline(edges, truth.camera, cup, (u, v))
+    assert outline is not None
+    assert front_of(outline)[1] == pytest.approx(v, abs=1.5)
 
 
 @pytest.mark.long

@@ -47,6 +47,8 @@ _LINE_ALONE, _FULL_STEP, _OF_LARGEST, _BEHIND = 0.5, 15.0, 0.7, 0.6
 # The sides show on so much of the liquid's height below its level, and on less than so much of the
 # stretch below its floor, which starts and ends so many fill heights below it.
 _WALLED, _BELOW, _BELOW_FROM, _BELOW_TO = 0.68, 0.5, 1.12, 1.4
+# Of a shallower liquid [radii] the walls below the level show too little.
+_LEAST_FILL = 1.5
 # Of another line that may be the level they show on so much of it.
 _MAY_BE_WALLED = 0.55
 # They show above the level, too, from so many radii above it to so many.
@@ -114,7 +116,8 @@ def find_outline(
         level: a pixel on the front line of the still level; None: not told.
 
     Returns:
-        Both; None where there are no two sides, or no line between them looks like a level.
+        Both; None where there are no two sides, the liquid is shallow, or no line between the
+        sides looks like a level.
 
     Raises:
         SloshCameraError: two lines may be the level.
@@ -130,6 +133,8 @@ def find_outline(
     if not high > low:
         return None
     strip = unrolled(edges, view, low, high)
+    if level is None and cup.fill_height < _LEAST_FILL * cup.radius:
+        return None
     if level is not None:
         heights = -height_through(camera, cup, axis, level)
         line = lines_across(edges, strip)
