@@ -77,7 +77,7 @@ class _Seen(NamedTuple):
     def edges(self) -> Single:
         """How marked the steps are, about their mean."""
         sizes = np.abs(self.steps)
-        edges = np.asarray(sizes / (sizes + np.float32(_HALF_EDGE)), np.float32)
+        edges = sizes / (sizes + np.float32(_HALF_EDGE))
         return np.asarray(edges - edges.mean(axis=1, keepdims=True), np.float32)
 
 
