@@ -7,7 +7,7 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 # The longest first, so that no worker is left with them in the end.
 TESTS := tests $(wildcard src/*/test)
 # What must keep pace with a camera and a robot runs before the others: a busy machine fails it.
-REAL_TIME := tests/real_time src/slosh_bringup/test/test_cell_node.py
+REAL_TIME := src/slosh_bringup/test/test_cell_node.py tests/real_time
 # One worker more than there are cores: tests of live nodes wait for each other a third of the time.
 # `make test WORKERS=0` runs all in one process, as a debugger wants it.
 WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
