@@ -123,3 +123,14 @@ def test_a_path_with_a_blank_an_umlaut_and_a_quote_is_taken(place):
     bootstrap.check_place()
     assert not bootstrap.PLAIN.fullmatch(str(place))
     assert bootstrap.PLAIN.fullmatch("/home/me/slosh-1.0/.venv")
+
+
+def test_code_that_python_keeps_beside_a_launch_file_builds_nothing_anew(place):
+    for name in ("ros2_ws/colcon-defaults.yaml", ".venv/.environment", "src/a/launch/a.launch.py"):
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).touch()
+    before = bootstrap.workspace_inputs()
+    (place / "src/a/launch/__pycache__").mkdir()
+    assert bootstrap.workspace_inputs() == before
+    (place / "src/a/launch/b.launch.py").touch()
+    assert bootstrap.workspace_inputs() != before

@@ -227,6 +227,7 @@ def workspace_inputs() -> list[bytes]:
         str(path)
         for folder in ("launch", "config", "bin")
         for path in (ROOT / "src").glob(f"*/{folder}/*")
+        if path.is_file()  # Python keeps the code of a launch file beside it, in a folder
     )
     files.append(WORKSPACE / "colcon-defaults.yaml")
     environment = (VENV / ".environment").read_bytes()
