@@ -72,7 +72,7 @@ from slosh_bag.recorded_topics import TopicChoice
 from slosh_bringup.live.cell_setup import REMAPPABLE
 from slosh_bringup.watch.recording import HEIGHTS
 assert renamed("/slosh/toy", "/other") == "/other/toy"
-assert TopicChoice("/slosh").is_own("/slosh/toy")
+assert TopicChoice("/slosh").wants("/slosh/toy")
 assert TopicChoice("/slosh").has_one_publisher("/slosh/toy", "std_msgs/msg/Header")
 assert "toy" in REMAPPABLE
 assert HEIGHTS["toy"] == "std_msgs/msg/Header"
