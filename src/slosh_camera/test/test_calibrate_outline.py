@@ -96,3 +96,10 @@ def test_a_large_picture_of_a_graduated_cylinder_is_calibrated(make_scene):
     for height in (-0.01, 0.0, 0.01):
         pixel = truth.project_wall(truth.camera_azimuth, height, Wall.FRONT)
         assert fit.view.on_wall(pixel, Wall.FRONT)[1][0] == pytest.approx(height, abs=0.8e-3)
+
+
+def test_a_wall_of_a_few_rows_shows_no_level(make_scene, monkeypatch):
+    """Two lines of another thing: where the image sees their container's wall it is far away."""
+    _, image, truth = tall(make_scene, liquid=150)
+    monkeypatch.setattr("slosh_camera.calibrate.outline._extent", lambda *_: (-9.0, -8.0))
+    assert find_outline(edge_image(image), truth.camera, truth.cup) is None

@@ -39,6 +39,8 @@ _LINES, _LEAST_LINE = 26, 0.06
 # Sides are so far apart at least, as a part of the image's width, and show together on so many of
 # its rows.
 _LEAST_WIDTH, _LEAST_ROWS = 0.06, 0.15
+# A wall of fewer rows shows no level.
+_LEAST_STRIP = 40
 # Rows count on which both show so clearly; every second is looked at, so far off the line [px].
 _SHOWN, _SPACING, _NEAR = 0.4, 2, 2.0
 # A line's weight without a lasting change of colour, the change that counts fully [grey levels],
@@ -128,11 +130,16 @@ def find_outline(
     axis, sides = found
     # Heights count from where the axis is nearest to the camera.
     place = axis.place(0.0)
-    view = view_at(camera, cup, place)
+    try:
+        view = view_at(camera, cup, place)
+    except SloshCameraError:  # no container can stand so
+        return None
     low, high = _extent(view, camera)
     if not high > low:
         return None
     strip = unrolled(edges, view, low, high)
+    if strip.heights.size < _LEAST_STRIP:
+        return None
     if level is None and cup.fill_height < _LEAST_FILL * cup.radius:
         return None
     if level is not None:

@@ -151,7 +151,7 @@ def walls_below(
 ) -> FloatArray:
     """Part of a depth on which both sides show, from so far below each height (N,) on."""
     step = float(heights[1] - heights[0])
-    count = max(round(depth / step), 1)
+    count = min(max(round(depth / step), 1), _MOST_ROWS)
     z = np.concatenate((heights[0] - step * np.arange(count, 0, -1.0), heights)) - start
     total = np.concatenate(([0.0], np.cumsum(_sides_seen(edges, view, z))))
     return np.asarray((total[count + 1 :] - total[1 : heights.size + 1]) / count)
