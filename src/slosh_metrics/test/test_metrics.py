@@ -104,3 +104,10 @@ def test_reset_forgets() -> None:
     assert accuracy.count == 0
     assert math.isnan(accuracy.sigma)
     assert math.isnan(accuracy.rms)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_forged_height_is_counted_without_a_word() -> None:
+    accuracy = RunningAccuracy()
+    accuracy.update_many(np.array([0.01, 1e308]), np.array([0.01, 0.01]))
+    assert accuracy.count == 2
