@@ -16,19 +16,15 @@ from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.fit import Fit
 from slosh_camera.calibrate.strip import (
     SLACK,
-    beside,
     lasting_changes,
-    lines_across,
+    level_like,
+    own_lines,
     rear_above,
     unrolled,
     walls_below,
 )
 
 # The numbers below were set on every second of a set of photographs of graduated cylinders.
-# A lasting change of colour that counts fully [grey levels], and the weight of a line without one.
-_FULL_STEP, _LINE_ALONE = 15.0, 0.5
-# So does this part of the largest change on the wall, where that is more.
-_OF_LARGEST = 0.7
 # Another line is a rival where it is at least so strong as a part of the level's, lies farther
 # away than so many radii, and the sides show on this part of the liquid's height below it.
 _RIVAL, _APART, _LEAST_SIDES = 0.8, 0.15, 0.5
@@ -38,8 +34,6 @@ LEAST_LEVEL = 0.25
 _SHOWS = 0.6
 # Nearer than so many radii to the rim or the floor is no other level.
 _ENDS = 0.3
-# Of the strength of a line that goes on beside the container so much is taken off.
-_BEHIND = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +79,7 @@ def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
     view = view_at(fit.camera, fit.cup, fit.place)
     top = fit.cup.rim_level if fit.cup.rim_level is not None else fit.cup.fill_height
     strip = unrolled(edges, view, -fit.cup.fill_height, top)
-    line = lines_across(edges, strip) * (1.0 - _BEHIND * beside(edges, view, strip.heights))
+    line = own_lines(edges, view, strip)
     change = lasting_changes(strip, fit.cup, fit.place)
     here = np.abs(strip.heights) <= SLACK * (strip.heights[1] - strip.heights[0])
     rear = rear_above(fit.cup, fit.place, 0.0)
@@ -98,9 +92,8 @@ def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
         other &= strip.heights < fit.cup.rim_level - ends
     walled = walls_below(edges, view, strip.heights, 0.0, fit.cup.fill_height) >= _LEAST_SIDES
     other &= walled
-    # Where one line parts two colours, a ring's small change is none.
-    full = max(_FULL_STEP, _OF_LARGEST * float(np.max(change, initial=0.0, where=here | other)))
-    strength = line * (_LINE_ALONE + (1.0 - _LINE_ALONE) * np.minimum(change / full, 1.0))
+    largest = float(np.max(change, initial=0.0, where=here | other))
+    strength = level_like(line, change, largest)
     middle = strip.pixels.shape[1] // 2
 
     def level(index: int) -> Level:

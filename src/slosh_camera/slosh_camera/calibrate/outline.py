@@ -20,9 +20,10 @@ from slosh_camera.calibrate.pose import Axis, CameraPlace
 from slosh_camera.calibrate.search import axis_of_lines, height_through
 from slosh_camera.calibrate.strip import (
     Strip,
-    beside,
     lasting_changes,
+    level_like,
     lines_across,
+    own_lines,
     rear_above,
     slopes_of,
     unrolled,
@@ -43,9 +44,6 @@ _LEAST_WIDTH, _LEAST_ROWS = 0.06, 0.15
 _LEAST_STRIP = 40
 # Rows count on which both show so clearly; every second is looked at, so far off the line [px].
 _SHOWN, _SPACING, _NEAR = 0.4, 2, 2.0
-# A line's weight without a lasting change of colour, the change that counts fully [grey levels],
-# also as a part of the largest, and what is taken off a line that goes on beside the container.
-_LINE_ALONE, _FULL_STEP, _OF_LARGEST, _BEHIND = 0.5, 15.0, 0.7, 0.6
 # The sides show on so much of the liquid's height below its level, and on less than so much of the
 # stretch below its floor, which starts and ends so many fill heights below it.
 _WALLED, _BELOW, _BELOW_FROM, _BELOW_TO = 0.68, 0.5, 1.12, 1.4
@@ -276,7 +274,7 @@ def _strengths(
     """
     cup, heights = view.cup, strip.heights
     fill = cup.fill_height
-    line = lines_across(edges, strip) * (1.0 - _BEHIND * beside(edges, view, heights))
+    line = own_lines(edges, view, strip)
     depth = max(fill, _LEAST_DEPTH * cup.radius)
     walled = walls_below(edges, view, heights, 0.0, depth)
     allowed = walled >= _MAY_BE_WALLED
@@ -290,8 +288,7 @@ def _strengths(
     stretch = max((_BELOW_TO - _BELOW_FROM) * fill, _LEAST_DEPTH * cup.radius)
     allowed &= walls_below(edges, view, heights, _BELOW_FROM * fill, stretch) < _BELOW
     change = np.where(allowed, lasting_changes(strip, cup, place), 0.0)
-    full = max(_FULL_STEP, _OF_LARGEST * float(change.max()))
-    strength = line * (_LINE_ALONE + (1.0 - _LINE_ALONE) * np.minimum(change / full, 1.0))
+    strength = level_like(line, change, float(change.max()))
     likely = allowed & (walled >= _WALLED)
     return (
         np.where(allowed, line, 0.0),

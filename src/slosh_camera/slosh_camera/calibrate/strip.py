@@ -30,6 +30,11 @@ _MOST_ROWS = 3000
 # Where a line that goes on beside the container is looked for, in outer radii from the axis: an
 # edge of a table behind it.
 _BESIDE = (1.2, 1.3, 1.4, 1.5)
+# Of the strength of such a line so much is taken off.
+_BEHIND = 0.6
+# The weight of a line without a lasting change of colour, and the change that counts fully: in
+# grey levels, and as a part of the largest.
+_LINE_ALONE, _FULL_STEP, _OF_LARGEST = 0.5, 15.0, 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +77,24 @@ def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
     support = np.asarray(cv2.dilate(support, np.ones((2 * SLACK + 1, 1), np.uint8)), np.float32)
     sectors = support.reshape(len(support), _SECTORS, _COLUMNS).mean(axis=2)
     return np.asarray(np.sort(sectors, axis=1)[:, :2].mean(axis=1), np.float64)
+
+
+def own_lines(edges: EdgeImage, view: CupView, strip: Strip) -> FloatArray:
+    """The same, less where a line goes on beside the container."""
+    return lines_across(edges, strip) * (1.0 - _BEHIND * beside(edges, view, strip.heights))
+
+
+def level_like(line: FloatArray, change: FloatArray, largest: float) -> FloatArray:
+    """How much each height (N,) looks like a level, 0 to 1.
+
+    Args:
+        line: (N,) how much of a line is there, 0 to 1.
+        change: (N,) of the colour, that lasts [grey levels].
+        largest: of the changes where a level can be [grey levels]. Where one line parts two
+            colours, a ring's small change is none.
+    """
+    full = max(_FULL_STEP, _OF_LARGEST * largest)
+    return line * (_LINE_ALONE + (1.0 - _LINE_ALONE) * np.minimum(change / full, 1.0))
 
 
 def slopes_of(strip: Strip) -> FloatArray:

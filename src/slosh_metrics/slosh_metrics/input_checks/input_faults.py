@@ -64,6 +64,8 @@ JUMP = 3.0
 """After a freeze values jump by so many times what they change beside it in a sample at most."""
 GAP, GAP_SAMPLES = 0.05, 5.0
 """A stretch is missing from this time on [s], and from so many sampling intervals."""
+MIXED_INPUT = "several publishers are mixed on its topic; stop one of them and record again"
+"""What such a fault comes from, and what helps."""
 APART, STICKS_OUT = 0.4, 2.0
 """A sample sticks out where it is this far off the middle of its neighbours [m/s²], and so many
 times further than they are from each other."""
@@ -128,10 +130,7 @@ class InputFault(NamedTuple):
                 "driver or the bus stalled; record again"
             )
         if self.kind is FaultKind.MIXED:
-            return (
-                f"the acceleration jumps to and fro between two motions {when}: several "
-                "publishers are mixed on its topic; stop one of them and record again"
-            )
+            return f"the acceleration jumps to and fro between two motions {when}: {MIXED_INPUT}"
         return (
             f"the acceleration has no samples {when} while the container moves: messages were "
             "lost; record again"

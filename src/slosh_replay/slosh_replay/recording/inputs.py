@@ -17,6 +17,7 @@ from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import Modes, gap_sentence, modes_of
+from slosh_metrics.input_checks.input_faults import MIXED_INPUT
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.indices import QW, QX, QY, QZ
 from slosh_model.model import Model
@@ -175,8 +176,7 @@ class InputReader:
         if late > MIXED * (late + gate.used):
             return [
                 f"{late} of {late + gate.used} messages of {self.kind} are stamped before the one "
-                "ahead of them, and are not used: several publishers are mixed on its topic; "
-                "stop one of them and record again"
+                f"ahead of them, and are not used: {MIXED_INPUT}"
             ]
         # Of samples that are all gaps, one in two is used: their rate is not that of the input.
         line = gap_sentence(gate, counts["samples_used"], counts["gaps"]) or self._slow
