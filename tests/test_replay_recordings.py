@@ -74,7 +74,7 @@ def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
     in_one = rewritten(eventful, tmp_path / "one" / "bag", 8 << 20, monkeypatch)
     in_many = rewritten(eventful, tmp_path / "many" / "bag", chunk, monkeypatch)
     sources = find_sources(in_many, BagReader(in_many))
-    counts = [len(list(feed(BagReader(bag), sources))) for bag in (in_one, in_many)]
+    counts = [len(list(feed(BagReader(bag), sources, {}))) for bag in (in_one, in_many)]
     assert counts[0] == 1
     assert counts[1] > 500_000 // chunk
     expected = replay_bag(in_one)
@@ -379,12 +379,9 @@ def test_while_the_input_was_not_recorded_nothing_piles_up(live, tmp_path, monke
 
     def advance(stream, *, final=False, go_on=ReplayStream.advance):
         go_on(stream, final=final)
-        components = stream._components
-        sides = stream._measured, components.verifier._recorded, [components.matcher]
-        lengths = [
-            [len(p._stamps if p is components.matcher else p.stamps) for p in side]
-            for side in sides
-        ]
+        matcher = stream.setting.matcher
+        sides = stream._measured, stream.verifiers["estimate"]._recorded, [matcher]
+        lengths = [[len(p._stamps if p is matcher else p.stamps) for p in side] for side in sides]
         waiting.append(max(map(sum, lengths)))
 
     monkeypatch.setattr(ReplayStream, "advance", advance)

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_bag.errors import SloshBagError
-from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
@@ -17,7 +16,7 @@ from slosh_replay.replay.accuracy import judge
 from slosh_replay.replay.conclusion import thinned
 from slosh_replay.replay.model_set import ModelHeights, at_images
 from slosh_replay.replay.series import Series
-from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
+from slosh_replay.replay.unrelated import align
 
 STAMPS = np.arange(0, 1_000_000_000, 10_000_000, dtype=np.int64)
 HEIGHT = 0.02
@@ -151,28 +150,22 @@ def whole(acceleration=3.0, shift=5.0, level=0.004):
     stamps = np.arange(0, 4_000_000_000, 2_000_000, dtype=np.int64)
     heights = np.repeat(wave(stamps * 1e-9)[:, None], 4, axis=1)
     none = np.full(len(t), np.nan)
-    return WholeRun(
-        ("2D-L", "3D-L", "2D-NL", "3D-NL"),
-        ModelHeights(stamps, heights, np.zeros(len(stamps)), np.zeros(len(stamps), dtype=int)),
-        acceleration * np.outer(np.cos(3e-9 * np.pi * stamps), (1.0, 0.0, 0.0)),
-        Measurements(
-            np.rint(t * 1e9).astype(np.int64),
-            level + wave(t - shift),
-            np.zeros(len(t), dtype=np.int64),
-            none,
-            none,
-        ),
+    accelerations = acceleration * np.outer(np.cos(3e-9 * np.pi * stamps), (1.0, 0.0, 0.0))
+    none, whole = np.full(len(t), np.nan), np.zeros(len(t), dtype=np.int64)
+    azimuth, flags = np.zeros(len(stamps)), np.zeros(len(stamps), dtype=int)
+    return (
+        ModelHeights(stamps, heights, azimuth, flags, accelerations=accelerations),
+        Measurements(np.rint(t * 1e9).astype(int), level + wave(t - shift), whole, none, none),
     )
 
 
 def test_still_level_is_taken_off_where_the_clocks_are_unrelated():
-    result = judge_unrelated("run", "pose", whole(), MonitorSettings())
-    row = result.accuracy[0]
-    assert result.still.level == pytest.approx(0.004)
-    assert row.clock.offset == pytest.approx(5.0, abs=2e-3)
-    assert row.sigma < 2e-4
+    found = align("run", *whole())
+    assert found.still.level == pytest.approx(0.004)
+    assert found.clocks[0].offset == pytest.approx(5.0, abs=2e-3)
+    assert np.nanmean(np.abs(found.heights[:, 0] - found.measured.heights)) < 2e-4
 
 
 def test_a_container_that_does_not_move_is_refused():
     with pytest.raises(SloshBagError, match="does not move"):
-        judge_unrelated("run", "pose", whole(acceleration=0.0), MonitorSettings())
+        align("run", *whole(acceleration=0.0))

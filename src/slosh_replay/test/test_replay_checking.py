@@ -40,7 +40,7 @@ RESULT = ReplayResult(
     ),
     events=EVENTS,
     counters={"images": 552, "samples_dropped": 1, "not_used_live": 2},
-    verification=verified(),
+    verified={"estimate": verified()},
     warnings=("/data/c3/c3_0.mcap: unfinished (cut off); 12 bytes could not be used",),
 )  # fmt: skip
 DIFFERENT = verified(
@@ -68,7 +68,7 @@ def test_what_a_manifest_is_written_from_passes():
 
 def test_numbers_that_are_not_known_are_not_stated():
     unknown = replace(RESULT.accuracy[0], sigma=math.nan, epsilon=math.nan)
-    expected = expectation_of(replace(RESULT, accuracy=(unknown,), verification=None))
+    expected = expectation_of(replace(RESULT, accuracy=(unknown,), verified={}))
     assert (expected.sigma, expected.epsilon, expected.tolerance) == ({}, {}, None)
 
 
@@ -136,7 +136,7 @@ def test_events_that_are_expected_and_lack_or_come_and_are_not():
 
 
 def test_estimates_that_differ_fail_with_message_field_and_cause():
-    lines = failures(Expectation(tolerance=0.0), replace(RESULT, verification=DIFFERENT))
+    lines = failures(Expectation(tolerance=0.0), replace(RESULT, verified={"estimate": DIFFERENT}))
     text = "\n".join(lines)
     assert "97 of 100 messages bit for bit, 3 differ" in text
     assert "first difference: nonlinear.msh at 1.000000 s" in text
@@ -144,7 +144,7 @@ def test_estimates_that_differ_fail_with_message_field_and_cause():
 
 
 def test_a_stated_tolerance_of_estimates_holds():
-    result = replace(RESULT, verification=DIFFERENT)
+    result = replace(RESULT, verified={"estimate": DIFFERENT})
     assert failures(Expectation(tolerance=2e-12), result) == ()
     assert failures(Expectation(tolerance=0.5e-12), result)
     assert failures(Expectation(tolerance=None), result) == ()
@@ -153,21 +153,23 @@ def test_a_stated_tolerance_of_estimates_holds():
 def test_another_machines_rounding_is_allowed_a_billionth_and_no_more():
     for largest, passes in ((0.9e-9, True), (1.1e-9, False)):
         found = replace(DIFFERENT, largest={"nonlinear.msh": largest}, rounds_otherwise=True)
-        lines = failures(Expectation(tolerance=0.0), replace(RESULT, verification=found))
+        lines = failures(Expectation(tolerance=0.0), replace(RESULT, verified={"estimate": found}))
         assert (lines == ()) is passes
 
 
 def test_missing_estimates_fail_whatever_the_tolerance():
     found = verified(recorded=99, identical=99, missing=1, rounds_otherwise=True)
     for tolerance in (0.0, 1.0):
-        assert failures(Expectation(tolerance=tolerance), replace(RESULT, verification=found))
+        assert failures(
+            Expectation(tolerance=tolerance), replace(RESULT, verified={"estimate": found})
+        )
 
 
 @pytest.mark.parametrize("found", [None, verified(recorded=0, identical=0)])
 def test_estimates_that_were_never_recorded_cannot_come_out_again(found):
-    (line,) = failures(Expectation(tolerance=0.0), replace(RESULT, verification=found))
+    (line,) = failures(Expectation(tolerance=0.0), replace(RESULT, verified={"estimate": found}))
     assert "none were recorded" in line
-    assert expectation_of(replace(RESULT, verification=found)).tolerance is None
+    assert expectation_of(replace(RESULT, verified={"estimate": found})).tolerance is None
 
 
 def test_warnings_that_lack_or_were_not_announced_fail():

@@ -13,10 +13,10 @@ from slosh_model.model import Model
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.replay.input_matching import InputMatcher
-from slosh_replay.replay.model_set import ModelSet
-from slosh_replay.replay.monitor_feed import MonitorFeed
+from slosh_replay.replay.node_table import node_table
+from slosh_replay.replay.nodes import Outputs, Setting
 from slosh_replay.replay.series import Series
-from slosh_replay.replay.stream import Components, Outputs, ReplayStream
+from slosh_replay.replay.stream import ReplayStream
 from slosh_replay.replay.verification import Verifier
 
 MS = 1_000_000
@@ -76,29 +76,29 @@ def replayed(step, estimates_until=6000, recorded=None):
     stamps, accelerations = inputs()
     measured, out = images(), Kept()
     with Series(4) as series:
-        components = Components(
-            ModelSet(MODEL), InputReader("accel", InputSettings()),
-            MonitorFeed(MonitorSettings(measured_limit=0.005)), series, matcher=InputMatcher(),
-            verifier=Verifier("estimate"), comparisons=Verifier("comparison"), outputs=out,
+        setting = Setting(
+            MODEL, InputReader("accel", InputSettings()), MonitorSettings(measured_limit=0.005),
+            matcher=InputMatcher(), outputs=out,
         )  # fmt: skip
-        stream = ReplayStream("run", components)
+        verifiers = {name: Verifier(name) for name in ("estimate", "comparison")}
+        stream = ReplayStream("run", node_table(), setting, series, verifiers=verifiers)
         for start in range(START, START + 6000 * MS, step * MS):
             end = start + step * MS
             rows = (stamps >= start) & (stamps < end)
             stream.add_input(columns(stamps[rows], accelerations[rows]), end)
             heard = rows & (stamps < START + estimates_until * MS)
             counts = 1 + np.flatnonzero(heard)
-            components.matcher.add_recorded(stamps[heard], counts)
+            setting.matcher.add_recorded(stamps[heard], counts)
             rows = (measured.stamps >= start) & (measured.stamps < end)
             stream.add_measurements(measured.chosen(rows), end)
             if recorded is not None:
                 near = (recorded[0] >= start) & (recorded[0] < end)
-                components.comparisons.add_recorded(
+                verifiers["comparison"].add_recorded(
                     recorded[0][near], {name: c[near] for name, c in recorded[1].items()}
                 )
             stream.advance()
         stream.advance(final=True)
-        return series.read(0, len(series)), out, components.comparisons.result()
+        return series.read(0, len(series)), out, verifiers["comparison"].result()
 
 
 @pytest.mark.parametrize("estimates_until", [6000, 500])
@@ -129,11 +129,8 @@ def test_comparisons_wait_for_their_estimates_before_they_are_missed():
 def test_inputs_whose_stamps_go_back_are_refused():
     stamps, accelerations = inputs()
     with Series(4) as series:
-        components = Components(
-            ModelSet(MODEL), InputReader("accel", InputSettings()),
-            MonitorFeed(MonitorSettings()), series,
-        )  # fmt: skip
-        stream = ReplayStream("run", components)
+        setting = Setting(MODEL, InputReader("accel", InputSettings()))
+        stream = ReplayStream("run", node_table(), setting, series)
         stream.add_input(columns(stamps, accelerations), int(stamps[-1]))
         stream.advance()
         stream.add_input(columns(stamps[500:], accelerations[500:]), int(stamps[-1]))

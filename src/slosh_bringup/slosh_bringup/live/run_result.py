@@ -145,11 +145,9 @@ def table(result: RunResult) -> str:
 
 def print_replay(replayed: ReplayResult) -> None:
     """Prints whether the recording gives its own estimates and comparisons again."""
-    named = (("estimates", replayed.verification), ("comparisons", replayed.comparisons))
     parts = [
-        f"{found.identical} of {found.recorded + found.missing} {name}"
-        for name, found in named
-        if found is not None
+        f"{found.identical} of {found.recorded + found.missing} {name}s"
+        for name, found in replayed.verified.items()
     ]
     print(f"{'replayed':<20}{', '.join(parts) or 'nothing'} bit for bit")
     if replayed.verification is not None and not replayed.verification.exact:

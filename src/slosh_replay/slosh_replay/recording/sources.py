@@ -26,22 +26,22 @@ class Sources(NamedTuple):
 
     Attributes:
         kind: of the input: 'accel', 'imu' or 'pose'.
+        topics: finds all topics of the cell.
         input, surface: topics.
         estimate, comparison: topics of what was recorded live; None: there is none.
         starts: of the recorded nodes.
         facts: about the whole bag.
         state: topic of the estimator's states; None: none were recorded.
-        cells: namespaces of all cells that were recorded, the one that is read first.
     """
 
     kind: str
+    topics: CellTopics
     input: str
     surface: str | None
     estimate: str | None
     comparison: str | None
     starts: tuple[NodeStart, ...]
     facts: Mapping[str, str]
-    cells: tuple[str, ...] = ()
     state: str | None = None
 
 
@@ -88,13 +88,13 @@ def find_sources(
             found.settle(topic)
             return Sources(
                 name,
+                found,
                 topic,
                 found.topic("free_surface", SURFACE),
                 found.topic("estimate", ESTIMATE),
                 found.topic("comparison", COMPARISON),
                 tuple(starts),
                 reader.metadata(),
-                found.cells,
                 found.topic(states.TOPIC, states.MESSAGE_TYPE),
             )
     where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from slosh_estimator.limits import Event, Source
+from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.manifest import Expectation, Expected, ExpectedEvent
 from slosh_replay.replay.result import ReplayResult
+from slosh_replay.replay.verification import Verification
 from slosh_report.page.units import unit_style
 from slosh_report.run_report import Check
 
@@ -76,6 +78,7 @@ def check_result(result: ReplayResult, expected: Expectation) -> Checked:
         *(Point(check.name, "" if check.passed else _failure(check)) for check in checks),
         *sources,
         *_estimates(result, expected.tolerance),
+        *_further(result, expected.tolerance),
         _warnings(result.warnings, expected.warnings),
     ]
     return Checked(result.name, tuple(points), tuple(checks))
@@ -168,6 +171,20 @@ def _estimates(result: ReplayResult, tolerance: float | None) -> list[Point]:
     found = result.verification
     if found is None or not found.recorded + found.missing:
         return [Point(name, "estimates: none were recorded; there is nothing to compare with")]
+    return _same(name, found, tolerance)
+
+
+def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
+    """Of what other nodes gave, where their row of the table states a tolerance."""
+    return [
+        point
+        for name, found in result.verified.items()
+        if name != ESTIMATE and tolerance is not None and found.tolerance is not None
+        for point in _same(f"recorded {name}", found, found.tolerance)
+    ]
+
+
+def _same(name: str, found: Verification, tolerance: float) -> list[Point]:
     allowed = tolerance or (ROUNDING if found.rounds_otherwise else 0.0)
     if found.exact or (allowed and found.within(allowed)):
         return [Point(name)]

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.errors import SloshBagError
+from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.replay.accuracy import Judgement, judge
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
-from slosh_replay.replay.stream import Components, ReplayStream
+from slosh_replay.replay.stream import ReplayStream
 from slosh_replay.replay.verification import Verification
 
 DRAWN = 20_000
@@ -30,77 +31,87 @@ class Origin(NamedTuple):
 
 
 def conclude(
-    name: str,
-    source: str,
-    stream: ReplayStream,
-    components: Components,
-    origin: Origin | None = None,
+    name: str, source: str, stream: ReplayStream, origin: Origin | None = None
 ) -> ReplayResult:
     """The result of a replay through which everything has gone.
 
     Args:
         name: of the bag or table.
         source: topic or file that drove the models.
-        stream, components: the replay.
+        stream: the replay.
         origin: what is known to differ between the recording and the replay.
 
     Raises:
         SloshBagError: there is no usable input.
     """
-    reader = components.reader
+    setting, series, reader = stream.setting, stream.series, stream.setting.reader
     if not reader.counters["samples_used"]:
         raise SloshBagError(f"{name}: holds no usable message of {source}{reader.refusal}")
     reader.finish()
+    estimator, feed = stream.estimator, stream.monitor.feed
     origin = origin or Origin()
-    if stream.untaken:
-        causes = (*origin.causes, f"the recorded state cannot be restored: {stream.untaken}")
+    if estimator.untaken:
+        causes = (*origin.causes, f"the recorded state cannot be restored: {estimator.untaken}")
         origin = origin._replace(causes=causes)
-    elif components.matcher is not None and components.known is None:
-        origin = origin._replace(causes=(*origin.causes, *components.matcher.remarks()))
+    elif setting.matcher is not None and setting.known is None:
+        origin = origin._replace(causes=(*origin.causes, *setting.matcher.remarks()))
     counters = {**reader.counters, "images": stream.images}
-    if stream.unused:
-        counters["not_used_live"] = stream.unused
-    astray = _astray(stream.strays)
-    counters["unmatched_images"] = components.monitor.monitor.unmatched
-    spans = stream.motions.spans
-    names = components.models.names
-    measured = components.monitor.monitor.settings.camera and len(components.series) > 0
-    judged = judge(components.series, names, spans) if measured else Judgement()
+    if estimator.unused:
+        counters["not_used_live"] = estimator.unused
+    counters["unmatched_images"] = feed.monitor.unmatched
+    names, laid = estimator.models.names, stream.alignment
+    judged = Judgement()
+    if laid is not None:
+        judged = judge(series, names, clocks=laid.clocks)
+    elif feed.monitor.settings.camera and len(series):
+        judged = judge(series, names, stream.motions.spans)
     counters["spikes"] = judged.spikes
-    clocks = components.monitor.monitor.motions.clocks.text()
     said = (
-        astray, *reader.doubts, *reader.faults, clocks, judged.warning, *reader.warnings()
-    )  # fmt: skip
-    rows = thinned(components.series)
+        _astray(stream.strays),
+        *reader.doubts,
+        *reader.faults,
+        feed.monitor.motions.clocks.text(),
+        judged.warning,
+        "" if laid is None else laid.drift,
+        *reader.warnings(),
+    )
+    rows = thinned(series) if laid is None else series.read(0, len(series))
+    heights = rows["heights"] if laid is None else laid.heights
     return ReplayResult(
         name=name,
         source=source,
         stamps=rows["stamp"],
         measured=rows["measured"],
-        heights={model: rows["heights"][:, column] for column, model in enumerate(names)},
+        heights={model: heights[:, column] for column, model in enumerate(names)},
         accuracy=judged.models,
         motions=judged.motions,
-        events=tuple(stream.events),
+        events=tuple(stream.monitor.events),
         counters=counters,
+        still=None if laid is None else laid.still,
         azimuth=rows["azimuth"],
         model_azimuth=rows["model_azimuth"],
         flags=rows["flags"],
-        verification=_verification(components, origin),
-        comparisons=None if components.comparisons is None else components.comparisons.result(),
-        model=components.models.model,
-        limits=components.monitor.settings,
-        limit_changes=components.monitor.changes,
+        verified=_verified(stream, origin),
+        model=estimator.models.model,
+        limits=feed.settings,
+        limit_changes=feed.changes,
         warnings=tuple(f"{name}: {line}" for line in said if line),
     )
 
 
-def _verification(components: Components, origin: Origin) -> Verification | None:
-    """How the estimates compare with the recorded ones; None: none are recorded."""
-    if components.verifier is None:
-        return None
-    counter = components.counter
-    miscounted = counter.breaks if counter is not None else 0
-    return replace(components.verifier.result(*origin), miscounted=miscounted)
+def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
+    """How the nodes' messages compare with the recorded ones, by the last name of their topic.
+
+    Why estimates may differ is told of them, not of what follows from them.
+    """
+    found = {
+        name: verifier.result(*(origin if name == ESTIMATE else origin._replace(causes=())))
+        for name, verifier in stream.verifiers.items()
+    }
+    counter = stream.setting.counter
+    if ESTIMATE in found and counter is not None:
+        found[ESTIMATE] = replace(found[ESTIMATE], miscounted=counter.breaks)
+    return found
 
 
 def _astray(strays: Mapping[str, int]) -> str:

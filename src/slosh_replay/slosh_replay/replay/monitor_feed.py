@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import repeat
 from typing import Any, NamedTuple
 
@@ -17,8 +17,12 @@ from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_msgs_py.topics import COMPARISON
 from slosh_replay.recording.heights import Measurements
+from slosh_replay.replay.model_set import ModelHeights
+from slosh_replay.replay.nodes import Moment, Setting
 from slosh_replay.replay.series import chosen
+from slosh_replay.replay.verification import Messages, comparison_columns
 
 NAN = float("nan")
 CHECK_NS = 100_000_000
@@ -208,3 +212,62 @@ def _images(measured: Measurements) -> list[MeasuredPoint]:
         columns += [measured.waves, measured.axes]
     rows: Any = zip(*(column.tolist() for column in columns), strict=True)
     return [MeasuredPoint(*row) for row in rows]
+
+
+class ReplayedMonitor:
+    """The monitor as a node of a replay.
+
+    Args:
+        setting: of the replay.
+
+    Attributes:
+        feed: of the core.
+        events: limit events so far.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self.feed = MonitorFeed(setting.limits, setting.limit_changes)
+        self.events: list[Event] = []
+        self._outputs = setting.outputs
+
+    def update(self, moment: Moment) -> Mapping[str, Messages]:
+        """Takes estimates and measured heights; returns the comparisons."""
+        estimates = (
+            _NOTHING if moment.estimates is None else monitored(moment.estimates, moment.own)
+        )
+        comparisons = self.feed.add(estimates, moment.measured)
+        if moment.final:
+            comparisons += self.feed.finish()
+        events = self.feed.take_events()
+        self.events += events
+        if comparisons:
+            self._outputs.comparisons(comparisons)
+        if events:
+            self._outputs.events(events)
+        return {COMPARISON: comparison_columns(comparisons)} if comparisons else {}
+
+
+def monitored(estimates: ModelHeights, own: tuple[int, int]) -> Heights:
+    """What the monitor is told of estimates.
+
+    Args:
+        estimates: of all models.
+        own: which of them are the loaded model's L and NL twin.
+    """
+    columns = list(own)
+    heights, readings = estimates.heights[:, columns], estimates.as_read[:, columns]
+    delayed = estimates.delays is not None and estimates.delays.any()
+    return Heights(
+        estimates.stamps,
+        heights[:, 0],
+        heights[:, 1],
+        estimates.flags,
+        None if np.array_equal(heights, readings, equal_nan=True) else readings,
+        estimates.delays if delayed else None,
+        estimates.azimuth,
+        estimates.accelerations,
+    )
+
+
+_FLOATS, _WHOLE = np.empty(0), np.empty(0, dtype=np.int64)
+_NOTHING = Heights(_WHOLE, _FLOATS, _FLOATS, _WHOLE)

@@ -16,7 +16,7 @@ from slosh_estimator.comparison import Comparison
 from slosh_estimator.estimator import Estimates
 from slosh_estimator.limits import Event
 from slosh_replay.replay.model_set import ModelSetEstimates
-from slosh_replay.replay.stream import Outputs
+from slosh_replay.replay.nodes import Outputs
 from slosh_replay.replay.verification import estimate_columns
 
 ESTIMATE = "slosh_msgs/msg/SloshEstimate"

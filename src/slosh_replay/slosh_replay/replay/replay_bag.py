@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,11 +21,11 @@ from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator import SOURCES
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import inputs, settings
 from slosh_replay.recording.facts import (
@@ -46,20 +45,18 @@ from slosh_replay.recording.states import RecordedState, states_of
 from slosh_replay.replay.conclusion import Origin, conclude
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
-from slosh_replay.replay.model_set import ModelSet
-from slosh_replay.replay.monitor_feed import MonitorFeed
+from slosh_replay.replay.node_table import node_table
+from slosh_replay.replay.nodes import Node, Outputs, Setting, Topic
 from slosh_replay.replay.one_estimator import OneEstimator
 from slosh_replay.replay.replay_table import replay_table
 from slosh_replay.replay.result import ReplayResult
-from slosh_replay.replay.series import Series, chosen, joined
-from slosh_replay.replay.stream import Components, Outputs, ReplayStream
-from slosh_replay.replay.unrelated import WholeRun, judge_unrelated
-from slosh_replay.replay.verification import COMPARED, ESTIMATED, Verifier, estimate_fields
+from slosh_replay.replay.series import Series
+from slosh_replay.replay.stream import ReplayStream
+from slosh_replay.replay.verification import Verifier
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 
 TURNS = 10
 """Turns of the estimates per process of an estimator: more are of several at once."""
-_COMPARISON_FIELDS = (*STAMP, "measured_stale", *COMPARED)
 
 
 def replay_bag(
@@ -70,6 +67,7 @@ def replay_bag(
     outputs: Outputs | None = None,
     cell: str | None = None,
     estimator: int = 1,
+    further: Sequence[Node] = (),
 ) -> ReplayResult:
     """Replays a bag.
 
@@ -87,6 +85,7 @@ def replay_bag(
         outputs: receives estimates, comparisons and events as they come.
         cell: namespace of the topics; None: the bag's only or first cell.
         estimator: which, from 1, where several were mixed on one topic; by their first estimates.
+        further: nodes that run behind those of `node_table`.
 
     Raises:
         SloshBagError: no readable bag, no input in it, no model, no such estimator, or clocks that
@@ -112,54 +111,47 @@ def replay_bag(
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
+    nodes = (*node_table(len(used.mode_constants())), *further)
+    heard = _heard(sources, nodes)
+    verifiers = {
+        topic.name: Verifier(full, topic.can_lack, node.tolerance)
+        for full, topic in heard.items()
+        for node in nodes
+        if topic in node.outputs
+    }
+    if not watched.camera:
+        # Then comparisons follow the monitor's own clock.
+        verifiers.pop(COMPARISON, None)
     matcher = None
     if sources.estimate and sources.kind != "pose":
         matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
     input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
-    if clocks_unrelated(sources.facts):
-        batches = chain.from_iterable(feed(reader, sources))
-        whole = whole_run(path, batches, sources, input_reader, used)
-        result = judge_unrelated(path.name, sources.input, whole, watched)
-        counters = {**input_reader.counters, **result.counters}
-        told = [
-            *input_reader.doubts,
-            *input_reader.faults,
-            *input_reader.warnings(),
-            *input_reader.ignored_tilt(used),
-        ]
-        rate = [f"{path}: {line}" for line in told]
-        warnings = (*_warnings(path, reader, sources), *rate, *result.warnings)
-        return replace(result, counters=counters, warnings=warnings, model=used)
-    verifier = Verifier(sources.estimate) if sources.estimate else None
+    setting = Setting(
+        used,
+        input_reader,
+        watched,
+        limit_changes,
+        at_rest=settings.starts_at_rest(started),
+        matcher=matcher,
+        known=KnownState(verifiers.get(ESTIMATE)) if sources.state else None,
+        counter=None if sources.state or matcher is None or mixed else KnownState(None),
+        changes=_changes(sources, used, follow=model is None),
+        follows_input=given is None,
+        starts=sources.starts,
+        outputs=outputs or Outputs(),
+    )
+    unrelated = clocks_unrelated(sources.facts)
+    one = OneEstimator(estimator) if sources.estimate in mixed else None
     with Series(4) as series:
-        components = Components(
-            ModelSet(used, at_rest=settings.starts_at_rest(started)),
-            input_reader,
-            MonitorFeed(watched, limit_changes),
-            series,
-            verifier=verifier,
-            # Without a camera comparisons follow the monitor's own clock.
-            comparisons=(
-                Verifier(sources.comparison, ESTIMATED)
-                if sources.comparison and watched.camera
-                else None
-            ),
-            matcher=matcher,
-            known=KnownState(verifier) if sources.state else None,
-            counter=None if sources.state or matcher is None or mixed else KnownState(None),
-            changes=_changes(sources, used, follow=model is None),
-            follows_input=given is None,
-            outputs=outputs or Outputs(),
+        stream = ReplayStream(
+            str(path), nodes, setting, series, verifiers=verifiers, unrelated=unrelated
         )
-        stream = ReplayStream(str(path), components)
-        one = OneEstimator(estimator) if sources.estimate in mixed else None
-        for chunk in feed(reader, sources, modes=len(used.mode_constants())):
+        for chunk in feed(reader, sources, heard):
             for batch in chunk:
-                _hand_over(batch, sources, stream, one)
+                _hand_over(batch, sources, heard, stream, one)
             stream.advance()
         stream.advance(final=True)
-        origin = _origin(started, recorded, used)
-        result = conclude(path.name, sources.input, stream, components, origin)
+        result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
     said = [attitude_warning(used, sources.kind), *input_reader.ignored_tilt(used)]
     if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
         table = read_bag_table(path, TableSettings()).table
@@ -252,8 +244,8 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
     shared = shared_topics_line(sources.facts)
     if shared:
         found.append(f"{path}: {shared}")
-    if len(sources.cells) > 1:
-        own, *others = (cell or "/" for cell in sources.cells)
+    if len(sources.topics.cells) > 1:
+        own, *others = (cell or "/" for cell in sources.topics.cells)
         found.append(f"{path}: the cell {own} is replayed; the bag also holds {', '.join(others)}")
     return found
 
@@ -274,21 +266,20 @@ class TopicBatch(NamedTuple):
     states: tuple[RecordedState, ...] = ()
 
 
-def feed(reader: BagReader, sources: Sources, modes: int = 1) -> Iterator[list[TopicBatch]]:
+def feed(
+    reader: BagReader, sources: Sources, heard: Mapping[str, Topic]
+) -> Iterator[list[TopicBatch]]:
     """The messages that a replay reads, chunk by chunk in the order of the recording.
 
     Args:
         reader: of the bag.
         sources: what to read.
-        modes: of the recorded estimates.
+        heard: further topics that nodes read or give, by their full names.
     """
-    wanted = {sources.input: inputs.fields(sources.kind)}
+    wanted = {full: (*STAMP, *topic.fields) for full, topic in heard.items()}
+    wanted[sources.input] = inputs.fields(sources.kind)
     if sources.surface is not None:
         wanted[sources.surface] = WAVE_FIELDS
-    if sources.estimate is not None:
-        wanted[sources.estimate] = (*STAMP, "samples_used", *estimate_fields(modes))
-    if sources.comparison is not None:
-        wanted[sources.comparison] = _COMPARISON_FIELDS
     read = ColumnReader(reader.typestore_of)
     topics = [*wanted, *([sources.state] if sources.state else [])]
     for blocks in by_chunk(reader.blocks(topics)):
@@ -314,58 +305,39 @@ def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
         yield chunk
 
 
-def whole_run(
-    path: Path, batches: Iterable[TopicBatch], sources: Sources, reader: InputReader, model: Model
-) -> WholeRun:
-    """All that a bag holds at once, for clocks that are unrelated.
-
-    Raises:
-        SloshBagError: no usable input or no measurement.
-    """
-    models = ModelSet(model)
-    reader.carry(modes_of(model))
-    answers, felt, measured = [], [], []
-    for batch in batches:
-        if batch.topic == sources.input:
-            stamps = stamps_of(batch.columns)
-            samples = reader.samples(stamps, batch.columns, np.arange(len(stamps)))
-            if len(samples.stamps):
-                answer = models.update_many(samples)
-                answers.append(answer.heights)
-                felt.append(answer.own.accelerations)
-        elif batch.topic == sources.surface:
-            measured.append(measurements(batch.columns))
-    if not answers or not measured:
-        raise SloshBagError(
-            f"{path}: holds no usable message of {sources.input} or of free_surface"
-            f"{reader.refusal}"
-        )
-    reader.finish()
-    heights = joined(answers)
-    if (np.diff(heights.stamps) <= 0).any():
-        raise SloshBagError(f"{path}: the stamps of {sources.input} go back; split the bag")
-    found = joined(measured)
-    order = np.argsort(found.stamps, kind="stable")
-    return WholeRun(models.names, heights, np.concatenate(felt), chosen(found, order))
+def _heard(sources: Sources, nodes: Sequence[Node]) -> dict[str, Topic]:
+    """Recorded topics that nodes give, or read of no node above them, by their full names."""
+    given = {topic.name for node in nodes for topic in node.outputs}
+    own = {ESTIMATE: sources.estimate, COMPARISON: sources.comparison}
+    heard = {}
+    for node in nodes:
+        for topic in (*node.outputs, *(one for one in node.inputs if one.name not in given)):
+            found = sources.topics.topic(topic.name, topic.message_type)
+            full = own.get(topic.name, found)
+            if full is not None:
+                heard[full] = topic
+    return heard
 
 
 def _hand_over(
-    batch: TopicBatch, sources: Sources, stream: ReplayStream, estimator: OneEstimator | None
+    batch: TopicBatch,
+    sources: Sources,
+    heard: Mapping[str, Topic],
+    stream: ReplayStream,
+    estimator: OneEstimator | None,
 ) -> None:
+    columns = batch.columns
     if batch.topic == sources.input:
-        stream.add_input(batch.columns, batch.log_ns)
-    elif batch.topic == sources.estimate:
-        columns = batch.columns
-        if estimator is not None:
-            own = estimator.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
-            columns = {name: column[own] for name, column in columns.items()}
-        stream.add_recorded(columns)
-    elif batch.topic == sources.comparison:
-        stream.add_comparisons(batch.columns)
+        stream.add_input(columns, batch.log_ns)
+    elif batch.topic == sources.surface:
+        stream.add_measurements(measurements(columns), batch.log_ns)
     elif batch.topic == sources.state:
         stream.add_states(batch.states)
     else:
-        stream.add_measurements(measurements(batch.columns), batch.log_ns)
+        if batch.topic == sources.estimate and estimator is not None:
+            own = estimator.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
+            columns = {name: column[own] for name, column in columns.items()}
+        stream.add_recorded(heard[batch.topic], columns)
 
 
 def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:

@@ -22,11 +22,11 @@ from slosh_model.pose import pose_rows
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.replay.conclusion import conclude
-from slosh_replay.replay.model_set import ModelSet
-from slosh_replay.replay.monitor_feed import MonitorFeed
+from slosh_replay.replay.node_table import node_table
+from slosh_replay.replay.nodes import Outputs, Setting
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.series import Series
-from slosh_replay.replay.stream import Components, Outputs, ReplayStream
+from slosh_replay.replay.stream import ReplayStream
 from slosh_tables.motion_table import MotionTable
 
 _LONGEST_STEP = 3600.0
@@ -97,15 +97,10 @@ def replay_table(
         raise SloshBagError(f"{name}: holds no measured heights; add a column msh or eta_…")
     stamps = np.rint(table.t * 1e9).astype(np.int64) + origin_ns
     columns = _columns(stamps, table)
+    limits = (monitor or MonitorSettings()).under_rim(model)
+    setting = Setting(model, TableReader(table), limits, outputs=outputs or Outputs())
     with Series(4) as series:
-        components = Components(
-            ModelSet(model),
-            TableReader(table),
-            MonitorFeed((monitor or MonitorSettings()).under_rim(model)),
-            series,
-            outputs=outputs or Outputs(),
-        )
-        stream = ReplayStream(name, components)
+        stream = ReplayStream(name, node_table(), setting, series)
         for start in range(0, len(stamps), _BLOCK):
             rows = slice(start, start + _BLOCK)
             newest = int(stamps[rows][-1])
@@ -113,7 +108,7 @@ def replay_table(
             stream.add_measurements(_measurements(stamps[rows], heights[rows]), newest)
             stream.advance()
         stream.advance(final=True)
-        return conclude(name, source or name, stream, components)
+        return conclude(name, source or name, stream)
 
 
 def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:

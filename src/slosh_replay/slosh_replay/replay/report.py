@@ -186,16 +186,15 @@ def _status(result: ReplayResult, checked: Checked | None) -> Status:
 
 
 def _verifications(result: ReplayResult, start: int) -> list[Verification]:
-    named = (
-        ("recorded estimates, bit for bit", result.verification),
-        ("recorded comparisons, bit for bit", result.comparisons),
-    )
     return [
         Verification(
-            name, found.identical, found.recorded + found.missing, _differences(found, start)
+            f"recorded {name}s, bit for bit",
+            found.identical,
+            found.recorded + found.missing,
+            _differences(found, start),
         )
-        for name, found in named
-        if found is not None and found.recorded + found.missing
+        for name, found in result.verified.items()
+        if found.recorded + found.missing
     ]
 
 

@@ -17,6 +17,7 @@ from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_metrics.alignment import ClockOffset, StillLevel
 from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_model.model import Model
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE
 from slosh_replay.replay.verification import Verification
 from slosh_report.json_values import plain
 
@@ -98,8 +99,7 @@ class ReplayResult(Shown):
         azimuth: (N,) measured azimuth of the highest point [rad]; NaN: unknown.
         model_azimuth: (N,) that of the loaded model's NL twin [rad]; NaN: none.
         flags: (N,) of FreeSurface.msg.
-        verification, comparisons: recorded estimates and comparisons against replayed ones; None:
-            none were recorded.
+        verified: recorded messages against replayed ones, by the last name of their topic.
         model: that was replayed with.
         limits: that the monitor watched at first.
         limit_changes: that it watched for data with stamps after these [ns].
@@ -119,12 +119,21 @@ class ReplayResult(Shown):
     azimuth: Array = field(default_factory=_none)
     model_azimuth: Array = field(default_factory=_none)
     flags: NDArray[np.int64] = field(default_factory=_no_flags)
-    verification: Verification | None = None
-    comparisons: Verification | None = None
+    verified: Mapping[str, Verification] = field(default_factory=dict)
     model: Model | None = None
     limits: MonitorSettings | None = None
     limit_changes: tuple[tuple[int, MonitorSettings], ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def verification(self) -> Verification | None:
+        """How the estimates compare with the recorded ones; None: none were recorded."""
+        return self.verified.get(ESTIMATE)
+
+    @property
+    def comparisons(self) -> Verification | None:
+        """The same of the monitor's comparisons."""
+        return self.verified.get(COMPARISON)
 
     @property
     def t(self) -> Array:
@@ -187,13 +196,20 @@ class ReplayResult(Shown):
         Args:
             series: also the series at the images.
         """
+        verified = {
+            "verification": self.verification,
+            "comparisons": self.comparisons,
+            **{n: v for n, v in self.verified.items() if n not in (ESTIMATE, COMPARISON)},
+        }
         document: dict[str, Any] = {
             "name": self.name,
             "source": self.source,
             "accuracy": plain(self.accuracy),
             "motions": plain(self.motions),
-            "verification": _verified(self.verification),
-            "comparisons": _verified(self.comparisons),
+            **{
+                name: None if found is None else {**plain(found), "exact": found.exact}
+                for name, found in verified.items()
+            },
             "events": plain(self.events),
             "counters": dict(self.counters),
             "still": plain(self.still),
@@ -265,7 +281,3 @@ def _mm(metres: float) -> str:
 
 def _percent(fraction: float) -> str:
     return f"{100.0 * fraction:+.1f}"
-
-
-def _verified(found: Verification | None) -> dict[str, Any] | None:
-    return None if found is None else {**plain(found), "exact": found.exact}

@@ -7,9 +7,8 @@ need to become a height. So a replay holds seconds of a recording in memory, how
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,27 +16,20 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Integers
-from slosh_estimator.comparison import Comparison
-from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.inputs import InputSettings
-from slosh_estimator.limits import Event
-from slosh_estimator.sampling import modes_of
-from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.motion_spans import MotionFinder
+from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.recording.inputs import InputReader, stamps_of
-from slosh_replay.recording.settings import NodeStart, model_of, settings_of, starts_at_rest
+from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.recording.states import RecordedState
-from slosh_replay.replay.input_matching import Decision, InputMatcher
-from slosh_replay.replay.known_state import KnownState
-from slosh_replay.replay.model_set import ModelHeights, ModelSet, ModelSetEstimates, at_images
-from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
+from slosh_replay.replay.model_set import ModelHeights, at_images
+from slosh_replay.replay.monitor_feed import ReplayedMonitor
+from slosh_replay.replay.nodes import NO_MEASUREMENTS, Core, Moment, Node, Setting, Topic
+from slosh_replay.replay.replayed_estimator import ReplayedEstimator
 from slosh_replay.replay.series import Series, chosen, joined
-from slosh_replay.replay.verification import Verifier, comparison_columns, estimate_columns
+from slosh_replay.replay.unrelated import Alignment, align
+from slosh_replay.replay.verification import Columns, Messages, Verifier, joined_messages, split
 from slosh_replay.strays import StrayFilter
-
-Columns = Mapping[str, NDArray[Any]]
 
 BEHIND_NS = 2_000_000_000
 """How long a measurement may come after its stamp and still take its place in the order. An input
@@ -52,90 +44,68 @@ AHEAD_NS = 10_000_000_000
 """An image that is so far ahead of the inputs that are recorded with it shows another time."""
 MAXIMUM = 2**31 * SECOND - 1
 """The last moment that a stamp can tell [ns]."""
-_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
 
-
-class Outputs:
-    """Receives what a replay gives, as it gives it; this one keeps nothing."""
-
-    def begin(self, names: tuple[str, str]) -> None:
-        """Is told the names of the loaded model's L and NL twin before anything comes."""
-
-    def estimates(self, estimates: ModelSetEstimates) -> None:
-        """Takes estimates in the order of their samples."""
-
-    def comparisons(self, comparisons: list[Comparison]) -> None:
-        """Takes comparisons in the order in which they were made."""
-
-    def events(self, events: list[Event]) -> None:
-        """Takes limit events."""
-
-
-class Components(NamedTuple):
-    """What a replay is made of.
-
-    Attributes:
-        models: the estimators.
-        reader: of the input.
-        monitor: the monitor's core.
-        series: receives the images.
-        verifier, comparisons: of recorded estimates and comparisons; None: there are none.
-        matcher: decides which inputs the live estimator used; None: all.
-        known: follows where the liquid's state is known; None: no state is recorded.
-        counter: follows the estimator's counter of inputs, where no state is recorded; None: it
-            tells nothing.
-        changes: starts of the estimator after its first, and changes of its parameters, where
-            the model follows the recording.
-        follows_input: whether they also say how the input is read.
-        outputs: receives all results.
-    """
-
-    models: ModelSet
-    reader: InputReader
-    monitor: MonitorFeed
-    series: Series
-    verifier: Verifier | None = None
-    comparisons: Verifier | None = None
-    matcher: InputMatcher | None = None
-    known: KnownState | None = None
-    counter: KnownState | None = None
-    changes: tuple[NodeStart, ...] = ()
-    follows_input: bool = True
-    outputs: Outputs = Outputs()
+T = TypeVar("T")
 
 
 class ReplayStream:
     """A replay in progress: the streams of a recording, merged in the order of their stamps.
 
+    Args:
+        name: of the recording, for errors.
+        nodes: the table of the nodes that run, each below those whose topics it reads.
+        setting: what their cores are made of.
+        series: receives the images.
+        verifiers: of recorded messages, by the last name of their topic.
+        unrelated: whether the measured heights have a clock of their own: then they are laid over
+            the estimates when all is there.
+
     Attributes:
+        estimator, monitor: these nodes' cores.
+        alignment: of unrelated clocks; None: not yet, or the clocks are one.
         motions: those of the container so far.
-        events: limit events so far.
         images: measurements so far.
-        unused: inputs that the live estimator did not use.
-        untaken: why the estimator's recorded state cannot be taken up; empty: it can.
     """
 
-    def __init__(self, name: str, components: Components) -> None:
-        self._components = components
+    def __init__(
+        self,
+        name: str,
+        nodes: Sequence[Node],
+        setting: Setting,
+        series: Series,
+        *,
+        verifiers: Mapping[str, Verifier] | None = None,
+        unrelated: bool = False,
+    ) -> None:
+        self.setting, self.series = setting, series
+        self.verifiers = verifiers or {}
+        self.unrelated = unrelated
+        cores = [node.core(setting) for node in nodes]
+        self.estimator = _the(ReplayedEstimator, cores)
+        self.monitor = _the(ReplayedMonitor, cores)
+        self._others = [core for core in cores if core is not self.estimator]
+        self._given = {topic.name for node in nodes for topic in node.outputs}
+        self._waiting: dict[str, list[Messages]] = {
+            topic.name: []
+            for node, core in zip(nodes, cores, strict=True)
+            # These two take the columns of the estimates and heights, not messages.
+            if core not in (self.estimator, self.monitor)
+            for topic in node.inputs
+        }
+        self._inputs: list[Messages] = []
+        self.alignment: Alignment | None = None
         self.motions = MotionFinder()
-        self.events: list[Event] = []
-        self.images = self.unused = 0
-        self.untaken = ""
+        self.images = 0
         self._stray_images = 0
-        later = [self._input_settings(c) for c in components.changes if c.changed]
-        gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
-        self._filter = StrayFilter(max([components.reader.max_gap_ns, *gaps]))
+        self._filter = StrayFilter(self.estimator.longest_gap_ns)
         self._measured_until = -(2**62)
         self._name = name
-        self._changes = list(components.changes)
-        self._inputs: list[tuple[Integers, Columns]] = []
         self._set_backs = 0  # of the inputs' stamps
+        self._last_input = np.empty(0, dtype=np.int64)
         self._measured: list[Measurements] = []
         self._heights: ModelHeights | None = None
         self._released = -(2**62)
-        components.reader.carry(modes_of(components.models.model))
         self._newest = {"input": _Newest(), "measurement": _Newest()}
-        components.outputs.begin(components.models.own_names)
 
     @property
     def strays(self) -> Mapping[str, int]:
@@ -152,38 +122,37 @@ class ReplayStream:
         self._take_in(*self._filter.add(stamps_of(columns), columns), log_ns)
 
     def _take_in(self, stamps: Integers, columns: Columns, log_ns: int) -> None:
-        if len(stamps):
-            before = self._inputs[-1][0][-1:] if self._inputs else stamps[:0]
-            self._set_backs += int((np.diff(stamps, prepend=before) < 0).sum())
-            self._inputs.append((stamps, columns))
-            self._note("input", stamps, log_ns)
+        if not len(stamps):
+            return
+        self._set_backs += int((np.diff(stamps, prepend=self._last_input) < 0).sum())
+        self._last_input = stamps[-1:]
+        messages = Messages(stamps, columns)
+        self._inputs.append(messages)
+        self._keep_for_nodes(self.setting.reader.kind, messages)
+        self._note("input", stamps, log_ns)
 
-    def add_recorded(self, columns: Columns) -> None:
-        """Takes recorded estimates."""
-        stamps = stamps_of(columns)
-        if self._components.verifier is not None:
-            # Who else spoke on the input is in no recording.
-            told = {**columns, "flags": columns["flags"] & ~_UNRECORDED}
-            self._components.verifier.add_recorded(stamps, told)
-        if self._components.matcher is not None:
-            self._components.matcher.add_recorded(stamps, columns["samples_used"].astype(np.int64))
+    def add_recorded(self, topic: Topic, columns: Columns) -> None:
+        """Takes recorded messages of a topic that a node reads or gives."""
+        recorded = Messages(stamps_of(columns), columns)
+        if topic.name == ESTIMATE and self.setting.matcher is not None:
+            used = columns["samples_used"].astype(np.int64)
+            self.setting.matcher.add_recorded(recorded.stamps, used)
+        if topic.name in self.verifiers:
+            found = recorded if topic.known is None else topic.known(recorded)
+            self.verifiers[topic.name].add_recorded(*found)
+        if topic.name not in self._given:
+            self._keep_for_nodes(topic.name, recorded)
 
     def add_states(self, states: Sequence[RecordedState]) -> None:
         """Takes recorded states of the estimator."""
-        if self._components.known is not None:
-            self._components.known.add(states)
-
-    def add_comparisons(self, columns: Columns) -> None:
-        """Takes recorded comparisons."""
-        if self._components.comparisons is not None:
-            spoken = ~columns["measured_stale"].astype(bool)
-            rows = {name: column[spoken] for name, column in columns.items()}
-            self._components.comparisons.add_recorded(stamps_of(rows), rows)
+        if self.setting.known is not None:
+            self.setting.known.add(states)
 
     def add_measurements(self, measured: Measurements, log_ns: int) -> None:
         """Takes measured heights, the last of which was recorded at `log_ns`."""
         known = self._newest["input"]
-        latest = known.stamp - known.log_ns + log_ns + AHEAD_NS if known.log_ns > 0 else MAXIMUM
+        latest = known.stamp - known.log_ns + log_ns + AHEAD_NS
+        latest = MAXIMUM if self.unrelated or known.log_ns <= 0 else latest
         possible = (measured.stamps >= 0) & (measured.stamps <= latest)
         measured = self._sorted_out(measured, possible)
         if len(measured.stamps):
@@ -206,16 +175,32 @@ class ReplayStream:
         if final:
             self.motions.finish()
         until = 2**62 if final else self._settled()
-        self._release(until)
-        if final:
-            self._take_comparisons(self._components.monitor.finish())
-        if self._components.verifier is not None:
-            self._components.verifier.compare(until, final=final)
-        if self._components.comparisons is not None:
-            # An image waits for the estimate behind it.
-            self._components.comparisons.compare(until - BEHIND_NS, final=final)
-        if self._components.matcher is not None and not self._inputs:
-            self._components.matcher.forget(until)
+        self._release(until, final)
+        for name, verifier in self.verifiers.items():
+            # A comparison waits for its image, and that for the estimate behind it.
+            verifier.compare(until - BEHIND_NS * (name != ESTIMATE), final=final)
+        if self.setting.matcher is not None and self.estimator.waiting_ns is None:
+            self.setting.matcher.forget(until)
+
+    def _estimate(self, final: bool) -> None:
+        """Inputs become estimates as far as it is decided which of them were used."""
+        taken, self._inputs = joined_messages(self._inputs), []
+        moment = Moment({self.setting.reader.kind: taken}, final=final)
+        for name, given in self.estimator.update(moment).items():
+            self._verify(name, given)
+            self._keep_for_nodes(name, given)
+        for heights in self.estimator.take_heights():
+            self._keep(heights)
+            self.motions.add(heights.stamps, heights.accelerations)
+
+    def _verify(self, name: str, given: Messages) -> None:
+        if name in self.verifiers:
+            self.verifiers[name].add_replayed(*given)
+
+    def _keep_for_nodes(self, name: str, messages: Messages) -> None:
+        """Keeps messages that a further node reads until their moment has come."""
+        if name in self._waiting and len(messages.stamps):
+            self._waiting[name].append(messages)
 
     def _note(self, side: str, stamps: Integers, log_ns: int) -> None:
         known = self._newest[side]
@@ -230,130 +215,10 @@ class ReplayStream:
         if other.log_ns - newest.log_ns > BEHIND_NS:
             newest = other
         until = newest.stamp - BEHIND_NS
-        if self._inputs:
+        if self.estimator.waiting_ns is not None:
             # The motions are known up to the bin before.
-            until = min(until, int(self._inputs[0][0][0]) - 1 - BIN_NS)
+            until = min(until, self.estimator.waiting_ns - 1 - BIN_NS)
         return until
-
-    def _estimate(self, final: bool) -> None:
-        """Decided inputs become estimates."""
-        if not self._inputs:
-            return
-        stamps = np.concatenate([taken[0] for taken in self._inputs])
-        columns = {
-            name: np.concatenate([taken[1][name] for taken in self._inputs])
-            for name in self._inputs[0][1]
-        }
-        matcher = self._components.matcher
-        everything = Decision(len(stamps), np.ones(len(stamps), dtype=bool), [])
-        decision = matcher.decide(stamps, final=final) if matcher else everything
-        count, used = decision.reached, decision.used
-        self.unused += count - int(np.count_nonzero(used))
-        # What belongs to the inputs before an index comes first.
-        actions = self._known_again(stamps, decision)
-        actions += self._due(stamps[:count], decision.restarts)
-        start = 0
-        for index, act in sorted(actions, key=lambda action: action[0]):
-            self._take(stamps, columns, used, start, index)
-            act()
-            start = index
-        self._take(stamps, columns, used, start, count)
-        rest = slice(count, None)
-        self._inputs = [(stamps[rest], {name: c[rest] for name, c in columns.items()})]
-        if count == len(stamps):
-            self._inputs = []
-
-    def _due(
-        self, stamps: Integers, restarts: Sequence[int]
-    ) -> list[tuple[int, Callable[[], None]]]:
-        """New processes, models and parameters that fall among the inputs with these stamps.
-
-        Args:
-            stamps: (N,) [ns].
-            restarts: indices of inputs with which a new process began.
-        """
-        actions: list[tuple[int, Callable[[], None]]] = []
-        waiting, begin = list(restarts), 0
-        while self._changes:
-            change = self._changes[0]
-            if change.is_process:
-                if not waiting:
-                    break
-                begin = waiting.pop(0)
-                actions.append((begin, partial(self._restart, change)))
-            else:
-                later = np.flatnonzero(stamps[begin:] > change.stamp_ns)
-                if not len(later):
-                    break
-                act = self._change if change.changed else self._load
-                actions.append((begin + int(later[0]), partial(act, change)))
-            self._changes.pop(0)
-        return actions + [(index, self._restart) for index in waiting]
-
-    def _known_again(
-        self, stamps: Integers, decision: Decision
-    ) -> list[tuple[int, Callable[[], None]]]:
-        """Recorded states that are taken up among the inputs with these stamps."""
-        if self._components.counter is not None:
-            self._components.counter.follow(stamps, decision)
-        if self._components.known is None:
-            return []
-        course = self._components.known.follow(stamps, decision)
-        models = self._components.models
-        actions: list[tuple[int, Callable[[], None]]] = []
-        if course.unknown:
-            actions.append((0, partial(models.restart, at_rest=False)))
-        return actions + [(index, partial(self._take_up, state)) for index, state in course.states]
-
-    def _take_up(self, state: RecordedState) -> None:
-        try:
-            self._components.models.take_up(state.estimator)
-            self._components.reader.take_up(state.stamp_ns, state.memory)
-        except SloshEstimatorError as error:
-            self.untaken = str(error)
-
-    def _load(self, change: NodeStart) -> None:
-        model = model_of(change)
-        self._components.models.load_model(model)
-        self._components.reader.carry(modes_of(model))
-        self._components.outputs.begin(self._components.models.own_names)
-
-    def _change(self, change: NodeStart) -> None:
-        settings = self._input_settings(change)
-        if settings is not None:
-            self._components.reader.change(settings)
-
-    def _input_settings(self, start: NodeStart) -> InputSettings | None:
-        """How the node reads its input from then on; None: the replay does not follow it."""
-        if not self._components.follows_input or "input" not in start.parameters:
-            return None
-        return settings_of(start, InputSettings.from_parameters)
-
-    def _restart(self, start: NodeStart | None = None) -> None:
-        """The node's process was a new one from here on; None: what it tells is not known."""
-        if start is None:
-            self._components.reader.restart()
-        else:
-            self._components.reader.restart(self._input_settings(start))
-            self._load(start)
-        self._components.models.restart(at_rest=starts_at_rest(start))
-
-    def _take(
-        self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int
-    ) -> None:
-        rows = start + np.flatnonzero(used[start:end])
-        if not len(rows):
-            return
-        samples = self._components.reader.samples(stamps, columns, rows)
-        if not len(samples.stamps):
-            return
-        answers = self._components.models.update_many(samples)
-        own = answers.own
-        if self._components.verifier is not None:
-            self._components.verifier.add_replayed(own.stamps, estimate_columns(own))
-        self._components.outputs.estimates(answers)
-        self._keep(answers.heights)
-        self.motions.add(own.stamps, own.accelerations)
 
     def _keep(self, new: ModelHeights) -> None:
         old = self._heights
@@ -375,19 +240,35 @@ class ReplayStream:
             )
         self._heights = whole
 
-    def _release(self, until: int) -> None:
-        """Feeds the monitor and the series with everything up to a moment."""
-        measured = self._take_measured(until)
-        estimates = self._heights
-        has_camera = self._components.monitor.monitor.settings.camera
-        self._append(measured if has_camera else self._moments(until), estimates)
-        if estimates is None:
-            self._monitor(_NOTHING, measured)
+    def _release(self, until: int, final: bool) -> None:
+        """Feeds the series and the nodes behind the estimator with everything up to a moment."""
+        if self.unrelated and not final:
             return
-        due = (estimates.stamps > self._released) & (estimates.stamps <= until)
-        self._monitor(monitored(chosen(estimates, due), self._components.models.own), measured)
-        if due.any():
-            self._released = int(estimates.stamps[due][-1])
+        measured, estimates = self._take_measured(until), self._heights
+        if self.unrelated and estimates is not None:
+            self.alignment = align(self._name, estimates, measured)
+            measured, estimates = self.alignment.measured, self.alignment.estimates
+            self.series.append(self.alignment.rows(self.series.dtype))
+        else:
+            has_camera = self.monitor.feed.monitor.settings.camera
+            self._append(measured if has_camera else self._moments(until), estimates)
+        due = None
+        if estimates is not None:
+            released = (estimates.stamps > self._released) & (estimates.stamps <= until)
+            due = chosen(estimates, released)
+        messages = {}
+        for name, batches in self._waiting.items():
+            messages[name], self._waiting[name] = split(batches, until)
+        moment = Moment(messages, due, self.estimator.models.own, measured, final)
+        for core in self._others:
+            given = core.update(moment)
+            for name, found in given.items():
+                self._verify(name, found)
+            moment = moment._replace(messages={**moment.messages, **given})
+        if due is None or estimates is None:
+            return
+        if len(due.stamps):
+            self._released = int(due.stamps[-1])
         late = 0 if estimates.delays is None else max(int(estimates.delays.max()), 0)
         kept = estimates.stamps > min(until, int(estimates.stamps[-1])) - KEPT_NS - late
         self._heights = chosen(estimates, kept)
@@ -395,7 +276,7 @@ class ReplayStream:
     def _moments(self, until: int) -> Measurements:
         """Moments without a measurement at which estimates are drawn, where no camera is."""
         if self._heights is None:
-            return _NONE
+            return NO_MEASUREMENTS
         stamps = self._heights.stamps
         stamps = stamps[(stamps > self._released) & (stamps <= until)]
         stamps = stamps[np.flatnonzero(np.diff(stamps // DRAWN_NS, prepend=-1))]
@@ -405,7 +286,7 @@ class ReplayStream:
     def _take_measured(self, until: int) -> Measurements:
         """The measurements up to a moment, in the order of their stamps."""
         if not self._measured:
-            return _NONE
+            return NO_MEASUREMENTS
         waiting = joined(self._measured)
         due = waiting.stamps <= until
         self._measured = [chosen(waiting, np.flatnonzero(~due))]
@@ -425,23 +306,10 @@ class ReplayStream:
         self._stray_images += astray
         return chosen(measured, np.flatnonzero(kept))
 
-    def _monitor(self, estimates: Heights, measured: Measurements) -> None:
-        self._take_comparisons(self._components.monitor.add(estimates, measured))
-
-    def _take_comparisons(self, comparisons: list[Comparison]) -> None:
-        if comparisons:
-            self._components.outputs.comparisons(comparisons)
-            if self._components.comparisons is not None:
-                self._components.comparisons.add_replayed(*comparison_columns(comparisons))
-        events = self._components.monitor.take_events()
-        if events:
-            self.events += events
-            self._components.outputs.events(events)
-
     def _append(self, measured: Measurements, estimates: ModelHeights | None) -> None:
         if not len(measured.stamps):
             return
-        series = self._components.series
+        series = self.series
         rows = np.zeros(len(measured.stamps), dtype=series.dtype)
         rows["stamp"], rows["measured"] = measured.stamps, measured.heights
         rows["azimuth"], rows["flags"] = measured.azimuth, measured.flags
@@ -454,26 +322,8 @@ class ReplayStream:
         series.append(rows)
 
 
-def monitored(estimates: ModelHeights, own: tuple[int, int]) -> Heights:
-    """What the monitor is told of estimates.
-
-    Args:
-        estimates: of all models.
-        own: which of them are the loaded model's L and NL twin.
-    """
-    columns = list(own)
-    heights, readings = estimates.heights[:, columns], estimates.as_read[:, columns]
-    delayed = estimates.delays is not None and estimates.delays.any()
-    return Heights(
-        estimates.stamps,
-        heights[:, 0],
-        heights[:, 1],
-        estimates.flags,
-        None if np.array_equal(heights, readings, equal_nan=True) else readings,
-        estimates.delays if delayed else None,
-        estimates.azimuth,
-        estimates.accelerations,
-    )
+def _the(kind: type[T], cores: Sequence[Core]) -> T:
+    return next(core for core in cores if isinstance(core, kind))
 
 
 class _Newest(NamedTuple):
@@ -481,8 +331,3 @@ class _Newest(NamedTuple):
 
     stamp: int = -(2**62)
     log_ns: int = -(2**62)
-
-
-_FLOATS, _WHOLE = np.empty(0), np.empty(0, dtype=np.int64)
-_NONE = Measurements(_WHOLE, _FLOATS, _WHOLE, _FLOATS, _FLOATS)
-_NOTHING = Heights(_WHOLE, _FLOATS, _FLOATS, _WHOLE)

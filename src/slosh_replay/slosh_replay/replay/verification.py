@@ -75,6 +75,7 @@ class Verification:
             recording one.
         miscounted: how often `samples_used` went on by another number than that of the inputs in
             the recording.
+        tolerance: of the node; see Node.
     """
 
     topic: str
@@ -89,6 +90,7 @@ class Verification:
     causes: tuple[str, ...] = ()
     rounds_otherwise: bool = False
     miscounted: int = 0
+    tolerance: float | None = 0.0
 
     @property
     def exact(self) -> bool:
@@ -135,13 +137,17 @@ class Verifier:
         topic: of the recorded messages.
         can_lack: fields that are NaN in a recorded message where the live node lacked them. A
             replay has no deadlines: where it knows them, the message is not compared.
+        tolerance: of the node; see Node.
     """
 
-    def __init__(self, topic: str, can_lack: Sequence[str] = ()) -> None:
+    def __init__(
+        self, topic: str, can_lack: Sequence[str] = (), tolerance: float | None = 0.0
+    ) -> None:
         self._topic = topic
+        self._tolerance = tolerance
         self._can_lack = tuple(can_lack)
-        self._recorded: list[_Batch] = []
-        self._replayed: list[_Batch] = []
+        self._recorded: list[Messages] = []
+        self._replayed: list[Messages] = []
         self._counts = {"recorded": 0, "identical": 0, "missing": 0, "extra": 0}
         self._first: Difference | None = None
         self._largest: dict[str, float] = {}
@@ -152,12 +158,12 @@ class Verifier:
     def add_recorded(self, stamps: Integers, columns: Columns) -> None:
         """Takes recorded messages: stamps (N,) [ns] and their fields by dotted name, (N,) each."""
         if len(stamps):
-            self._recorded.append(_Batch(stamps, columns))
+            self._recorded.append(Messages(stamps, columns))
 
     def add_replayed(self, stamps: Integers, columns: Columns) -> None:
         """Takes replayed ones; what they have no field for is not compared."""
         if len(stamps):
-            self._replayed.append(_Batch(stamps, columns))
+            self._replayed.append(Messages(stamps, columns))
 
     def lose(self, after_ns: int, why: str) -> None:
         """What is stamped later [ns] is not compared, until `find` tells to what stamp."""
@@ -182,8 +188,8 @@ class Verifier:
             return
         common = min(ends) if len(ends) == 2 else settled
         until = max(ends) if final else max(common, settled)
-        recorded, self._recorded = _split(self._recorded, until)
-        replayed, self._replayed = _split(self._replayed, until)
+        recorded, self._recorded = split(self._recorded, until)
+        replayed, self._replayed = split(self._replayed, until)
         recorded, replayed = self._known(recorded, count=True), self._known(replayed)
         self._unknown = [span for span in self._unknown if span.until_ns > until]
         _, left, right = np.intersect1d(recorded.stamps, replayed.stamps, return_indices=True)
@@ -200,10 +206,10 @@ class Verifier:
         return Verification(
             self._topic, first=self._first, largest=dict(self._largest),
             counts=dict(self._differing), unchecked=dict(self._unchecked), causes=tuple(causes),
-            rounds_otherwise=rounds_otherwise, **self._counts,
+            rounds_otherwise=rounds_otherwise, tolerance=self._tolerance, **self._counts,
         )  # fmt: skip
 
-    def _known(self, batch: _Batch, *, count: bool = False) -> _Batch:
+    def _known(self, batch: Messages, *, count: bool = False) -> Messages:
         """Those messages that can be compared; the others are counted, where that is asked."""
         for span in self._unknown:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
@@ -216,7 +222,7 @@ class Verifier:
     def _leave_out(self, count: int, why: str) -> None:
         self._unchecked[why] = self._unchecked.get(why, 0) + count
 
-    def _pairs(self, recorded: _Batch, replayed: _Batch) -> None:
+    def _pairs(self, recorded: Messages, replayed: Messages) -> None:
         """Compares messages of the same stamps, but those that the live node had to do without."""
         lacking = np.zeros(len(recorded.stamps), dtype=bool)
         for name in self._can_lack if len(lacking) else ():
@@ -229,7 +235,7 @@ class Verifier:
         if len(recorded.stamps):
             self._fields(recorded, replayed)
 
-    def _fields(self, recorded: _Batch, replayed: _Batch) -> None:
+    def _fields(self, recorded: Messages, replayed: Messages) -> None:
         same = np.ones(len(recorded.stamps), dtype=bool)
         first: tuple[int, str, float, float] | None = None
         for name, column in replayed.columns.items():
@@ -263,31 +269,37 @@ class _Unknown(NamedTuple):
     why: str
 
 
-class _Batch(NamedTuple):
-    """Messages that follow each other: stamps (N,) [ns], fields by name, (N,) each."""
+class Messages(NamedTuple):
+    """Messages that follow each other: stamps (N,) [ns], fields by dotted name, (N,) each."""
 
     stamps: Integers
     columns: Columns
 
-    def rows(self, chosen: NDArray[Any]) -> _Batch:
-        return _Batch(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
+    def rows(self, chosen: NDArray[Any]) -> Messages:
+        """Some of them."""
+        return Messages(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
 
-def _split(batches: list[_Batch], until: int) -> tuple[_Batch, list[_Batch]]:
-    """What lies up to a moment, as one batch, and what lies behind it."""
+def split(batches: Sequence[Messages], until: int) -> tuple[Messages, list[Messages]]:
+    """What lies up to a moment [ns], as one batch, and what lies behind it."""
     due = [batch.rows(batch.stamps <= until) for batch in batches if batch.stamps[0] <= until]
     rest = [batch.rows(batch.stamps > until) for batch in batches if batch.stamps[-1] > until]
-    if not due:
-        return _Batch(np.empty(0, dtype=np.int64), {}), rest
-    shared = set.intersection(*(set(batch.columns) for batch in due))
+    return joined_messages(due), [batch for batch in rest if len(batch.stamps)]
+
+
+def joined_messages(batches: Sequence[Messages]) -> Messages:
+    """Batches as one, with the fields that all of them have."""
+    if len(batches) == 1:
+        return batches[0]
+    if not batches:
+        return Messages(np.empty(0, dtype=np.int64), {})
+    shared = set.intersection(*(set(batch.columns) for batch in batches))
     columns = {
-        name: np.concatenate([batch.columns[name] for batch in due])
-        for name in due[0].columns
+        name: np.concatenate([batch.columns[name] for batch in batches])
+        for name in batches[0].columns
         if name in shared
     }
-    return _Batch(np.concatenate([batch.stamps for batch in due]), columns), [
-        batch for batch in rest if len(batch.stamps)
-    ]
+    return Messages(np.concatenate([batch.stamps for batch in batches]), columns)
 
 
 def estimate_columns(estimates: Estimates) -> Columns:
@@ -315,7 +327,7 @@ def estimate_fields(modes: int) -> tuple[str, ...]:
     return tuple(estimate_columns(empty))
 
 
-def comparison_columns(comparisons: Sequence[Comparison]) -> tuple[Integers, Columns]:
+def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
     """Stamps and the heights of SloshComparison.msg; those of a silent camera are left out."""
     rows = [row for row in comparisons if not row.measured_stale]
     stamps = np.fromiter((row.stamp_ns for row in rows), np.int64, len(rows))
@@ -323,7 +335,7 @@ def comparison_columns(comparisons: Sequence[Comparison]) -> tuple[Integers, Col
         name: np.fromiter((getattr(row, name) for row in rows), np.float64, len(rows))
         for name in COMPARED
     }
-    return stamps, columns
+    return Messages(stamps, columns)
 
 
 def _column(topic: str, columns: Columns, field: str) -> NDArray[Any]:

@@ -1,0 +1,58 @@
+"""The table of the nodes that a replay runs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slosh_estimator.validity import EstimateFlag
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE
+from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
+from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
+from slosh_replay.replay.monitor_feed import ReplayedMonitor
+from slosh_replay.replay.nodes import Node, Topic
+from slosh_replay.replay.replayed_estimator import ReplayedEstimator
+from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
+
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
+
+
+def node_table(modes: int = 1) -> tuple[Node, ...]:
+    """The nodes, each below those whose topics it reads; a further node is a further row.
+
+    Args:
+        modes: of the recorded estimates.
+    """
+    estimate = ("samples_used", *estimate_fields(modes))
+    return (
+        Node(
+            "estimator",
+            ReplayedEstimator,
+            outputs=(Topic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+        ),
+        Node(
+            "monitor",
+            ReplayedMonitor,
+            outputs=(
+                Topic(
+                    COMPARISON,
+                    COMPARISON_TYPE,
+                    ("measured_stale", *COMPARED),
+                    can_lack=ESTIMATED,
+                    known=_seen,
+                ),
+            ),
+            # A live monitor has deadlines.
+            tolerance=None,
+        ),
+    )
+
+
+def _uncontested(estimates: Messages) -> Messages:
+    """Estimates without the flag of a second publisher: that is in no recording."""
+    flags = estimates.columns["flags"] & ~_UNRECORDED
+    return estimates._replace(columns={**estimates.columns, "flags": flags})
+
+
+def _seen(comparisons: Messages) -> Messages:
+    """Comparisons without those of a silent camera: they follow the monitor's own clock."""
+    return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))

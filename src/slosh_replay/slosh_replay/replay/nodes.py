@@ -1,0 +1,136 @@
+"""What a node in a replay is: a row of a table, with its core, its topics and its tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from slosh_estimator.comparison import Comparison
+from slosh_estimator.limits import Event
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_model.model import Model
+from slosh_replay.recording.heights import Measurements
+from slosh_replay.recording.inputs import InputReader
+from slosh_replay.recording.settings import NodeStart
+from slosh_replay.replay.input_matching import InputMatcher
+from slosh_replay.replay.known_state import KnownState
+from slosh_replay.replay.model_set import ModelHeights, ModelSetEstimates
+from slosh_replay.replay.verification import Messages
+
+
+class Outputs:
+    """Receives what a replay gives, as it gives it; this one keeps nothing."""
+
+    def begin(self, names: tuple[str, str]) -> None:
+        """Is told the names of the loaded model's L and NL twin before anything comes."""
+
+    def estimates(self, estimates: ModelSetEstimates) -> None:
+        """Takes estimates in the order of their samples."""
+
+    def comparisons(self, comparisons: list[Comparison]) -> None:
+        """Takes comparisons in the order in which they were made."""
+
+    def events(self, events: list[Event]) -> None:
+        """Takes limit events."""
+
+
+class Setting(NamedTuple):
+    """What the cores of a replay are made of.
+
+    Attributes:
+        model: container, liquid and effects at the start.
+        reader: of the input.
+        limits: what the monitor watches at first.
+        limit_changes: what it watches for data with stamps after these [ns], in order.
+        at_rest: whether the liquid is still at the first sample.
+        matcher: decides which inputs the live estimator used; None: all.
+        known: follows where the liquid's state is known; None: no state is recorded.
+        counter: follows the estimator's counter of inputs, where no state is recorded; None: it
+            tells nothing.
+        changes: starts of the estimator after its first, and changes of its parameters.
+        follows_input: whether they also say how the input is read.
+        starts: of all recorded nodes.
+        outputs: receives all results.
+    """
+
+    model: Model
+    reader: InputReader
+    limits: MonitorSettings = MonitorSettings()
+    limit_changes: Sequence[tuple[int, MonitorSettings]] = ()
+    at_rest: bool = True
+    matcher: InputMatcher | None = None
+    known: KnownState | None = None
+    counter: KnownState | None = None
+    changes: tuple[NodeStart, ...] = ()
+    follows_input: bool = True
+    starts: tuple[NodeStart, ...] = ()
+    outputs: Outputs = Outputs()
+
+
+_NONE, _NO_STAMPS = np.empty(0), np.empty(0, dtype=np.int64)
+NO_MEASUREMENTS = Measurements(_NO_STAMPS, _NONE, _NO_STAMPS, _NONE, _NONE)
+
+
+class Moment(NamedTuple):
+    """What is new in a replay up to a stamp.
+
+    Attributes:
+        messages: of the topics that nodes read, recorded ones and those of the rows above, by the
+            topic's last name.
+        estimates: of all models; None: there are none yet.
+        own: which of their heights are the loaded model's L and NL twin.
+        measured: heights.
+        final: nothing follows.
+    """
+
+    messages: Mapping[str, Messages]
+    estimates: ModelHeights | None = None
+    own: tuple[int, int] = (0, 1)
+    measured: Measurements = NO_MEASUREMENTS
+    final: bool = False
+
+
+class Core(Protocol):
+    """A node's core in a replay."""
+
+    def update(self, moment: Moment) -> Mapping[str, Messages]:
+        """Takes what is new; returns its own messages by the topic's last name."""
+
+
+class Topic(NamedTuple):
+    """A topic that a node in a replay reads or gives.
+
+    Attributes:
+        name: its last name.
+        message_type: such as 'slosh_msgs/msg/SloshEstimate'.
+        fields: dotted names of those that are read or compared, beside the stamp.
+        can_lack: see Verifier.
+        known: what recorded messages tell that a replay can know; None: all.
+    """
+
+    name: str
+    message_type: str
+    fields: tuple[str, ...] = ()
+    can_lack: tuple[str, ...] = ()
+    known: Callable[[Messages], Messages] | None = None
+
+
+class Node(NamedTuple):
+    """A row: a node that a replay runs.
+
+    Attributes:
+        name: of the node.
+        core: makes its core.
+        inputs: topics that it reads, beside measured heights and the input of the models.
+        outputs: topics that it gives; recorded messages of these are compared.
+        tolerance: by how much a field may differ from the recorded one [its SI unit]; 0: not by
+            a bit; None: a difference is told and is no failure.
+    """
+
+    name: str
+    core: Callable[[Setting], Core]
+    inputs: tuple[Topic, ...] = ()
+    outputs: tuple[Topic, ...] = ()
+    tolerance: float | None = 0.0

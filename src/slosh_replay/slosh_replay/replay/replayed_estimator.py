@@ -1,0 +1,184 @@
+"""The estimator's core in a replay: its inputs, restarts, models and recorded states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.types import Integers
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sampling import modes_of
+from slosh_msgs_py.topics import ESTIMATE
+from slosh_replay.recording.settings import NodeStart, model_of, settings_of, starts_at_rest
+from slosh_replay.recording.states import RecordedState
+from slosh_replay.replay.input_matching import Decision
+from slosh_replay.replay.model_set import ModelHeights, ModelSet
+from slosh_replay.replay.nodes import Moment, Setting
+from slosh_replay.replay.verification import Columns, Messages, estimate_columns, joined_messages
+
+
+class ReplayedEstimator:
+    """Turns inputs into estimates as soon as it is decided which of them the live node used.
+
+    Args:
+        setting: of the replay.
+
+    Attributes:
+        models: the estimators.
+        unused: inputs that the live estimator did not use.
+        untaken: why the estimator's recorded state cannot be taken up; empty: it can.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self.setting = setting
+        self.models = ModelSet(setting.model, at_rest=setting.at_rest)
+        self.unused = 0
+        self.untaken = ""
+        self._changes = list(setting.changes)
+        self._inputs: list[Messages] = []
+        self._heights: list[ModelHeights] = []
+        self._given: list[Messages] = []
+        setting.reader.carry(modes_of(setting.model))
+        setting.outputs.begin(self.models.own_names)
+
+    @property
+    def longest_gap_ns(self) -> int:
+        """That is ever integrated across [ns]."""
+        later = [self._input_settings(c) for c in self.setting.changes if c.changed]
+        gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
+        return max([self.setting.reader.max_gap_ns, *gaps])
+
+    @property
+    def waiting_ns(self) -> int | None:
+        """Stamp of the first input that is not decided yet [ns]; None: all are."""
+        return int(self._inputs[0].stamps[0]) if self._inputs else None
+
+    def update(self, moment: Moment) -> Mapping[str, Messages]:
+        """Takes inputs; returns the estimates that follow from them."""
+        taken = moment.messages.get(self.setting.reader.kind)
+        if taken is not None and len(taken.stamps):
+            self._inputs.append(taken)
+        self._estimate(moment.final)
+        given, self._given = joined_messages(self._given), []
+        return {ESTIMATE: given} if len(given.stamps) else {}
+
+    def take_heights(self) -> list[ModelHeights]:
+        """Heights of all models since the last call."""
+        heights, self._heights = self._heights, []
+        return heights
+
+    def _estimate(self, final: bool) -> None:
+        """Decided inputs become estimates."""
+        if not self._inputs:
+            return
+        stamps, columns = joined_messages(self._inputs)
+        matcher = self.setting.matcher
+        everything = Decision(len(stamps), np.ones(len(stamps), dtype=bool), [])
+        decision = matcher.decide(stamps, final=final) if matcher else everything
+        count, used = decision.reached, decision.used
+        self.unused += count - int(np.count_nonzero(used))
+        # What belongs to the inputs before an index comes first.
+        actions = self._known_again(stamps, decision)
+        actions += self._due(stamps[:count], decision.restarts)
+        start = 0
+        for index, act in sorted(actions, key=lambda action: action[0]):
+            self._take(stamps, columns, used, start, index)
+            act()
+            start = index
+        self._take(stamps, columns, used, start, count)
+        rest = slice(count, None)
+        left = Messages(stamps[rest], {name: c[rest] for name, c in columns.items()})
+        self._inputs = [left] if count < len(stamps) else []
+
+    def _due(
+        self, stamps: Integers, restarts: Sequence[int]
+    ) -> list[tuple[int, Callable[[], None]]]:
+        """New processes, models and parameters that fall among the inputs with these stamps.
+
+        Args:
+            stamps: (N,) [ns].
+            restarts: indices of inputs with which a new process began.
+        """
+        actions: list[tuple[int, Callable[[], None]]] = []
+        waiting, begin = list(restarts), 0
+        while self._changes:
+            change = self._changes[0]
+            if change.is_process:
+                if not waiting:
+                    break
+                begin = waiting.pop(0)
+                actions.append((begin, partial(self._restart, change)))
+            else:
+                later = np.flatnonzero(stamps[begin:] > change.stamp_ns)
+                if not len(later):
+                    break
+                act = self._change if change.changed else self._load
+                actions.append((begin + int(later[0]), partial(act, change)))
+            self._changes.pop(0)
+        return actions + [(index, self._restart) for index in waiting]
+
+    def _known_again(
+        self, stamps: Integers, decision: Decision
+    ) -> list[tuple[int, Callable[[], None]]]:
+        """Recorded states that are taken up among the inputs with these stamps."""
+        if self.setting.counter is not None:
+            self.setting.counter.follow(stamps, decision)
+        if self.setting.known is None:
+            return []
+        course = self.setting.known.follow(stamps, decision)
+        actions: list[tuple[int, Callable[[], None]]] = []
+        if course.unknown:
+            actions.append((0, partial(self.models.restart, at_rest=False)))
+        return actions + [(index, partial(self._take_up, state)) for index, state in course.states]
+
+    def _take_up(self, state: RecordedState) -> None:
+        try:
+            self.models.take_up(state.estimator)
+            self.setting.reader.take_up(state.stamp_ns, state.memory)
+        except SloshEstimatorError as error:
+            self.untaken = str(error)
+
+    def _load(self, change: NodeStart) -> None:
+        model = model_of(change)
+        self.models.load_model(model)
+        self.setting.reader.carry(modes_of(model))
+        self.setting.outputs.begin(self.models.own_names)
+
+    def _change(self, change: NodeStart) -> None:
+        settings = self._input_settings(change)
+        if settings is not None:
+            self.setting.reader.change(settings)
+
+    def _input_settings(self, start: NodeStart) -> InputSettings | None:
+        """How the node reads its input from then on; None: the replay does not follow it."""
+        if not self.setting.follows_input or "input" not in start.parameters:
+            return None
+        return settings_of(start, InputSettings.from_parameters)
+
+    def _restart(self, start: NodeStart | None = None) -> None:
+        """The node's process was a new one from here on; None: what it tells is not known."""
+        if start is None:
+            self.setting.reader.restart()
+        else:
+            self.setting.reader.restart(self._input_settings(start))
+            self._load(start)
+        self.models.restart(at_rest=starts_at_rest(start))
+
+    def _take(
+        self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int
+    ) -> None:
+        rows = start + np.flatnonzero(used[start:end])
+        if not len(rows):
+            return
+        samples = self.setting.reader.samples(stamps, columns, rows)
+        if not len(samples.stamps):
+            return
+        answers = self.models.update_many(samples)
+        own = answers.own
+        self._given.append(Messages(own.stamps, estimate_columns(own)))
+        self.setting.outputs.estimates(answers)
+        self._heights.append(answers.heights)
