@@ -191,7 +191,8 @@ class ReplayStream:
             self._keep_for_nodes(name, given)
         for heights in self.estimator.take_heights():
             self._keep(heights)
-            self.motions.add(heights.stamps, heights.accelerations)
+            if heights.accelerations is not None:
+                self.motions.add(heights.stamps, heights.accelerations)
 
     def _verify(self, name: str, given: Messages) -> None:
         if name in self.verifiers:
