@@ -11,23 +11,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
+from geometry_msgs.msg import AccelStamped, PoseStamped
+from sensor_msgs.msg import Image, Imu
+from std_srvs.srv import Trigger
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
-from sensor_msgs.msg import Image, Imu  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
-from slosh_base.files.plain_text import LONGEST  # noqa: E402
-from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
-from slosh_bringup.processes import config_folder  # noqa: E402
-from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
-from slosh_msgs.msg import SloshComparison, SloshEstimate  # noqa: E402
-from slosh_msgs.srv import LoadModel  # noqa: E402
-from slosh_msgs_py import topics  # noqa: E402
-from slosh_msgs_py.images import image_message  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
-from tests.adversary import GRAVITY, MODEL, Robot, nodes_and_robot, swing  # noqa: E402
+from slosh_base.files.plain_text import LONGEST
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_msgs.msg import SloshComparison, SloshEstimate
+from slosh_msgs.srv import LoadModel
+from slosh_msgs_py import topics
+from slosh_msgs_py.images import image_message
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
+from slosh_testing.robot import GRAVITY, MODEL, Robot, nodes_and_robot, swing
 
 OK, BLIND = 0, 4
 ERROR = 2

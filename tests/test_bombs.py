@@ -23,7 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
-from tests.measured_process import Ended, run_slosh
+from slosh_testing.measured_process import Ended, run_slosh
 
 MB = 1_000_000
 MOST = 500 * MB

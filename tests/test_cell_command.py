@@ -21,7 +21,7 @@ from slosh_replay.in_force import in_force, last_starts
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
 from slosh_tables.motion_table import MotionTable, write_motion_table
-from tests.live_processes import PATIENCE, live_process, recorded, robot
+from slosh_testing.live_processes import PATIENCE, live_process, recorded, robot
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 SETTLING = SloshEstimate.SETTLING

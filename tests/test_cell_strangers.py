@@ -13,19 +13,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import rclpy
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
-
-from slosh_base.files.plain_text import LONGEST  # noqa: E402
-from slosh_bringup.processes import config_folder  # noqa: E402
-from slosh_msgs.msg import NodeSettings  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_replay.replay import replay_bag  # noqa: E402
-from tests.live_processes import LiveProcess, alive, free_port, live_process, robot  # noqa: E402
-from tests.loopback import Socket, descendants, sockets, waiting_bytes  # noqa: E402
+from slosh_base.files.plain_text import LONGEST
+from slosh_bringup.processes import config_folder
+from slosh_msgs.msg import NodeSettings
+from slosh_msgs_py import qos, topics
+from slosh_replay.replay import replay_bag
+from slosh_testing.live_processes import LiveProcess, alive, free_port, live_process, robot
+from slosh_testing.loopback import Socket, descendants, sockets, waiting_bytes
 
 NODES = ("recorder", "estimator", "camera", "monitor", "watch")
 FORGED = "\x1b[31mall is well\nslosh: all is well\x1b]0;title\x07" + "x" * 100_000

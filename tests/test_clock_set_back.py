@@ -12,13 +12,11 @@ from pathlib import Path
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from slosh_bag.errors import SloshBagError  # noqa: E402
-from slosh_bringup.processes import NodeGroup, NodeProcess  # noqa: E402
-from slosh_replay.replay import replay_bag  # noqa: E402
-from slosh_replay.split import split_bag  # noqa: E402
-from tests.adversary import Robot, nodes_and_robot, swing  # noqa: E402
+from slosh_bag.errors import SloshBagError
+from slosh_bringup.processes import NodeGroup, NodeProcess
+from slosh_replay.replay import replay_bag
+from slosh_replay.split import split_bag
+from slosh_testing.robot import Robot, nodes_and_robot, swing
 
 LIBRARY = Path(__file__).with_name("set_clock.c")
 HOUR = 3600

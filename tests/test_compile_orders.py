@@ -20,15 +20,11 @@ from typing import Any
 
 import pytest
 
-from slosh_bag.definitions import find_interfaces
 from slosh_base.compiled.compile_cache import cache_folder
 
 PROGRAM = Path(__file__).with_name("compiled_work.py")
 WORKS = ("live", "simulate", "replay", "detect", "discover")
 PATIENCE = 600.0
-needs_interfaces = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
 
 
 def start(work: str, folder: Path, cache: Path | None) -> subprocess.Popen[str]:
@@ -107,7 +103,6 @@ def test_several_at_once(tmp_path: Path) -> None:
     check(tmp_path, tmp_path / "cache")
 
 
-@needs_interfaces
 @pytest.mark.long
 @pytest.mark.timeout(4 * PATIENCE)
 @pytest.mark.parametrize(("first", "second"), list(permutations(WORKS, 2)))
@@ -116,7 +111,6 @@ def test_every_pair_in_both_orders(first: str, second: str, tmp_path: Path) -> N
     check(tmp_path, tmp_path / "cache")
 
 
-@needs_interfaces
 @pytest.mark.long
 @pytest.mark.timeout(4 * PATIENCE)
 @pytest.mark.parametrize("turn", range(len(WORKS)))
@@ -127,7 +121,6 @@ def test_all_of_them_in_turn(turn: int, backwards: bool, tmp_path: Path) -> None
     check(tmp_path, tmp_path / "cache")
 
 
-@needs_interfaces
 @pytest.mark.long
 @pytest.mark.timeout(4 * PATIENCE)
 def test_all_of_them_at_once(tmp_path: Path) -> None:

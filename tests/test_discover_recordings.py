@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_discovery.discover import Verdict, discover
 from slosh_discovery.discover.input_noise import estimate_input_noise
@@ -23,7 +22,7 @@ from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.recording.settings import model_of
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.tables.antisloshing import find_runs, import_run
-from tests.live_bag import LiveBag
+from slosh_testing.live_bag import LiveBag
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 BAGS = REPOSITORY / "bags"
@@ -46,7 +45,6 @@ def rms(motion: MeasuredMotion, model: Model, felt: np.ndarray | None = None) ->
     return float(np.sqrt(np.mean(residual[during] ** 2)))
 
 
-@pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="interfaces are not built")
 class TestShippedBags:
     def test_each_is_one_motion_that_its_own_model_describes(self) -> None:
         notes: list[str] = []
@@ -105,7 +103,6 @@ def test_the_cfd_motions_have_wall_heights_all_round() -> None:
 
 
 @pytest.mark.skipif(not ANTISLOSHING.is_dir(), reason=f"no measured runs in {ANTISLOSHING}")
-@pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="interfaces are not built")
 class TestMeasuredRuns:
     @pytest.fixture(scope="class")
     @classmethod

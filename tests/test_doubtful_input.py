@@ -6,12 +6,10 @@ from pathlib import Path
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from slosh_msgs.msg import SloshEstimate  # noqa: E402
-from slosh_msgs_py import topics  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
-from tests.adversary import GRAVITY, Robot, nodes_and_robot  # noqa: E402
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs_py import topics
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_testing.robot import GRAVITY, Robot, nodes_and_robot
 
 WARN, ERROR = 1, 2
 DOUBTFUL = SloshEstimate.INPUT_DOUBTFUL

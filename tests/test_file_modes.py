@@ -9,7 +9,7 @@ from pathlib import Path
 
 from slosh_base.files.new_file import OTHERS_WRITE
 from slosh_bringup.processes import NodeProcess, node_environment
-from tests.live_processes import PATIENCE, until
+from slosh_testing.live_processes import PATIENCE, until
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 ANY = 'umask 000; exec "$@"'

@@ -19,7 +19,7 @@ from slosh_bag.recorder import Recorder
 from slosh_bringup.processes import node_environment
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.run import make_executor
-from tests.small_disk import small_disk
+from slosh_testing.small_disk import small_disk
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "cut"
 PATIENCE = 30.0

@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from slosh_bringup.processes import config_folder
-from tests.hostile import CONTROL, EVIL, Page, has_forged_line
-from tests.live_processes import LiveProcess, free_port, live_process, recorded, robot
+from slosh_testing.hostile import CONTROL, EVIL, Page, has_forged_line
+from slosh_testing.live_processes import LiveProcess, free_port, live_process, recorded, robot
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l"
 pytestmark = pytest.mark.timeout(200)

@@ -10,24 +10,22 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from geometry_msgs.msg import Transform  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
-from trajectory_msgs.msg import (  # noqa: E402
+import rclpy
+from geometry_msgs.msg import Transform
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import (
     JointTrajectory,
     JointTrajectoryPoint,
     MultiDOFJointTrajectory,
 )
 
-from slosh_model.motion_profiles import quintic  # noqa: E402
-from slosh_msgs import srv  # noqa: E402
-from slosh_msgs.msg import MotionPrediction  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.point_arrays import arrays_of, service_with_point_arrays  # noqa: E402
-from tests.live_processes import until  # noqa: E402
+from slosh_model.motion_profiles import quintic
+from slosh_msgs import srv
+from slosh_msgs.msg import MotionPrediction
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.point_arrays import arrays_of, service_with_point_arrays
+from slosh_testing.live_processes import until
 
 MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\ndamping_ratio: auto\n"
 MOST = 200_000

@@ -5,10 +5,6 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
-pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
 from slosh_bringup.processes import config_folder
 
 TYPES = {

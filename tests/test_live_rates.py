@@ -10,21 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped, PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-
-from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment  # noqa: E402
-from slosh_estimator.validity import EstimateFlag  # noqa: E402
-from slosh_model.model_text import format_model  # noqa: E402
-from slosh_msgs.msg import SloshEstimate  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
-from tests.random_moves import MODEL, Move, Poses, moves, truth  # noqa: E402
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_estimator.validity import EstimateFlag
+from slosh_model.model_text import format_model
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
+from slosh_testing.random_moves import MODEL, Move, Poses, moves, truth
 
 PATIENCE = 60.0
 SECOND = 1_000_000_000

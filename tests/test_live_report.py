@@ -9,7 +9,7 @@ import pytest
 from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bringup.live.report import REPORT, RESULT, make_live_report
 from slosh_camera.measurement import Flag
-from tests.live_bag import MS, LiveBag
+from slosh_testing.live_bag import MS, LiveBag
 
 BAGS = Path(__file__).resolve().parents[1] / "bags"
 

@@ -11,16 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
+from std_srvs.srv import Trigger
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from std_srvs.srv import Trigger  # noqa: E402
-
-from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment  # noqa: E402
-from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
-from tests.adversary import MODEL, Robot, nodes_and_robot, swing  # noqa: E402
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_msgs.msg import FreeSurface, LimitEvent, SloshComparison
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_testing.robot import MODEL, Robot, nodes_and_robot, swing
 
 OK, WARN, ERROR = SloshComparison.STATE_OK, SloshComparison.STATE_WARN, SloshComparison.STATE_ERROR
 STALE, BLIND = SloshComparison.STATE_STALE, SloshComparison.STATE_BLIND

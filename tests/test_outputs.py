@@ -25,7 +25,7 @@ from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_tables.motion_table import MotionTable, write_motion_table
-from tests.small_disk import small_disk
+from slosh_testing.small_disk import small_disk
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 60.0

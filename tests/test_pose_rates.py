@@ -13,7 +13,7 @@ from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag
-from tests.random_moves import (
+from slosh_testing.random_moves import (
     LEVEL,
     MODEL,
     Heights,

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from slosh_bag.reader import BagReader
-from tests.live_processes import PATIENCE, alive, live_process
+from slosh_testing.live_processes import PATIENCE, alive, live_process
 
 pytestmark = pytest.mark.long
 COMPILATION = 300.0

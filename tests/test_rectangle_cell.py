@@ -12,7 +12,7 @@ import yaml
 from slosh_bringup.processes import node_environment
 from slosh_model import Model, format_model
 from slosh_replay.replay import replay_bag
-from tests.live_processes import live_process
+from slosh_testing.live_processes import live_process
 from tests.rectangle_robot import TANK, write_camera
 
 ROBOT = Path(__file__).resolve().parent / "rectangle_robot.py"

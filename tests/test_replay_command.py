@@ -11,18 +11,13 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli import replay as replay_command
 from slosh_bringup.cli.main import main
 from slosh_bringup.cli.replay import find_bags
 from slosh_bringup.replay.junit import Case, Suite, write_junit
 from slosh_bringup.replay.task import new_bag, unique_names
-from tests.live_bag import TEXT, LiveBag
-
-pytestmark = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
+from slosh_testing.live_bag import TEXT, LiveBag
 
 
 @pytest.fixture(scope="module")

@@ -5,18 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.constants import GRAVITY
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.input_matching import PATIENCE_NS
-from tests.live_bag import MODEL, START, LiveBag
+from slosh_testing.live_bag import MODEL, START, LiveBag
 from tests.test_replay_verification import TANK
 
-pytestmark = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
 REMEMBERING = (
     MODEL.with_effect("robot_dynamics", frequency=60.0, damping_ratio=0.7)
     .with_effect("draining_film", speed=0.01)

@@ -8,23 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slosh_bag.definitions import find_interfaces
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.tables.antisloshing import import_antisloshing
 from slosh_tables.motion_table import read_motion_table
-from tests.robot_runs import RUNS, write_runs
+from slosh_testing.robot_runs import RUNS, write_runs
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", REPOSITORY.parent / "shared" / "data"))
 ANTISLOSHING = DATA / "antisloshing"
 CFD = DATA / "cfd"
 CUP = Model(Cylinder(0.05, 0.07))
-
-needs_messages = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="interfaces are not built"
-)
 
 
 @pytest.fixture(scope="module", params=["published", "own"])
@@ -48,7 +43,6 @@ def mean(results, model, field):
     return float(np.mean(values))
 
 
-@needs_messages
 class TestMeasuredRuns:
     @pytest.mark.long
     def test_3d_nl_has_the_smallest_mean_error(self, untilted):
@@ -80,7 +74,6 @@ class TestMeasuredRuns:
             assert result.accuracy[-1].rms < own, result.name
 
 
-@needs_messages
 def test_two_clocks_are_laid_over_each_other_where_they_are(tmp_path):
     found = replays(write_runs(tmp_path / "runs"), tmp_path / "bags")
     assert {result.name for result in found} == set(RUNS)

@@ -7,15 +7,11 @@ import headless_browser
 import pytest
 from headless_browser import View
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bringup.cli.main import main
-from tests.live_bag import TEXT, LiveBag
+from slosh_testing.live_bag import TEXT, LiveBag
 
 pytestmark = [
     pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
-    pytest.mark.skipif(
-        find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-    ),
 ]
 LOOK = """
 const all = (selector) => [...document.querySelectorAll(selector)];

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_estimator.monitor_settings import MonitorSettings
@@ -21,11 +20,7 @@ from slosh_replay.replay.checking import excesses
 from slosh_replay.replay.output_bag import OutputBag
 from slosh_replay.replay.replay_bag import feed
 from slosh_replay.replay.stream import ReplayStream
-from tests.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
-
-pytestmark = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
+from slosh_testing.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
 
 
 @pytest.fixture

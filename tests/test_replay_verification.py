@@ -5,17 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_model import Model, Rectangle
 from slosh_model.model_text import parse_model
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.output_bag import OutputBag
-from tests.live_bag import MODEL, TEXT, LiveBag
+from slosh_testing.live_bag import MODEL, TEXT, LiveBag
 
-pytestmark = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
 TANK = Model(Rectangle(0.09, 0.07, 0.06), modes=2).spatial().with_effect("gravity_tilt")
 SHALLOW = TEXT.replace("0.07", "0.06")
 

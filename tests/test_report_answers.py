@@ -8,17 +8,13 @@ import numpy as np
 import pytest
 from live_browser import LiveBrowser
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bringup.cli.main import main
 from slosh_report.index_page import IndexRow, render_index
 from slosh_report.run_report import RunVerdict
-from tests.live_bag import LiveBag
+from slosh_testing.live_bag import LiveBag
 
 pytestmark = [
     pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
-    pytest.mark.skipif(
-        find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-    ),
 ]
 CHART = "document.querySelector('figure[data-rows=heights] .wide')"
 

@@ -17,8 +17,15 @@ from pathlib import Path
 import pytest
 
 from slosh_bag.reader import BagReader
-from tests.live_processes import PATIENCE, alive, children, live_process, node_name, recorded
-from tests.small_disk import small_disk
+from slosh_testing.live_processes import (
+    PATIENCE,
+    alive,
+    children,
+    live_process,
+    node_name,
+    recorded,
+)
+from slosh_testing.small_disk import small_disk
 
 REPORT = {"report.html", "result.json"}
 EACH = [

@@ -14,8 +14,8 @@ from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.processes import config_folder
-from tests.live_processes import until
-from tests.small_disk import small_disk
+from slosh_testing.live_processes import until
+from slosh_testing.small_disk import small_disk
 
 PATIENCE = 60.0
 NOW = datetime(2026, 11, 22, 10, 15, 0)

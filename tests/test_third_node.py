@@ -10,7 +10,7 @@ from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.replay.checking import check_result
 from slosh_replay.replay.nodes import Node, Topic
 from slosh_replay.replay.verification import Messages
-from tests.live_bag import START, TYPES, LiveBag
+from slosh_testing.live_bag import START, TYPES, LiveBag
 
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
 HEIGHT = "nonlinear.msh"

@@ -12,25 +12,23 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+import headless_browser
+import numpy as np
 import pytest
+import rclpy
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from live_browser import LiveBrowser
+from rclpy.node import Node
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-import headless_browser  # noqa: E402
-import numpy as np  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
-from live_browser import LiveBrowser  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from websockets.exceptions import InvalidStatus  # noqa: E402
-from websockets.sync.client import connect  # noqa: E402
-
-from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment  # noqa: E402
-from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshComparison  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.images import image_message  # noqa: E402
-from slosh_msgs_py.stamps import to_time  # noqa: E402
-from tests.live_processes import free_port, live_process, until  # noqa: E402
+from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
+from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshComparison
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.images import image_message
+from slosh_msgs_py.stamps import to_time
+from slosh_testing.live_processes import free_port, live_process, until
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l3"
 NASTY = "<script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">"

@@ -12,27 +12,25 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import CompressedImage, Imu
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from rclpy.node import Node  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
-from sensor_msgs.msg import CompressedImage, Imu  # noqa: E402
-
-from slosh_base.files.plain_text import LONGEST  # noqa: E402
-from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
-from slosh_bringup.processes import (  # noqa: E402
+from slosh_base.files.plain_text import LONGEST
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.processes import (
     NodeGroup,
     NodeProcess,
     config_folder,
     node_environment,
 )
-from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
-from slosh_msgs.msg import SloshEstimate  # noqa: E402
-from slosh_msgs.srv import LoadModel, PredictSlosh  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from tests.adversary import MODEL, Robot, nodes_and_robot  # noqa: E402
-from validation.long_runs.long_cell import resident  # noqa: E402
+from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs.srv import LoadModel, PredictSlosh
+from slosh_msgs_py import qos, topics
+from slosh_testing.robot import MODEL, Robot, nodes_and_robot
+from validation.long_runs.long_cell import resident
 
 OK, BLIND = 0, 4
 WARN, ERROR, STALE = 1, 2, 3

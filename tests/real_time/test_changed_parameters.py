@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import pytest
 import rclpy
@@ -11,7 +10,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slosh_bringup.live.report import make_live_report
@@ -20,9 +18,9 @@ from slosh_estimator.limits import Source
 from slosh_msgs.msg import FreeSurface, LimitEvent, SloshEstimate
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_replay.replay import replay_bag
+from slosh_testing.graph import Graph
 
 RATE = 200
 IMAGE_EVERY = 4
@@ -35,7 +33,7 @@ READERS = {
 }
 
 
-class Cell:
+class Cell(Graph):
     """Node processes, and a robot with a camera that reads what the estimator says.
 
     Attributes:
@@ -47,11 +45,9 @@ class Cell:
         self.group = group
         for process in nodes:
             group.start(process)
-        self.node = Node("robot", namespace="/slosh")
-        self.executor = make_executor()
-        self.executor.add_node(self.node)
+        super().__init__("robot", "/slosh")
         self.estimates: list[SloshEstimate] = []
-        self.events: list[LimitEvent] = []
+        self.events = self.listen(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
         self._sent = 0
         self._accel = self.node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
         self._surface = self.node.create_publisher(
@@ -59,9 +55,6 @@ class Cell:
         )
         self.node.create_subscription(
             SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN
-        )
-        self.node.create_subscription(
-            LimitEvent, topics.LIMIT_EVENT, self.events.append, qos.EVENT
         )
         # What comes before the recorder listens would lack in the bag.
         self.until(lambda: all(self._is_read(topic, nodes) for topic in READERS))
@@ -90,24 +83,10 @@ class Cell:
             surface.header = estimate.header
             self._surface.publish(surface)
 
-    def until(self, condition) -> None:
-        deadline = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.05)
-
     def go_on(self, count: int = 100) -> None:
         """Waits for so many more estimates."""
         wanted = len(self.estimates) + count
         self.until(lambda: len(self.estimates) >= wanted)
-
-    def call(self, kind, name: str, request):
-        client = self.node.create_client(kind, name)
-        self.until(client.service_is_ready)
-        future = client.call_async(request)
-        self.until(future.done)
-        self.node.destroy_client(client)
-        return future.result()
 
     def change(self, node: str, **values):
         """Sets parameters together; the result."""
@@ -141,8 +120,7 @@ def start(tmp_path, domain):
     for group in groups:
         group.__exit__(None, None, None)
     for cell in cells:  # else its publishers stay, and the next test's cell hears them
-        cell.executor.shutdown()
-        cell.node.destroy_node()
+        cell.close()
     rclpy.try_shutdown()
 
 

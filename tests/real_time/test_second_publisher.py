@@ -12,12 +12,11 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from rclpy.node import Node
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.node.run import make_executor
+from slosh_testing.graph import Graph
 
 SOURCE = Path(__file__).with_name("live_source.py")
 OWN, FOREIGN = 0.05, 0.4
@@ -52,29 +51,20 @@ def hear(tmp_path: Path, domain: int) -> Iterator[Callable[[str], Listener]]:
     yield start
     for group, listener in made:
         group.__exit__(None, None, None)
-        listener.executor.shutdown()
-        listener.node.destroy_node()
+        listener.close()
     rclpy.try_shutdown()
 
 
-class Listener:
+class Listener(Graph):
     """Hears estimates: what drove each, and its flags."""
 
     def __init__(self) -> None:
-        self.node = Node("listener", namespace="/slosh")
-        self.executor = make_executor()
-        self.executor.add_node(self.node)
+        super().__init__("listener", "/slosh")
         self.heard: list[tuple[float, int]] = []
         self.node.create_subscription(SloshEstimate, topics.ESTIMATE, self._take, qos.STREAM_IN)
 
     def _take(self, message: SloshEstimate) -> None:
         self.heard.append((float(message.acceleration[0]), int(message.flags)))
-
-    def until(self, condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.05)
 
     def go_on(self, count: int) -> None:
         wanted = len(self.heard) + count

@@ -11,7 +11,7 @@ import pytest
 from slosh_bag.reader import BagReader
 from slosh_bringup.live.run_data import read_run
 from slosh_replay.recorded_run import RecordedRun
-from tests.live_processes import live_process, until
+from slosh_testing.live_processes import live_process, until
 
 TIMES, PAUSE, BETWEEN = 2, 2.5, 0.5
 """How often it is stopped, for how long and how soon again [s]: longer than a publisher at 1 kHz

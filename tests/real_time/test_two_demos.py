@@ -5,7 +5,7 @@ import pytest
 from slosh_bringup.live.run_data import read_run
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
-from tests.live_processes import live_process
+from slosh_testing.live_processes import live_process
 
 TOO_SLOW = "this machine is too slow for the demonstration"
 MOVED = "another run uses /slosh in ROS_DOMAIN_ID"

@@ -34,7 +34,7 @@ from slosh_bringup.processes import node_environment
 from slosh_estimator.validity import EstimateFlag
 from slosh_msgs_py.node.domain import own_domain
 from slosh_replay.replay import replay_bag
-from tests.live_processes import nodes_of
+from slosh_testing.live_processes import nodes_of
 from validation.long_runs.long_cell import long_cell, sizes
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))

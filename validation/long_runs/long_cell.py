@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slosh_bringup.processes import NodeProcess, config_folder
-from tests.live_processes import nodes_of
+from slosh_testing.live_processes import nodes_of
 
 
 @dataclass(slots=True)

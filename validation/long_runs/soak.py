@@ -41,7 +41,7 @@ from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_time
 from slosh_replay.recording.facts import mixed_topics
 from slosh_replay.replay import replay_bag
-from tests.live_processes import nodes_of
+from slosh_testing.live_processes import nodes_of
 from validation.long_runs.long_cell import long_cell, sizes
 
 EVERY = 30.0  # s

@@ -20,7 +20,7 @@ from hypothesis.extra.numpy import arrays
 from rosbags.typesys import get_types_from_msg
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions, find_interfaces
+from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange import export, export_rows
 from slosh_bag.interchange.export import export_targets, export_topics
@@ -352,7 +352,6 @@ def test_without_pyarrow_csv_works_and_parquet_says_what_to_install(
     assert exported(strings, tmp_path / "a.csv").rows == {tmp_path / "a.csv": 3}
 
 
-@pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="the interfaces are not built")
 def test_an_estimate_has_the_columns_that_the_documentation_names():
     STORE.hash("slosh_msgs/msg/SloshEstimate")
     names = [

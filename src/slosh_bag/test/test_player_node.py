@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
 from rclpy.serialization import serialize_message
@@ -30,8 +28,8 @@ from slosh_estimator.sample import Sample
 from slosh_model.model_text import read_model
 from slosh_msgs.msg import LimitEvent, SloshEstimate
 from slosh_msgs_py import qos
-from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
+from slosh_testing.graph import Graph
 
 PATIENCE = 30.0
 BEGIN = 1_700_000_000_123_456_789
@@ -70,57 +68,29 @@ def write_bag(folder, prefix, seconds=1.0, rate=1000.0):
     return folder
 
 
-class Graph:
-    """A node that listens, and whatever plays, in one executor; topics of this test alone."""
+class Players(Graph):
+    """A node that listens, and whatever plays; topics of this test alone."""
 
     def __init__(self, prefix):
         rclpy.init()
+        super().__init__("listener")
         self.prefix = prefix
-        self.node = Node("listener")
-        self.executor = make_executor()
-        self.nodes = []
-        self.add(self.node)
-
-    def add(self, node):
-        self.nodes.append(node)
-        self.executor.add_node(node)
-        return node
 
     def with_parameters(self, make, **given):
-        """A node that takes its parameters from the command line gets them as overrides here."""
-        overrides = [Parameter(name, value=value) for name, value in given.items()]
-        original = Node.__init__
-
-        def start(node, name, **options):
-            options = {"parameter_overrides": overrides, "namespace": self.prefix, **options}
-            original(node, name, **options)
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Node, "__init__", start)
-            return self.add(make())
+        return super().with_parameters(make, **{"namespace": self.prefix, **given})
 
     def play(self, folder, **given):
         plan = make_plan(PlayRequest(folder, PlaybackSettings(**given)))
         return self.with_parameters(lambda: PlayerNode(plan), patience=PATIENCE)
 
     def listen(self, kind, topic, profile=DEEP, raw=False):
-        heard = []
-        self.node.create_subscription(kind, topic, heard.append, profile, raw=raw)
-        return heard
-
-    def until(self, condition):
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.05)
+        return super().listen(kind, topic, profile, raw=raw)
 
     def close(self):
         for node in self.nodes:
             if isinstance(node, PlayerNode):
                 node.close()
-            self.executor.remove_node(node)
-            node.destroy_node()
-        self.executor.shutdown()
+        super().close()
         rclpy.shutdown()
 
 
@@ -131,7 +101,7 @@ def prefix(request):
 
 @pytest.fixture
 def graph(prefix):
-    graph = Graph(prefix)
+    graph = Players(prefix)
     yield graph
     graph.close()
 

@@ -12,7 +12,6 @@ from geometry_msgs.msg import AccelStamped
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
@@ -30,54 +29,31 @@ from slosh_msgs_py import qos
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.readiness import RECORDED
-from slosh_msgs_py.node.run import make_executor
 from slosh_replay.recording.facts import shared_topics_line
+from slosh_testing.graph import Graph
 
 PATIENCE = 20.0
 DATA = serialize_message(FreeSurface())
 BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)
 
 
-class Graph:
-    """A recorder and a node that publishes, in one executor; topics of this test alone."""
+class Recording(Graph):
+    """A recorder and a node that publishes; topics of this test alone."""
 
     def __init__(self, folder, prefix):
         rclpy.init()
-        self.folder = folder
-        self.prefix = prefix
-        self.node = Node("talker")
-        self.executor = make_executor()
-        self.executor.add_node(self.node)
-        self.recorder = None
+        super().__init__("talker")
+        self.folder, self.prefix, self.recorder = folder, prefix, None
 
     def record(self, **parameters):
         given = {"output": str(self.folder), "topics": f"^{self.prefix}", **parameters}
-        namespace = given.pop("namespace", "/")
-        overrides = [Parameter(name, value=value) for name, value in given.items()]
-        # The node takes its parameters from the command line: they come as overrides here.
-        original = Node.__init__
-
-        def start(node, name, **options):
-            original(node, name, parameter_overrides=overrides, namespace=namespace, **options)
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Node, "__init__", start)
-            self.recorder = RecorderNode()
-        self.executor.add_node(self.recorder)
-
-    def until(self, condition):
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.05)
+        self.recorder = self.with_parameters(RecorderNode, **given)
 
     def silent_publisher(self, kind, topic, profile=qos.STREAM_OUT):
         return self.node.create_publisher(kind, f"{self.prefix}/{topic}", profile)
 
     def publisher(self, kind, topic, profile=qos.STREAM_OUT):
-        publisher = self.silent_publisher(kind, topic, profile)
-        self.until(lambda: publisher.get_subscription_count() > 0)
-        return publisher
+        return super().publisher(kind, f"{self.prefix}/{topic}", profile)
 
     def recorded(self, topic):
         return self.recorder._core.status().written.get(f"{self.prefix}/{topic}", 0)
@@ -90,18 +66,14 @@ class Graph:
         return messages, [reader.decode(message) for message in messages]
 
     def close(self):
-        for node in (self.node, self.recorder):
-            if node is not None:
-                self.executor.remove_node(node)
-                node.destroy_node()
-        self.executor.shutdown()
+        super().close()
         rclpy.shutdown()
 
 
 @pytest.fixture(params=["events", pytest.param("single", marks=pytest.mark.long)])
 def graph(request, tmp_path, monkeypatch):
     monkeypatch.setenv("SLOSH_EXECUTOR", request.param)
-    graph = Graph(tmp_path / "bag", "/" + re.sub(r"\W", "_", request.node.name))
+    graph = Recording(tmp_path / "bag", "/" + re.sub(r"\W", "_", request.node.name))
     yield graph
     graph.close()
 

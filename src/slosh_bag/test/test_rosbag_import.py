@@ -27,7 +27,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.rosbag_import import find_rosbags, import_rosbag
 from slosh_bag.reader import BagReader
@@ -214,7 +213,6 @@ def test_fields_in_another_order_are_not_taken_for_each_other(tmp_path: Path):
     assert (message.x, message.y, message.z) == (1.0, 2.0, 3.0)
 
 
-@pytest.mark.skipif(find_interfaces("slosh_msgs") is None, reason="the interfaces are not built")
 def test_installed_types_come_without_a_definition_in_the_file(tmp_path: Path):
     """As rosbag2 wrote SQLite files before ROS 2 Iron."""
     folder = write_ros2(tmp_path / "rosbag2")

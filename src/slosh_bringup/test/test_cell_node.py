@@ -5,30 +5,28 @@ import time
 
 import numpy as np
 import pytest
+import rclpy
+from geometry_msgs.msg import AccelStamped, PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
+from std_msgs.msg import String
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from scipy.spatial.transform import Rotation  # noqa: E402
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu  # noqa: E402
-from std_msgs.msg import String  # noqa: E402
-
-from slosh_bringup.cell.motion_source import load_motion  # noqa: E402
-from slosh_bringup.cell.renderer import CupRenderer  # noqa: E402
-from slosh_bringup.cell.truth import integrate_truth  # noqa: E402
-from slosh_bringup.errors import SloshBringupError  # noqa: E402
-from slosh_bringup.nodes.cell_node import CellNode  # noqa: E402
-from slosh_bringup.processes import config_folder  # noqa: E402
-from slosh_camera.calibrate.camera_file import read_calibration  # noqa: E402
-from slosh_camera.images.decoding import decode_compressed  # noqa: E402
-from slosh_model.constants import GRAVITY  # noqa: E402
-from slosh_model.model_text import read_model  # noqa: E402
-from slosh_msgs.msg import FreeSurface, SloshEstimate  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
-from slosh_tables.motion_table import MotionTable, write_motion_table  # noqa: E402
+from slosh_bringup.cell.motion_source import load_motion
+from slosh_bringup.cell.renderer import CupRenderer
+from slosh_bringup.cell.truth import integrate_truth
+from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.nodes.cell_node import CellNode
+from slosh_bringup.processes import config_folder
+from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_camera.images.decoding import decode_compressed
+from slosh_model.constants import GRAVITY
+from slosh_model.model_text import read_model
+from slosh_msgs.msg import FreeSurface, SloshEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_tables.motion_table import MotionTable, write_motion_table
 
 PATIENCE = 30.0
 KINDS = {

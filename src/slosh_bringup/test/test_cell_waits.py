@@ -8,18 +8,16 @@ import time
 
 import numpy as np
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped
+from rclpy.executors import SingleThreadedExecutor
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from geometry_msgs.msg import AccelStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-
-from slosh_msgs_py import qos  # noqa: E402
-from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter  # noqa: E402
-from slosh_msgs_py.node.guarded import GuardedNode  # noqa: E402
-from slosh_msgs_py.node.readiness import COMPILING, Readiness  # noqa: E402
-from slosh_tables.motion_table import MotionTable, write_motion_table  # noqa: E402
+from slosh_msgs_py import qos
+from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter
+from slosh_msgs_py.node.guarded import GuardedNode
+from slosh_msgs_py.node.readiness import COMPILING, Readiness
+from slosh_tables.motion_table import MotionTable, write_motion_table
 
 PATIENCE = 30.0
 

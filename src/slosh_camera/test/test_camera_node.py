@@ -1,32 +1,27 @@
 """The camera node over DDS: heights from raw and compressed images, and a life after bad ones."""
 
-import time
-
 import cv2
 import numpy as np
 import pytest
+import rclpy
 import yaml
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.duration import Duration
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from builtin_interfaces.msg import Time  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from hypothesis import given  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
-from rclpy.duration import Duration  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image  # noqa: E402
-
-from slosh_base.files.nanoseconds import SECOND  # noqa: E402
-from slosh_camera.errors import SloshCameraError  # noqa: E402
-from slosh_camera.measurement import Flag  # noqa: E402
-from slosh_camera.nodes.camera_node import CameraNode, Complaints  # noqa: E402
-from slosh_camera.nodes.newest_image import FrameGaps  # noqa: E402
-from slosh_msgs.msg import FreeSurface  # noqa: E402
-from slosh_msgs_py import images, qos, topics  # noqa: E402
-from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
-from slosh_msgs_py.node.run import make_executor  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds  # noqa: E402
+from slosh_base.files.nanoseconds import SECOND
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.measurement import Flag
+from slosh_camera.nodes.camera_node import CameraNode, Complaints
+from slosh_camera.nodes.newest_image import FrameGaps
+from slosh_msgs.msg import FreeSurface
+from slosh_msgs_py import images, qos, topics
+from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_testing.graph import Graph
 
 PATIENCE = 20.0
 FRAME = SECOND // 60
@@ -34,7 +29,7 @@ FRAME = SECOND // 60
 HEIGHT = 0.01
 
 
-class Rig:
+class Rig(Graph):
     """The camera node and a node that stands for the driver and for whoever listens."""
 
     def __init__(self, calibration, **parameters):
@@ -42,23 +37,13 @@ class Rig:
         for name, value in parameters.items():
             words += ["-p", f"{name}:={value}"]
         rclpy.init(args=words)
-        self.executor = make_executor()
-        self.nodes = [Node("rig")]
-        self.executor.add_node(self.nodes[0])
+        super().__init__("rig")
 
     def start(self, kind=Image, topic=topics.IMAGE, quality=qos.IMAGE_OUT):
-        self.nodes.append(CameraNode())
-        self.executor.add_node(self.nodes[-1])
-        self.heights, self.reports = [], []
-        rig = self.nodes[0]
-        rig.create_subscription(
-            FreeSurface, topics.FREE_SURFACE, self.heights.append, qos.STREAM_IN
-        )
-        rig.create_subscription(
-            DiagnosticArray, topics.DIAGNOSTICS, self.reports.append, qos.DIAGNOSTICS
-        )
-        self.driver = rig.create_publisher(kind, topic, quality)
-        node = self.nodes[-1]
+        node = self.add(CameraNode())
+        self.heights = self.listen(FreeSurface, topics.FREE_SURFACE)
+        self.reports = self.listen(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
+        self.driver = self.node.create_publisher(kind, topic, quality)
         self.until(
             lambda: (
                 self.driver.get_subscription_count() == 1
@@ -89,17 +74,8 @@ class Rig:
         self.until(found)
         return found()[0]
 
-    def until(self, condition):
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.05)
-
     def close(self):
-        for node in self.nodes:
-            self.executor.remove_node(node)
-            node.destroy_node()
-        self.executor.shutdown()
+        super().close()
         rclpy.shutdown()
 
 

@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions, find_interfaces
+from slosh_bag.definitions import Definitions
 from slosh_base.files.errors import SloshFileError
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.heights import without_spikes
@@ -37,10 +37,6 @@ ASKEW = np.array([0.4, -0.3, 0.05])
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 NONE = Residuals(np.empty(0, dtype=np.int64), np.empty(0))
-
-needs_interfaces = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="interfaces are not built"
-)
 
 
 def burst(t: Array, start: float, size: float = 2.0, length: float = 2.0) -> Array:
@@ -320,7 +316,6 @@ class Bag:
         return folder
 
 
-@needs_interfaces
 class TestBags:
     def test_a_bag_gives_its_motions_on_its_own_clock(self, tmp_path: Path) -> None:
         t, acceleration = bursts((2.5, 18.0), 30.0)

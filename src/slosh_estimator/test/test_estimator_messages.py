@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-pytest.importorskip("slosh_msgs", reason="the interfaces are not built")
-
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.nodes.estimator_messages import fill
 from slosh_estimator.sample import Sample

@@ -11,28 +11,26 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import rclpy
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped, PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
-from geometry_msgs.msg import AccelStamped, PoseStamped  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
-from sensor_msgs.msg import Imu  # noqa: E402
-from std_msgs.msg import Header  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
-from slosh_estimator.nodes.estimator_node import EstimatorNode  # noqa: E402
-from slosh_estimator.nodes.monitor_node import MonitorNode  # noqa: E402
-from slosh_estimator.sampling import MEMORY  # noqa: E402
-from slosh_estimator.sight import SurfaceFlag  # noqa: E402
-from slosh_estimator.validity import EstimateFlag  # noqa: E402
-from slosh_metrics.input_checks.input_checks import AccelCheck  # noqa: E402
-from slosh_model.errors import ModelFileError  # noqa: E402
-from slosh_model.model_text import parse_model  # noqa: E402
-from slosh_msgs.msg import (  # noqa: E402
+from slosh_estimator.nodes.estimator_node import EstimatorNode
+from slosh_estimator.nodes.monitor_node import MonitorNode
+from slosh_estimator.sampling import MEMORY
+from slosh_estimator.sight import SurfaceFlag
+from slosh_estimator.validity import EstimateFlag
+from slosh_metrics.input_checks.input_checks import AccelCheck
+from slosh_model.errors import ModelFileError
+from slosh_model.model_text import parse_model
+from slosh_msgs.msg import (
     EstimatorState,
     ExpectedReading,
     FreeSurface,
@@ -41,10 +39,11 @@ from slosh_msgs.msg import (  # noqa: E402
     SloshComparison,
     SloshEstimate,
 )
-from slosh_msgs.srv import LoadModel  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.errors import SloshMessageError  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
+from slosh_msgs.srv import LoadModel
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.errors import SloshMessageError
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
+from slosh_testing.graph import Graph
 
 PATIENCE = 20.0
 MS = 1_000_000
@@ -55,50 +54,15 @@ effects: [{name: vertical_acceleration}]
 """
 
 
-class Cell:
-    """One executor with the node under test and a probe that speaks with it."""
+class Cell(Graph):
+    """The node under test and a probe that speaks with it."""
 
     def __init__(self) -> None:
-        self.executor = SingleThreadedExecutor()
-        self.probe = Node("probe")
-        self.executor.add_node(self.probe)
-        self.nodes: list[Node] = [self.probe]
-
-    def add(self, node: Node) -> Node:
-        self.nodes.append(node)
-        self.executor.add_node(node)
-        return node
-
-    def collect(self, kind: type, topic: str, profile: Any = qos.STREAM_IN) -> list[Any]:
-        received: list[Any] = []
-        self.probe.create_subscription(kind, topic, received.append, profile)
-        return received
-
-    def publisher(self, kind: type, topic: str) -> Any:
-        publisher = self.probe.create_publisher(kind, topic, qos.STREAM_OUT)
-        self.until(lambda: publisher.get_subscription_count() > 0)
-        return publisher
-
-    def until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.05)
-
-    def call(self, kind: type, name: str, request: Any) -> Any:
-        client = self.probe.create_client(kind, name)
-        self.until(client.service_is_ready)
-        future = client.call_async(request)
-        self.until(future.done)
-        return future.result()
+        super().__init__(executor=SingleThreadedExecutor())
+        self.probe = self.node
 
     def now(self) -> int:
         return int(self.probe.get_clock().now().nanoseconds)
-
-    def close(self) -> None:
-        for node in self.nodes:
-            self.executor.remove_node(node)
-            node.destroy_node()
 
 
 @pytest.fixture
@@ -132,7 +96,7 @@ def accel(stamp_ns: int, ax: float, frame: str = "world") -> AccelStamped:
 def test_accelerations_in_estimates_out_and_faults_counted(start: Callable[..., Cell]) -> None:
     cell = start()
     cell.add(EstimatorNode())
-    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
     publisher = cell.publisher(AccelStamped, topics.ACCEL)
     cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
     begin = cell.now()
@@ -162,8 +126,8 @@ def test_the_state_is_published_four_times_a_second_by_the_stamps(
 ) -> None:
     cell = start()
     cell.add(EstimatorNode())
-    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
-    states = cell.collect(EstimatorState, topics.ESTIMATOR_STATE)
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
+    states = cell.listen(EstimatorState, topics.ESTIMATOR_STATE)
     publisher = cell.publisher(AccelStamped, topics.ACCEL)
     cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATOR_STATE) > 0)
     begin = cell.now()
@@ -189,7 +153,7 @@ def test_the_state_is_published_four_times_a_second_by_the_stamps(
 def test_imu_and_its_transform(start: Callable[..., Cell]) -> None:
     cell = start(input="imu", sensor_rotation="[3.141592653589793, 0.0, 0.0]")
     cell.add(EstimatorNode())
-    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
     publisher = cell.publisher(Imu, topics.IMU)
     message = Imu()
     message.header.stamp = to_time(cell.now())
@@ -204,7 +168,7 @@ def test_imu_and_its_transform(start: Callable[..., Cell]) -> None:
 def test_poses(start: Callable[..., Cell]) -> None:
     cell = start(input="pose", pose_window="0.04")
     cell.add(EstimatorNode())
-    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
     publisher = cell.publisher(PoseStamped, topics.POSE)
     cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
     begin = cell.now()
@@ -248,7 +212,7 @@ def test_a_bad_parameter_is_refused_by_name(
 def test_the_estimator_says_why_nothing_drives_it(start: Callable[..., Cell]) -> None:
     cell = start()
     cell.add(EstimatorNode())
-    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    reports = cell.listen(DiagnosticArray, "/diagnostics")
 
     def told(sentence: str) -> None:
         def heard() -> bool:
@@ -287,7 +251,7 @@ def test_the_monitor_says_that_two_clocks_are_not_one(
 ) -> None:
     cell = start()
     cell.add(MonitorNode())
-    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    reports = cell.listen(DiagnosticArray, "/diagnostics")
     estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
     surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
 
@@ -312,9 +276,9 @@ def test_the_monitor_learns_the_rim_of_the_estimator_and_holds_the_liquid_to_it(
 ) -> None:
     cell = start()
     cell.add(MonitorNode())
-    events = cell.collect(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
-    told = cell.collect(NodeSettings, topics.SETTINGS, qos.EVENT)
-    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    events = cell.listen(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
+    told = cell.listen(NodeSettings, topics.SETTINGS, qos.EVENT)
+    reports = cell.listen(DiagnosticArray, "/diagnostics")
     estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
     cup = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.08}"
     document = json.dumps({"parameters": {}, "topics": {}, "files": {"model": cup}})
@@ -342,8 +306,8 @@ def test_the_monitor_compares_reports_events_and_tells_which_side_is_silent(
 ) -> None:
     cell = start()
     cell.add(MonitorNode())
-    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
-    events = cell.collect(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
+    comparisons = cell.listen(SloshComparison, topics.COMPARISON)
+    events = cell.listen(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
     estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
     surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
     cell.until(lambda: cell.probe.count_publishers(topics.COMPARISON) > 0)
@@ -391,7 +355,7 @@ def test_the_monitor_compares_reports_events_and_tells_which_side_is_silent(
 def test_with_simulated_time_a_side_is_silent_by_that_time(start: Callable[..., Cell]) -> None:
     cell = start(use_sim_time="true", timeout="0.3")
     cell.add(MonitorNode())
-    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
+    comparisons = cell.listen(SloshComparison, topics.COMPARISON)
     clock = cell.publisher(Clock, "/clock")
     measured = cell.publisher(FreeSurface, topics.FREE_SURFACE)
     estimated = cell.publisher(SloshEstimate, topics.ESTIMATE)
@@ -429,7 +393,7 @@ def test_with_simulated_time_a_side_is_silent_by_that_time(start: Callable[..., 
     tell(5000)
     estimated.publish(SloshEstimate(header=Header(stamp=to_time(begin + 5000 * MS))))
     cell.until(lambda: any(c.measured_stale for c in comparisons))
-    said = cell.collect(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
+    said = cell.listen(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS)
     cell.until(lambda: any("no advancing" in status.message for m in said for status in m.status))
 
 
@@ -437,12 +401,12 @@ def test_late_joiners_learn_what_the_models_work_with(start: Callable[..., Cell]
     cell = start(max_gap="0.02")
     cell.add(EstimatorNode())
     publisher = cell.publisher(AccelStamped, topics.ACCEL)
-    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
     cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
     stamp = cell.now()
     publisher.publish(accel(stamp, 2.0))
     cell.until(lambda: len(estimates) == 1)
-    announced = cell.collect(NodeSettings, topics.SETTINGS, qos.EVENT)
+    announced = cell.listen(NodeSettings, topics.SETTINGS, qos.EVENT)
     cell.until(lambda: len(announced) == 1)
     document = yaml.safe_load(announced[0].document)
     assert announced[0].node == "estimator"
@@ -466,8 +430,8 @@ def test_the_monitor_warns_of_a_motion_that_the_model_does_not_describe(
 ) -> None:
     cell = start()
     cell.add(MonitorNode())
-    reports = cell.collect(DiagnosticArray, "/diagnostics")
-    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
+    reports = cell.listen(DiagnosticArray, "/diagnostics")
+    comparisons = cell.listen(SloshComparison, topics.COMPARISON)
     estimates = cell.publisher(SloshEstimate, topics.ESTIMATE)
     surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
     cell.until(lambda: cell.probe.count_publishers(topics.COMPARISON) > 0)
@@ -513,9 +477,9 @@ def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
     cell = start(input="pose", pose_window="0.04")
     cell.add(EstimatorNode())
     cell.add(MonitorNode())
-    estimates = cell.collect(SloshEstimate, topics.ESTIMATE)
-    readings = cell.collect(ExpectedReading, topics.EXPECTED_READING)
-    comparisons = cell.collect(SloshComparison, topics.COMPARISON)
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
+    readings = cell.listen(ExpectedReading, topics.EXPECTED_READING)
+    comparisons = cell.listen(SloshComparison, topics.COMPARISON)
     poses = cell.publisher(PoseStamped, topics.POSE)
     surfaces = cell.publisher(FreeSurface, topics.FREE_SURFACE)
     for topic in (topics.ESTIMATE, topics.EXPECTED_READING, topics.COMPARISON):
@@ -575,7 +539,7 @@ def test_a_model_that_needs_an_attitude_says_so_where_there_is_none(
 ) -> None:
     cell = start()
     cell.add(EstimatorNode())
-    reports = cell.collect(DiagnosticArray, "/diagnostics")
+    reports = cell.listen(DiagnosticArray, "/diagnostics")
     publisher = cell.publisher(AccelStamped, topics.ACCEL)
     loaded = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=FOUND))
     assert loaded.success

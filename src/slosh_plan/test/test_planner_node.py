@@ -5,34 +5,32 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from action_msgs.msg import GoalStatus  # noqa: E402
-from geometry_msgs.msg import Transform  # noqa: E402
-from rclpy.action import ActionClient  # noqa: E402
-from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from trajectory_msgs.msg import (  # noqa: E402
+import rclpy
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import Transform
+from rclpy.action import ActionClient
+from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
+from trajectory_msgs.msg import (
     MultiDOFJointTrajectory,
     MultiDOFJointTrajectoryPoint,
 )
 
-from slosh_model import Inputs, simulate  # noqa: E402
-from slosh_model.model_text import parse_model  # noqa: E402
-from slosh_msgs.action import PlanMotion  # noqa: E402
-from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate  # noqa: E402
-from slosh_msgs.srv import PlanMotion as PlanMotionService  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time  # noqa: E402
-from slosh_plan.nodes import planner_node  # noqa: E402
-from slosh_plan.nodes.planner_node import THREADS, PlannerNode  # noqa: E402
-from slosh_plan.planning import optimise  # noqa: E402
+from slosh_model import Inputs, simulate
+from slosh_model.model_text import parse_model
+from slosh_msgs.action import PlanMotion
+from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate
+from slosh_msgs.srv import PlanMotion as PlanMotionService
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
+from slosh_plan.nodes import planner_node
+from slosh_plan.nodes.planner_node import THREADS, PlannerNode
+from slosh_plan.planning import optimise
+from slosh_testing.graph import Graph
 
 PATIENCE = 60.0
 TEXT = """
@@ -50,30 +48,19 @@ SPIN, PITCH = (0.0, 0.0, 0.3826834, 0.9238795), (0.0, 0.3826834, 0.0, 0.9238795)
 needs_casadi = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
 
 
-class Cell:
+class Cell(Graph):
     """The node in threads of its own, and who asks it."""
 
-    def __init__(self, probe: Node, node: PlannerNode) -> None:
-        self.probe, self.node = probe, node
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(probe)
+    def __init__(self) -> None:
+        super().__init__(executor=SingleThreadedExecutor())
+        self.probe, self.planner = self.node, PlannerNode()
         self.served = MultiThreadedExecutor(THREADS)
-        self.served.add_node(node)
+        self.served.add_node(self.planner)
         threading.Thread(target=self.served.spin, daemon=True).start()
-        self.client = probe.create_client(PlanMotionService, topics.PLAN)
-        self.action = ActionClient(probe, PlanMotion, topics.PLAN_MOTION)
+        self.client = self.probe.create_client(PlanMotionService, topics.PLAN)
+        self.action = ActionClient(self.probe, PlanMotion, topics.PLAN_MOTION)
         self.until(self.client.service_is_ready)
         self.until(self.action.server_is_ready)
-
-    def until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def got(self, future: Any) -> Any:
-        self.until(future.done)
-        return future.result()
 
     def ask(self, one: PlanRequest) -> PlanMotionService.Response:
         return self.got(self.client.call_async(PlanMotionService.Request(request=one)))
@@ -90,12 +77,12 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     model = tmp_path_factory.mktemp("model") / "model.yaml"
     model.write_text(TEXT)
     rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-p", "service_time_limit:=20.0"])
-    made = Cell(Node("probe"), PlannerNode())
+    made = Cell()
     yield made
-    made.node.close()
+    made.planner.close()
     made.served.shutdown()
-    made.probe.destroy_node()
-    made.node.destroy_node()
+    made.planner.destroy_node()
+    made.close()
     rclpy.try_shutdown()
 
 
@@ -262,7 +249,7 @@ def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: s
     done = cell.got(goal.get_result_async())
     assert done.status == GoalStatus.STATUS_ABORTED
     assert done.result.message == answer.message
-    assert cell.node.faults.total == 0
+    assert cell.planner.faults.total == 0
 
 
 @pytest.mark.parametrize(

@@ -10,32 +10,29 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-rclpy = pytest.importorskip("rclpy", reason="ROS 2 is not installed")
-
-from geometry_msgs.msg import Transform, Twist  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from trajectory_msgs.msg import (  # noqa: E402
+import rclpy
+from geometry_msgs.msg import Transform, Twist
+from trajectory_msgs.msg import (
     JointTrajectory,
     JointTrajectoryPoint,
     MultiDOFJointTrajectory,
     MultiDOFJointTrajectoryPoint,
 )
 
-from slosh_estimator.errors import SloshEstimatorError  # noqa: E402
-from slosh_model.model_text import parse_model  # noqa: E402
-from slosh_model.motion_profiles import quintic  # noqa: E402
-from slosh_msgs.msg import MotionPrediction, PredictionOutcome, SloshEstimate  # noqa: E402
-from slosh_msgs.srv import PredictSlosh  # noqa: E402
-from slosh_msgs_py import qos, topics  # noqa: E402
-from slosh_msgs_py.node.diagnostics import WARN  # noqa: E402
-from slosh_msgs_py.stamps import to_nanoseconds, to_time  # noqa: E402
-from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales  # noqa: E402
-from slosh_plan.joints import available  # noqa: E402
-from slosh_plan.nodes.predict_messages import trajectory_of  # noqa: E402
-from slosh_plan.nodes.predictor_node import PredictorNode  # noqa: E402
-from slosh_plan.robot_file import read_arm  # noqa: E402
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_model.model_text import parse_model
+from slosh_model.motion_profiles import quintic
+from slosh_msgs.msg import MotionPrediction, PredictionOutcome, SloshEstimate
+from slosh_msgs.srv import PredictSlosh
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.node.diagnostics import WARN
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
+from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales
+from slosh_plan.joints import available
+from slosh_plan.nodes.predict_messages import trajectory_of
+from slosh_plan.nodes.predictor_node import PredictorNode
+from slosh_plan.robot_file import read_arm
+from slosh_testing.graph import Graph
 
 PATIENCE = 20.0
 TEXT = """
@@ -47,27 +44,17 @@ MODEL = parse_model(TEXT, "text")
 JOINTS = JointTrajectory(joint_names=["slide"], points=[JointTrajectoryPoint()])
 
 
-class Cell:
+class Cell(Graph):
     """The node, and who asks it."""
 
-    def __init__(self, probe: Node, node: Node) -> None:
-        self.probe, self.node = probe, node
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(probe)
-        self.executor.add_node(node)
-        self.client = probe.create_client(PredictSlosh, topics.PREDICT)
+    def __init__(self) -> None:
+        super().__init__()
+        self.probe, self.predictor = self.node, self.add(PredictorNode())
+        self.client = self.probe.create_client(PredictSlosh, topics.PREDICT)
         self.until(self.client.service_is_ready)
 
-    def until(self, condition: Callable[[], bool]) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, "what was awaited did not come"
-            self.executor.spin_once(timeout_sec=0.05)
-
     def ask(self, **fields: Any) -> PredictSlosh.Response:
-        future = self.client.call_async(request(**fields))
-        self.until(future.done)
-        return future.result()
+        return self.got(self.client.call_async(request(**fields)))
 
 
 @pytest.fixture(scope="module")
@@ -77,11 +64,9 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     rclpy.init(
         args=["--ros-args", "-p", f"model:={model}", "-p", "scales:=200", "-p", "limit:=0.012"]
     )
-    made = Cell(Node("probe"), PredictorNode())
+    made = Cell()
     yield made
-    for node in (made.probe, made.node):
-        made.executor.remove_node(node)
-        node.destroy_node()
+    made.close()
     rclpy.try_shutdown()
 
 
@@ -216,7 +201,7 @@ def test_what_cannot_be_answered_is_refused_and_the_node_goes_on(
     assert not answer.success
     assert match in answer.message
     assert math.isnan(answer.peak_nonlinear)
-    assert cell.node.faults.total == 0
+    assert cell.predictor.faults.total == 0
     assert cell.ask().success
 
 
@@ -267,7 +252,7 @@ def told(cell: Cell) -> Iterator[Callable[..., MotionPrediction]]:
     def tell(given: list[MultiDOFJointTrajectoryPoint], start_ns: int = 0) -> MotionPrediction:
         message = MultiDOFJointTrajectory(points=given)
         message.header.stamp = to_time(start_ns)
-        before = cell.node._planned.count
+        before = cell.predictor._planned.count
         publisher.publish(message)
         cell.until(lambda: bool(heard) and heard[-1].id == before + 1)
         return heard[-1]
@@ -294,7 +279,7 @@ def test_a_planned_motion_is_predicted_before_it_begins(
     assert not message.from_estimate
     assert "above the limit of 12 mm" in message.description
     assert "; predicted from rest: " in message.description
-    level, sentence = cell.node._health()
+    level, sentence = cell.predictor._health()
     assert level == WARN
     assert sentence == f"planned motion {message.id}: {message.description}"
 
@@ -333,7 +318,7 @@ def test_a_planned_motion_that_keeps_the_limit_is_no_warning(
     for point in slow:
         point.accelerations[0].linear.x *= 0.1
     assert told(slow).state == MotionPrediction.KEPT
-    assert cell.node._health()[0] != WARN
+    assert cell.predictor._health()[0] != WARN
 
 
 def test_the_cells_record_counts_against_the_limit(
@@ -343,7 +328,7 @@ def test_the_cells_record_counts_against_the_limit(
         PredictionOutcome, topics.PREDICTION_OUTCOME, qos.EVENT
     )
     publisher.publish(PredictionOutcome(count=5, sigma=0.001, epsilon=0.0))
-    cell.until(lambda: cell.node._planned._record is not None)
+    cell.until(lambda: cell.predictor._planned._record is not None)
     message = told(points(poses=False))
     assert message.peak_upper == pytest.approx(message.peak + 0.002)
     # Whoever publishes nonsense neither stops the predictions nor changes what was known.
@@ -379,7 +364,7 @@ def test_a_planned_trajectory_that_is_none_is_refused(
     assert message.state == MotionPrediction.REFUSED
     assert match in message.description
     assert math.isnan(message.peak)
-    assert cell.node.faults.total == 0
+    assert cell.predictor.faults.total == 0
     assert told(points(poses=False)).state == MotionPrediction.EXCEEDED
 
 
@@ -431,11 +416,11 @@ def test_a_motion_of_joints_is_that_of_the_cup_that_they_carry(cell: Cell, tmp_p
     (same,) = predict(MODEL, motion())
     assert found.nonlinear.peak == pytest.approx(same.nonlinear.peak, rel=1e-3)
     # The node answers the same.
-    cell.node._arm = arm
+    cell.predictor._arm = arm
     try:
         answer = cell.ask(time=[], joint_trajectory=message.joint_trajectory)
     finally:
-        cell.node._arm = None
+        cell.predictor._arm = None
     assert answer.success, answer.message
     assert answer.peak_nonlinear == found.nonlinear.peak
     message.joint_trajectory.points[7].positions = []

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import scipy.io
 
-from slosh_bag.definitions import find_interfaces
 from slosh_bag.reader import BagReader
 from slosh_base.files.errors import SloshFileError
 from slosh_replay.tables.antisloshing import POSE_TOPIC, SURFACE_TOPIC, import_antisloshing
@@ -18,10 +17,6 @@ RUN = "LE_2D_test"
 TIMES = np.arange(20) / 60.0
 HEIGHTS = np.linspace(-3.0, 30.0, 20)
 POSE = "{t:g};0.1;0.2;0.3;0;0;0;1\n"
-
-needs_messages = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
 
 
 @pytest.fixture
@@ -42,7 +37,6 @@ def write_poses(folder: Path, text: str) -> None:
     (folder / "poses" / f"{RUN}.csv.gz").write_bytes(gzip.compress(text.encode()))
 
 
-@needs_messages
 def test_every_sample_is_in_the_bag(data: Path, tmp_path: Path):
     (bag,) = import_antisloshing(data, tmp_path / "bags")
     reader = BagReader(bag)
@@ -56,7 +50,6 @@ def test_every_sample_is_in_the_bag(data: Path, tmp_path: Path):
     assert (poses[3].pose.position.y, poses[3].pose.orientation.w) == (0.2, 1.0)
 
 
-@needs_messages
 def test_the_bag_says_that_its_clocks_are_unrelated(data: Path, tmp_path: Path):
     (bag,) = import_antisloshing(data, tmp_path / "bags")
     facts = BagReader(bag).metadata()
@@ -64,7 +57,6 @@ def test_the_bag_says_that_its_clocks_are_unrelated(data: Path, tmp_path: Path):
     assert (facts["container_radius"], facts["container_fill_height"]) == ("0.049", "0.078")
 
 
-@needs_messages
 @pytest.mark.parametrize(
     ("poses", "expected"),
     [
@@ -80,7 +72,6 @@ def test_broken_poses_are_named(data: Path, tmp_path: Path, poses: str, expected
     check_refused(data, tmp_path, f"poses/{RUN}.csv.gz", expected)
 
 
-@needs_messages
 @pytest.mark.parametrize(
     ("variables", "expected"),
     [
@@ -95,7 +86,6 @@ def test_broken_heights_are_named(data: Path, tmp_path: Path, variables, expecte
     check_refused(data, tmp_path, f"heights/{RUN}.mat", expected)
 
 
-@needs_messages
 def test_cut_off_files_are_named(data: Path, tmp_path: Path):
     poses = data / "poses" / f"{RUN}.csv.gz"
     poses.write_bytes(poses.read_bytes()[:40])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions, find_interfaces
+from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
@@ -22,10 +22,6 @@ from slosh_tables.motion_table import MotionTable
 MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 ACCEL = "geometry_msgs/msg/AccelStamped"
 SURFACE = "slosh_msgs/msg/FreeSurface"
-
-needs_messages = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
 
 
 def motion_table() -> MotionTable:
@@ -139,7 +135,6 @@ def test_a_table_without_heights_is_refused():
         replay_table("none", replace(TABLE, msh=None), MODEL)
 
 
-@needs_messages
 def test_a_bag_with_one_clock_gives_the_same_as_its_table(tmp_path: Path):
     result = replay_bag(write_bag(tmp_path / "bag"), MODEL)
     row = by_name(result)["3D-NL"]
@@ -149,7 +144,6 @@ def test_a_bag_with_one_clock_gives_the_same_as_its_table(tmp_path: Path):
     assert result.counters["images"] == row.count == len(TABLE.t[::8])
 
 
-@needs_messages
 def test_unrelated_clocks_are_found(tmp_path: Path):
     bag = write_bag(tmp_path / "bag", shift=7.25, facts={"clocks": "unrelated"})
     row = by_name(replay_bag(bag, MODEL))["3D-NL"]
@@ -158,7 +152,6 @@ def test_unrelated_clocks_are_found(tmp_path: Path):
     assert row.sigma < 2e-4
 
 
-@needs_messages
 def test_replay_twice_gives_the_same_bits(tmp_path: Path):
     bag = write_bag(tmp_path / "bag")
     assert replay_bag(bag, MODEL).to_json(series=True) == replay_bag(bag, MODEL).to_json(
@@ -166,19 +159,16 @@ def test_replay_twice_gives_the_same_bits(tmp_path: Path):
     )
 
 
-@needs_messages
 def test_a_bag_whose_time_was_set_back_is_refused(tmp_path: Path):
     with pytest.raises(SloshBagError, match=r"input go back at 4\.\d+ s"):
         replay_bag(write_bag(tmp_path / "bag", set_back=True), MODEL)
 
 
-@needs_messages
 def test_a_bag_without_container_needs_a_model(tmp_path: Path):
     with pytest.raises(SloshBagError, match="contains no model or container"):
         replay_bag(write_bag(tmp_path / "bag"))
 
 
-@needs_messages
 def test_an_empty_bag_is_refused(tmp_path: Path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.add_topic("/slosh/free_surface", SURFACE)

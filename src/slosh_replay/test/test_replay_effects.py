@@ -10,7 +10,6 @@ import pytest
 from example_effects import STRENGTHS
 from scipy.spatial.transform import Rotation
 
-from slosh_bag.definitions import find_interfaces
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
 from slosh_model.effects.registry import EFFECTS
@@ -31,10 +30,6 @@ ADDED = {name: p for name, p in STRENGTHS.items() if name not in NONLINEAR | OF_
     "fill_loss": {"rate": 0.005, "fixed_zero": 1.0},
     "yaw_coupling": {"kappa": 0.8},
 }
-
-needs_messages = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
 
 
 class Kept(Outputs):
@@ -109,7 +104,6 @@ def test_the_limit_is_watched_by_the_liquid_s_own_height() -> None:
     assert np.nanmax(result.measured) == 0.004
 
 
-@needs_messages
 def test_the_bag_of_a_table_is_replayed_with_its_attitude(tmp_path: Path) -> None:
     model = BASE.with_effect("gravity_tilt")
     measured = table(model)
@@ -121,7 +115,6 @@ def test_the_bag_of_a_table_is_replayed_with_its_attitude(tmp_path: Path) -> Non
     assert result.warnings == ()
 
 
-@needs_messages
 def test_effects_that_a_bag_leaves_idle_are_told(tmp_path: Path) -> None:
     model = BASE.with_effect("gravity_tilt")
     upright = table(BASE, turning=False)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions, find_interfaces
+from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_base.files import SloshFileError
@@ -27,10 +27,6 @@ from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table, with_rows_at
 from slosh_replay.tables.table_bag import import_table, table_stamps, table_times, write_table_bag
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
-
-pytestmark = pytest.mark.skipif(
-    find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"
-)
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
 HEIGHT = FINITE | st.just(math.nan)

@@ -1,0 +1,1 @@
+"""What tests share: recordings, processes, ROS graphs and commands; nothing else uses it."""

@@ -1,0 +1,95 @@
+"""A test's own node beside the nodes under test, in one executor."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from slosh_msgs_py import qos
+from slosh_msgs_py.node.run import make_executor
+
+PATIENCE = 60.0
+N = TypeVar("N", bound=Node)
+
+
+class Graph:
+    """A node that speaks and hears, and the nodes that a test adds.
+
+    Args:
+        name, namespace: of the test's own node.
+        executor: of all nodes; None: the product's.
+
+    Attributes:
+        node: the test's own.
+        nodes: all of them.
+    """
+
+    def __init__(self, name: str = "probe", namespace: str = "/", executor: Any = None) -> None:
+        self.executor = executor or make_executor()
+        self.nodes: list[Node] = []
+        self.node = self.add(Node(name, namespace=namespace))
+
+    def add(self, node: N) -> N:
+        """Lets the executor serve a node, too."""
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def with_parameters(self, make: Callable[[], N], namespace: str = "/", **given: Any) -> N:
+        """Adds a node; its parameters come as overrides, not from the command line."""
+        overrides = [Parameter(name, value=value) for name, value in given.items()]
+        original = Node.__init__
+
+        def start(node: Node, name: str, **options: Any) -> None:
+            own = {"parameter_overrides": overrides, "namespace": namespace, **options}
+            original(node, name, **own)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Node, "__init__", start)
+            return self.add(make())
+
+    def publisher(self, kind: type, topic: str, profile: Any = qos.STREAM_OUT) -> Any:
+        """A publisher, once somebody hears it."""
+        publisher = self.node.create_publisher(kind, topic, profile)
+        self.until(lambda: publisher.get_subscription_count() > 0)
+        return publisher
+
+    def listen(
+        self, kind: type, topic: str, profile: Any = qos.STREAM_IN, *, raw: bool = False
+    ) -> list[Any]:
+        """What comes on a topic from now on."""
+        heard: list[Any] = []
+        self.node.create_subscription(kind, topic, heard.append, profile, raw=raw)
+        return heard
+
+    def until(self, condition: Callable[[], object], what: str = "what was awaited") -> None:
+        """Serves all nodes until something has happened."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, f"{what} did not come"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def got(self, future: Any) -> Any:
+        """What a future gives."""
+        self.until(future.done, "an answer")
+        return future.result()
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """A service's answer."""
+        client = self.node.create_client(kind, name)
+        self.until(client.service_is_ready, name)
+        answer = self.got(client.call_async(request))
+        self.node.destroy_client(client)
+        return answer
+
+    def close(self) -> None:
+        """Ends all nodes; ROS itself stays."""
+        for node in self.nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.executor.shutdown()
