@@ -7,8 +7,6 @@ each effect, whether the live estimator, the replay's columns and the simulation
 bits, and a digest of them; whatever lies in the compile cache, all digests must be equal.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys

@@ -6,8 +6,6 @@ Publishes a motion along x and pictures of what the liquid does, and ends with t
 The liquid is TM20's pendulum; the pictures are drawn by other means than the camera node's.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whatever others send: the cell does not lie, does not fall and tells what is wrong."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

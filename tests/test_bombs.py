@@ -1,7 +1,5 @@
 """Small files that stand for a huge content are refused before they cost memory or time."""
 
-from __future__ import annotations
-
 import bz2
 import functools
 import gzip

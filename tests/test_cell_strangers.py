@@ -1,7 +1,5 @@
 """A running cell: who reaches it, who can read what it writes, what strangers' words do."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket

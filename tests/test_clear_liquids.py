@@ -4,8 +4,6 @@ Single images of scenes that `tools/scenes/render.py liquids clear sequence_59 s
 each with the image of the liquid at rest.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The system's clock set back and forward by an hour while a cell runs."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import struct

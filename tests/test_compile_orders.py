@@ -4,8 +4,6 @@ Every process finds in the cache what those before it compiled, each in an order
 What makes it so is tried in seconds beside the model: one name, one code (test_compilation.py).
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import os

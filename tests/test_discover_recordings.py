@@ -1,7 +1,5 @@
 """Recorded bags and public measurements as measured motions, with the models beside them."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An input that is not what it claims to be: flagged and named by real nodes, over DDS."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Whatever the umask, nobody else may change what commands and nodes write."""
 
-from __future__ import annotations
-
 import stat
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """A live cell and its page, all of whose files are named to forge lines, pages and paths."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal

@@ -4,8 +4,6 @@ Whoever hands over a recording names it. Every command is given such names for a
 and writes; what it prints is plain lines, what it writes stays where it was told to.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

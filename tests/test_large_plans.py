@@ -1,7 +1,5 @@
 """Planned motions of very many points, told to a predictor in a process of its own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Estimator and monitor as processes, driven by poses and accelerations at the rates of robots."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

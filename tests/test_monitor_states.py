@@ -1,7 +1,5 @@
 """The monitor's state on real processes: silence, a clock that stands, sides that disagree."""
 
-from __future__ import annotations
-
 import cmath
 import math
 import time

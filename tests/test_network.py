@@ -1,7 +1,5 @@
 """Who can hear a cell and speak to it: this machine, and a stranger in another network."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Compiled code that is not the program's is found before a height is computed from it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Poses at the rates of robots give the heights that the true acceleration gives, or say so."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

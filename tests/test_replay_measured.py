@@ -1,7 +1,5 @@
 """The models against real and CFD measurements, where the data are present."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The shipped camera, cup and still image before liquid at rest at another level."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@
 sharpens, and a camera 29° above the horizontal before half-clear green liquid.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """The operator's page in a real browser: what it shows is what the topics say, to nobody else."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal

@@ -34,7 +34,8 @@ ROSDEP = {
     "markupsafe": "python3-jinja2", "matplotlib": "python3-matplotlib", "numba": "python3-numba",
     "numpy": "python3-numpy", "pytest": "python3-pytest", "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy", "tqdm": "python3-tqdm", "uvicorn": "python3-uvicorn",
-    "websockets": "python3-websockets", "yaml": "python3-yaml", "launch": "ros2launch", "launch_ros": "ros2launch",
+    "websockets": "python3-websockets", "yaml": "python3-yaml", "launch": "ros2launch",
+    "launch_ros": "ros2launch",
 }  # fmt: skip
 """Import name to rosdep key; what belongs to ROS has its own name as key."""
 WITHOUT_KEY = {"dask", "distributed", "lz4", "mcap", "starlette", "zstandard"}

@@ -1,7 +1,5 @@
 """Stamps of another time, types and QoS that do not fit, broken files: told, and no harm done."""
 
-from __future__ import annotations
-
 import os
 import struct
 import time

@@ -1,7 +1,5 @@
 """Whatever happens to a YAML file that a user edits: a value, or one line that names the file."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

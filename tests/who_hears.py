@@ -6,8 +6,6 @@ Prints {"heard": N, "answered": whether reset was} as soon as it has heard enoug
 answered, or when so many seconds have passed. The robot sends accelerations, until it is ended.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import time

@@ -1,7 +1,5 @@
 """Parameters that change while a cell works, and a state that is asked for: real processes."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """A planned motion in the simulated cell: told before it begins, measured, and put on record."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -3,8 +3,6 @@
 The messages' bytes are what rclpy (Jazzy, Fast DDS) makes of `values`; with their padding.
 """
 
-from __future__ import annotations
-
 import base64
 import csv
 import json

@@ -1,7 +1,5 @@
 """Exported tables hold every value of the messages, to the last bit."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import json

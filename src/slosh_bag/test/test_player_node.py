@@ -76,8 +76,8 @@ class Players(Graph):
         super().__init__("listener")
         self.prefix = prefix
 
-    def with_parameters(self, make, **given):
-        return super().with_parameters(make, **{"namespace": self.prefix, **given})
+    def with_parameters(self, make, namespace=None, **given):
+        return super().with_parameters(make, namespace or self.prefix, **given)
 
     def play(self, folder, **given):
         plan = make_plan(PlayRequest(folder, PlaybackSettings(**given)))

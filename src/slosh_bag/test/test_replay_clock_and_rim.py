@@ -1,7 +1,5 @@
 """A replay tells when related clocks drift, and holds the liquid to the rim of its model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Foreign bags come in with every bit of their values; what cannot come is told in one line."""
 
-from __future__ import annotations
-
 import math
 import sqlite3
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a short text can stand for is bounded before anything is made of it."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import pytest

@@ -1,7 +1,5 @@
 """YAML is read strictly, written so that it reads the same, and its errors tell the line."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

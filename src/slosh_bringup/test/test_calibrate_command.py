@@ -13,6 +13,7 @@ from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.optics.cup import CupView, Wall
 from slosh_camera.optics.pose import look_at
+from slosh_testing.commands import complaint
 
 SHIPPED = read_calibration(config_folder() / "camera.yaml").view
 VIEW = CupView(SHIPPED.camera, look_at((0.0, -0.45, 0.08), (0.004, 0.0, -0.01)), SHIPPED.cup)
@@ -66,14 +67,6 @@ def worst_height_error(found):
         _, read = found.on_wall(VIEW.project_wall(azimuth, height, wall), wall)
         errors.append(np.max(np.abs(read - height)))
     return max(errors)
-
-
-def fails_with(capsys, *words):
-    assert main(["calibrate", *(str(word) for word in words)]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.strip().split("\n")
-    return line
 
 
 def test_writes_what_detect_reads(capsys, tmp_path, still, intrinsics):
@@ -142,7 +135,7 @@ def test_a_photograph_tells_its_field_of_view(capsys, tmp_path, picture):
 def test_a_part_of_a_photograph_does_not_tell_its_field_of_view(capsys, tmp_path, picture):
     photograph = tmp_path / "photograph.jpg"
     with_exif(photograph, picture, 1, 50, (4000, 2000))
-    line = fails_with(capsys, photograph, *CONTAINER, "-o", tmp_path / "camera.yaml")
+    line = complaint(capsys, "calibrate", photograph, *CONTAINER, "-o", tmp_path / "camera.yaml")
     assert "--fov" in line
     assert "a part of it" in line
 
@@ -154,8 +147,8 @@ def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
     assert main(["calibrate", *(str(word) for word in (*words, u, v + 1.0))]) == 0
     assert worst_height_error(read_calibration(output).view) < 0.25e-3
     capsys.readouterr()
-    assert "--level" in fails_with(capsys, *words, u, v + 40.0)
-    assert "outside the image" in fails_with(capsys, *words, -5, v)
+    assert "--level" in complaint(capsys, "calibrate", *words, u, v + 40.0)
+    assert "outside the image" in complaint(capsys, "calibrate", *words, -5, v)
 
 
 def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monkeypatch):
@@ -164,7 +157,7 @@ def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monk
     ((u, v),) = VIEW.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
     output = tmp_path / "camera.yaml"
     words = [still, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output]
-    line = fails_with(capsys, *words)
+    line = complaint(capsys, "calibrate", *words)
     assert "not certain: " in line
     assert "--level U V" in line
     assert not output.exists()
@@ -267,7 +260,7 @@ def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):
         ([still, *camera, *end, "--picture", tmp_path / "x.txt"], "x.txt: pictures are written"),
         ([still, *camera, *CONTAINER, "-o", tmp_path / "no" / "c.yaml"], "there is no folder"),
     ):
-        assert part in fails_with(capsys, *words)
+        assert part in complaint(capsys, "calibrate", *words)
     assert not output.exists()
 
 

@@ -1,7 +1,6 @@
 """The command line: units, nearest names, one line for each mistake."""
 
 import argparse
-import json
 import os
 import re
 import subprocess
@@ -12,6 +11,7 @@ import pytest
 from slosh_bringup.cli import quantities
 from slosh_bringup.cli.main import COMMANDS, build_parser, main
 from slosh_bringup.processes import config_folder
+from slosh_testing.commands import complaint, printed
 
 MODEL = str(config_folder() / "model.yaml")
 
@@ -54,19 +54,6 @@ def test_a_value_may_carry_its_unit(kind, text, value):
 def test_a_bare_number_that_cannot_be_meant_is_asked_back(kind, text, said):
     with pytest.raises(argparse.ArgumentTypeError, match=said):
         kind(text)
-
-
-def complaint(capsys, *words):
-    """The one line that a mistake gets; the exit code is 2."""
-    try:
-        code = main(words)
-    except SystemExit as caught:
-        code = caught.code
-    captured = capsys.readouterr()
-    assert (code, captured.out) == (2, "")
-    (line,) = captured.err.splitlines()
-    assert line.startswith("slosh")
-    return line
 
 
 @pytest.mark.parametrize(
@@ -190,12 +177,6 @@ def test_a_shell_completes_commands_and_options(tmp_path, typed, offered):
     command = f"exec {sys.executable} -m slosh_bringup.cli 8>{answer}"
     subprocess.run(["/bin/sh", "-c", command], env={**os.environ, **asked}, check=True)
     assert [word.strip() for word in answer.read_text().split("\n")] == offered
-
-
-def printed(capsys, *words):
-    """What a command prints as JSON."""
-    assert main(words) == 0
-    return json.loads(capsys.readouterr().out)
 
 
 def test_what_a_command_answers_can_be_had_as_json(capsys, tmp_path):

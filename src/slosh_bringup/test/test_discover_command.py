@@ -21,6 +21,7 @@ from slosh_model.measure import predicted_heights
 from slosh_model.model_text import format_model, parse_model, read_model
 from slosh_model.simulate import Inputs
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_testing.commands import complaint
 
 MODEL = str(config_folder() / "model.yaml")
 BAGS = Path(__file__).parents[3] / "bags"
@@ -72,16 +73,6 @@ def write_table(path, seed, *, measured=True):
     msh[::10] = np.interp(inputs.t[::10], motion.t, np.nan_to_num(motion.msh))
     msh = msh if measured else None
     write_motion_table(path, MotionTable(inputs.t, inputs.acceleration, msh=msh))
-
-
-def fails_with(capsys, *words):
-    """Runs the command; returns its one line of complaint."""
-    assert main(["discover", *map(str, words)]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    lines = [line for line in captured.err.splitlines() if ": note: " not in line]
-    assert len(lines) == 1, captured.err
-    return lines[0]
 
 
 def test_it_writes_model_document_page_and_prints_the_verdict(capsys, discovery, tables, tmp_path):
@@ -165,7 +156,7 @@ def test_an_earlier_discovery_stays(capsys, discovery, tables, tmp_path):
     before = {path: path.read_bytes() for path in output.iterdir()}
     capsys.readouterr()
     discovery.verdict = Verdict.NAMED
-    line = fails_with(capsys, *words)
+    line = complaint(capsys, "discover", *words)
     assert line.startswith(f"slosh discover: {output}: exists already and holds discovery.json")
     assert {path: path.read_bytes() for path in output.iterdir()} == before
     assert len(discovery.calls) == 1
@@ -175,7 +166,7 @@ def test_a_discovery_that_fails_leaves_no_folder(capsys, discovery, tables, tmp_
     output = tmp_path / "a" / "o"
     broken = tmp_path / "broken.csv"
     broken.write_text("t,ax\n")
-    fails_with(capsys, tables[0], broken, "--model", MODEL, "-o", output)
+    complaint(capsys, "discover", tables[0], broken, "--model", MODEL, "-o", output)
     assert not output.parent.exists()
 
 
@@ -282,8 +273,8 @@ def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
 
 def test_a_model_must_come_from_somewhere(capsys, discovery, tables, tmp_path):
     output = tmp_path / "o"
-    assert "--model" in fails_with(capsys, tables[0], "-o", output)
-    line = fails_with(capsys, "--from-bag", tables[0], "-o", output)
+    assert "--model" in complaint(capsys, "discover", tables[0], "-o", output)
+    line = complaint(capsys, "discover", "--from-bag", tables[0], "-o", output)
     assert "contains no model" in line
 
 
@@ -304,7 +295,7 @@ def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
         ([*tables, "--jobs", "0", *end], "--jobs 0: must be at least 1"),
         ([*tables, "--motions", "-1", *end], "--motions -1: must be at least 1"),
     ):
-        line = fails_with(capsys, *words)
+        line = complaint(capsys, "discover", *words)
         assert line.startswith("slosh discover: ")
         assert match in line
     assert discovery.calls == []
@@ -314,21 +305,25 @@ def test_a_copy_of_a_motion_cannot_be_held_out(capsys, discovery, tables, tmp_pa
     copy = tmp_path / "copy.csv"
     shutil.copy(tables[0], copy)
     words = [*tables, "--holdout", copy, "--model", MODEL, "-o", tmp_path / "o"]
-    assert "copy in --holdout holds the same measurements as run_1" in fails_with(capsys, *words)
+    assert "copy in --holdout holds the same measurements as run_1" in complaint(
+        capsys, "discover", *words
+    )
 
 
 def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, tables, tmp_path):
     file = tmp_path / "file"
     file.write_text("")
     for output in (file, "/proc/nowhere", "/proc"):
-        line = fails_with(capsys, tables[0], "--model", MODEL, "-o", output)
+        line = complaint(capsys, "discover", tables[0], "--model", MODEL, "-o", output)
         assert str(output) in line
     assert discovery.calls == []
 
 
 def test_inputs_are_never_replaced(capsys, discovery, tables, tmp_path):
     shutil.copy(MODEL, tmp_path / "model.yaml")
-    line = fails_with(capsys, tables[0], "--model", tmp_path / "model.yaml", "-o", tmp_path)
+    line = complaint(
+        capsys, "discover", tables[0], "--model", tmp_path / "model.yaml", "-o", tmp_path
+    )
     assert "exists already and holds model.yaml, ..." in line
     assert (tmp_path / "model.yaml").read_text() == Path(MODEL).read_text()
     assert discovery.calls == []
@@ -385,6 +380,6 @@ def test_motions_get_the_group_whose_pattern_they_match(discovery, tables, tmp_p
 def test_groups_that_do_not_part_the_motions_are_one_clear_error(
     capsys, discovery, tables, tmp_path, words, expected
 ):
-    line = fails_with(capsys, *tables, *words, "--model", MODEL, "-o", tmp_path / "o")
+    line = complaint(capsys, "discover", *tables, *words, "--model", MODEL, "-o", tmp_path / "o")
     assert expected in line
     assert discovery.calls == []

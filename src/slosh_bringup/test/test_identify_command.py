@@ -17,6 +17,7 @@ from slosh_model.motion_profiles import Cycle
 from slosh_model.simulate import Inputs
 from slosh_replay.tables.table_bag import import_table
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_testing.commands import complaint
 
 TRUTH = Model(Cylinder(0.03, 0.067), damping_ratio=0.042, natural_frequency=24.0)
 
@@ -51,15 +52,6 @@ def words(shop, output, *more):
         "identify", str(shop / "runs"), "--model", str(shop / "model.yaml"), *map(str, more),
         "-o", str(output),
     ]  # fmt: skip
-
-
-def fails_with(capsys, *arguments):
-    """Runs the command; returns its one line of complaint."""
-    assert main([str(word) for word in arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = [line for line in captured.err.splitlines() if not line.startswith("identify:")]
-    return line
 
 
 def test_it_writes_a_model_with_its_covariance_a_document_and_a_page(shop, tmp_path, capsys):
@@ -142,7 +134,7 @@ def test_bags_are_read_as_tables_are_with_their_model(shop, tmp_path, capsys):
     found = read_model(output / "model.yaml")
     assert found.natural_frequency == pytest.approx(24.0, abs=0.1)
     capsys.readouterr()
-    line = fails_with(capsys, "identify", bag, "--from-bag", "-o", tmp_path / "o")
+    line = complaint(capsys, "identify", bag, "--from-bag", "-o", tmp_path / "o")
     assert "contains no model" in line
 
 
@@ -156,7 +148,7 @@ def test_earlier_results_are_shown_beside(shop, tmp_path, capsys):
     assert document["beside"][0]["frequency"][0] == pytest.approx(24.0, abs=0.05)
     capsys.readouterr()
     (first / "identification.json").write_text("{}")
-    line = fails_with(capsys, *words(shop, tmp_path / "third", "--beside", first))
+    line = complaint(capsys, *words(shop, tmp_path / "third", "--beside", first))
     assert "is not a result of slosh identify" in line
 
 
@@ -173,12 +165,12 @@ def test_earlier_results_are_shown_beside(shop, tmp_path, capsys):
 )
 def test_wrong_input_is_refused_in_one_line(shop, tmp_path, capsys, change, match):
     output = tmp_path / "found"
-    assert match in fails_with(capsys, *words(shop, output, *change))
+    assert match in complaint(capsys, *words(shop, output, *change))
     assert not output.exists()
 
 
 def test_without_a_model_it_asks_for_one(shop, tmp_path, capsys):
-    line = fails_with(capsys, "identify", shop / "runs", "-o", tmp_path / "o")
+    line = complaint(capsys, "identify", shop / "runs", "-o", tmp_path / "o")
     assert "no model: give --model" in line
 
 

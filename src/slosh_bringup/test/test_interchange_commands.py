@@ -1,7 +1,5 @@
 """`slosh import` and `slosh export`: tables and foreign bags in, tables out, and what they say."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
@@ -17,22 +15,13 @@ from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_testing.commands import complaint
 
 MODEL = str(config_folder() / "model.yaml")
 
 
 def run(*words: object) -> None:
     assert main([str(word) for word in words]) == 0
-
-
-def fails_with(capsys, *words: object) -> str:
-    """Runs the command; returns its one line of complaint."""
-    capsys.readouterr()
-    assert main([str(word) for word in words]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.strip().split("\n")
-    return line
 
 
 def heights(path: Path) -> np.ndarray:
@@ -150,8 +139,8 @@ def test_what_export_cannot_do_is_one_line(bag: Path, tmp_path: Path, capsys):
         (["--topic", "accel", "-o", tmp_path / "there.csv" / "x.csv"], "there.csv"),
         (["-o", tmp_path / "e.xls"], "e.xls: a table must end in .csv, .csv.gz, .parquet;"),
     ):
-        assert expected in fails_with(capsys, "export", bag, *words)
-    assert "no such file" in fails_with(capsys, "export", tmp_path / "none", "--list")
+        assert expected in complaint(capsys, "export", bag, *words)
+    assert "no such file" in complaint(capsys, "export", tmp_path / "none", "--list")
     assert (tmp_path / "there.csv").read_text() == "precious"
     assert set(tmp_path.iterdir()) == before
 
@@ -171,7 +160,7 @@ def test_what_import_cannot_do_is_one_line(table: Path, bag: Path, tmp_path: Pat
         (["rosbag", bag, "-o", tmp_path / "b", "--rename", "/a"], "is not OLD=NEW"),
         (["rosbag", bag, "-o", tmp_path / "b", "--topics", "/a"], "no topic '/a'"),
     ):
-        assert expected in fails_with(capsys, "import", *words)
+        assert expected in complaint(capsys, "import", *words)
     assert not (tmp_path / "b").exists()
 
 
@@ -209,7 +198,7 @@ def ros1_bag(path: Path, table: MotionTable) -> None:
 
 def test_a_ros1_bag_is_imported_and_replayed(table: Path, tmp_path: Path, capsys):
     ros1_bag(tmp_path / "robot.bag", read_motion_table(table))
-    line = fails_with(capsys, "export", tmp_path / "robot.bag", "--list")
+    line = complaint(capsys, "export", tmp_path / "robot.bag", "--list")
     assert re.search(r"a ROS 1 bag.*convert it with slosh import rosbag", line)
     run(
         "import", "rosbag", tmp_path / "robot.bag", "-o", tmp_path / "bags",

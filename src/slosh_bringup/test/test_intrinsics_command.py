@@ -9,6 +9,7 @@ from board_scene import MATRIX, chessboard_pictures
 
 from slosh_bringup.cli.main import main
 from slosh_camera.calibrate.intrinsics import read_known_camera
+from slosh_testing.commands import complaint
 
 BOARD = ["--board", "8x5", "--square", "0.02"]
 
@@ -20,14 +21,6 @@ def folder(tmp_path_factory):
         cv2.imwrite(str(folder / f"board_{number}.png"), picture)
     cv2.imwrite(str(folder / "wall.png"), np.full((480, 640), 90, np.uint8))
     return folder
-
-
-def refused(words, capsys):
-    assert main(["intrinsics", *map(str, words)]) == 2
-    told = capsys.readouterr()
-    (line,) = told.err.splitlines()
-    assert told.out == ""
-    return line
 
 
 def test_pictures_become_a_file_that_calibrate_reads(folder, tmp_path, capsys):
@@ -79,5 +72,5 @@ def test_what_cannot_be_is_one_line(folder, tmp_path, capsys):
         ([first, *BOARD, "-o", ost, "--picture", tmp_path / "p.gif"], "p.gif: pictures are"),
         ([*BOARD, "--print-board", tmp_path / "b.pdf", "--picture", "p.png"], "--picture: needs"),
     ):
-        assert said in refused(words, capsys), said
+        assert said in complaint(capsys, "intrinsics", *words), said
     assert [path.name for path in tmp_path.iterdir()] == ["empty"]

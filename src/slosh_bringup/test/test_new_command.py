@@ -18,6 +18,7 @@ from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
 from slosh_model.model import Model
 from slosh_model.model_text import read_model
+from slosh_testing.commands import complaint
 
 ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
 SQUARE = ["--width", "0.1", "--depth", "0.07", "--fill-height", "0.06"]
@@ -38,13 +39,6 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def folder(tmp_path):
     return tmp_path / "my cup"
-
-
-def refused(folder, words, capsys):
-    assert main(["new", str(folder), *words]) == 2
-    told = capsys.readouterr()
-    (line,) = told.err.splitlines()
-    return line
 
 
 def test_the_model_is_read(folder):
@@ -127,7 +121,7 @@ def test_the_next_commands_are_told_with_the_cups_files(folder, capsys):
 def test_a_folder_that_holds_something_is_refused(folder, capsys):
     assert main(["new", str(folder), *ROUND]) == 0
     before = {path: path.read_text() for path in folder.iterdir()}
-    assert "exists already and holds camera.yaml" in refused(folder, SQUARE, capsys)
+    assert "exists already and holds camera.yaml" in complaint(capsys, "new", folder, *SQUARE)
     assert {path: path.read_text() for path in folder.iterdir()} == before
 
 
@@ -158,7 +152,7 @@ def test_a_folder_that_holds_something_is_refused(folder, capsys):
 )
 def test_what_cannot_be_is_one_line(folder, capsys, monkeypatch, words, said):
     monkeypatch.setattr("sys.stdin", io.StringIO())
-    assert said in refused(folder, words, capsys)
+    assert said in complaint(capsys, "new", folder, *words)
     assert not folder.exists()
 
 
@@ -182,7 +176,7 @@ def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
 
 def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", Terminal("\n"))
-    assert "no more input: give the values as options" in refused(folder, [], capsys)
+    assert "no more input: give the values as options" in complaint(capsys, "new", folder)
 
 
 @pytest.mark.parametrize(

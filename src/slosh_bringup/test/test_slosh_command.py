@@ -15,6 +15,7 @@ from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.processes import config_folder
+from slosh_testing.commands import complaint
 
 MODEL = str(config_folder() / "model.yaml")
 
@@ -27,15 +28,6 @@ def motion(tmp_path):
     rows = np.column_stack([t, np.zeros_like(t), ay, np.zeros_like(t)])
     np.savetxt(path, rows, "%.9f", ",", header="t,ax,ay,az", comments="")
     return path
-
-
-def fails_with(capsys, *words):
-    """Runs the command; returns its one line of complaint."""
-    assert main(words) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.strip().split("\n")
-    return line
 
 
 def test_help_names_every_command(capsys):
@@ -86,7 +78,7 @@ def test_simulate_takes_a_rectangle(capsys, motion, tmp_path):
     assert np.array_equal(table["msh"], np.abs(table["sh_x"]) + np.abs(table["sh_y"]))
     assert table["msh"].max() > 0.002
     model.write_text(tank + "effects:\n  - name: surface_nonlinearity\n")
-    line = fails_with(capsys, "simulate", str(model), str(motion), "-o", str(output))
+    line = complaint(capsys, "simulate", str(model), str(motion), "-o", str(output))
     assert line.endswith("tank.yaml:3: effect 'surface_nonlinearity' is not for a rectangle")
 
 
@@ -205,10 +197,10 @@ def test_a_table_of_another_dialect_gives_the_same_answer(capsys, motion, tmp_pa
 def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, motion, tmp_path):
     """It was simulated for minutes: rows are 2,000 s apart, were they seconds."""
     table = scaled(motion, tmp_path / "us.csv", stretch=1e6)
-    line = fails_with(capsys, "simulate", MODEL, str(table), "-o", "/dev/null")
+    line = complaint(capsys, "simulate", MODEL, str(table), "-o", "/dev/null")
     assert re.search(r"us\.csv: column 't': rows are 2000 apart.*probably us \(500 Hz\)", line)
     assert "--time-unit us" in line
-    line = fails_with(capsys, "simulate", MODEL, str(table), "-o", "/dev/null", "--time-unit", "s")
+    line = complaint(capsys, "simulate", MODEL, str(table), "-o", "/dev/null", "--time-unit", "s")
     assert "more than 86400 s" in line
     code, facts, _ = simulated(capsys, table, "--time-unit", "us")
     assert code == 0
@@ -217,9 +209,7 @@ def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, m
 
 @pytest.mark.parametrize("given", ["ax", "ax=", "=acc", "t=a,t=b"])
 def test_columns_that_are_no_pairs_are_named(capsys, motion, given):
-    line = fails_with(
-        capsys, "simulate", MODEL, str(motion), "-o", "/dev/null", "--columns", given
-    )
+    line = complaint(capsys, "simulate", MODEL, str(motion), "-o", "/dev/null", "--columns", given)
     assert "--columns" in line
     assert "NAME=COLUMN" in line
 
@@ -243,7 +233,7 @@ def test_predict_and_plan_tell_the_same_doubts(capsys, motion, tmp_path):
 def test_simulate_refuses_what_no_container_undergoes(capsys, motion, tmp_path):
     table = tmp_path / "big.csv"
     table.write_text("t,ax,ay,az\n0,0,0,0\n0.01,0,-1e300,0\n")
-    line = fails_with(capsys, "simulate", MODEL, str(table), "-o", str(tmp_path / "out.csv"))
+    line = complaint(capsys, "simulate", MODEL, str(table), "-o", str(tmp_path / "out.csv"))
     assert re.search(r"big\.csv: line 3: an acceleration of 1e\+300 m/s² is not possible", line)
 
 
@@ -267,7 +257,7 @@ def test_simulate_writes_the_format_that_the_name_says(capfd, motion, tmp_path):
 def test_simulate_refuses_a_format_that_it_does_not_know(capsys, motion, tmp_path):
     for option, name in (("-o", "out.xls"), ("--plot", "out.jpg")):
         words = ["simulate", MODEL, str(motion), "-o", str(tmp_path / "out.csv")]
-        assert name in fails_with(capsys, *words, option, str(tmp_path / name))
+        assert name in complaint(capsys, *words, option, str(tmp_path / name))
     assert list(tmp_path.iterdir()) == [motion]
 
 
@@ -299,7 +289,7 @@ def test_a_demonstration_is_refused_before_a_node_starts(capsys, motion, tmp_pat
         (["--motion", str(tmp_path / "none.csv")], "none.csv"),
         (["--motion", "d7"], "unknown motion 'd7'"),
     ):
-        assert match in fails_with(capsys, "demo", "-o", str(output), *words)
+        assert match in complaint(capsys, "demo", "-o", str(output), *words)
     assert not output.exists()
 
 
@@ -324,17 +314,17 @@ def test_simulate_names_what_is_wrong(capsys, motion, tmp_path):
         (MODEL, tmp_path / "none.csv", r"none\.csv"),
         (MODEL, tmp_path, r"."),
     ):
-        line = fails_with(capsys, "simulate", str(model), str(table), "-o", output)
+        line = complaint(capsys, "simulate", str(model), str(table), "-o", output)
         assert re.search(match, line), line
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(capsys, motion):
-    line = fails_with(capsys, "simulate", MODEL, str(motion), "-o", "/nowhere/out.csv")
+    line = complaint(capsys, "simulate", MODEL, str(motion), "-o", "/nowhere/out.csv")
     assert "/nowhere/out.csv" in line
 
 
 def test_replay_names_what_is_no_bag(capsys, tmp_path):
-    assert "no .mcap file" in fails_with(capsys, "replay", str(tmp_path))
+    assert "no .mcap file" in complaint(capsys, "replay", str(tmp_path))
 
 
 def test_doctor_as_json(capsys):

@@ -1,7 +1,5 @@
 """A drawn cup with a known surface, independent of the package's own projection."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """One closed share: what it means at its edges, and that text, page and JSON tell the same one."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Discovery on motions whose truth is known: named, nothing missing, ambiguous, unknown clocks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from example_motions import BASE, DURATION, NOISE, inputs_of, measured

@@ -1,7 +1,5 @@
 """Tables, bags and recording days as measured motions."""
 
-from __future__ import annotations
-
 import gzip
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Motions for which a model has no finite solution end in a sentence, not in a traceback."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

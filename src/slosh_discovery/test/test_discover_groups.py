@@ -1,7 +1,5 @@
 """Motions of two campaigns: what belongs to the rig may differ, and is told apart only then."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The parts of the discovery: what data are worth, clocks that slip, motions left out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

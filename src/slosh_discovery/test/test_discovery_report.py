@@ -1,7 +1,5 @@
 """What a discovery found, as JSON and as text: the numbers of the finding, and nothing else."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

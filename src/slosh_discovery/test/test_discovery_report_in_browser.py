@@ -1,7 +1,5 @@
 """A discovery's page in a real browser: what people see on screens, phones and paper."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An acceleration's noise: estimated at rest, carried through the model, never named an effect."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from example_motions import BASE, DURATION, inputs_of

@@ -1,7 +1,5 @@
 """Noise of heights, and the part of a residual that is none: both against data of known noise."""
 
-from __future__ import annotations
-
 import math
 import warnings
 

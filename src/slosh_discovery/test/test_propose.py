@@ -1,7 +1,5 @@
 """A term that no listed effect has: the right one of the library is proposed, with its size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

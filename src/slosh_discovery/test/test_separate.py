@@ -1,7 +1,5 @@
 """The motion that separates two models: it does, and a robot could carry it out."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A faulty accelerometer is told before a discovery or an identification blames physics."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

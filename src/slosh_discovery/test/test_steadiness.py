@@ -1,7 +1,5 @@
 """What changes with time is no effect of constant size, and is not named as one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """How far a verdict may be trusted, by what the best explanation leaves."""
 
-from __future__ import annotations
-
 import pytest
 
 from slosh_discovery.discover.search import ADEQUATE, Leftover

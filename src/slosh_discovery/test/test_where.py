@@ -1,7 +1,5 @@
 """Where the residual is: partitions add up, and a planted disagreement is found in its place."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

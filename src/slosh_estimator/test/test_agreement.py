@@ -1,7 +1,5 @@
 """Motion by motion: does the camera agree with the model?"""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

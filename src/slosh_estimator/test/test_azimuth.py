@@ -1,7 +1,5 @@
 """Is the measured wave where the model expects it? Vectors, not azimuths, are compared."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A cup that a robot pushes, tilts and yaws: every effect acts live as in a simulation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a message holds is what the estimate says, from the first one on."""
 
-from __future__ import annotations
-
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.nodes.estimator_messages import fill
 from slosh_estimator.sample import Sample

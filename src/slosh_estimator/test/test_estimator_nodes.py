@@ -1,7 +1,5 @@
 """Both nodes over DDS: real messages, waiting for what must come."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

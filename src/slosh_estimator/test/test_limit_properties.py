@@ -1,7 +1,5 @@
 """What a limit does not care about may be left out."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The monitor compares what a sensor read with what the model expects it to read."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

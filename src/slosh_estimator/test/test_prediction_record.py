@@ -1,7 +1,5 @@
 """What became of predictions."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

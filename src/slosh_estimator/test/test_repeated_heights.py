@@ -1,7 +1,5 @@
 """Old pictures with fresh noise are told by what the input lets the liquid do meanwhile."""
 
-from __future__ import annotations
-
 import cmath
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the rim is known and lower than a limit, the monitor holds the liquid to it."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The rate of an input, and what it leaves of the sloshing modes."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """One image that neither the estimate nor its neighbours explain is told, honest ones are not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

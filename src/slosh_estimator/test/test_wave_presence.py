@@ -1,7 +1,5 @@
 """A wave that one side shows and the other does not is told, by time and not by motions."""
 
-from __future__ import annotations
-
 import cmath
 import math
 

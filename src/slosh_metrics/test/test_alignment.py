@@ -1,7 +1,5 @@
 """The clock offset is found in the motion, not in the quiet part, and doubt is said."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Offset and drift of the heights' clock, followed motion by motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Gravity, units, frames and mountings: named, provably right, or known to be invisible."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

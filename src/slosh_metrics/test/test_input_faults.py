@@ -1,7 +1,5 @@
 """Clipped, frozen, mixed and missing stretches of an input are found, planned motions are none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from honest_inputs import honest_input

@@ -1,7 +1,5 @@
 """One meaning of "moving", whole or in parts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

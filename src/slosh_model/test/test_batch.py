@@ -1,7 +1,5 @@
 """Many simulations at once give the bits of each one alone."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

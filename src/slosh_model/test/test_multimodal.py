@@ -1,7 +1,5 @@
 """Potential flow in a rectangular tank: linear theory, limits, and the literature beyond."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

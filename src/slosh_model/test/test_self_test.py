@@ -1,7 +1,5 @@
 """Compiled code that differs from its source is refused when it is first used."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

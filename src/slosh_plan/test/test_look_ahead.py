@@ -1,7 +1,5 @@
 """What is said of a motion before it begins."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The planner over DDS: it plans, tells how far it is, ends when asked, refuses with a reason."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

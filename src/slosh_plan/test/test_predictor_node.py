@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import Transform, Twist
+from rclpy.executors import SingleThreadedExecutor
 from trajectory_msgs.msg import (
     JointTrajectory,
     JointTrajectoryPoint,
@@ -48,7 +49,7 @@ class Cell(Graph):
     """The node, and who asks it."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(executor=SingleThreadedExecutor())
         self.probe, self.predictor = self.node, self.add(PredictorNode())
         self.client = self.probe.create_client(PredictSlosh, topics.PREDICT)
         self.until(self.client.service_is_ready)

@@ -1,7 +1,5 @@
 """The importer keeps every number and names what is broken."""
 
-from __future__ import annotations
-
 import gzip
 from pathlib import Path
 

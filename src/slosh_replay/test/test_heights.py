@@ -1,7 +1,5 @@
 """The one reader of measured heights, and that replay, table and discovery read by it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

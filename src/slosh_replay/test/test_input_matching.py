@@ -1,7 +1,5 @@
 """Which inputs the live estimator used is read off its counter, however the recording is cut."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

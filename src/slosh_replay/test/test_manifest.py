@@ -1,7 +1,5 @@
 """A manifest is read strictly and written so that it reads the same."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

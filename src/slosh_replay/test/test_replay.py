@@ -1,7 +1,5 @@
 """Replay gives what the model gives, finds unrelated clocks, and says what it cannot use."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which samples enter MAE and ε, and which do not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A replay is held against each number that is expected; failures say what and by how much."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A replay judges a model by what the sensor would read, with every effect and the attitude."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The monitor gets a recording as it would have come; motions are found however it is cut."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A replay's page shows the replay's own numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

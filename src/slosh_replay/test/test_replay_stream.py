@@ -1,7 +1,5 @@
 """The streaming core gives the same, message by message or all at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

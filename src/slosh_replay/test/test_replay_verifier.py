@@ -1,7 +1,5 @@
 """Recorded and replayed messages are compared by stamp and bits, in whatever parts they come."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

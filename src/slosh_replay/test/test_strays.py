@@ -1,7 +1,5 @@
 """Stamps that lie elsewhere in time cost themselves and nothing else."""
 
-from __future__ import annotations
-
 import itertools
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Motion tables to bags and back: every bit of every column, and what cannot be kept is told."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reports to look at: one that shows everything, and one whose texts wish the page ill."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The report is one page that needs nothing else and shows what it was given."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

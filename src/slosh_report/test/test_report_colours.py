@@ -1,7 +1,5 @@
 """All can read the page: contrast in every theme, lines that colour-blind eyes tell apart."""
 
-from __future__ import annotations
-
 import re
 from importlib.resources import files
 from itertools import combinations, product

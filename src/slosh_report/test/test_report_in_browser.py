@@ -1,7 +1,5 @@
 """The page in a real browser: what people see, and that nothing else happens."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading

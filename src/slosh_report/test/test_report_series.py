@@ -1,7 +1,5 @@
 """Long series with holes become short lines with the same extremes and the same holes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

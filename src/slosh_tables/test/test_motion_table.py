@@ -1,7 +1,5 @@
 """Motion tables: what is written comes back, and what is wrong is named."""
 
-from __future__ import annotations
-
 import gzip
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Each way has one meaning; what has two, or none, is refused with the option that settles it.
 """
 
-from __future__ import annotations
-
 import gzip
 import math
 from collections.abc import Callable
