@@ -28,7 +28,8 @@ MOST = 500 * MB
 """What a refused file may cost beyond a command that has nothing to read [bytes]."""
 HUGE = 1500 * MB
 PROGRESS = re.compile(r"[\w.]+: +\d+%")
-HEADER_TYPE = "std_msgs/msg/Header"
+
+
 POINT, POINT_TEXT = "geometry_msgs/msg/Point", "float64 x\nfloat64 y\nfloat64 z\n"
 
 

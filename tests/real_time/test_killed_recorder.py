@@ -17,7 +17,8 @@ from slosh_bringup.processes import node_environment
 
 NAMESPACE = "/killed"
 PATIENCE = 30.0
-SECOND = 1_000_000_000
+
+
 FILE_SIZE = 30_000_000  # bytes; the recorder is killed near a split now and then
 
 

@@ -12,21 +12,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from slosh_bag.bag_writer import BagWriter, Qos
-from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import Recorder
+from slosh_testing.bags import HEADER, header
 
 SURFACE = "slosh_msgs/msg/FreeSurface"
-HEADER = "std_msgs/msg/Header"
-STORE = Definitions()
-
-
-def serialised(number: int) -> bytes:
-    STORE.hash(HEADER)
-    stamp = STORE.typestore.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
-    message = STORE.typestore.types[HEADER](stamp=stamp, frame_id=f"frame {number}")
-    return bytes(STORE.typestore.serialize_cdr(message, HEADER))
 
 
 def write(folder, count=50):
@@ -34,7 +25,7 @@ def write(folder, count=50):
         bag.add_topic("/header", HEADER, Qos("reliable", "transient_local", 5))
         bag.add_topic("/empty", SURFACE)
         for number in range(count):
-            bag.write("/header", serialised(number), 1_000_000_000 + number * 1000)
+            bag.write("/header", header(number), 1_000_000_000 + number * 1000)
     return folder
 
 
@@ -46,7 +37,7 @@ def bag(tmp_path):
 def test_bytes_come_back_untouched(bag):
     reader = BagReader(bag)
     messages = list(reader.messages())
-    assert [message.data for message in messages] == [serialised(n) for n in range(50)]
+    assert [message.data for message in messages] == [header(n) for n in range(50)]
     assert [message.log_ns for message in messages] == [
         1_000_000_000 + n * 1000 for n in range(50)
     ]
@@ -103,7 +94,7 @@ def test_an_unknown_type_is_named(tmp_path):
         with pytest.raises(SloshBagError, match="nowhere_msgs"):
             writer.add_topic("/t", "nowhere_msgs/msg/Thing")
         writer.add_topic("/h", HEADER)
-        writer.write("/h", serialised(1), 5)
+        writer.write("/h", header(1), 5)
 
 
 def test_what_is_no_bag_is_named(tmp_path):
@@ -125,24 +116,24 @@ def test_the_recorder_keeps_order_and_counts(tmp_path):
     recorder = Recorder(tmp_path / "run")
     recorder.add_topic("/header", HEADER, Qos())
     for number in range(5000):
-        recorder.add("/header", serialised(number), 10**9 + number * 1_000_000)
+        recorder.add("/header", header(number), 10**9 + number * 1_000_000)
     recorder.close()
     status = recorder.status()
     assert (status.written, status.lost, status.failure) == ({"/header": 5000}, 0, "")
     data = [message.data for message in BagReader(tmp_path / "run").messages()]
-    assert data == [serialised(number) for number in range(5000)]
+    assert data == [header(number) for number in range(5000)]
 
 
 KILLED = """
 import sys, time
 from pathlib import Path
 sys.path.insert(0, {tests!r})
-from test_bag_round_trip import HEADER, serialised
+from slosh_testing.bags import HEADER, header
 from slosh_bag.bag_writer import Qos
 from slosh_bag.recorder import Recorder
 recorder = Recorder(Path({folder!r}))
 recorder.add_topic("/header", HEADER, Qos())
-data = serialised(1)
+data = header(1)
 for number in range(100000):
     now = time.time_ns()
     recorder.add("/header", data, now)

@@ -3,42 +3,33 @@
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
-from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_index import read_index
 from slosh_bag.reader import BagReader
+from slosh_testing.bags import DEFINITIONS, HEADER, SECOND, STEP, header, header_bag
 
-HEADER = "std_msgs/msg/Header"
-DEFINITIONS = Definitions()
-STORE = DEFINITIONS.typestore
-SECOND, STEP = 1_000_000_000, 10_000_000
 CHUNK, CHUNKS = 10, 6
 RARE = (0, 37)
 """Numbers of the messages of /rare; all others are of /often."""
 
 
 def serialised(number):
-    stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
-    return bytes(STORE.serialize_cdr(STORE.types[HEADER](stamp=stamp, frame_id="x" * 50), HEADER))
+    return header(number, "x" * 50)
 
 
 def log_time(number):
     return SECOND + number * STEP
 
 
+def topic_of(number):
+    return "/rare" if number in RARE else "/often"
+
+
 @pytest.fixture
 def bag(tmp_path):
     """One message each 10 ms, ten of them in a chunk; two are of /rare."""
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/often", HEADER)
-        writer.add_topic("/rare", HEADER)
-        for number in range(CHUNK * CHUNKS):
-            topic = "/rare" if number in RARE else "/often"
-            writer.write(topic, serialised(number), log_time(number), number)
-            if number % CHUNK == CHUNK - 1:
-                writer.flush()
-    return tmp_path / "bag"
+    count = CHUNK * CHUNKS
+    return header_bag(tmp_path / "bag", count, CHUNK, topic_of=topic_of, data=serialised)
 
 
 def foreign(path, **options):
@@ -53,15 +44,12 @@ def foreign(path, **options):
         writer.add_attachment(0, 0, "a", "text/plain", b"attached")
         writer.add_metadata("m", {"key": "value"})
         for number in range(CHUNK * CHUNKS):
-            channel = channels["/rare" if number in RARE else "/often"]
+            channel = channels[topic_of(number)]
             writer.add_message(channel, log_time(number), serialised(number), number, number)
             if number % CHUNK == CHUNK - 1:
                 writer.flush()
         writer.finish()
     return path
-
-
-DEFINITIONS.hash(HEADER)
 
 
 def found(path, topics=("/rare",), windows=None):

@@ -33,7 +33,8 @@ from slosh_testing.graph import Graph
 
 PATIENCE = 30.0
 BEGIN = 1_700_000_000_123_456_789
-MS = 1_000_000
+
+
 DEEP = QoSProfile(depth=20_000, reliability=Reliability.RELIABLE)
 MODEL = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}

@@ -11,36 +11,20 @@ from mcap.records import Channel, Chunk, Header, Message, Schema
 from mcap.writer import CompressionType, IndexType, Writer
 
 from slosh_bag.bag_writer import BagWriter, Split
-from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import bag_files
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.chunks import chunk_header, read_chunk
 from slosh_bag.reader import BagReader
-
-HEADER = "std_msgs/msg/Header"
-DEFINITIONS = Definitions()
-STORE = DEFINITIONS.typestore
-SECOND = 1_000_000_000
-
-
-def serialised(number):
-    stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
-    message = STORE.types[HEADER](stamp=stamp, frame_id=f"frame {number}")
-    return bytes(STORE.serialize_cdr(message, HEADER))
-
-
-def write(folder, count=50, flush=10, **options):
-    """One message each 10 ms from 1 s on, two topics in turn."""
-    with BagWriter(folder, **options) as bag:
-        bag.add_topic("/even", HEADER)
-        bag.add_topic("/odd", HEADER)
-        for number in range(count):
-            topic = "/odd" if number % 2 else "/even"
-            bag.write(topic, serialised(number), SECOND + number * 10_000_000, number)
-            if number % flush == flush - 1:
-                bag.flush()
-    return folder
+from slosh_testing.bags import (
+    DEFINITIONS,
+    HEADER,
+    SECOND,
+    chunk_places,
+    foreign_file,
+    header,
+    header_bag,
+)
 
 
 def file_of(folder):
@@ -52,30 +36,11 @@ def numbers(reader, topics=None):
     return [reader.decode(message).stamp.sec for message in reader.messages(topics)]
 
 
-def foreign(path, entries, **options):
-    """A file of mcap's writer: a list of log times; None ends a chunk."""
-    with path.open("wb") as stream:
-        writer = Writer(stream, **{"chunk_size": 1 << 30, **options})
-        writer.start("ros2")
-        schema = writer.register_schema(HEADER, "ros2msg", DEFINITIONS.text(HEADER).encode())
-        channel = writer.register_channel("/t", "cdr", schema)
-        for number, log_ns in enumerate(entries):
-            if log_ns is None:
-                writer.flush()
-            else:
-                writer.add_message(channel, log_ns, serialised(number), log_ns, number)
-        writer.finish()
-    return path
-
-
-DEFINITIONS.hash(HEADER)
-
-
 # Blocks
 
 
 def test_blocks_are_the_messages_topic_by_topic_within_each_chunk(tmp_path):
-    reader = BagReader(write(tmp_path / "bag"))
+    reader = BagReader(header_bag(tmp_path / "bag"))
     blocks = list(reader.blocks())
     assert [(block.topic, len(block)) for block in blocks] == [("/even", 5), ("/odd", 5)] * 5
     found = {
@@ -87,18 +52,18 @@ def test_blocks_are_the_messages_topic_by_topic_within_each_chunk(tmp_path):
         message.log_ns: (message.topic, message.message_type, message.publish_ns, message.data)
         for message in reader.messages()
     }
-    assert found[SECOND] == ("/even", HEADER, 0, serialised(0))
+    assert found[SECOND] == ("/even", HEADER, 0, header(0))
 
 
 def test_blocks_of_wanted_topics_alone(tmp_path):
-    reader = BagReader(write(tmp_path / "bag"))
+    reader = BagReader(header_bag(tmp_path / "bag"))
     assert {block.topic for block in reader.blocks(["/odd"])} == {"/odd"}
     assert numbers(reader, ["/odd"]) == list(range(1, 50, 2))
     assert list(reader.blocks([])) == []
 
 
 def test_columns_of_a_block(tmp_path):
-    reader = BagReader(write(tmp_path / "bag"))
+    reader = BagReader(header_bag(tmp_path / "bag"))
     columns = [reader.columns(block, ["stamp.sec", "frame_id"]) for block in reader.blocks()]
     seconds = np.concatenate([found["stamp.sec"] for found in columns])
     assert sorted(seconds.tolist()) == list(range(50))
@@ -107,7 +72,7 @@ def test_columns_of_a_block(tmp_path):
 
 
 def test_messages_within_a_chunk_are_sorted_and_equal_times_keep_their_order(tmp_path):
-    foreign(tmp_path / "a.mcap", [30, 10, 20, 10, 40])
+    foreign_file(tmp_path / "a.mcap", [30, 10, 20, 10, 40])
     reader = BagReader(tmp_path / "a.mcap")
     assert numbers(reader) == [1, 3, 2, 0, 4]
     (block,) = reader.blocks()
@@ -117,7 +82,9 @@ def test_messages_within_a_chunk_are_sorted_and_equal_times_keep_their_order(tmp
 @pytest.mark.parametrize("compression", CompressionType)
 @pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
 def test_files_of_other_writers(tmp_path, compression, chunked):
-    path = foreign(tmp_path / "a.mcap", range(3000), compression=compression, use_chunking=chunked)
+    path = foreign_file(
+        tmp_path / "a.mcap", range(3000), compression=compression, use_chunking=chunked
+    )
     reader = BagReader(path)
     assert numbers(reader) == list(range(3000))
     assert reader.topics()["/t"].count == 3000
@@ -127,7 +94,7 @@ def test_files_of_other_writers(tmp_path, compression, chunked):
 
 @pytest.mark.parametrize("cut", [0, 30])
 def test_a_file_without_checksums_says_so(tmp_path, cut):
-    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3], enable_crcs=False)
+    path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], enable_crcs=False)
     path.write_bytes(path.read_bytes()[: path.stat().st_size - cut])
     reader = BagReader(path)
     assert numbers(reader) == [0, 1, 3]
@@ -141,7 +108,7 @@ def test_definitions_outside_chunks_have_no_checksum_where_the_end_is_lost(tmp_p
     Schema(id=1, name=HEADER, encoding="ros2msg", data=text).write(builder)
     Channel(id=1, topic="/t", message_encoding="cdr", metadata={}, schema_id=1).write(builder)
     inner = RecordBuilder()
-    Message(channel_id=1, log_time=5, data=serialised(0), publish_time=5, sequence=0).write(inner)
+    Message(channel_id=1, log_time=5, data=header(0), publish_time=5, sequence=0).write(inner)
     raw = inner.end()
     Chunk("", raw, 5, 5, zlib.crc32(raw), len(raw)).write(builder)
     path = tmp_path / "a.mcap"
@@ -158,7 +125,7 @@ def test_files_without_a_summary_or_statistics(tmp_path):
         "index_types": IndexType.NONE, "repeat_channels": False, "repeat_schemas": False,
         "use_summary_offsets": False, "use_statistics": False,
     }  # fmt: skip
-    reader = BagReader(foreign(tmp_path / "a.mcap", [1, 2, None, 3], **bare))
+    reader = BagReader(foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], **bare))
     assert numbers(reader) == [0, 1, 3]
     assert reader.topics()["/t"].count == 3
     assert reader.warnings == []
@@ -166,7 +133,7 @@ def test_files_without_a_summary_or_statistics(tmp_path):
 
 def test_overlapping_chunks_give_one_order(tmp_path):
     times = [5, 30, 10, None, 7, 31, 8, None, 1, 6, None, 40, 30, None, 50]
-    path = foreign(tmp_path / "a.mcap", times)
+    path = foreign_file(tmp_path / "a.mcap", times)
     ordered = sorted((log, number) for number, log in enumerate(times) if log is not None)
     reader = BagReader(path)
     assert [(m.log_ns, n) for m, n in zip(reader.messages(), numbers(reader), strict=True)] == (
@@ -179,7 +146,7 @@ def test_overlapping_chunks_give_one_order(tmp_path):
 def test_messages_in_no_chunk_are_ordered_too(tmp_path):
     rng = np.random.default_rng(1)
     times = rng.permutation(40_000).tolist()
-    reader = BagReader(foreign(tmp_path / "a.mcap", times, use_chunking=False))
+    reader = BagReader(foreign_file(tmp_path / "a.mcap", times, use_chunking=False))
     assert [message.log_ns for message in reader.messages()] == sorted(times)
 
 
@@ -187,7 +154,7 @@ def test_only_overlapping_chunks_are_in_memory(tmp_path):
     times = []
     for chunk in range(60):
         times += [1000 * chunk + k for k in range(-600, 600, 3)] + [None]
-    path = foreign(tmp_path / "a.mcap", [t if t is None else t + 10**6 for t in times])
+    path = foreign_file(tmp_path / "a.mcap", [t if t is None else t + 10**6 for t in times])
     reader = BagReader(path)
     next(reader.messages())
     tracemalloc.start()
@@ -201,7 +168,7 @@ def test_only_overlapping_chunks_are_in_memory(tmp_path):
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     peaks = []
     for count in (2_000, 40_000):
-        folder = write(tmp_path / f"bag_{count}", count, flush=200)
+        folder = header_bag(tmp_path / f"bag_{count}", count, flush=200)
         reader = BagReader(folder)
         next(reader.messages())
         tracemalloc.start()
@@ -218,7 +185,7 @@ def test_memory_does_not_grow_with_the_bag(tmp_path):
 
 
 def test_splits_are_read_in_the_order_of_their_numbers(tmp_path):
-    folder = write(tmp_path / "bag", 120, 10, split=Split(duration=100_000_000))
+    folder = header_bag(tmp_path / "bag", 120, 10, split=Split(duration=100_000_000))
     names = [file.name for file in bag_files(folder)]
     assert names == [f"bag_{number}.mcap" for number in range(12)]
     (folder / "metadata.yaml").unlink()
@@ -230,7 +197,7 @@ def test_splits_are_read_in_the_order_of_their_numbers(tmp_path):
 
 
 def test_metadata_orders_files_whose_names_do_not(tmp_path):
-    folder = write(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
+    folder = header_bag(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
     (folder / "bag_0.mcap").rename(folder / "z.mcap")
     noted = folder / "metadata.yaml"
     noted.write_text(noted.read_text().replace("bag_0.mcap", "bag/z.mcap"))
@@ -241,7 +208,7 @@ def test_metadata_orders_files_whose_names_do_not(tmp_path):
 
 
 def test_a_split_that_is_gone_is_told(tmp_path):
-    folder = write(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
+    folder = header_bag(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
     (folder / "bag_1.mcap").unlink()
     reader = BagReader(folder)
     assert numbers(reader) == [*range(10), *range(20, 30)]
@@ -252,7 +219,7 @@ def test_a_split_that_is_gone_is_told(tmp_path):
     "text", ["{", "[]", "rosbag2_bagfile_information: 3", "\x00", "a: &a [*a]"]
 )
 def test_an_unreadable_metadata_file_is_told_and_not_needed(tmp_path, text):
-    folder = write(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
+    folder = header_bag(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
     (folder / "metadata.yaml").write_text(text)
     reader = BagReader(folder)
     assert numbers(reader) == list(range(30))
@@ -262,15 +229,15 @@ def test_an_unreadable_metadata_file_is_told_and_not_needed(tmp_path, text):
 def test_files_that_do_not_follow_each_other_are_told(tmp_path):
     folder = tmp_path / "bag"
     folder.mkdir()
-    foreign(folder / "a.mcap", [100, 200])
-    foreign(folder / "b.mcap", [50, 60])
+    foreign_file(folder / "a.mcap", [100, 200])
+    foreign_file(folder / "b.mcap", [50, 60])
     reader = BagReader(folder)
     assert len(numbers(reader)) == 4
     assert reader.warnings == [f"{folder}/b.mcap: begins before the end of the file before it"]
 
 
 def test_an_empty_last_split_is_told(tmp_path):
-    folder = write(tmp_path / "bag", 20, 10, split=Split(duration=100_000_000))
+    folder = header_bag(tmp_path / "bag", 20, 10, split=Split(duration=100_000_000))
     (folder / "bag_1.mcap").write_bytes(b"")
     reader = BagReader(folder)
     assert numbers(reader) == list(range(10))
@@ -340,19 +307,8 @@ def test_a_definition_that_cannot_be_read_is_told_when_it_is_needed(
 # Unfinished and damaged files
 
 
-def chunk_places(content):
-    """Where the chunks are: start and end."""
-    places, at = [], 8
-    while at + 9 <= len(content):
-        (length,) = struct.unpack_from("<Q", content, at + 1)
-        if content[at] == 6:
-            places.append((at, at + 9 + length))
-        at += 9 + length
-    return places
-
-
 def test_a_cut_chunk_is_told_with_its_time_and_its_bytes(tmp_path):
-    file = file_of(write(tmp_path / "bag"))
+    file = file_of(header_bag(tmp_path / "bag"))
     content = file.read_bytes()
     (_, _), (_, _), (start, end), *_ = chunk_places(content)
     file.write_bytes(content[: end - 5])
@@ -367,7 +323,7 @@ def test_a_cut_chunk_is_told_with_its_time_and_its_bytes(tmp_path):
 
 
 def test_a_cut_at_any_byte_gives_what_is_before_it(tmp_path):
-    file = file_of(write(tmp_path / "bag", 30))
+    file = file_of(header_bag(tmp_path / "bag", 30))
     content = file.read_bytes()
     ends = [end for _, end in chunk_places(content)]
     for size in range(8, len(content), 13):
@@ -380,7 +336,7 @@ def test_a_cut_at_any_byte_gives_what_is_before_it(tmp_path):
 
 @pytest.mark.timeout(20)
 def test_messages_in_no_chunk_are_given_up_to_the_cut(tmp_path):
-    path = foreign(tmp_path / "a.mcap", range(40), use_chunking=False)
+    path = foreign_file(tmp_path / "a.mcap", range(40), use_chunking=False)
     content = path.read_bytes()
     first = content.index(b"frame 0") - 16 - 31
     counts = []
@@ -395,14 +351,14 @@ def test_messages_in_no_chunk_are_given_up_to_the_cut(tmp_path):
 
 @pytest.mark.parametrize("size", [1, 5, 7])
 def test_a_file_cut_in_its_first_bytes_is_one_clear_error(tmp_path, size):
-    file = file_of(write(tmp_path / "bag"))
+    file = file_of(header_bag(tmp_path / "bag"))
     file.write_bytes(file.read_bytes()[:size])
     with pytest.raises(SloshBagError, match=f"cut off after {size} bytes"):
         BagReader(file)
 
 
 def test_a_lost_end_loses_no_message_and_is_told(tmp_path):
-    file = file_of(write(tmp_path / "bag"))
+    file = file_of(header_bag(tmp_path / "bag"))
     file.write_bytes(file.read_bytes()[:-20])
     reader = BagReader(file)
     assert numbers(reader) == list(range(50))
@@ -413,7 +369,7 @@ def test_a_lost_end_loses_no_message_and_is_told(tmp_path):
 
 @pytest.mark.parametrize("finished", [True, False], ids=["finished", "unfinished"])
 def test_damage_in_the_middle_is_an_error_that_says_where(tmp_path, finished):
-    file = file_of(write(tmp_path / "bag"))
+    file = file_of(header_bag(tmp_path / "bag"))
     content = bytearray(file.read_bytes())
     start, end = chunk_places(content)[1]
     content[end - 3] ^= 1
@@ -428,7 +384,7 @@ def test_damage_in_the_middle_is_an_error_that_says_where(tmp_path, finished):
 
 
 def test_zeros_at_the_end_after_a_power_cut_are_a_lost_end(tmp_path):
-    file = file_of(write(tmp_path / "bag"))
+    file = file_of(header_bag(tmp_path / "bag"))
     content = file.read_bytes()
     start, _ = chunk_places(content)[3]
     file.write_bytes(content[:start] + bytes(5000))
@@ -460,7 +416,7 @@ def test_chunk_headers_have_no_checksum_and_are_held_against_the_rest(
     tmp_path, field, value, match
 ):
     # Without a checksum of all data, as most writers leave it.
-    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
+    path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
     change_chunk(path, 1, field, value)
     with pytest.raises(SloshBagError, match=match):
         list(BagReader(path).messages())
@@ -468,7 +424,7 @@ def test_chunk_headers_have_no_checksum_and_are_held_against_the_rest(
 
 @pytest.mark.parametrize("opcode", [op for op in range(256) if op != 6])
 def test_a_chunk_that_has_become_another_record_is_not_passed_over(tmp_path, opcode):
-    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
+    path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
     content = bytearray(path.read_bytes())
     content[chunk_places(content)[1][0]] = opcode
     path.write_bytes(content)
@@ -479,7 +435,7 @@ def test_a_chunk_that_has_become_another_record_is_not_passed_over(tmp_path, opc
 
 @pytest.mark.parametrize("opcode", [0x05, 0x86, 0x07, 0x0C])
 def test_nor_in_an_unfinished_file(tmp_path, opcode):
-    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
+    path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
     content = bytearray(path.read_bytes())
     content[chunk_places(content)[1][0]] = opcode
     path.write_bytes(content[:-60])
@@ -494,7 +450,7 @@ def test_nor_in_an_unfinished_file(tmp_path, opcode):
 
 
 def test_damage_between_the_chunks_is_told_and_costs_nothing(tmp_path):
-    file = file_of(write(tmp_path / "bag"))
+    file = file_of(header_bag(tmp_path / "bag"))
     content = bytearray(file.read_bytes())
     _, end = chunk_places(content)[2]
     content[end + 20] ^= 0xFF  # a time in a message index
@@ -507,7 +463,7 @@ def test_damage_between_the_chunks_is_told_and_costs_nothing(tmp_path):
 
 
 def test_a_damaged_summary_is_not_used(tmp_path):
-    file = file_of(write(tmp_path / "bag"))
+    file = file_of(header_bag(tmp_path / "bag"))
     content = bytearray(file.read_bytes())
     (start,) = struct.unpack_from("<Q", content, len(content) - 28)
     for place in range(start, len(content) - 8, 11):
@@ -523,7 +479,7 @@ def test_a_damaged_summary_is_not_used(tmp_path):
 
 
 def test_facts_are_checked(tmp_path):
-    file = file_of(write(tmp_path / "bag", custom={"clocks": "unrelated", "radius": "0.05"}))
+    file = file_of(header_bag(tmp_path / "bag", custom={"clocks": "unrelated", "radius": "0.05"}))
     content = file.read_bytes()
     assert BagReader(file).metadata() == {"clocks": "unrelated", "radius": "0.05"}
     for text in (b"0.05", b"radius", b"slosh", b"crc32"):
@@ -537,7 +493,7 @@ def test_facts_are_checked(tmp_path):
 
 
 def test_a_record_whose_checksum_is_no_longer_named_is_left_out_where_the_end_is_lost(tmp_path):
-    file = file_of(write(tmp_path / "bag", custom={"clocks": "unrelated", "radius": "0.05"}))
+    file = file_of(header_bag(tmp_path / "bag", custom={"clocks": "unrelated", "radius": "0.05"}))
     content = bytearray(file.read_bytes())
     content[content.index(b"crc32")] ^= 0x20
     file.write_bytes(content[:-20])
@@ -550,7 +506,7 @@ def test_facts_of_an_unfinished_bag_come_from_its_metadata_file(tmp_path):
     folder = tmp_path / "bag"
     writer = BagWriter(folder, custom={"clocks": "unrelated"})
     writer.add_topic("/t", HEADER)
-    writer.write("/t", serialised(1), 1)
+    writer.write("/t", header(1), 1)
     writer.flush()
     reader = BagReader(folder)
     assert reader.metadata() == {"clocks": "unrelated"}
@@ -559,7 +515,7 @@ def test_facts_of_an_unfinished_bag_come_from_its_metadata_file(tmp_path):
 
 
 def test_a_size_that_was_damaged_is_not_allocated(tmp_path):
-    path = foreign(tmp_path / "a.mcap", [1, 2, None, 3])
+    path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3])
     content = path.read_bytes()
     start, end = chunk_places(content)[0]
     body = bytearray(content[start + 9 : end])

@@ -32,7 +32,6 @@ from slosh_msgs_py.node.readiness import RECORDED
 from slosh_replay.recording.facts import shared_topics_line
 from slosh_testing.graph import Graph
 
-PATIENCE = 20.0
 DATA = serialize_message(FreeSurface())
 BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)
 
@@ -377,22 +376,6 @@ def test_raw_images_are_recorded_where_there_are_no_compressed_ones(graph, cell)
     images = [topic == raw.topic_name for topic in (m.topic for m in recorded)]
     widths = [content.width for content, own in zip(contents, images, strict=True) if own]
     assert widths == [3, 4]
-
-
-def test_with_compressed_images_raw_ones_are_never_begun(graph, cell):
-    raw = cell.node.create_publisher(Image, "camera/image_raw", qos.IMAGE_OUT)
-    small = cell.node.create_publisher(CompressedImage, f"{raw.topic_name}/compressed", 10)
-    cell.record()
-    graph.until(lambda: small.topic_name in cell.recorded())
-    assert raw.topic_name not in cell.recorded()
-    assert raw.topic_name not in graph.recorder._core.status().written
-
-
-def test_raw_images_can_be_asked_for(graph, cell):
-    raw = cell.node.create_publisher(Image, "camera/image_raw", qos.IMAGE_OUT)
-    small = cell.node.create_publisher(CompressedImage, f"{raw.topic_name}/compressed", 10)
-    cell.record(raw_images=True)
-    graph.until(lambda: {raw.topic_name, small.topic_name} <= cell.recorded())
 
 
 def test_only_what_was_asked_for_is_recorded(graph):

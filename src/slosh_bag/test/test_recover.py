@@ -7,47 +7,22 @@ import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.reader import BagReader
 from slosh_bag.recover import recover_bag
 from slosh_base.files import SloshFileError
-
-HEADER = "std_msgs/msg/Header"
-DEFINITIONS = Definitions()
-DEFINITIONS.hash(HEADER)
-STORE = DEFINITIONS.typestore
-SECOND = 1_000_000_000
-
-
-def serialised(number):
-    stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
-    message = STORE.types[HEADER](stamp=stamp, frame_id=f"frame {number}")
-    return bytes(STORE.serialize_cdr(message, HEADER))
+from slosh_testing.bags import DEFINITIONS, HEADER, chunk_places, header, header_bag
 
 
 @pytest.fixture
 def bag(tmp_path):
     """50 messages in five chunks."""
-    with BagWriter(tmp_path / "bag", custom={"clocks": "unrelated"}) as writer:
-        writer.add_topic("/header", HEADER, Qos("best_effort", "transient_local", 3))
-        for number in range(50):
-            writer.write("/header", serialised(number), SECOND + number * 10_000_000, number)
-            if number % 10 == 9:
-                writer.flush()
-    return tmp_path / "bag"
-
-
-def chunk_places(content):
-    places, at = [], 8
-    while at + 9 <= len(content):
-        (length,) = struct.unpack_from("<Q", content, at + 1)
-        if content[at] == 6:
-            places.append((at, at + 9 + length))
-        at += 9 + length
-    return places
+    offered = Qos("best_effort", "transient_local", 3)
+    facts = {"clocks": "unrelated"}
+    return header_bag(
+        tmp_path / "bag", topic_of=lambda _: "/header", offered=offered, custom=facts
+    )
 
 
 def entries(path):
@@ -188,7 +163,7 @@ def test_messages_in_no_chunk_are_recovered_up_to_the_damage_and_after_it(tmp_pa
         schema = writer.register_schema(HEADER, "ros2msg", DEFINITIONS.text(HEADER).encode())
         channel = writer.register_channel("/t", "cdr", schema)
         for number in range(30):
-            writer.add_message(channel, number, serialised(number), number)
+            writer.add_message(channel, number, header(number), number)
         writer.finish()
     content = bytearray(path.read_bytes())
     struct.pack_into("<H", content, content.index(b"frame 12") - 16 - 22, 99)  # its channel

@@ -176,7 +176,8 @@ def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
 
 def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", Terminal("\n"))
-    assert "no more input: give the values as options" in complaint(capsys, "new", folder)
+    assert main(["new", str(folder)]) == 2
+    assert "no more input: give the values as options\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -38,10 +38,6 @@ def seen(request):
     return chosen, build_scan_grid(chosen, None)
 
 
-def rounded(places):
-    return np.round(places.reshape(-1, 2), 4)
-
-
 # Where the samples are.
 
 

@@ -6,7 +6,6 @@ from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.cylinder.edge_search import follow_edge
 from slosh_camera.cylinder.stationary_edges import moved_edges, no_edges, stationary_edges
 
-MM = 1e-3
 ROWS, LINES = 80, 40
 LEVEL, LABEL = 50, 30
 NOWHERE = np.full((1, LINES), np.nan)

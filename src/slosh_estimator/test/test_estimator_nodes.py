@@ -43,7 +43,6 @@ from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_testing.graph import Graph
 
-PATIENCE = 20.0
 MS = 1_000_000
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}

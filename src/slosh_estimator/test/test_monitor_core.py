@@ -322,40 +322,6 @@ def test_settings_that_make_no_sense_are_refused() -> None:
         MonitorSettings(timeout=0.0)
 
 
-@given(
-    st.lists(
-        st.tuples(
-            st.lists(st.floats(0.0, 0.03) | st.just(math.nan), max_size=30),
-            st.floats(0.0, 0.03),
-            st.integers(-40, 40),
-        ),
-        max_size=12,
-    )
-)
-def test_many_estimates_at_once_count_as_one_by_one(
-    parts: list[tuple[list[float], float, int]],
-) -> None:
-    settings = MonitorSettings(0.02, 0.02, 0.01, buffer=0.05)
-    single, many = Monitor(settings), Monitor(settings)
-    answers: tuple[list[Comparison], list[Comparison]] = ([], [])
-    at = 1000
-    for heights, measured, offset in parts:
-        points = [
-            EstimatePoint((at + k) * MS, 2 * height, height) for k, height in enumerate(heights)
-        ]
-        at += len(points)
-        for point in points:
-            answers[0].extend(single.add_estimate(point, point.stamp_ns))
-        answers[1].extend(many.add_estimates(points))
-        image = MeasuredPoint((at + offset) * MS, measured)
-        for monitor, found in zip((single, many), answers, strict=True):
-            found += monitor.add_measurement(image, image.stamp_ns)
-            found += monitor.check(at * MS)
-    assert repr(answers[0]) == repr(answers[1])  # NaN is not equal to itself
-    assert single.take_events() == many.take_events()
-    assert single.unmatched == many.unmatched
-
-
 def both_speak(
     monitor: Monitor,
     *,

@@ -21,8 +21,7 @@ TIMES = np.arange(0.0, 3.0, STEP)
 RAMP = np.minimum(TIMES, 1.0)
 PUSH_X, PUSH_Y = 0.06 * RAMP * np.sin(15.0 * TIMES), 0.05 * RAMP * np.cos(17.0 * TIMES)
 DAMPING = 0.03
-NO_MODES = np.zeros((len(TIMES), 1, 4))
-TANK = Rectangle(WIDTH, DEPTH, 0.05)
+
 
 # bound_modes
 

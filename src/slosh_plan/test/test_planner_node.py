@@ -30,7 +30,6 @@ from slosh_plan.nodes.planner_node import THREADS, PlannerNode
 from slosh_plan.planning import optimise
 from slosh_testing.graph import Graph
 
-PATIENCE = 60.0
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
 damping_ratio: auto

@@ -35,7 +35,6 @@ from slosh_plan.nodes.predictor_node import PredictorNode
 from slosh_plan.robot_file import read_arm
 from slosh_testing.graph import Graph
 
-PATIENCE = 20.0
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
 damping_ratio: auto

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from slosh_bag.errors import SloshBagError
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
@@ -122,15 +121,3 @@ def test_comparisons_wait_for_their_estimates_before_they_are_missed():
     }
     found = replayed(130, recorded=(stamps, fields))[2]
     assert (found.identical, found.missing, found.extra) == (370, 0, 0)
-
-
-def test_inputs_whose_stamps_go_back_are_refused():
-    stamps, accelerations = inputs()
-    with Series(4) as series:
-        setting = Setting(MODEL, InputReader("accel", InputSettings()))
-        stream = ReplayStream("run", node_table(), setting, series)
-        stream.add_input(columns(stamps, accelerations), int(stamps[-1]))
-        stream.advance()
-        stream.add_input(columns(stamps[500:], accelerations[500:]), int(stamps[-1]))
-        with pytest.raises(SloshBagError, match="run: the stamps of the input go back"):
-            stream.advance()
