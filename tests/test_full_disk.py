@@ -5,7 +5,6 @@ import resource
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -19,6 +18,7 @@ from slosh_bag.recorder import Recorder
 from slosh_bringup.processes import node_environment
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.run import make_executor
+from slosh_testing.live_processes import until
 from slosh_testing.small_disk import small_disk
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "cut"
@@ -26,13 +26,6 @@ PATIENCE = 30.0
 MEGABYTE = 2**20
 # A Header of stamp 0 with the frame "a".
 DATA = bytes.fromhex("000100000000000000000000020000006100")
-
-
-def until(condition, what, act=lambda: time.sleep(0.01)):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, f"waited in vain for {what}"
-        act()
 
 
 class FullDisk:
@@ -44,7 +37,7 @@ class FullDisk:
         self.recorder = Recorder(self.bag)
         self.recorder.add_topic("/h", "std_msgs/msg/Header", Qos())
         self.count = 0
-        until(lambda: self.recorder.status().failure, "the disk to be full", self.add)
+        until(lambda: self.recorder.status().failure, "the disk to be full", act=self.add)
 
     def add(self):
         """A message that holds its number and cannot be compressed."""
@@ -159,22 +152,22 @@ def test_the_node_lives_on_and_says_so_in_the_diagnostics(node, domain, tmp_path
         resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (size, hard))
 
     try:
-        until(lambda: publisher.get_subscription_count() > 0, "the recorder", spin)
+        until(lambda: publisher.get_subscription_count() > 0, "the recorder", act=spin)
         publish(0)
-        until(lambda: facts().get("messages") == "1", "the first message", spin)
-        until(lambda: facts()["oldest unwritten message [s]"] == "0.00", "its flush", spin)
+        until(lambda: facts().get("messages") == "1", "the first message", act=spin)
+        until(lambda: facts()["oldest unwritten message [s]"] == "0.00", "its flush", act=spin)
         limit(0)
         publish(1)
-        until(lambda: last(DiagnosticStatus.ERROR, "nothing has been written"), "ERROR", spin)
+        until(lambda: last(DiagnosticStatus.ERROR, "nothing has been written"), "ERROR", act=spin)
         for part in (str(bag / "bag_0.mcap"), "MB free", "free some space"):
             assert part in heard[-1].message
         publish(2)
-        until(lambda: facts()["queue"] == "2", "both messages to wait", spin)
+        until(lambda: facts()["queue"] == "2", "both messages to wait", act=spin)
         limit(resource.RLIM_INFINITY)
-        until(lambda: last(DiagnosticStatus.WARN, "resumed in bag_"), "the new file", spin)
+        until(lambda: last(DiagnosticStatus.WARN, "resumed in bag_"), "the new file", act=spin)
         assert "0 messages were lost" in heard[-1].message
         publish(3)
-        until(lambda: facts()["messages"] == "4", "the last message", spin)
+        until(lambda: facts()["messages"] == "4", "the last message", act=spin)
         assert recorder.poll() is None
         recorder.terminate()
         assert recorder.wait(PATIENCE) == 0

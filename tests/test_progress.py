@@ -219,20 +219,16 @@ def test_a_fast_one_says_little(clock, told):
     assert told() == ["work: 0%, 0/1000000 rows", "work: 100%, 1000000/1000000 rows"]
 
 
-def test_one_that_takes_a_second_begins_to_tell_then(clock, told):
+@pytest.mark.parametrize(
+    ("step", "lines"),
+    [(0.3, ["work: 40%, 4/10 rows", "work: 100%, 10/10 rows"]), (0.09, [])],
+)
+def test_one_that_takes_a_second_begins_to_tell_then(clock, told, step, lines):
     with Progress("work", 10.0, Unit("rows")) as progress:
         for tick in range(11):
-            clock.now = 0.3 * tick
+            clock.now = step * tick
             progress.reach(float(tick))
-    assert told() == ["work: 40%, 4/10 rows", "work: 100%, 10/10 rows"]
-
-
-def test_one_that_ends_within_a_second_says_nothing(clock, told):
-    with Progress("work", 10.0, Unit("rows")) as progress:
-        for tick in range(11):
-            clock.now = 0.09 * tick
-            progress.reach(float(tick))
-    assert told() == []
+    assert told() == lines
 
 
 def test_without_a_known_end_lines_become_rarer(clock, told):

@@ -9,6 +9,7 @@ from headless_browser import View
 
 from slosh_bringup.cli.main import main
 from slosh_testing.live_bag import TEXT, LiveBag
+from slosh_testing.pages import at
 
 pytestmark = [
     pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
@@ -63,13 +64,6 @@ def seen(tmp_path_factory):
         name: json.loads(path.with_suffix(".json").read_text()) for name, path in files.items()
     }
     return pages, figures, look.console
-
-
-def at(document, pointer):
-    for part in pointer.split("/")[1:]:
-        key = part.replace("~1", "/").replace("~0", "~")
-        document = document[int(key)] if isinstance(document, list) else document[key]
-    return document
 
 
 def test_no_error_is_in_the_console(seen):

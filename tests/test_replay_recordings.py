@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_estimator.monitor_settings import MonitorSettings
@@ -20,6 +19,7 @@ from slosh_replay.replay.checking import excesses
 from slosh_replay.replay.output_bag import OutputBag
 from slosh_replay.replay.replay_bag import feed
 from slosh_replay.replay.stream import ReplayStream
+from slosh_testing.bags import copied
 from slosh_testing.live_bag import MODEL, MS, START, TEXT, LiveBag, Quaternion
 
 
@@ -35,13 +35,7 @@ def everything(result):
 def rewritten(bag, folder, chunk, monkeypatch):
     """The bag with chunks of about so many bytes."""
     monkeypatch.setattr("slosh_bag.mcap_files.mcap_file.CHUNK_BYTES", chunk)
-    reader = BagReader(bag)
-    with BagWriter(folder) as writer:
-        for name, info in reader.topics().items():
-            writer.add_topic(name, info.message_type)
-        for message in reader.messages():
-            writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
-    return folder
+    return copied(bag, folder)
 
 
 @pytest.fixture(scope="module")
@@ -228,18 +222,31 @@ def test_a_camera_that_saw_nothing_is_told_and_the_rest_is_replayed(live, tmp_pa
 
 
 def test_a_recording_that_begins_late_says_why_it_differs(live, tmp_path):
-    bag = live.write(tmp_path / "whole")
-    reader = BagReader(bag)
-    with BagWriter(tmp_path / "bag") as writer:
-        for name, info in reader.topics().items():
-            writer.add_topic(name, info.message_type)
-        for message in reader.messages():
-            if message.log_ns > START + 2 * 10**9 or message.topic.endswith("settings"):
-                writer.write(message.topic, message.data, message.log_ns)
-    found = replay_bag(tmp_path / "bag").verification
+    def heard(message):
+        return message.log_ns > START + 2 * 10**9 or message.topic.endswith("settings")
+
+    bag = copied(live.write(tmp_path / "whole"), tmp_path / "bag", heard)
+    found = replay_bag(bag).verification
     assert not found.exact
     assert not found.missing
     assert any("after the estimator had used 1001 inputs" in line for line in found.lines())
+
+
+def without_input(bag, folder, first, last):
+    """The bag without the inputs of some indices."""
+
+    def kept(message):
+        index = (message.log_ns - START) // (2 * MS)
+        return not (message.topic.endswith("accel") and first <= index < last)
+
+    return copied(bag, folder, kept)
+
+
+def test_inputs_that_the_recorder_lost_are_said_to_be_missing(live, tmp_path):
+    bag = without_input(live.write(tmp_path / "whole"), tmp_path / "bag", 1001, 1004)
+    found = replay_bag(bag).verification
+    assert found.missing == 3
+    assert any("the recording has no usable input" in line for line in found.lines())
 
 
 def test_a_recorder_that_was_there_first_changes_nothing(live, tmp_path):
@@ -250,21 +257,6 @@ def test_a_recorder_that_was_there_first_changes_nothing(live, tmp_path):
     assert result.verification.exact
     assert result.counters["not_used_live"] == 1100
     assert (result.verification.missing, result.verification.extra) == (0, 20)
-
-
-def test_inputs_that_the_recorder_lost_are_said_to_be_missing(live, tmp_path):
-    bag = live.write(tmp_path / "whole")
-    reader = BagReader(bag)
-    with BagWriter(tmp_path / "bag") as writer:
-        for name, info in reader.topics().items():
-            writer.add_topic(name, info.message_type)
-        for message in reader.messages():
-            lost = START + 2 * 10**9 < message.log_ns < START + 2 * 10**9 + 7 * MS
-            if not (lost and message.topic.endswith("accel")):
-                writer.write(message.topic, message.data, message.log_ns)
-    found = replay_bag(tmp_path / "bag").verification
-    assert found.missing == 3
-    assert any("the recording has no usable input" in line for line in found.lines())
 
 
 def cells(tmp_path, **namespaces):
@@ -343,19 +335,6 @@ def test_a_model_that_is_given_stays_through_all_changes(live, tmp_path):
     result = replay_bag(bag, MODEL)
     assert result.model == MODEL
     assert 700 <= result.verification.identical < 710
-
-
-def without_input(bag, folder, first, last):
-    """The bag without the inputs of some indices."""
-    reader = BagReader(bag)
-    with BagWriter(folder) as writer:
-        for name, info in reader.topics().items():
-            writer.add_topic(name, info.message_type)
-        for message in reader.messages():
-            index = (message.log_ns - START) // (2 * MS)
-            if not (message.topic.endswith("accel") and first <= index < last):
-                writer.write(message.topic, message.data, message.log_ns)
-    return folder
 
 
 def test_a_gap_of_the_input_is_a_gap_for_the_images(live, tmp_path):

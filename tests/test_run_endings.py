@@ -231,29 +231,22 @@ def on_a_terminal(folder):
 
 
 @pytest.mark.long
-def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path):
+@pytest.mark.parametrize("early", [False, True])
+def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path, early):
     """The kernel sends SIGHUP, and every write to the terminal fails."""
-    folder = tmp_path / "out" / "latest"
+    folder, nodes = tmp_path / "out" / "latest", {}
     with on_a_terminal(folder) as (process, keyboard):
         try:
-            read_until_recording(keyboard, folder / "bag")
+            if early:
+                nodes = first_nodes(process)
+            else:
+                read_until_recording(keyboard, folder / "bag")
         finally:
             os.close(keyboard)
-        assert process.wait(PATIENCE) == 0
-    assert_finished(folder / "bag")
-    assert reports(folder) == REPORT
-
-
-@pytest.mark.long
-def test_a_terminal_that_is_closed_during_the_start_leaves_no_node_and_gives_a_report(tmp_path):
-    folder = tmp_path / "out" / "latest"
-    with on_a_terminal(folder) as (process, keyboard):
-        try:
-            nodes = first_nodes(process)
-        finally:
-            os.close(keyboard)
-        assert process.wait(PATIENCE) == 1
+        assert process.wait(PATIENCE) == int(early)
         assert_gone(nodes)
+    if not early:
+        assert_finished(folder / "bag")
     assert reports(folder) == REPORT
 
 

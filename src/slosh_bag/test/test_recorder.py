@@ -6,7 +6,6 @@ import itertools
 import os
 import resource
 import threading
-import time
 
 import pytest
 import yaml
@@ -17,6 +16,7 @@ from slosh_bag.bag_writer import BagWriter, Qos, Split
 from slosh_bag.mcap_files.mcap_file import McapFile
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import FLUSH_PERIOD, QUEUE_LENGTH, Recorder
+from slosh_testing.live_processes import until
 
 HEADER = "std_msgs/msg/Header"
 # A Header of stamp 0 with the frame "a".
@@ -28,13 +28,6 @@ PATIENCE = 20.0
 def noise(number):
     """Bytes that do not get smaller, unlike those of any other number."""
     return DATA + number.to_bytes(4, "little") + os.urandom(2000)
-
-
-def until(condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, "what was awaited did not come"
-        time.sleep(0.005)
 
 
 def contents(folder):

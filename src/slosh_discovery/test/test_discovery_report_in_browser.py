@@ -8,7 +8,6 @@ import headless_browser
 import pytest
 from example_finding import FOUND, example_finding, example_report
 from headless_browser import View
-from page_look import LOOK, at, grey_png
 
 from slosh_discovery.discover.finding import Verdict
 from slosh_discovery.discovery_report import (
@@ -19,13 +18,13 @@ from slosh_discovery.discovery_report import (
 )
 from slosh_model.model_text import parse_model
 from slosh_report.page.frame import Frame
+from slosh_testing.hostile import evil
+from slosh_testing.pages import A4, LOOK, EveryPage, check_numbers, grey_png, on_paper
 
 pytestmark = pytest.mark.skipif(
     headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
 )
 
-A4 = 688
-"""What is left of an A4 sheet between the margins [CSS px]."""
 ALSO = """
 return {...(() => { %s })(),
   status: document.querySelector(".status").className,
@@ -40,14 +39,6 @@ return {...(() => { %s })(),
 };
 """
 SCRIPT = "const all = (selector) => [...document.querySelectorAll(selector)];" + ALSO % LOOK
-
-
-def evil(where):
-    """A text that tries to become markup, a request, or too wide for its place."""
-    return (
-        f'{where}</pre></style><script>window.hacked=1</script><img src=x onerror="hacked=1">'
-        f" $\\frac{{1}}{{0$ \x00\u202e {'W' * 300}"
-    )
 
 
 def hostile_report():
@@ -94,17 +85,17 @@ def pages(reports):
 @pytest.fixture(scope="module")
 def seen(pages):
     """All views in one start of the browser; the page on paper is its print style at A4."""
-    paper = pages["ambiguous"].replace("@media print", "@media all")
     views = {
         **{name: View(page) for name, page in pages.items()},
         "dark": View(pages["named"], dark=True),
         "phone": View(pages["ambiguous"], width=390),
         "small phone": View(pages["named"], width=320),
-        "paper": View(paper.replace("(max-width: 44rem)", "print"), width=A4, dark=True),
+        "paper": View(on_paper(pages["ambiguous"]), width=A4, dark=True),
         "hostile": View(render_discovery(hostile_report()), width=390),
     }
     look = headless_browser.look(list(views.values()), SCRIPT)
-    return {**dict(zip(views, look.values, strict=True)), "console": look.console}
+    found = dict(zip(views, look.values, strict=True))
+    return {**found, "desktop": found["named"], "console": look.console}
 
 
 def test_the_verdict_comes_first(seen):
@@ -127,17 +118,8 @@ def test_every_part_has_its_place(seen):
     assert seen["named"]["images"] == [8]
 
 
-def test_no_error_is_in_the_console(seen):
-    assert seen["console"] == []
-
-
-@pytest.mark.parametrize("view", ["named", "phone", "small phone", "paper", "hostile"])
-def test_nothing_is_wider_than_the_screen(seen, view):
-    assert seen[view]["wanted"] <= seen[view]["width"]
-
-
-def test_no_table_is_cut_on_paper(seen):
-    assert seen["paper"]["cut"] == 0
+class TestEveryScreen(EveryPage):
+    pass
 
 
 @pytest.mark.parametrize(("view", "count"), [("named", 6), ("phone", 8), ("paper", 8)])
@@ -148,13 +130,6 @@ def test_every_motion_is_drawn_with_its_residual(seen, view, count):
     assert seen[view]["named"]
 
 
-def test_colours_follow_the_reader_and_paper_is_white(seen):
-    assert seen["named"]["background"] == "rgb(251, 250, 247)"
-    assert seen["dark"]["background"] == "rgb(20, 23, 27)"
-    assert seen["dark"]["line"] != seen["named"]["line"]
-    assert seen["paper"]["background"] == "rgb(255, 255, 255)"
-
-
 def test_what_is_folded_is_open_on_paper(seen):
     assert seen["ambiguous"]["folded"] == 0
     assert seen["paper"]["folded"] > 10
@@ -163,12 +138,8 @@ def test_what_is_folded_is_open_on_paper(seen):
 @pytest.mark.parametrize("verdict", [verdict.value for verdict in Verdict])
 def test_every_number_is_that_of_the_document(seen, reports, verdict):
     document = json.loads(discovery_json(reports[verdict]))
-    numbers = seen[verdict]["numbers"]
-    assert len(numbers) > 50
-    for path, value, _ in numbers:
-        there = at(document, path)
-        assert type(there) is type(json.loads(value)), path
-        assert there == json.loads(value), path
+    assert len(seen[verdict]["numbers"]) > 50
+    check_numbers(seen[verdict], document)
     assert set(seen[verdict]["bare"]) <= {"–"}
 
 

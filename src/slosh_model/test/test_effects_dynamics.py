@@ -181,18 +181,40 @@ def test_damping_mismatch_knows_the_formulas_damping_and_leaves_the_second_modes
 # quadratic_damping
 
 
-def test_quadratic_damping_slows_fast_liquid(motion, integrated, same):
+def quadratic(x, y, vx, vy):
+    """β = 0.7: fast liquid is slowed."""
+    return 0.7 / RADIUS * math.hypot(vx, vy)
+
+
+def amplitude(x, y, vx, vy):
+    """γ = 25: high waves are slowed."""
+    return 2.0 * ZETA * OMEGA * 25.0 * (x * x + y * y) / RADIUS**2
+
+
+def friction(x, y, vx, vy):
+    """μ = 0.02: it acts against the velocity, and fades below 1 mm/s."""
+    return 0.02 * GRAVITY / math.sqrt(vx * vx + vy * vy + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "rate", "tolerance"),
+    [
+        ("quadratic_damping", {"beta": 0.7}, quadratic, 1e-5),
+        ("amplitude_damping", {"gamma": 25.0}, amplitude, 1e-5),
+        ("contact_line_friction", {"mu": 0.02}, friction, 3e-5),
+    ],
+)
+def test_what_damps_acts_at_its_rate(motion, integrated, same, name, parameters, rate, tolerance):
     only, inputs, at = pushed(motion)
-    beta = 0.7
 
     def drag(t, x, y, vx, vy):
-        speed = math.hypot(vx, vy)
-        return beta / RADIUS * speed * vx, beta / RADIUS * speed * vy
+        size = rate(x, y, vx, vy)
+        return size * vx, size * vy
 
-    found = modal(PLAIN.with_effect("quadratic_damping", beta=beta), inputs)[at]
+    found = modal(PLAIN.with_effect(name, **parameters), inputs)[at]
     expected = integrated(planar(drag, only), inputs.t[at])
     assert np.max(np.abs(expected - modal(PLAIN, inputs)[at])) > 0.05 * np.max(np.abs(expected))
-    same(found, expected, 1e-5)
+    same(found, expected, tolerance)
 
 
 def test_quadratic_damping_decays_as_one_over_time():
@@ -209,20 +231,6 @@ def test_quadratic_damping_decays_as_one_over_time():
 
 
 # amplitude_damping
-
-
-def test_amplitude_damping_slows_high_waves(motion, integrated, same):
-    only, inputs, at = pushed(motion)
-    gamma = 25.0
-
-    def drag(t, x, y, vx, vy):
-        rate = 2.0 * ZETA * OMEGA * gamma * (x * x + y * y) / RADIUS**2
-        return rate * vx, rate * vy
-
-    found = modal(PLAIN.with_effect("amplitude_damping", gamma=gamma), inputs)[at]
-    expected = integrated(planar(drag, only), inputs.t[at])
-    assert np.max(np.abs(expected - modal(PLAIN, inputs)[at])) > 0.05 * np.max(np.abs(expected))
-    same(found, expected, 1e-5)
 
 
 @pytest.mark.parametrize(("round_", "share"), [(False, 0.25), (True, 1.0)])
@@ -258,20 +266,6 @@ def test_amplitude_damping_knows_a_rectangles_other_side():
 
 
 # contact_line_friction
-
-
-def test_contact_line_friction_acts_against_the_velocity(motion, integrated, same):
-    only, inputs, at = pushed(motion)
-    mu = 0.02
-
-    def friction(t, x, y, vx, vy):
-        size = mu * GRAVITY / math.sqrt(vx * vx + vy * vy + 1e-6)  # fades below 1 mm/s
-        return size * vx, size * vy
-
-    found = modal(PLAIN.with_effect("contact_line_friction", mu=mu), inputs)[at]
-    expected = integrated(planar(friction, only), inputs.t[at])
-    assert np.max(np.abs(expected - modal(PLAIN, inputs)[at])) > 0.05 * np.max(np.abs(expected))
-    same(found, expected, 3e-5)
 
 
 def test_dry_friction_takes_the_same_off_each_swing():

@@ -28,6 +28,7 @@ from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.rivals import NAMELESS, PARTICIPANT, node_of
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.node.silence import LONG, UNHEARD, SilentTopic
+from slosh_testing.live_processes import until
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -398,21 +399,14 @@ def test_nodes_end_with_a_killed_starter_and_the_last_one_last(tmp_path):
     command = [sys.executable, "-c", STARTER, slow, *map(str, words)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as starter:
         assert starter.stdout.readline() == "started\n"
-        wait_until(lambda: all("alive" in word.read_text() for word in words))
+        until(lambda: all("alive" in word.read_text() for word in words), "life")
         starter.kill()
     seen = []
-    wait_until(lambda: seen.append(ended()) or all(seen[-1]))
+    until(lambda: seen.append(ended()) or all(seen[-1]), "the end")
     assert [False, True] not in seen
     assert [True, False] in seen
     for word in words:
         assert "parent process exited" in word.read_text()
-
-
-def wait_until(condition, patience=30.0):
-    deadline = time.monotonic() + patience
-    while not condition():
-        assert time.monotonic() < deadline, "what was awaited did not come"
-        time.sleep(0.02)
 
 
 def test_files_that_are_no_pipe_are_not_watched(monkeypatch):

@@ -6,7 +6,6 @@ import headless_browser
 import numpy as np
 import pytest
 from headless_browser import View
-from page_look import LOOK, at
 
 from slosh_model import Cylinder, Inputs, Model, simulate
 from slosh_model.covariance import Covariance
@@ -17,6 +16,7 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
 from slosh_plan.planning.waypoints import Waypoints
+from slosh_testing.pages import LOOK, at
 
 CUP = replace(Model(Cylinder(0.05, 0.07)).spatial().nonlinear(), natural_frequency=19.0)
 UNSURE = replace(CUP, covariance=Covariance(("natural_frequency",), ((0.01,),)))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from page_look import grey_png
 
 from slosh_report.run_report import (
     AzimuthSeries,
@@ -22,6 +21,8 @@ from slosh_report.run_report import (
     Topic,
     Verification,
 )
+from slosh_testing.hostile import evil
+from slosh_testing.pages import grey_png
 
 NAN = float("nan")
 T = np.arange(0.0, 20.0, 1.0 / 60.0)
@@ -108,14 +109,6 @@ def full_report():
 @pytest.fixture(scope="session")
 def hostile_report(full_report):
     """Every text tries to become markup, a formula, a request, or too wide for its place."""
-
-    def evil(where):
-        return (
-            f'{where}</pre></title></style><script>window.hacked="{where}"</script>'
-            f"<img src=http://127.0.0.1:9/{where} onerror=\"window.hacked='{where}'\">"
-            f'" onmouseover="window.hacked=1" {{{{7*7}}}} $\\frac{{1}}{{0$ #010101 url(#x)'
-            f" \x00\x1b[31m \ud800 \u202e {'W' * 300}"
-        )
 
     base = full_report
     bad_rows = tuple(replace(row, name=evil("model")) for row in base.models[:1])

@@ -12,6 +12,7 @@ from mcap.writer import Writer
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.mcap_files.bag_metadata import Qos
+from slosh_bag.reader import BagMessage, BagReader
 
 HEADER = "std_msgs/msg/Header"
 DEFINITIONS = Definitions()
@@ -88,3 +89,17 @@ def chunk_places(content: bytes | bytearray) -> list[tuple[int, int]]:
             places.append((at, at + 9 + length))
         at += 9 + length
     return places
+
+
+def copied(
+    bag: Path, folder: Path, kept: Callable[[BagMessage], bool] = lambda message: True
+) -> Path:
+    """A bag of the messages of another one that are kept."""
+    reader = BagReader(bag)
+    with BagWriter(folder) as writer:
+        for name, info in reader.topics().items():
+            writer.add_topic(name, info.message_type)
+        for message in reader.messages():
+            if kept(message):
+                writer.write(message.topic, message.data, message.log_ns, message.publish_ns)
+    return folder

@@ -26,3 +26,14 @@ class Page(HTMLParser):
 def has_forged_line(text: str) -> bool:
     """Whether a line of what was said is a name's own."""
     return any(line.lstrip().startswith(FORGED) for line in text.splitlines())
+
+
+def evil(where: str) -> str:
+    """A text that tries to become markup, a formula, a request, or too wide for its place."""
+
+    return (
+        f'{where}</pre></title></style><script>window.hacked="{where}"</script>'
+        f"<img src=http://127.0.0.1:9/{where} onerror=\"window.hacked='{where}'\">"
+        f'" onmouseover="window.hacked=1" {{{{7*7}}}} $\\frac{{1}}{{0$ #010101 url(#x)'
+        f" \x00\x1b[31m \ud800 \u202e {'W' * 300}"
+    )

@@ -20,12 +20,17 @@ SPARING = 9.0
 """What is waited for is looked at for a tenth of the time."""
 
 
-def until(condition: Callable[[], object], what: str, patience: float = 60.0) -> None:
-    """Waits until something has happened, so long at most [s]."""
+def until(
+    condition: Callable[[], object],
+    what: str = "it",
+    patience: float = 60.0,
+    act: Callable[[], object] = lambda: time.sleep(0.01),
+) -> None:
+    """Waits until something has happened, so long at most [s]; does something meanwhile."""
     deadline = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
-        time.sleep(0.02)
+        act()
 
 
 class LiveProcess:

@@ -1,10 +1,17 @@
-"""What tests put into a report's page, and ask of it in a browser."""
+"""What tests put into a page, ask of it in a browser, and what holds of every page."""
 
 from __future__ import annotations
 
+import json
 import struct
 import zlib
+from collections.abc import Mapping
 from typing import Any
+
+import pytest
+
+A4 = 688
+"""What is left of an A4 sheet between the margins [CSS px]."""
 
 LOOK = """
 const all = (selector) => [...document.querySelectorAll(selector)];
@@ -45,7 +52,41 @@ def grey_png(side: int = 8) -> bytes:
 
 
 def at(document: Any, path: str) -> Any:
-    """What a JSON pointer (RFC 6901) without escapes points at."""
-    for step in path.split("/")[1:]:
+    """What a JSON pointer (RFC 6901) points at."""
+    for part in path.split("/")[1:]:
+        step = part.replace("~1", "/").replace("~0", "~")
         document = document[int(step) if isinstance(document, list) else step]
     return document
+
+
+def on_paper(page: str) -> str:
+    """A page in its print style, to be looked at on a screen as wide as A4."""
+    return page.replace("@media print", "@media all").replace("(max-width: 44rem)", "print")
+
+
+def check_numbers(seen: Mapping[str, Any], document: Any) -> None:
+    """Each number of a page is that of the document, to the last digit and of the same type."""
+    for path, value, _ in seen["numbers"]:
+        there = at(document, path)
+        assert type(there) is type(json.loads(value)), path
+        assert there == json.loads(value), path
+
+
+class EveryPage:
+    """Tests of any page; the fixture `seen` has its views and what the console said."""
+
+    def test_no_error_is_in_the_console(self, seen: Mapping[str, Any]) -> None:
+        assert seen["console"] == []
+
+    @pytest.mark.parametrize("view", ["desktop", "phone", "small phone", "paper", "hostile"])
+    def test_nothing_is_wider_than_the_screen(self, seen: Mapping[str, Any], view: str) -> None:
+        assert seen[view]["wanted"] <= seen[view]["width"]
+
+    def test_no_table_is_cut_on_paper(self, seen: Mapping[str, Any]) -> None:
+        assert seen["paper"]["cut"] == 0
+
+    def test_colours_follow_the_reader_and_paper_is_white(self, seen: Mapping[str, Any]) -> None:
+        assert seen["desktop"]["background"] == "rgb(251, 250, 247)"
+        assert seen["dark"]["background"] == "rgb(20, 23, 27)"
+        assert seen["dark"]["line"] != seen["desktop"]["line"]
+        assert seen["paper"]["background"] == "rgb(255, 255, 255)"
