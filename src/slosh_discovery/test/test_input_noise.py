@@ -130,6 +130,7 @@ def test_nothing_is_named_where_only_the_input_is_noisy(rate, noise, errors):
     assert finding.gap.noise == pytest.approx(finding.gap.fit_before, rel=1.0)
 
 
+@pytest.mark.long
 def test_what_is_missing_is_named_beside_the_input_s_noise():
     truth = BASE.with_effect("quadratic_damping", beta=0.2)
     finding = discover([seen(truth, seed) for seed in range(3)], BASE)
