@@ -94,6 +94,7 @@ def said_by(words: list[str]) -> tuple[int, str]:
     return code, said.getvalue()
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(
     ("line", "code"),
     [

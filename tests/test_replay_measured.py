@@ -20,7 +20,7 @@ CFD = DATA / "cfd"
 CUP = Model(Cylinder(0.05, 0.07))
 
 
-@pytest.fixture(scope="module", params=["published", "own"])
+@pytest.fixture(scope="module", params=[pytest.param("published", marks=pytest.mark.long), "own"])
 def untilted(request, tmp_path_factory):
     """Replays of runs of a robot's cup: those that are published, and our own."""
     folder = ANTISLOSHING
@@ -72,6 +72,7 @@ class TestMeasuredRuns:
             assert result.accuracy[-1].rms < own, result.name
 
 
+@pytest.mark.long
 def test_two_clocks_are_laid_over_each_other_where_they_are(tmp_path):
     found = replays(write_runs(tmp_path / "runs"), tmp_path / "bags")
     assert {result.name for result in found} == set(RUNS)

@@ -14,6 +14,7 @@ from slosh_report.run_report import RunVerdict
 from slosh_testing.live_bag import LiveBag
 
 pytestmark = [
+    pytest.mark.long,
     pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
 ]
 CHART = "document.querySelector('figure[data-rows=heights] .wide')"

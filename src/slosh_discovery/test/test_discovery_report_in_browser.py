@@ -21,9 +21,12 @@ from slosh_report.page.frame import Frame
 from slosh_testing.hostile import evil
 from slosh_testing.pages import A4, LOOK, EveryPage, check_numbers, grey_png, on_paper
 
-pytestmark = pytest.mark.skipif(
-    headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
+    ),
+]
 
 ALSO = """
 return {...(() => { %s })(),
