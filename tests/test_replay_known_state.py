@@ -195,7 +195,7 @@ def test_an_imu_mounted_askew_is_flagged_and_named_in_the_replay(moves, tmp_path
     swing = moves * np.where(t % 2.0 > 1.0, 2.0 * np.sin(2.0 * np.pi * t), 0.0)
     stamps = START + np.rint(1e9 * t).astype(np.int64)
     told = stamps, np.column_stack((swing, 0.0 * t, 0.0 * t))
-    monkeypatch.setattr("tests.live_bag.motion", lambda seconds: told)
+    monkeypatch.setattr("slosh_testing.live_bag.motion", lambda seconds: told)
     live = LiveBag("imu")
     live.checks, live.rotation = True, (0.0, 0.174533, 0.0)
     live.rate = (0.0, 0.0, 0.0)

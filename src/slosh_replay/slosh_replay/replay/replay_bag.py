@@ -113,15 +113,7 @@ def replay_bag(
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
     nodes = (*node_table(len(used.mode_constants())), *further)
     heard = _heard(sources, nodes)
-    verifiers = {
-        topic.name: Verifier(full, topic.can_lack, node.tolerance)
-        for full, topic in heard.items()
-        for node in nodes
-        if topic in node.outputs
-    }
-    if not watched.camera:
-        # Then comparisons follow the monitor's own clock.
-        verifiers.pop(COMPARISON, None)
+    verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
     if sources.estimate and sources.kind != "pose":
         matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
@@ -152,17 +144,22 @@ def replay_bag(
             stream.advance()
         stream.advance(final=True)
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
-    said = [attitude_warning(used, sources.kind), *input_reader.ignored_tilt(used)]
-    if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
-        table = read_bag_table(path, TableSettings()).table
-        said.append(ignored_text(used, attitude_of(table)))
+    said = [*_unfelt(path, sources, used), *input_reader.ignored_tilt(used)]
     if several > 1:
         said.append(
             f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
         )
-    unfelt = [f"{path}: {line}" for line in said if line]
-    warnings = (*_warnings(path, reader, sources), *unfelt, *result.warnings)
-    return replace(result, warnings=warnings)
+    told = [f"{path}: {line}" for line in said if line]
+    return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+
+
+def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
+    """What the model leaves out, as the input or a table tells too little of the attitude."""
+    said = [attitude_warning(model, sources.kind)]
+    if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
+        table = read_bag_table(path, TableSettings()).table
+        said.append(ignored_text(model, attitude_of(table)))
+    return said
 
 
 def _unmixed(sources: Sources) -> Sources:
@@ -317,6 +314,19 @@ def _heard(sources: Sources, nodes: Sequence[Node]) -> dict[str, Topic]:
             if full is not None:
                 heard[full] = topic
     return heard
+
+
+def _verifiers(
+    heard: Mapping[str, Topic], nodes: Sequence[Node], *, camera: bool
+) -> dict[str, Verifier]:
+    """What compares the messages that nodes give, by the last name of their topic."""
+    return {
+        topic.name: Verifier(full, topic.can_lack, node.tolerance)
+        for full, topic in heard.items()
+        for node in nodes
+        # Without a camera comparisons follow the monitor's own clock.
+        if topic in node.outputs and (camera or topic.name != COMPARISON)
+    }
 
 
 def _hand_over(
