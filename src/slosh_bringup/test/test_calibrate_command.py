@@ -152,6 +152,7 @@ def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
     assert "outside the image" in complaint(capsys, "calibrate", *words, -5, v)
 
 
+@pytest.mark.long
 def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monkeypatch):
     monkeypatch.setattr("slosh_bringup.cli.calibrate.still_doubt", lambda *_: "no whole line")
     monkeypatch.setattr("slosh_camera.calibrate.level._SHOWS", 2.0)
