@@ -219,7 +219,7 @@ def test_a_bias_is_carried_through_a_frequency_that_changes():
     given = Inputs(t, np.outer(np.clip(t, 0.0, 1.0) * rhythm, [0.0, 0.0, 3.0]) + bias)
     times = np.arange(-0.9, 5.9, 1.0 / 60.0)
     moved = predicted_heights(model, given, times)[:, 0]
-    assert np.max(moved) > 5.0 * bias[0] / 9.81 * BASE.container.radius
+    assert np.max(moved) > 5.0 * bias[0] / 9.81 * BASE.container.size
     motion = MeasuredMotion("up and down", given, times, msh=np.zeros(len(times)))
     driven = with_noise(prepare(motion, noise=CAMERA), model, 0.0, None).driven
     foretold = np.sqrt(np.sum(driven[:, 0] ** 2, axis=1))
