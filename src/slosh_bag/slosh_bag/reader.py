@@ -104,6 +104,7 @@ class BagReader:
         path: as given, or the only bag in that folder.
         files: its MCAP files, in the order in which they were written.
         warnings: one line each.
+        types: as the bag, so far as it was read, defines them.
         column_reader: reads blocks by the bag's own definitions.
 
     Raises:
@@ -117,14 +118,14 @@ class BagReader:
         self.files = shared_files(files)
         self.path = bag_folder(path)
         self._warn(odd)
-        self._types = BagTypes()
-        self.column_reader = ColumnReader(self._types.typestore)
+        self.types = BagTypes()
+        self.column_reader = ColumnReader(self.types.typestore)
         self._in_order: dict[Path, bool] = {}
 
     @property
     def typestore(self) -> Typestore:
         """The definitions by which messages are decoded: those of types that were decoded."""
-        return self._types.learnt
+        return self.types.learnt
 
     def typestore_of(self, message_type: str) -> Typestore:
         """A store that knows a type, as the bag defines it.
@@ -133,7 +134,7 @@ class BagReader:
             SloshBagError: the bag, so far as it was read, has no such definition.
         """
         try:
-            return self._types.typestore(message_type)
+            return self.types.typestore(message_type)
         except SloshBagError as error:
             raise SloshBagError(f"{self.path}: {error}") from None
 
@@ -345,12 +346,12 @@ class BagReader:
     def _told(self, summary: Summary) -> Found:
         """What a summary that tells its topics says of its file."""
         for schema in summary.schemas.values():
-            self._types.add(schema)
+            self.types.add(schema)
         return Found(summary.schemas, summary.channels, summary.counts or {})
 
     def _learn(self, chunk: Chunk) -> None:
         for schema in chunk.schemas:
-            self._types.add(schema)
+            self.types.add(schema)
 
     def _warn(self, warnings: Collection[str]) -> None:
         self.warnings += [text for text in warnings if text not in self.warnings]

@@ -69,11 +69,15 @@ class NotedQos(Qos):
 
 
 class NotedDefinitions(Definitions):
-    """Definitions and hashes as the damaged bag has them; no installed package is asked."""
+    """Definitions and hashes as a bag has them; no installed package is asked.
 
-    def __init__(self) -> None:
+    Args:
+        types: of the bag; None: they are noted as they are found.
+    """
+
+    def __init__(self, types: BagTypes | None = None) -> None:
         super().__init__()
-        self.types = BagTypes()
+        self.types = types or BagTypes()
         self._hashes: dict[str, str] = {}
 
     def note_hash(self, message_type: str, channel: Channel) -> None:

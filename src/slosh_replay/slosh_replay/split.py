@@ -12,6 +12,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_contents import bag_contents
 from slosh_bag.reader import BagMessage, BagReader
+from slosh_bag.recover import NotedDefinitions
 from slosh_base.files import check_outside, new_folder
 from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_replay.recording.sources import Sources, find_sources
@@ -84,7 +85,9 @@ class _Copy:
         messages = iter(self._reader.messages())
         waiting = next(messages, None)
         for folder, end in zip(self._folders, [*self._cuts, None], strict=True):
-            with BagWriter(folder, custom=self._reader.metadata()) as writer:
+            # The messages stay what they are: so do their definitions.
+            own = NotedDefinitions(self._reader.types)
+            with BagWriter(folder, own, self._reader.metadata()) as writer:
                 for name, topic in self._topics.items():
                     writer.add_topic(name, topic.message_type, *topic.offered[:1])
                 for message in self._latched:

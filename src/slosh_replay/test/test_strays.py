@@ -12,6 +12,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.interchange.bag_contents import bag_contents
 from slosh_bag.reader import BagReader
+from slosh_bag.recover import NotedDefinitions
 from slosh_replay.replay import replay_bag
 from slosh_replay.split import split_bag
 from slosh_replay.strays import LASTING, StrayFilter, set_backs
@@ -32,11 +33,10 @@ def changed(folder: Path, change: Change, without: tuple[str, ...] = ()) -> Path
         change: from topic, number of the message on it and stamp [ns] to the stamp that it gets.
         without: topics that are left out.
     """
-    # Its comparisons lack the fields of today's message, whose definition the writer has.
-    without = (*without, "/slosh/comparison")
     reader, counts = BagReader(BAG), dict.fromkeys((ACCEL, SURFACE), 0)
     topics = bag_contents(BAG).topics
-    with BagWriter(folder, custom=reader.metadata()) as writer:
+    assert reader.topics().keys() == topics.keys()  # by now it knows their definitions
+    with BagWriter(folder, NotedDefinitions(reader.types), reader.metadata()) as writer:
         for name, topic in topics.items():
             if name not in without:
                 writer.add_topic(name, topic.message_type, *topic.offered[:1])

@@ -13,6 +13,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.reader import BagMessage, BagReader
+from slosh_bag.recover import NotedDefinitions
 
 HEADER = "std_msgs/msg/Header"
 DEFINITIONS = Definitions()
@@ -96,8 +97,9 @@ def copied(
 ) -> Path:
     """A bag of the messages of another one that are kept."""
     reader = BagReader(bag)
-    with BagWriter(folder) as writer:
-        for name, info in reader.topics().items():
+    topics = reader.topics()
+    with BagWriter(folder, NotedDefinitions(reader.types)) as writer:
+        for name, info in topics.items():
             writer.add_topic(name, info.message_type)
         for message in reader.messages():
             if kept(message):
