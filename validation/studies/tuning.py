@@ -25,7 +25,17 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from tqdm import tqdm
-from tuning_scenes import Answer, Scene, calibrated, detected, drawn, rendered, traced
+from tuning_scenes import (
+    Answer,
+    Scene,
+    bags,
+    calibrated,
+    detected,
+    drawn,
+    rendered,
+    replayed,
+    traced,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLES = ROOT / "docs" / "results" / "tables"
@@ -39,7 +49,7 @@ Answers = dict[str, list[Answer] | str]
 
 
 class Change(NamedTuple):
-    """RMS of the lengths' changes [mm], images with other flags, scenes with another refusal."""
+    """RMS of the lengths' changes [mm], images or bags with other flags, scenes refused or not."""
 
     rms: float
     flags: int
@@ -140,6 +150,7 @@ ROOMS: dict[str, tuple[list[Maker], Callable[[Scene], Iterator[Answer]]]] = {
     "slosh_camera.rectangle": ([traced], detected),
     "slosh_camera.images": ([rendered, drawn, traced], detected),
     "slosh_camera.calibrate": ([rendered], calibrated),
+    "slosh_estimator": ([bags], replayed),
 }
 SCENES: dict[str, Scene] = {}
 

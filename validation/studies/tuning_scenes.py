@@ -19,11 +19,11 @@ FRAME = 40_000_000  # [ns]
 
 
 class Scene(NamedTuple):
-    """A calibration, an image of the liquid at rest, and images with stamps [ns]."""
+    """A calibration, an image of the liquid at rest, and images with stamps [ns]; or a bag."""
 
-    calibration: Any
-    still: Any
-    images: list[Any]
+    source: Any
+    still: Any = None
+    images: Sequence[Any] = ()
     stamps: Sequence[int] = range(0, 2**40, FRAME)
 
 
@@ -38,7 +38,7 @@ def detected(scene: Scene) -> Iterator[Answer]:
     """What a detector measures that has learnt from the still image."""
     from slosh_camera.detection.detectors import detector_for
 
-    detector = detector_for(scene.calibration)
+    detector = detector_for(scene.source)
     detector.learn_still(scene.still)
     for stamp, image in zip(scene.stamps, scene.images, strict=False):
         found = detector.update(stamp, image)
@@ -50,9 +50,23 @@ def calibrated(scene: Scene) -> Iterator[Answer]:
     """The camera's place by the still image, and the errors of heights that are claimed."""
     from slosh_camera.calibrate.still import calibrate_by_edges
 
-    view = scene.calibration.view
+    view = scene.source.view
     fit = calibrate_by_edges(scene.still, view.camera, view.cup, view.camera_azimuth)
     yield Answer((*fit.view.pose.translation.tolist(), *fit.height_stddev.values()), "")
+
+
+def replayed(scene: Scene) -> Iterator[Answer]:
+    """The heights of all models at a bag's images, and what the monitor says of them."""
+    from slosh_replay import replay_bag
+
+    result = replay_bag(scene.source)
+    said = result.events, result.counters, result.warnings, result.verification, result.comparisons
+    yield Answer(tuple(np.concatenate([*result.heights.values()]).tolist()), str(said))
+
+
+def bags() -> dict[str, Scene]:
+    """The shipped bags."""
+    return {path.parent.name: Scene(path.parent) for path in ROOT.glob("bags/*/metadata.yaml")}
 
 
 def rendered() -> dict[str, Scene]:
@@ -70,7 +84,7 @@ def rendered() -> dict[str, Scene]:
         sequence, scene, truth = sequences[name], scenes[name], sequences[name].frames[6]
         still = disturb(scene.still, sequence, None)
         images = [disturb(scene.images[6], sequence, truth)]
-        scenes[disturb.name] = Scene(disturb.calibration(scene.calibration), still, images)
+        scenes[disturb.name] = Scene(disturb.calibration(scene.source), still, images)
     return scenes
 
 
