@@ -14,8 +14,8 @@ from slosh_model.constants import GRAVITY
 class EstimatorTuning:
     """What is assumed about sensors, trackers, cameras and liquids.
 
-    Set on recordings of the simulated cell and of robots; `slosh replay bags --check` compares
-    the answers. The unit "σ" is the sensor's standard deviation.
+    Checked on the simulated cell's recordings by `slosh replay bags --check`. The unit
+    "σ" is the sensor's standard deviation.
     """
 
     # gate.py

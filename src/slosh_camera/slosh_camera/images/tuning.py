@@ -11,8 +11,8 @@ from slosh_base.tuning import number
 class ImagesTuning:
     """What is assumed about cameras, drivers and torn images.
 
-    Seams were set by `validation/studies/torn_images.py`, still edges by
-    `validation/studies/camera_damage.py`, repeats by drivers' buffers.
+    Checked on damaged frames of the rendered sequences by `camera_damage.py` and
+    `torn_images.py` in validation/studies.
     """
 
     # exif.py

@@ -12,7 +12,7 @@ from slosh_base.tuning import number
 class RectangleTuning:
     """What the detector assumes about containers, edges and cameras.
 
-    Set on traced images by `validation/studies/side_view_tables.py`. The unit "width" is the
+    Checked on traced images by `validation/studies/side_view_tables.py`. The unit "width" is the
     container's, "softness" the standard deviation of a blurred edge [px], "contrast" the levels
     of background less liquid.
     """
