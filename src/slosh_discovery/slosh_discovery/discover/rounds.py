@@ -22,12 +22,8 @@ from slosh_discovery.discover.sensor_noise import (
     dressed,
     estimate_sensor,
 )
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.model import Model
-
-SAME_FREQUENCY = 0.01
-"""Frequencies that differ by less, relatively, are driven alike by a noise,"""
-SAME_SIZE = 0.3
-"""and so are damping ratios and heights that do by less than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,8 +118,8 @@ def _swing_alike(one: Model, other: Model) -> bool:
     ):  # fmt: skip
         frequencies = mine.natural_frequency / its.natural_frequency
         sizes = (gain / its_gain, mine.damping_ratio / its.damping_ratio)
-        if abs(math.log(frequencies)) > SAME_FREQUENCY:
+        if abs(math.log(frequencies)) > TUNING.same_frequency:
             return False
-        if max(abs(math.log(size)) for size in sizes) > SAME_SIZE:
+        if max(abs(math.log(size)) for size in sizes) > TUNING.same_size:
             return False
     return len(one.mode_constants()) == len(other.mode_constants())

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_discovery.discover.fitting import CLOCK_SPAN
 from slosh_discovery.discover.problem import LONGEST_STEP, Answer, PreparedMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.identify.parameters import FreeParameter, fitted_model
 from slosh_discovery.identify.trials import Trial
 from slosh_model.batch import wall_heights
@@ -91,7 +91,7 @@ class Problem:
         """(V,) lower and upper."""
         reach = self.widths * np.where(np.arange(self.size) < len(self.parameters), 0.0, 1.0)
         for clock in self.clocks:
-            reach[list(clock)] = CLOCK_SPAN
+            reach[list(clock)] = TUNING.clock_span
         for state in self.states:
             reach[list(state)] *= STATE_SPAN
         lower, upper = start - reach, start + reach

@@ -15,7 +15,8 @@ from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.colour import Neighbours, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
-from slosh_discovery.discover.problem import FINE_SPACING, MOST_AZIMUTHS, PreparedMotion
+from slosh_discovery.discover.problem import MOST_AZIMUTHS, PreparedMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.discover_data.heights import sample_noise
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
@@ -270,7 +271,7 @@ def _with_samples(inputs: Inputs, motion: MeasuredMotion) -> Inputs:
 
 def _fine(inputs: Inputs) -> Inputs:
     """The inputs on a grid between whose moments heights can be read."""
-    count = int(np.ceil((inputs.t[-1] - inputs.t[0]) / FINE_SPACING))
+    count = int(np.ceil((inputs.t[-1] - inputs.t[0]) / TUNING.fine_spacing))
     grid = np.linspace(inputs.t[0], inputs.t[-1], max(count, 1) + 1)
     dense = len(inputs.t) > count
     return inputs.resampled(inputs.t if dense else np.union1d(inputs.t, grid))
