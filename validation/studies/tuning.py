@@ -1,6 +1,6 @@
 """Moves each tuning number of a room by 20 % and tells what changes on the validation scenes.
 
-    tools/run python validation/studies/tuning.py slosh_camera.cylinder [--docs] [--only NAME]
+    tools/run python validation/studies/tuning.py slosh_camera.cylinder [-o TABLE.csv]
 
 A room is a package with a module `tuning`. A whole number is moved by 1 at least. Every process
 imports the room anew and measures all scenes with one number changed; its compiled code is kept
@@ -38,7 +38,6 @@ from tuning_scenes import (
 )
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLES = ROOT / "docs" / "results" / "tables"
 STEP = 0.2
 HEAD = ("number", "unit", "value", "meaning")
 SHOWN = ("RMS [mm]", "flags", "refused")
@@ -55,12 +54,17 @@ class Change(NamedTuple):
     flags: int
     refused: int
 
+    @property
+    def told(self) -> tuple[str, int, int]:
+        """As a table shows it."""
+        return f"{self.rms:.3g}", self.flags, self.refused
+
 
 def main() -> int:
     """Runs the command; returns its exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("room", choices=ROOMS, help="package whose numbers are moved")
-    parser.add_argument("--docs", action="store_true", help=f"write the table to {TABLES.name}")
+    parser.add_argument("-o", dest="output", type=argparse.FileType("w"), default=sys.stdout)
     parser.add_argument("--only", default="", metavar="NAME", help="names that contain this")
     parser.add_argument("--workers", type=int, default=2, help="processes at a time")
     arguments = parser.parse_args()
@@ -72,23 +76,18 @@ def main() -> int:
         SCENES.update(pool.apply(prepared, (arguments.room,)))
     rows = [row for row in rows if arguments.only in row[0]]
     moves = [{name: moved(value, by)} for name, _, value, _ in rows for by in (-STEP, STEP)]
-    with context.Pool(arguments.workers, maxtasksperchild=1) as pool:
+    still = []
+    with context.Pool(arguments.workers, maxtasksperchild=1) as pool, arguments.output as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([*HEAD, *(f"{sign}20 % {word}" for sign in "-+" for word in SHOWN)])
         usual = pool.apply(measured, (arguments.room, {}))
         found = pool.imap(partial(measured, arguments.room), moves)
-        changes = [change(usual, one) for one in tqdm(found, total=len(moves))]
-    table: list[list[Any]] = [[*HEAD, *(f"{sign}20 % {word}" for sign in "-+" for word in SHOWN)]]
-    still = []
-    for row, low, high in zip(rows, changes[::2], changes[1::2], strict=True):
-        told = [(f"{one.rms:.3g}", one.flags, one.refused) for one in (low, high)]
-        table.append([*row, *told[0], *told[1]])
-        if not any((*low, *high)):
-            still.append(row[0])
-    if arguments.docs:
-        path = TABLES / f"tuning_{arguments.room.rpartition('.')[2]}.csv"
-        with path.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows(table)
-    csv.writer(sys.stdout, lineterminator="\n").writerows(table)
-    print(f"{len(rows)} numbers; nothing changes with {len(still)}: {', '.join(still)}")
+        for row in tqdm(rows):
+            low, high = change(usual, next(found)), change(usual, next(found))
+            writer.writerow([*row, *low.told, *high.told])
+            file.flush()
+            still += [] if any((*low, *high)) else [row[0]]
+    print(f"nothing changes with {len(still)} of {len(rows)}: {', '.join(still)}", file=sys.stderr)
     return 0
 
 

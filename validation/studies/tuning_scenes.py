@@ -70,7 +70,7 @@ def bags() -> dict[str, Scene]:
 
 
 def rendered() -> dict[str, Scene]:
-    """The rendered sequences of the tests, and an image under each disturbance of the study."""
+    """The rendered sequences of the tests, and an image under every third disturbance."""
     from camera_disturbances import all_disturbances
     from camera_sequences import read_image, read_sequence, sequences_in
 
@@ -79,7 +79,7 @@ def rendered() -> dict[str, Scene]:
         still, images = read_image(one.still or Path()), [read_image(f.path) for f in one.frames]
         stamps = [frame.stamp_ns for frame in one.frames]
         scenes[name] = Scene(one.calibration, still, images, stamps)
-    for index, disturb in enumerate(all_disturbances()):
+    for index, disturb in enumerate(all_disturbances()[::3]):
         name = ("steep", "nonlinear_dark")[index % 2]
         sequence, scene, truth = sequences[name], scenes[name], sequences[name].frames[6]
         still = disturb(scene.still, sequence, None)
@@ -109,7 +109,7 @@ def drawn() -> dict[str, Scene]:
         cup = dataclasses.replace(plain, **look)
         images = [dataclasses.replace(cup, seed=k).draw(*wave) for k, wave in enumerate(waves)]
         images.append(np.vstack((images[0][:230], images[1][230:])))
-        for _ in range(0 if look else 25):
+        for _ in range(0 if look else 21):
             images.append(cv2.add(images[0], random.integers(0, 3, images[0].shape, np.uint8)))
         scenes[name] = Scene(cup.calibration(), cup.draw(), images)
     return scenes

@@ -189,9 +189,9 @@ class MotionWatch:
             return
         motion = self._moving.spans[0]
         self._looked_ns = max(self._looked_ns, motion.start_ns)
-        if stamp_ns - self._looked_ns >= TUNING.running_ns and motion.end_ns + AFTER_NS > stamp_ns:
+        if stamp_ns - self._looked_ns >= TUNING.judged_ns and motion.end_ns + AFTER_NS > stamp_ns:
             self._looked_ns = stamp_ns
-            newest = max(motion.start_ns, stamp_ns - 2 * TUNING.running_ns)
+            newest = max(motion.start_ns, stamp_ns - 2 * TUNING.judged_ns)
             found = self._agreement(MotionSpan(newest, stamp_ns))
             if found is not None and found.disagrees:
                 self._standing = found

@@ -129,7 +129,7 @@ def wave_offset(
         measured[known],
         expected[known],
     )
-    high = max(TUNING.turn_wave, TUNING.turn_ratio * noise if math.isfinite(noise) else 0.0)
+    high = max(TUNING.least_wave, TUNING.wave_noise * noise if math.isfinite(noise) else 0.0)
     if min(_rms(measured), _rms(expected)) < high:
         return None
     if np.isfinite(axis[known]).all():

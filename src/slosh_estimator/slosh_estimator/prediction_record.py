@@ -38,7 +38,9 @@ class Announced(NamedTuple):
         """The latest [ns]."""
         if not self.start_ns:
             return self.stamp_ns + LONGEST_WAIT_NS
-        return self.start_ns + round((TUNING.late + TUNING.late_share * self.duration) * SECOND)
+        return self.start_ns + round(
+            (TUNING.late + TUNING.duration_share * self.duration) * SECOND
+        )
 
 
 class Outcome(NamedTuple):

@@ -57,13 +57,11 @@ class EstimatorTuning:
     # prediction_record.py
     early_ns: int = number(SECOND // 2, "ns", "time by which a motion may begin early")
     late: float = number(1.0, "s", "time by which it may begin late")
-    late_share: float = number(0.25, "1", "part of its duration by which it may begin late")
     duration_error: float = number(0.5, "s", "error of its duration")
-    duration_share: float = number(0.25, "1", "relative error of its duration")
+    duration_share: float = number(0.25, "1", "relative error of a motion's start and duration")
     # agreement.py
     told_ns: int = number(2 * SECOND, "ns", "time after its end when a motion is judged")
     longest_ns: int = number(60 * SECOND, "ns", "time after which a motion is judged in any case")
-    running_ns: int = number(2 * SECOND, "ns", "interval of judgements during a motion")
     least_compared: int = number(20, "1", "fewest compared images of a judgement")
     agreement_noise: float = number(3.0, "σ", "error that noise explains")
     share_of_peak: float = number(0.02, "1", "error that calibration explains, of the peak")
@@ -71,8 +69,6 @@ class EstimatorTuning:
     # azimuth.py
     least_turn: float = number(math.radians(20.0), "rad", "least error of the azimuth")
     turn_noise: float = number(3.0, "σ", "the same in its own standard deviation")
-    turn_wave: float = number(1e-3, "m", "least RMS of a wave whose azimuth is judged")
-    turn_ratio: float = number(5.0, "σ", "the same in units of the noise")
     least_coherence: float = number(0.5, "1", "least common part of two waves' energy")
     offset_near: float = number(0.04, "s", "largest time offset of a turned wave")
     offset_far: float = number(0.3, "s", "largest time offset of a wave that is not turned")
@@ -103,10 +99,10 @@ class EstimatorTuning:
     jump_noise: float = number(8.0, "σ", "the same in units of the noise")
     lasting: int = number(2, "1", "number of jumps that are no stray")
     # wave_presence.py
-    presence_window_ns: int = number(2 * SECOND, "ns", "interval of judgements")
+    judged_ns: int = number(2 * SECOND, "ns", "interval of judgements")
     presence_longest_ns: int = number(10 * SECOND, "ns", "longest time that is judged together")
-    presence_noise: float = number(5.0, "σ", "least wave in units of the noise")
-    presence_wave: float = number(1e-3, "m", "least wave")
+    wave_noise: float = number(5.0, "σ", "the same in units of the noise")
+    least_wave: float = number(1e-3, "m", "least wave that is judged")
     presence_share: float = number(0.1, "1", "least wave, as part of the watched limit")
     missing: float = number(0.25, "1", "part of the other side's size at which a wave is missing")
     nothing: float = number(0.05, "1", "part of the measured wave that is no wave of a model")

@@ -58,9 +58,7 @@ class PresenceWatch:
 
     def watch(self, limit: float) -> None:
         """Judges by another limit of the disagreement [m]."""
-        self._least = (
-            TUNING.presence_share * limit if math.isfinite(limit) else TUNING.presence_wave
-        )
+        self._least = TUNING.presence_share * limit if math.isfinite(limit) else TUNING.least_wave
 
     def reset(self) -> None:
         """Starts anew, without a judgement."""
@@ -80,7 +78,7 @@ class PresenceWatch:
         ):
             self.forget()
         self._pairs.append(pair)
-        long = pair.stamp_ns - self._pairs[0].stamp_ns >= TUNING.presence_window_ns
+        long = pair.stamp_ns - self._pairs[0].stamp_ns >= TUNING.judged_ns
         if long and len(self._pairs) >= TUNING.least_compared:
             self._judge()
             self._pairs.clear()
@@ -98,7 +96,7 @@ class PresenceWatch:
         else:
             seen, told = _size(measured), _size(estimated)
         before, self._before = self._before, (seen, told)
-        if max(seen, told) <= max(TUNING.presence_noise * noise, self._least):
+        if max(seen, told) <= max(TUNING.wave_noise * noise, self._least):
             return
         if min(seen, told) >= TUNING.missing * max(seen, told):
             self.warning = ""

@@ -200,9 +200,7 @@ def _solved(
         raise SloshCameraError("board: no pose explains its corners")
     if len(found) > 1:
         same = np.allclose(found[0][0], found[1][0], atol=1e-3)
-        if not same and found[1][1] < TUNING.board_ambiguous * max(
-            found[0][1], TUNING.board_error
-        ):
+        if not same and found[1][1] < TUNING.rival_residual * max(found[0][1], TUNING.board_error):
             raise SloshCameraError(
                 "board: its tilt is ambiguous, two poses fit equally well; it must be larger in "
                 "the image"

@@ -172,7 +172,7 @@ def fit_place(
         score,
     )
     # NaN, where the view has no rear line, is not more.
-    both = all(fit.share(curve) > TUNING.second_share for curve in (Curve.FRONT, Curve.REAR))
+    both = all(fit.share(curve) > TUNING.clear_share for curve in (Curve.FRONT, Curve.REAR))
     return replace(fit, score=score + TUNING.two_lines) if both else fit
 
 
@@ -192,7 +192,7 @@ def _is_certain(view: CupView, seen: SeenCurve) -> bool:
     if seen.curve in SIDES:
         return True
     near = np.count_nonzero(np.abs(distances(view, seen)) < TUNING.inlier)
-    return bool(near >= TUNING.line_share * seen.samples)
+    return bool(near >= TUNING.least_share * seen.samples)
 
 
 def _enough(seen: Sequence[SeenCurve]) -> bool:

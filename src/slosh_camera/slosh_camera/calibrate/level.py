@@ -80,7 +80,7 @@ def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
     if fit.cup.rim_level is not None:
         other &= strip.heights < fit.cup.rim_level - ends
     walled = (
-        walls_below(edges, view, strip.heights, 0.0, fit.cup.fill_height) >= TUNING.rival_sides
+        walls_below(edges, view, strip.heights, 0.0, fit.cup.fill_height) >= TUNING.least_share
     )
     other &= walled
     largest = float(np.max(change, initial=0.0, where=here | other))

@@ -129,14 +129,14 @@ def is_corroborated(fit: Fit) -> bool:
         return True
     both = all(fit.share(curve) >= TUNING.least_share for curve in (Curve.FRONT, Curve.REAR))
     needed = TUNING.least_glass if both else TUNING.glass_alone
-    return max(known, default=0.0) >= needed or floor >= TUNING.least_floor
+    return max(known, default=0.0) >= needed or floor >= TUNING.least_share
 
 
 def _speaks_against(fit: Fit, answer: StillFit, level_shows: bool) -> list[str]:
     """What is off that alone is a matter of a warning, in words."""
     level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
     reasons = {
-        "the floor is not where it should be": fit.share(Curve.BASE) < TUNING.least_floor,
+        "the floor is not where it should be": fit.share(Curve.BASE) < TUNING.least_share,
         "a side is partly hidden": any(fit.share(curve) < TUNING.clear_share for curve in WETTED),
         "a line of the level is partly hidden": not level_shows
         and any(share < TUNING.clear_share for share in level),

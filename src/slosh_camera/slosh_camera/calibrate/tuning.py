@@ -20,7 +20,6 @@ class CalibrateTuning:
 
     # board.py
     board_residual: float = number(1.5, "px", "largest residual of a board")
-    board_ambiguous: float = number(1.5, "1", "residual of the other pose of a plane, at least")
     board_error: float = number(0.1, "px", "least error of a corner")
     board_flatness: float = number(0.002, "rad", "error of a board's inclination")
     board_level: float = number(0.001, "m", "error of the depth of liquid and floor")
@@ -48,12 +47,9 @@ class CalibrateTuning:
     inlier: float = number(1.5, "px", "largest error of an edge after the fit")
     fit_chance: float = number(6.0, "px", "what chance adds to the score, times the width")
     two_lines: float = number(0.15, "1", "bonus for a second line of the level")
-    second_share: float = number(0.7, "1", "least part of the second line")
-    line_share: float = number(0.5, "1", "least part of a line that is not another thing's")
     # level.py
     rival: float = number(0.8, "1", "strength of another line that is a rival")
     rival_apart: float = number(0.15, "radius", "distance of a rival")
-    rival_sides: float = number(0.5, "1", "part of the sides below a rival")
     least_level: float = number(0.25, "1", "least strength of a level")
     shows: float = number(0.6, "1", "least strength of a line that shows partly")
     ends: float = number(0.3, "radius", "distance from rim and floor of another level")
@@ -116,14 +112,13 @@ class CalibrateTuning:
     # refusals.py
     lost_residual: float = number(0.8, "px", "residual of a fit that is refused")
     lost_height: float = number(3e-3, "m", "standard error of a height that is refused")
-    least_share: float = number(0.5, "1", "least part of a curve")
-    clear_share: float = number(0.7, "1", "least part of a curve that is surely the container's")
+    least_share: float = number(0.5, "1", "least part of a curve that shows")
+    clear_share: float = number(0.7, "1", "least part of a curve that surely shows")
     same_height: float = number(1e-3, "m", "difference of heights of one answer")
     rival_score: float = number(0.93, "1", "part of the best score that makes a rival")
     rival_residual: float = number(1.5, "1", "ratio of residuals that makes a rival")
     wider: float = number(1.25, "1", "ratio of widths of a container around another")
     enclosing: float = number(0.6, "1", "part of the score that the wider one needs")
-    least_floor: float = number(0.5, "1", "least part of the floor")
     most_residual: float = number(0.6, "px", "largest residual without a warning")
     least_glass: float = number(0.35, "1", "least part of the glass, where both lines are seen")
     glass_alone: float = number(0.5, "1", "least part of the glass, where one is seen")

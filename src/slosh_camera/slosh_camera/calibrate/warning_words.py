@@ -14,7 +14,7 @@ def warnings_of(fit: StillFit) -> list[str]:
     checks = {check.name: check for check in fit.curves}
     warnings = []
     floor = checks.get(Curve.BASE.value)
-    if floor is not None and floor.share < TUNING.least_floor:
+    if floor is not None and floor.share < TUNING.least_share:
         warnings.append(
             "the floor's edge is not where the dimensions predict it; if it is visible, check "
             "radius, fill height, wall thickness and the focal length, which the other edges "

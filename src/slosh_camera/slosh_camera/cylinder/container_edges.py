@@ -84,7 +84,7 @@ def _side(view: CupView, left: bool) -> FloatArray:
         if cup.rim_level is None
         else TUNING.side_above * cup.rim_level
     )
-    level = np.linspace(-TUNING.side_below * cup.fill_height, top, _HEIGHTS)
+    level = np.linspace(-TUNING.wall_depth * cup.fill_height, top, _HEIGHTS)
     azimuth = view.camera_azimuth + (half if left else -half)
     points = np.column_stack(
         (np.full((_HEIGHTS, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), level)

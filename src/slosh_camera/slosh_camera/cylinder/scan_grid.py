@@ -93,7 +93,7 @@ def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
     """
     _check_upright(view)
     azimuth = _line_azimuths(view)
-    bottom = view.project_wall(azimuth, -TUNING.lines_depth * view.cup.fill_height, Wall.FRONT)
+    bottom = view.project_wall(azimuth, -TUNING.wall_depth * view.cup.fill_height, Wall.FRONT)
     still = view.project_wall(azimuth, 0.0, Wall.FRONT)
     length = np.linalg.norm(still - bottom, axis=1, keepdims=True)
     unit = (still - bottom) / length

@@ -93,7 +93,10 @@ class StillLearner:
         radius, zero = view.cup.radius, np.zeros(SHAPES)
         self._moving = Prior(zero, first=TUNING.first_mode * radius)
         self._at_rest = Prior(
-            zero, first=TUNING.still_tilt * radius, level=TUNING.still_level, higher=TUNING.at_rest
+            zero,
+            first=TUNING.still_tilt * radius,
+            level=TUNING.level_stddev,
+            higher=TUNING.at_rest,
         )
         azimuth = view.camera_azimuth
         self._nearest = radius * np.array((np.cos(azimuth), np.sin(azimuth)))
@@ -178,7 +181,7 @@ class StillLearner:
 
     def _check_doubted(self, still: StillSurface, prior: Prior) -> None:
         """Refuse a doubted liquid that is far from the still level, or agrees poorly."""
-        if abs(still.zero[0]) > TUNING.still_level:
+        if abs(still.zero[0]) > TUNING.level_stddev:
             raise SloshCameraError(
                 f"still image: its line is {1e3 * still.zero[0]:+.0f} mm off the "
                 "calibration's level, and may be an edge behind the liquid; check the fill "
@@ -217,5 +220,5 @@ class StillLearner:
         front = np.where(seen, fit.points.place, np.nan)
         upper = np.where(fit.upper_weight > TUNING.inlier, fit.upper_place, np.nan)
         return stationary_edges(
-            view.picture, np.stack((front, upper)), TUNING.own_rows + view.softness
+            view.picture, np.stack((front, upper)), TUNING.edge_rows + view.softness
         )

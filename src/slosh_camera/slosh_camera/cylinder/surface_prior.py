@@ -35,14 +35,14 @@ class Prior:
 
     def of_changed_level(self) -> Self:
         """The same where liquid was added or taken away."""
-        return replace(self, level=TUNING.changed_level, rare=TUNING.rare)
+        return replace(self, level=TUNING.level_stddev, rare=TUNING.rare)
 
     def at_rest_on_changed_level(self) -> Self:
         """The same where it was, and stands still now."""
         return replace(
             self,
             first=TUNING.at_rest * self.first,
-            level=TUNING.changed_level,
+            level=TUNING.level_stddev,
             higher=TUNING.at_rest,
             rare=TUNING.rare_at_rest,
         )

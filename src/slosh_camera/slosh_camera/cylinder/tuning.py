@@ -18,7 +18,7 @@ class CylinderTuning:
     """
 
     # scan_grid.py
-    lines_depth: float = number(0.85, "1", "part of the fill height that lines reach down")
+    wall_depth: float = number(0.85, "1", "part of the fill height that shows the wall")
     edge_inset: float = number(1.5, "px", "pixels at the sides that mix liquid and background")
     least_lines: int = number(12, "1", "least number of lines that show liquid and wall")
     least_below: int = number(24, "row", "wall below the still level that must be in the image")
@@ -26,7 +26,6 @@ class CylinderTuning:
     unknown_rim: float = number(1.2, "radius", "assumed height of a rim that is not known")
     # container_edges.py
     least_heights: int = number(10, "1", "fewest places of each side in the image")
-    side_below: float = number(0.85, "1", "part of the fill height that shows the sides")
     side_above: float = number(0.95, "1", "part of the rim's height that shows the sides")
     side_unknown_rim: float = number(0.9, "radius", "height of the sides below an unknown rim")
     side_half_edge: float = number(4.0, "grey/px", "slope of the image that is half an edge")
@@ -76,11 +75,9 @@ class CylinderTuning:
     # still_lesson.py
     first_mode: float = number(0.5, "radius", "standard deviation of the first mode")
     still_tilt: float = number(math.radians(0.25), "rad", "standard deviation of a fitted tilt")
-    still_level: float = number(5e-3, "m", "standard deviation of the level at rest")
     at_rest: float = number(0.01, "1", "part of the usual heights that remains at rest")
     leaning: float = number(0.06, "rad", "standard deviation of an unknown tilt")
     still_plausible: float = number(0.15, "1", "least agreement of a doubtful liquid at rest")
-    own_rows: float = number(2.0, "row", "rows around a line at rest that belong to it")
     # still_surface.py
     second_body: float = number(0.3, "1", "lead that the upper part of the wall needs")
     still_wave: float = number(1e-3, "m", "largest first mode measured in the still image")
@@ -94,7 +91,7 @@ class CylinderTuning:
     far_from_liquid: float = number(0.35, "contrast", "deviation that no liquid has")
     tried: int = number(4, "1", "number of surfaces that are fitted to the end")
     different_rows: float = number(10.0, "row", "difference between the first modes of two")
-    edge_rows: float = number(2.0, "row", "rows beside a line that do not show the surface")
+    edge_rows: float = number(2.0, "row", "rows beside a line that belong to its edge")
     still_rows: float = number(12.0, "row", "farthest point of a level surface")
     stray: float = number(4.0, "σ", "deviation of a point that is dropped at rest")
     stray_rows: float = number(1.5, "row", "least such deviation")
@@ -154,7 +151,7 @@ class CylinderTuning:
     fade_known: float = number(0.15, "1", "least standard deviation of the fade's share")
     # surface_prior.py
     prior_surprise: float = number(0.02, "1", "cost of a height of one standard deviation")
-    changed_level: float = number(5e-3, "m", "standard deviation of a changed level")
+    level_stddev: float = number(5e-3, "m", "standard deviation of a level that is not known")
     rare: float = number(0.18, "1", "cost of a changed level in motion")
     rare_at_rest: float = number(0.13, "1", "cost of a changed level at rest")
     highest: float = number(0.9, "radius", "largest first mode")

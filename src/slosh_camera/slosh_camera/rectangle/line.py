@@ -95,7 +95,7 @@ def canny_edges(channel: Image, limits: tuple[float, float]) -> Image:
     """
     contrast, noise = limits
     high = _SOBEL_STEP * abs(contrast) / TUNING.softest
-    low = max(TUNING.low_part * high, min(TUNING.sobel_noise * TUNING.noise_margin * noise, high))
+    low = max(TUNING.low_part * high, min(TUNING.noise_response * noise, high))
     return np.asarray(cv2.Canny(channel, low, high), dtype=np.uint8)
 
 
