@@ -231,7 +231,7 @@ def estimate_colour(residual: Array, neighbours: Neighbours, parameters: int) ->
     count = len(residual)
     stddev = robust_scale(residual) * math.sqrt(count / max(count - parameters, 1))
     linked = np.flatnonzero((neighbours.before >= 0) & (neighbours.lags == 1))
-    if len(linked) < TUNING.least_pairs:
+    if len(linked) < TUNING.least_samples:
         return Colour(max(stddev, TUNING.least_noise), 0.0)
     one, other = residual[linked], residual[neighbours.before[linked]]
     sums, differences = robust_scale(one + other) ** 2, robust_scale(one - other) ** 2

@@ -32,7 +32,7 @@ def closed_share(before: float, after: float, noise: float, samples: int) -> flo
     if samples <= 0 or not all(map(math.isfinite, (before, after, noise))):
         return NAN
     removable = before**2 - noise**2
-    chance = max(TUNING.sure_gap * math.sqrt(2.0 / samples), TUNING.least_gap**2) * noise**2
+    chance = max(TUNING.consistent * math.sqrt(2.0 / samples), TUNING.least_gap**2) * noise**2
     if removable <= chance:
         return NAN
     return min(1.0 - (after**2 - noise**2) / removable, 1.0)

@@ -166,10 +166,10 @@ def _colour(inputs: Inputs, density: float) -> float:
             even = np.interp(grid, t, column)
             even = even - np.polyval(np.polyfit(grid - grid[0], even, 1), grid - grid[0])
             lines = np.abs(np.fft.rfft(even)[1:]) ** 2 * (grid[1] - grid[0]) / len(grid)
-            below = np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:] <= TUNING.input_band
+            below = np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:] <= TUNING.liquid_band
             # The straight line has taken most of the first.
             power, count = power + float(lines[below][1:].sum()), count + int(below.sum()) - 1
     if count < TUNING.least_lines or power <= 0.0:
         return 1.0
     ratio = power / count / density
-    return ratio if abs(math.log(ratio)) > TUNING.clear_colour / math.sqrt(count) else 1.0
+    return ratio if abs(math.log(ratio)) > TUNING.consistent / math.sqrt(count) else 1.0

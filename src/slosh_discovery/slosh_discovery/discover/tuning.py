@@ -30,9 +30,7 @@ class DiscoverTuning:
     moves: float = number(4.0, "σ", "mean acceleration of a motion")
     rest_margin: float = number(0.3, "s", "time before a motion in which it may have begun")
     least_rest: float = number(0.5, "s", "shortest rest that has a spectrum")
-    input_band: float = number(8.0, "Hz", "frequency above which no liquid in a cup moves")
     least_lines: int = number(8, "1", "fewest lines of a spectrum that show a colour")
-    clear_colour: float = number(3.0, "σ", "least difference of two parts of the spectrum")
     rounded_ends: float = number(0.02, "1", "changes per sample of a rounded input, at most")
     rounded_sizes: int = number(4, "1", "sizes of steps of a rounded input, at most")
     rounded_levels: float = number(0.3, "1", "values per sample of a rounded input, at most")
@@ -43,7 +41,7 @@ class DiscoverTuning:
     least_samples: int = number(12, "1", "fewest samples of an estimate")
     # noise.py
     settle: float = number(0.05, "s", "end of a rest that is left out")
-    consistent: float = number(3.0, "σ", "largest difference of two estimates of one noise")
+    consistent: float = number(3.0, "σ", "largest deviation that may be chance")
     signal_band: float = number(10.0, "Hz", "frequency up to which a residual is examined")
     spectrum_share: float = number(0.8, "1", "part of the false alarms that the spectrum may use")
     independent_lines: float = number(2.0, "1", "independent lines per frequency, by simulation")
@@ -52,9 +50,8 @@ class DiscoverTuning:
     # colour.py
     most_colour: float = number(0.9, "1", "correlation above which a residual is no noise")
     largest_colour: float = number(0.99, "1", "largest correlation that is tried")
-    least_pairs: int = number(12, "1", "fewest neighbours that show a colour")
     # sensor_noise.py
-    liquid_band: float = number(8.0, "Hz", "frequency up to which a model may be at fault")
+    liquid_band: float = number(8.0, "Hz", "frequency below which a liquid in a cup moves")
     band_share: float = number(0.3, "1", "the same as part of the sampling rate")
     outlier: float = number(4.0, "σ", "deviation of an outlier")
     shadow: int = number(2, "1", "samples beside a larger outlier that are its shadow")
@@ -96,7 +93,6 @@ class DiscoverTuning:
     least_correlation: float = number(0.05, "1", "least correlation of a residual")
     model_error: float = number(0.02, "1", "part of what a model explains that it has wrong")
     # gap.py
-    sure_gap: float = number(3.0, "σ", "least gap over the noise")
     least_gap: float = number(0.3, "1", "least gap as part of the noise")
     worse: float = number(2.0, "1", "ratio to the base's mean squares of no explanation")
     # search.py
