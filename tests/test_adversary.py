@@ -128,13 +128,14 @@ def from_now_on(robot: Robot, count: int) -> list[SloshEstimate]:
 class TestBlind:
     """The monitor never says OK where it cannot see."""
 
-    @pytest.mark.first(1)
+    @pytest.mark.long
     @pytest.mark.parametrize(("shift", "way"), [(-10.0, "behind"), (10.0, "ahead of")])
     def test_a_camera_on_another_clock(self, calm: Robot, shift: float, way: str) -> None:
         calm.camera_shift = shift
         calm.until(lambda: is_blind(calm, f"s {way} those of the estimates"), "blindness")
         calm.camera_shift = 0.0
 
+    @pytest.mark.long
     def test_a_second_publisher_ahead(self, rough: Robot) -> None:
         rough.push = swing(1.0)
         due = time.monotonic()
@@ -157,6 +158,7 @@ class TestBlind:
         assert abs(apart) < 1_000_000_000
         rough.until(lambda: rough.comparisons[-1].state != BLIND, "sight again")
 
+    @pytest.mark.long
     def test_a_second_camera(self, calm: Robot) -> None:
         with closing(Robot("stranger", topics.ACCEL, "/calm")) as other:
             other.sees()
@@ -166,6 +168,7 @@ class TestBlind:
         assert "/calm/robot" in said
         assert "/calm/stranger" in said
 
+    @pytest.mark.first(1)
     @pytest.mark.parametrize("frame", ["", "nowhere", "\x1b[31m\n" * 30_000])
     def test_a_frame_that_nobody_knows(self, calm: Robot, frame: str) -> None:
         calm.frame = frame
@@ -228,6 +231,7 @@ class TestBlind:
 class TestUnknown:
     """Where the liquid's state is not known the estimates say so."""
 
+    @pytest.mark.long
     def test_a_reset_in_motion(self, rough: Robot) -> None:
         rough.push = swing(1.0)
         rough.until(lambda: rough.estimates[-1].nonlinear.msh > 2e-3, "a wave")
@@ -256,6 +260,7 @@ class TestUnknown:
 class TestNoFall:
     """One message ends nothing."""
 
+    @pytest.mark.first(3)
     @pytest.mark.parametrize(
         "text",
         [
@@ -311,6 +316,7 @@ class TestNoFall:
             assert "hunter2" not in answer.message
         calm.new_estimate()
 
+    @pytest.mark.first(1)
     @pytest.mark.parametrize("rate", [1.7e308, 1e300, math.inf, math.nan])
     def test_a_strange_turn(self, inertial: Robot, rate: float) -> None:
         message = Imu()
@@ -338,6 +344,7 @@ class TestNoFall:
             robot.until(lambda: math.isfinite(robot.estimates[-1].nonlinear.msh), "a height")
             robot.new_estimate()
 
+    @pytest.mark.long
     def test_stamps_at_the_ends_of_time(self, calm: Robot) -> None:
         for sec in (-(2**31), 2**31 - 1, 0):
             calm.surface.header.stamp.sec = sec

@@ -183,7 +183,7 @@ def mostly_long(names: Iterable[str], quick: Iterable[str]) -> list[object]:
     return [n if n in quick else pytest.param(n, marks=pytest.mark.long) for n in names]
 
 
-@pytest.mark.first(4)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", mostly_long(MCAPS, QUICK_MCAPS))
 @pytest.mark.parametrize("command", ["replay", "export", "recover", "import"])
 def test_a_chunk_that_is_huge_when_unpacked(tmp_path, idle, name, command):
@@ -412,6 +412,7 @@ TABLES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", mostly_long(TABLES, ["a line of 1 GB"]))
 def test_a_table_that_is_huge_when_read(tmp_path, idle, name):
     path = TABLES[name](tmp_path / "bomb")
@@ -465,7 +466,7 @@ def tiff(width: int, height: int) -> bytes:
 PICTURES = {".png": png, ".jpg": jpeg, ".bmp": bmp, ".tif": tiff}
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize("ending", mostly_long(PICTURES, [".png"]))
 @pytest.mark.parametrize("command", ["detect", "calibrate"])
 def test_a_picture_of_900_megapixels(tmp_path, idle, ending, command):

@@ -263,6 +263,7 @@ def test_a_node_that_refuses_its_parameters_ends_the_cell_with_its_words(
     assert "measured_limit" in (folder / "report.html").read_text()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("said", [pytest.param("nothing", marks=pytest.mark.long), "camera: none"])
 def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     """No camera node, no alarm, an event of the estimate, a report, a replay and a page."""

@@ -116,6 +116,7 @@ class TestMeasuredRuns:
                 import_run(heights, poses, folder / run, run)
         return folder
 
+    @pytest.mark.long
     def test_a_run_is_one_motion_with_its_dwell_and_clocks_nearly_laid_over_each_other(
         self, bags: Path
     ) -> None:
@@ -139,6 +140,7 @@ class TestMeasuredRuns:
             )
             assert rms(motion, CUP, felt) < 4e-3, motion.name
 
+    @pytest.mark.long
     def test_without_a_known_container_the_onset_lays_them_over_each_other(
         self, bags: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

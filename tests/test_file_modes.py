@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from slosh_base.files.new_file import OTHERS_WRITE
 from slosh_bringup.processes import NodeProcess, node_environment
 from tests.live_processes import PATIENCE, until
@@ -24,6 +26,7 @@ def open_to_others(folder: Path) -> list[str]:
     ]
 
 
+@pytest.mark.long
 def test_a_command_writes_nothing_that_others_may_change(tmp_path: Path) -> None:
     for words in (
         ("new", "cup", "--radius", "0.04", "--fill-height", "0.06"),

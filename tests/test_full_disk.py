@@ -187,7 +187,7 @@ def test_the_node_lives_on_and_says_so_in_the_diagnostics(node, domain, tmp_path
     assert len(list(bag.glob("*.mcap"))) == 2
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "words",
     [

@@ -96,6 +96,7 @@ def said_by(words: list[str]) -> tuple[int, str]:
     return code, said.getvalue()
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(
     ("line", "code"),
     [

@@ -78,6 +78,7 @@ def probe() -> Iterator[Node]:
     rclpy.try_shutdown()
 
 
+@pytest.mark.long
 def test_200000_points_are_predicted_within_bounds(predictor: psutil.Process, probe: Node) -> None:
     heard: list[MotionPrediction] = []
     probe.create_subscription(MotionPrediction, topics.PREDICTION, heard.append, qos.EVENT)

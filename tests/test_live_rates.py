@@ -125,7 +125,7 @@ def heard(listener: Listener, begin: int, move: Move) -> tuple[float, float]:
     return float(msh.max()), float(msh[stamps > (move.end + 0.1) * SECOND].max())
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [125, 30])
 def test_poses_of_a_robot_give_the_true_heights_over_dds(
     rate: int, tmp_path: Path, domain: int
@@ -147,6 +147,7 @@ def test_poses_of_a_robot_give_the_true_heights_over_dds(
     assert 50 < float(values["delay of the pose window [ms]"]) < 75
 
 
+@pytest.mark.long
 def test_a_slow_input_is_named_with_a_remedy(tmp_path: Path, domain: int) -> None:
     """Accelerations at 25 Hz carry 0.94 of the first mode."""
     with estimator(tmp_path, domain, AccelStamped, topics.ACCEL) as listener:

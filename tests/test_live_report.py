@@ -34,6 +34,7 @@ def live_bag(*without, **attributes):
     return bag
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(
     ("bag", "reasons"),
     [

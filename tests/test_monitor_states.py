@@ -60,6 +60,7 @@ def by_report(robot: Robot, reports: int) -> list[list[SloshComparison]]:
     return found[1:]  # the first may have begun anywhere in its second
 
 
+@pytest.mark.long
 def test_a_monitor_that_hears_nothing_says_so_at_least_twice_a_second(
     tmp_path: Path, domain: int
 ) -> None:
@@ -76,6 +77,7 @@ def test_a_monitor_that_hears_nothing_says_so_at_least_twice_a_second(
             assert to_nanoseconds(one.header.stamp) == 0  # nothing has ever come
 
 
+@pytest.mark.long
 def test_both_sides_fall_silent(tmp_path: Path, domain: int) -> None:
     with nodes_and_robot(tmp_path, domain, namespace="/fallen") as (_, robot):
         robot.until(lambda: robot.comparisons[-1].state == OK, "the state OK")

@@ -76,7 +76,7 @@ def answer_of(listening: subprocess.Popen[str]) -> dict[str, Any]:
     return answer
 
 
-@pytest.mark.first(2)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("reach", "expected"),
     [("LOCALHOST", False), pytest.param("SUBNET", True, marks=pytest.mark.long)],
@@ -111,6 +111,7 @@ def test_a_stranger_hears_a_cell_only_where_it_was_let_out(
     assert (theirs["heard"] > 0, theirs["answered"]) == (expected, expected)
 
 
+@pytest.mark.long
 def test_modules_of_the_current_folder_are_not_run(tmp_path: Path) -> None:
     for name in ("yaml", "numpy", "rclpy", "socket"):
         (tmp_path / f"{name}.py").write_text("import os\nopen('ran', 'a').close()\n")

@@ -15,6 +15,7 @@ def outputs(page):
     return pattern.findall(page), pattern.sub("", page)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_a_page_is_what_its_script_gives(script):
     made = notebook_page.run(script)

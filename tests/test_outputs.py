@@ -226,6 +226,7 @@ def test_two_outputs_are_not_one_file(own, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == [own]
 
 
+@pytest.mark.long
 def test_replays_pages_do_not_replace_a_strangers(own, tmp_path, capsys):
     place = tmp_path / "place"
     place.mkdir()
@@ -411,7 +412,7 @@ def results_of_before(name, shop, place):
     return contents(place)
 
 
-@pytest.mark.first(3)
+@pytest.mark.long
 @pytest.mark.parametrize("name", mostly_long(CASES, QUICK))
 def test_a_full_disk_leaves_what_was_there(shop, place, name):
     case = CASES[name]
@@ -485,6 +486,7 @@ def seem_untouched(before):
 # --- outputs that are no files -----------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_table_goes_through_standard_output_and_a_pipe(shop, tmp_path):
     line = "simulate SHOP/model.yaml SHOP/motion.csv -o OUT --json"
     out, _ = start(words_of(line, shop, OUT="/dev/stdout")).communicate(timeout=PATIENCE)

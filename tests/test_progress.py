@@ -130,7 +130,7 @@ def test_in_a_pipe_it_is_a_few_whole_lines(inputs, tmp_path, domain, name):
     assert title + ":" not in done.stdout
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("columns", [100, 40])
 @commands
 def test_on_a_terminal_bar_and_unit_are_whole(inputs, tmp_path, domain, name, columns):
@@ -145,6 +145,7 @@ def test_on_a_terminal_bar_and_unit_are_whole(inputs, tmp_path, domain, name, co
     assert columns < 100 or all("█" * 30 in frame for frame in drawn[-1:])
 
 
+@pytest.mark.long
 def test_a_dumb_terminal_gets_lines(inputs, tmp_path, domain):
     command, title, unit = command_of("play", inputs, tmp_path)
     seen = on_terminal(command, 80, term="dumb")

@@ -135,6 +135,7 @@ def test_a_result_says_in_one_line_what_it_is(results):
     assert f"height up to {top:.1f} mm" in repr(results["response"])
 
 
+@pytest.mark.long
 def test_what_is_simulated_is_a_table(results):
     response = results["response"]
     frame = response.to_pandas()

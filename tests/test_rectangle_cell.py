@@ -42,6 +42,7 @@ def run(domain, tmp_path_factory):
     return folder / "out" / "latest", said
 
 
+@pytest.mark.long
 def test_the_pendulum_and_the_camera_agree(run):
     folder, said = run
     result = json.loads((folder / "result.json").read_text())
@@ -51,6 +52,7 @@ def test_the_pendulum_and_the_camera_agree(run):
     assert rows["2D-L / camera"]["sigma"] > rows["2D-NL / camera"]["sigma"]
 
 
+@pytest.mark.long
 def test_its_bag_replays_bit_for_bit(run):
     folder, _ = run
     result = replay_bag(folder / "bag")

@@ -176,6 +176,7 @@ def test_a_manifest_with_an_absolute_path_is_told_in_one_line(bags, capsys):
     assert "manifest.yaml:1: '/tmp/elsewhere': a bag is named by its path below" in line
 
 
+@pytest.mark.long
 def test_a_bag_that_lacks_and_one_that_is_not_named_fail(bags, capsys):
     replay(capsys, bags, "--write-manifest")
     (bags / "c").rename(bags / "d")
@@ -238,6 +239,7 @@ def test_a_damaged_manifest_is_one_line(bags, capsys):
         assert re.search(r"manifest\.yaml:\d+: bags\.a\.sigma", errors[0])
 
 
+@pytest.mark.long
 def test_a_bag_with_a_strangers_name_is_one_row_and_obeys_nobody(bags, tmp_path, capsys):
     name = "<script>alert(1)<\\script>\x1b[31m\nall is well"
     (bags / "a").rename(bags / name)
@@ -411,6 +413,7 @@ def test_thousands_of_bags_get_their_names_at_once(tmp_path):
     assert len(set(names)) == 5000
 
 
+@pytest.mark.long
 def test_bags_of_one_name_keep_apart(recorded, tmp_path, capsys):
     for folder, bag in (("x", "a"), ("y", "b")):
         shutil.copytree(recorded / bag, tmp_path / folder / "run")

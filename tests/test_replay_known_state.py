@@ -31,7 +31,7 @@ def begun_late(kind="accel", start=1010):
     return live
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("start", [1001, 1124, 1125])
 def test_from_the_first_state_on_every_bit_is_the_same(kind, start, tmp_path):
@@ -45,6 +45,7 @@ def test_from_the_first_state_on_every_bit_is_the_same(kind, start, tmp_path):
     assert f"{1126 - start} not checked: before the first known state" in found.lines()[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("every", [1, 5, 25])
 def test_poses_with_a_chosen_window_go_on_with_the_same_bits(every, tmp_path):
     """At 500, 100 and 20 Hz; the last are answered with several estimates each."""
@@ -67,6 +68,7 @@ def test_the_rate_of_an_input_that_is_too_slow_is_part_of_the_state(kind, tmp_pa
     assert any("arrive at 25 Hz" in line for line in result.warnings)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("model", [TANK, REMEMBERING], ids=["tank", "remembering"])
 def test_the_state_is_all_that_the_answers_depend_on(model, tmp_path):
     live = begun_late("imu")
@@ -144,7 +146,7 @@ def test_the_recorder_may_hear_a_new_estimator_late(tmp_path):
     assert PATIENCE_NS > 2_500_000_000
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("late", [False, True])
 def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
@@ -164,6 +166,7 @@ def test_doubts_about_the_input_come_again_bit_for_bit(kind, late, tmp_path):
     assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[500:])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("first", "last", "unchecked"), [(1201, 2500, 1300), (2500, 2500, 1)])
 @pytest.mark.parametrize("states", [True, False])
 def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(
@@ -188,6 +191,7 @@ def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(
     assert found.exact == states
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("moves", [False, True])
 def test_an_imu_mounted_askew_is_flagged_and_named_in_the_replay(moves, tmp_path, monkeypatch):
     """By 10°, at rest or with motions of a second after which it stands still for one."""
@@ -206,6 +210,7 @@ def test_an_imu_mounted_askew_is_flagged_and_named_in_the_replay(moves, tmp_path
     assert all(flag & EstimateFlag.INPUT_DOUBTFUL for flag in flags[2000:])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 def test_a_mounting_is_applied_again_bit_for_bit(kind, tmp_path):
     live = LiveBag(kind)

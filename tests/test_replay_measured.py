@@ -27,7 +27,7 @@ needs_messages = pytest.mark.skipif(
 )
 
 
-@pytest.fixture(scope="module", params=["published", "own"])
+@pytest.fixture(scope="module", params=[pytest.param("published", marks=pytest.mark.long), "own"])
 def untilted(request, tmp_path_factory):
     """Replays of runs of a robot's cup: those that are published, and our own."""
     folder = ANTISLOSHING
@@ -80,6 +80,7 @@ class TestMeasuredRuns:
             assert result.accuracy[-1].rms < own, result.name
 
 
+@pytest.mark.long
 @needs_messages
 def test_two_clocks_are_laid_over_each_other_where_they_are(tmp_path):
     found = replays(write_runs(tmp_path / "runs"), tmp_path / "bags")

@@ -69,6 +69,7 @@ def busy(live):
     return live
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("chunk", [4 << 10, 50_000, 300_000])
 def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
     in_one = rewritten(eventful, tmp_path / "one" / "bag", 8 << 20, monkeypatch)
@@ -84,6 +85,7 @@ def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
     assert everything(replay_bag(in_many)) == everything(expected)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("index", [0, 900], ids=["at first", "later"])
 def test_a_process_that_ended_before_it_estimated_is_nobodys_start(live, tmp_path, index):
     live.idle = {index}
@@ -119,6 +121,7 @@ def test_one_image_from_the_future_changes_nothing_else(live, tmp_path, monkeypa
     assert result.verification.exact
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["imu", "pose"])
 def test_other_inputs_give_their_estimates_again(tmp_path, kind):
     live = LiveBag(kind)
@@ -148,6 +151,7 @@ def tipped(index: int) -> Quaternion:
     return x, y, z, w
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["imu", "pose"])
 @pytest.mark.parametrize("tau", [0.1, -0.1])
 def test_a_found_model_replays_as_it_ran_and_agrees_with_its_camera(tmp_path, kind, tau):
@@ -324,6 +328,7 @@ def test_a_model_with_more_modes_is_compared_where_there_is_something_to_compare
     assert any("modes: recorded without it, replayed with 2" in line for line in found.lines())
 
 
+@pytest.mark.long
 def test_a_model_with_other_modes_within_the_run_goes_into_the_new_bag(live, tmp_path):
     live.loads = {
         700: TEXT + "modes: 2",
@@ -371,6 +376,7 @@ def test_a_gap_of_the_input_is_a_gap_for_the_images(live, tmp_path):
     assert result.counters["gaps"] == 1
 
 
+@pytest.mark.long
 def test_while_the_input_was_not_recorded_nothing_piles_up(live, tmp_path, monkeypatch):
     """Images and estimates of eight seconds, and no input."""
     bag = without_input(live.write(tmp_path / "all", 10.0), tmp_path / "cut", 1500, 5500)

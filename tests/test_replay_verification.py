@@ -40,6 +40,7 @@ def test_a_recording_gives_its_own_estimates_again(live, tmp_path):
     assert row.sigma == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 def test_a_rectangle_that_turns_gives_its_own_estimates_again(kind, tmp_path):
     live = LiveBag(kind)
@@ -85,6 +86,7 @@ def test_another_model_in_the_run_is_loaded_at_its_moment(live, tmp_path):
     assert result.model == parse_model(SHALLOW)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("every", [1, 4, 17])
 def test_poses_over_a_chosen_window_give_their_estimates_again(every, tmp_path):
     """The window follows the model in use, here a slower one from the middle on."""
@@ -157,6 +159,7 @@ def test_outputs_go_to_a_bag_that_equals_the_recorded_one(live, tmp_path):
     assert counts["/slosh/limit_event"] == len(result.events) > 0
 
 
+@pytest.mark.long
 def test_two_replays_write_the_same_files(live, tmp_path):
     bag = live.write(tmp_path / "bag")
     for name in ("a", "b"):
@@ -171,7 +174,7 @@ def test_a_file_is_as_good_as_its_folder(live, tmp_path):
     assert replay_bag(file).verification.exact
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("jump", [{}, {1500: {"max_jump": 0.05}, 1600: {"max_jump": 20.0}}])
 def test_parameters_that_change_apply_from_the_same_input_on(kind, jump, tmp_path):

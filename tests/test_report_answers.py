@@ -15,6 +15,7 @@ from slosh_report.run_report import RunVerdict
 from tests.live_bag import LiveBag
 
 pytestmark = [
+    pytest.mark.long,
     pytest.mark.skipif(headless_browser.find_browser() is None, reason="no Chromium or Chrome"),
     pytest.mark.skipif(
         find_interfaces("slosh_msgs") is None, reason="the interfaces are not built"

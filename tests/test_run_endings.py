@@ -57,6 +57,7 @@ def demo(tmp_path):
         yield running, folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", EACH)
 def test_a_signal_ends_all_nodes_and_gives_the_report(demo, number):
     running, folder = demo
@@ -148,6 +149,7 @@ def test_a_signal_during_the_start_leaves_no_node_and_gives_a_report(tmp_path, n
         assert "Traceback" not in running.said
 
 
+@pytest.mark.long
 def test_a_signal_in_the_very_first_moment_gives_a_report_too(tmp_path):
     folder = tmp_path / "out" / "latest"
     with live_process("demo", "-o", str(folder.parent), output=tmp_path / "words") as running:

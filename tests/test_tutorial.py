@@ -141,6 +141,7 @@ def test_what_fails_is_told_with_page_and_line(tmp_path, monkeypatch):
                 list(tutorial.type_page(shell, "cup"))
 
 
+@pytest.mark.long
 def test_a_shell_keeps_folder_and_variables_and_can_be_interrupted(tmp_path):
     with Shell(tmp_path, tutorial.environment(tmp_path), LONGEST) as shell:
         assert shell.type("mkdir a && cd a && export A=1").code == 0
@@ -150,6 +151,7 @@ def test_a_shell_keeps_folder_and_variables_and_can_be_interrupted(tmp_path):
         assert shell.type("echo still here").said == "still here\n"
 
 
+@pytest.mark.long
 def test_a_command_that_does_not_end_is_told(tmp_path):
     with (
         Shell(tmp_path, tutorial.environment(tmp_path), 0.5) as shell,

@@ -340,6 +340,7 @@ def test_a_run_whose_page_has_no_port_does_not_begin(domain, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.long
 class TestRecording:
     @pytest.fixture(scope="class")
     @classmethod

@@ -1,6 +1,7 @@
 """The workspace is what colcon, rosdep and ros2 launch expect of it."""
 
 import ast
+import functools
 import importlib
 import importlib.metadata
 import os
@@ -67,6 +68,7 @@ def trees(package):
             yield ast.parse(path.read_text(encoding="utf-8"))
 
 
+@functools.cache
 def imported(package):
     """Top-level modules of others that a package imports, and packages whose messages it names."""
     names = set()
@@ -244,6 +246,7 @@ def said(program, environment=None):
     return done.stdout
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     "module",
     [
@@ -279,7 +282,7 @@ def test_kept_code_is_loaded_without_what_it_was_compiled_with():
     assert said(program) == "[]\n"
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("command", ["cell", "demo", "discover", "identify", "plan", "replay"])
 def test_a_mistake_does_not_wait_for_what_draws(command):
     """matplotlib loads for a third of a second; what comes before a page does without."""

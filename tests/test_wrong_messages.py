@@ -104,6 +104,7 @@ def test_accelerations_of_another_time_are_dropped_and_told(
     assert time.monotonic() - since < WELL_AGAIN
 
 
+@pytest.mark.long
 def test_a_topic_in_another_type_is_told(robot: Robot, domain: int) -> None:
     with stranger(domain) as other:
         for topic in (topics.ACCEL, topics.FREE_SURFACE):
@@ -129,6 +130,7 @@ def test_a_reader_that_asks_for_too_much_is_named(robot: Robot, domain: int) -> 
     wait_until_well(robot)
 
 
+@pytest.mark.long
 def test_a_flood_of_models_is_outlived(cell: tuple[NodeGroup, Robot], robot: Robot) -> None:
     pid = cell[0].pid("estimator")
     client = robot.node.create_client(LoadModel, topics.LOAD_MODEL)

@@ -163,7 +163,7 @@ def test_what_is_whole_is_read(folder, kind):
     KINDS[kind].read(folder / "whole.yaml")
 
 
-@pytest.mark.first(4)
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=150, deadline=None)
 @given(damage=damages())

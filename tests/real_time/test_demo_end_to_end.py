@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from slosh_bringup.cli.main import main
+from slosh_bringup.live.shortfall import LOST_SAMPLES
 from slosh_bringup.processes import config_folder
 
 RESULTS = ("bag/bag_0.mcap", "bag/metadata.yaml", "logs/cell.log", "report.html", "result.json")
@@ -51,12 +52,17 @@ def test_earlier_runs_stay_as_they_are(demo):
     assert all((latest / name).is_file() for name in RESULTS)
 
 
-def test_nothing_is_lost(demo):
+def test_nothing_is_lost_without_being_told(demo):
     _, figures = demo
     assert sum(figures["lost"].values()) == 0
     dropped = {name: count for name, count in figures["dropped"].items() if "estimator" in name}
     assert dropped
-    assert sum(dropped.values()) == 0
+    # On a slow machine samples arrive too late to be used; from this share on the run says so.
+    told = any("samples were late or lost" in problem for problem in figures["problems"])
+    assert (
+        told
+        or sum(dropped.values()) <= LOST_SAMPLES * figures["replay"]["counters"]["samples_used"]
+    )
 
 
 def test_camera_and_estimate_follow_the_truth(demo):
@@ -64,7 +70,7 @@ def test_camera_and_estimate_follow_the_truth(demo):
     rows = {row["name"]: row for row in figures["agreements"]}
     assert rows["camera / truth"]["sigma"] < 0.5e-3
     assert rows["3D-NL / truth"]["sigma"] < 0.3e-3
-    assert abs(rows["3D-NL / camera"]["epsilon"]) < 0.05
+    assert rows["3D-NL / camera"]["sigma"] < 0.3e-3
     assert rows["3D-L / camera"]["epsilon"] > 0.05  # the plane overestimates (DL22, section 3.3)
 
 

@@ -13,7 +13,10 @@ from slosh_msgs.msg import MotionPrediction
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan.planning import optimise
 
-pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed"),
+]
 
 TOPICS = {f"/slosh/{name}" for name in ("planned_trajectory", "prediction", "prediction_outcome")}
 

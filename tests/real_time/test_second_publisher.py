@@ -86,6 +86,7 @@ def unflagged_after_the_first_foreign_one(heard: list[tuple[float, int]]) -> int
     return sum(not flags & CONTESTED for _, flags in heard[first:])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("kind", "rate", "other"),
     [
@@ -107,6 +108,7 @@ def test_estimates_are_flagged_from_the_first_foreign_sample_on(hear, domain, ki
             assert unflagged_after_the_first_foreign_one(listener.heard) == 0
 
 
+@pytest.mark.long
 def test_a_publisher_that_takes_the_place_of_another_is_not_flagged(hear, domain):
     listener = hear("accel")
     with source(domain, "accel", 250.0, OWN):

@@ -7,12 +7,15 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from slosh_bringup.processes import node_environment
 from slosh_msgs_py.node.domain import own_domain
 
 HERE = Path(__file__).parent
 
 
+@pytest.mark.long
 def test_a_reader_that_stands_still_for_a_moment_misses_nothing():
     """As a recorder that starts on a loaded machine: the sender keeps one second.
 

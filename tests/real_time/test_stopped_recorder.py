@@ -13,6 +13,8 @@ from slosh_bringup.live.run_data import read_run
 from slosh_replay.recorded_run import RecordedRun
 from tests.live_processes import live_process, until
 
+pytestmark = pytest.mark.long
+
 TIMES, PAUSE, BETWEEN = 2, 2.5, 0.5
 """How often it is stopped, for how long and how soon again [s]: longer than a publisher at 1 kHz
 keeps its messages for a reader that does not fetch them."""

@@ -134,6 +134,7 @@ def test_a_refusal_names_the_argument(call, kind, words, model):
     assert "attribute" not in str(refused.value)
 
 
+@pytest.mark.long
 def test_what_looks_wrong_is_warned_of(model):
     tilted = slosh.Motion(T, np.add(MOTION.acceleration, [0.0, 0.0, 9.81]))
     for call in (slosh.simulate, slosh.predict):

@@ -135,6 +135,7 @@ def assert_same(found, decoded):
             assert absent is np.ma.masked or math.isnan(absent), name
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("name", TYPES)
 @pytest.mark.parametrize("little", [True, False], ids=["little", "big"])
 def test_columns_have_the_bits_that_rosbags_reads(name, little):

@@ -174,6 +174,7 @@ def exported(reader: BagReader, path: Path):
     return export_topics(reader, targets)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", [KIND, FLAT])
 @settings(deadline=None, max_examples=25)
 @given(data=st.data())

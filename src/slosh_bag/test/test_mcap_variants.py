@@ -63,6 +63,7 @@ def index_types(names):
     return chosen
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
 @pytest.mark.parametrize("content", CONTENTS)
 def test_every_variant_gives_the_same(tmp_path, content, chunked):

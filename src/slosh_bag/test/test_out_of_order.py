@@ -60,6 +60,7 @@ def by_topic(messages):
     return found
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
 @pytest.mark.parametrize("order", ["last part first", "backwards", "interleaved"])
 def test_the_messages_come_by_their_log_times(tmp_path, order, chunked):

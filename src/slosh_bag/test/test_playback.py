@@ -66,6 +66,7 @@ def test_each_message_is_due_at_its_time_divided_by_the_rate(messages, rate):
         assert step.clock_ns == step.message.log_ns
 
 
+@pytest.mark.first(10)
 @pytest.mark.parametrize("clock_rate", [0.0, 25.0, 4000.0])
 @pytest.mark.parametrize("rate", [0.01, 0.5, 1.0, 20.0, 1000.0])
 @pytest.mark.parametrize("messages", [KILOHERTZ, MIXED], ids=["1 kHz", "mixed"])

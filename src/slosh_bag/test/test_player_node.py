@@ -136,6 +136,7 @@ def graph(prefix):
     graph.close()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("rate", [0.5, 1.0, 20.0])
 def test_every_message_arrives_as_it_was_in_order_and_with_it_the_time(
     graph, prefix, tmp_path, rate
@@ -182,6 +183,7 @@ def test_it_waits_for_as_many_subscribers_as_it_is_told_to(graph, prefix, tmp_pa
     graph.until(lambda: len(first) == len(second) == 50)
 
 
+@pytest.mark.long
 def test_an_estimator_on_the_bags_time_gives_the_cores_own_numbers(graph, prefix, tmp_path):
     # As many samples as its queue holds: not even a machine that stands still loses one.
     rate, seconds = 333.0, 3.0
@@ -324,6 +326,7 @@ def run_program(folder, *more):
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.long
 def test_an_interrupt_ends_it_cleanly(graph, prefix, tmp_path):
     folder = write_bag(tmp_path / "bag", prefix, 2.0)
     heard = graph.listen(AccelStamped, f"{prefix}/accel")
@@ -336,6 +339,7 @@ def test_an_interrupt_ends_it_cleanly(graph, prefix, tmp_path):
     assert "messages played" in said
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("more", "said"),
     [

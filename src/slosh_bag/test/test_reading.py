@@ -183,6 +183,7 @@ def test_messages_in_no_chunk_are_ordered_too(tmp_path):
     assert [message.log_ns for message in reader.messages()] == sorted(times)
 
 
+@pytest.mark.long
 def test_only_overlapping_chunks_are_in_memory(tmp_path):
     times = []
     for chunk in range(60):
@@ -378,6 +379,7 @@ def test_a_cut_at_any_byte_gives_what_is_before_it(tmp_path):
         assert len(reader.warnings) == 1, size
 
 
+@pytest.mark.long
 @pytest.mark.timeout(20)
 def test_messages_in_no_chunk_are_given_up_to_the_cut(tmp_path):
     path = foreign(tmp_path / "a.mcap", range(40), use_chunking=False)

@@ -21,6 +21,7 @@ from slosh_tables.motion_table import MotionTable
 MODEL = Model(Cylinder(0.05, 0.07), damping_ratio=0.02).spatial().nonlinear()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("rate", [0.0, 0.0004, -0.003])
 def test_a_drift_of_the_heights_clock_is_a_warning_in_ppm(rate: float) -> None:
     t = np.arange(0.0, 66.0, 0.01)

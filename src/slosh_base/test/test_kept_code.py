@@ -145,6 +145,7 @@ def test_checkouts_share_what_is_equal_and_leave_each_other_the_rest(tmp_path, w
         assert Process(one).result()["compiled"] == []
 
 
+@pytest.mark.long
 def test_an_edit_is_followed_even_where_the_files_time_and_size_stay(with_code):
     folder = with_code
     source = folder / "throwaway.py"
@@ -173,6 +174,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "damages",
     [
@@ -216,6 +218,7 @@ Path.replace = lambda *_: os.kill(os.getpid(), 9)
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "moment",
     [

@@ -85,6 +85,7 @@ plain = st.recursive(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None)
 @given(plain)
 def test_what_is_written_reads_the_same_here_and_by_any_reader(value):

@@ -147,7 +147,7 @@ def attempt(number, pictures, folder, capsys, kinds=KINDS):
     return code
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("number", [1000, 1001, 1002, 1004, 1008, 1022])
 def test_some_images(number, pictures, tmp_path, capsys):
     attempt(number, pictures, tmp_path, capsys)
@@ -162,6 +162,7 @@ def test_five_hundred_images(first, pictures, tmp_path, capsys):
     assert set(codes) == {0, 2}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [pytest.param(2002, marks=pytest.mark.long), 2058])
 def test_a_photograph_of_a_person_is_no_container(number, tmp_path, capsys):
     """Of 2058 a fit ended where it saw no edge any more, and divided by their number."""

@@ -124,6 +124,7 @@ def with_exif(path, picture, *facts):
     path.write_bytes(jpeg[:2] + exif(*facts) + jpeg[2:])
 
 
+@pytest.mark.long
 def test_a_photograph_tells_its_field_of_view(capsys, tmp_path, picture):
     photograph, output = tmp_path / "photograph.jpg", tmp_path / "camera.yaml"
     # Stored on its side, as a phone does that is held upright: 6 turns it clockwise.
@@ -203,6 +204,7 @@ def test_a_camera_yaml_gives_the_container_too(capsys, tmp_path, still, intrinsi
     assert facts["place"]["distance"] == pytest.approx(0.45, abs=2e-3)
 
 
+@pytest.mark.long
 def test_a_field_of_view_will_do(capsys, tmp_path, still):
     output = tmp_path / "camera.yaml"
     angle = 2.0 * np.rad2deg(np.arctan(0.5 * LENS.width / LENS.fx))
@@ -211,6 +213,7 @@ def test_a_field_of_view_will_do(capsys, tmp_path, still):
     assert worst_height_error(read_calibration(output).view) < 0.25e-3
 
 
+@pytest.mark.long
 def test_what_nobody_told_is_said(capsys, tmp_path, still, intrinsics):
     def said(*words):
         command = ["calibrate", still, *words, *CONTAINER, "-o", tmp_path / "camera.yaml"]

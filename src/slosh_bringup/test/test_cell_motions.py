@@ -8,6 +8,7 @@ from slosh_bringup.cell.motions import LEVELS, MOTIONS, VERTICAL_LEVELS, CellMot
 from slosh_bringup.errors import SloshBringupError
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("name", MOTIONS)
 def test_motions_start_and_end_at_rest_and_move_as_they_accelerate(name):
     motion = make_motion(name)

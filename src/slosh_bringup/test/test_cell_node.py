@@ -196,6 +196,7 @@ def test_topics_that_are_not_wanted_stay_silent(table):
     assert "/imu" not in summary["published"]
 
 
+@pytest.mark.long
 def test_a_camera_too_fast_for_the_machine_leaves_out_images_and_keeps_up(table, monkeypatch):
     """A drawing takes six times as long as an image: in four seconds it would be 20 s behind."""
     draw = CupRenderer.render

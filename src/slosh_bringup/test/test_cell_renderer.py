@@ -75,6 +75,7 @@ def edge_near(image, column, row):
     return middle + 4.5 - np.sum((values - above) / (below - above))
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("elevation", [0.0, math.radians(10.0), math.radians(25.0)])
 @pytest.mark.parametrize(
     ("height", "away"),

@@ -45,7 +45,7 @@ def start(table, domain, *parameters):
     )  # fmt: skip
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [

@@ -97,6 +97,7 @@ def assert_page_agrees(page, document):
     assert page.count("<svg") >= 10
 
 
+@pytest.mark.long
 def test_one_model_for_each_speed(shop, tmp_path, capsys):
     output = tmp_path / "found"
     assert main(words(shop, output, "--strategy", "sosm", "--json")) == 0
@@ -111,6 +112,7 @@ def test_one_model_for_each_speed(shop, tmp_path, capsys):
     assert_page_agrees(page, document)
 
 
+@pytest.mark.long
 def test_what_the_motions_do_not_tell_is_said_with_the_motion_that_would(tmp_path, capsys):
     # Wall heights on one line tell nothing of the yaw; and a scale nothing that a gain does not.
     run = tmp_path / "run.csv"
@@ -189,6 +191,7 @@ def test_the_same_data_give_the_same_files(shop, tmp_path):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
+@pytest.mark.long
 def test_the_shipped_models_own_default_is_fitted(tmp_path, capsys):
     model = read_model(config_folder() / "model.yaml")
     run = tmp_path / "run.csv"

@@ -30,6 +30,7 @@ def refused(words, capsys):
     return line
 
 
+@pytest.mark.long
 def test_pictures_become_a_file_that_calibrate_reads(folder, tmp_path, capsys):
     ost, picture = tmp_path / "ost.yaml", tmp_path / "check.png"
     words = [folder, *BOARD, "-o", ost, "--picture", picture, "--name", "left"]

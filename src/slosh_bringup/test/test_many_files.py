@@ -226,7 +226,7 @@ def test_options_that_do_not_fit_are_told_before_any_work():
         map_files(len, ["a"], jobs=2, scheduler="tcp://127.0.0.1:1")
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize("moment", ["starting", "working"])
 def test_an_interrupt_ends_all_of_it_without_a_word(work, tmp_path, moment):
     program = (

@@ -62,6 +62,7 @@ def test_the_attitude_is_kept(slosh_plan):
     )
 
 
+@pytest.mark.long
 def test_a_container_may_tilt(slosh_plan, tmp_path, capsys):
     pytest.importorskip("casadi")
     code, out, _, table = slosh_plan(LINE, "--residual", "0.002", "--max-tilt", "10")

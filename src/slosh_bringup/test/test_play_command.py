@@ -80,6 +80,7 @@ def start(bag, tmp_path):
         process.wait()
 
 
+@pytest.mark.long
 def test_it_plays_to_the_end_with_a_bar(start):
     process, words = start("--wait", "0", "--rate", "20", "--inputs")
     assert process.wait(PATIENCE) == 0
@@ -88,6 +89,7 @@ def test_it_plays_to_the_end_with_a_bar(start):
     assert "play bag: 100%" in told
 
 
+@pytest.mark.long
 def test_an_interrupt_tells_how_far_it_came(start):
     process, words = start("--wait", "0", "--rate", "0.01")
     wait_for(words, "playback starts anyway")
@@ -116,6 +118,7 @@ def test_an_interrupt_ends_it_without_a_traceback(start, number):
     assert "Traceback" not in told
 
 
+@pytest.mark.long
 def test_a_closed_terminal_ends_it(bag):
     """The kernel sends SIGHUP, and every write to the terminal fails."""
     keyboard, screen = pty.openpty()

@@ -276,6 +276,7 @@ def test_a_bag_with_a_bad_message_and_a_damaged_one(capsys, tmp_path, images):
     assert str(file.name) in complaints[0] or str(bag) in complaints[0]
 
 
+@pytest.mark.long
 def test_pictures_show_the_doubtful_ones_first(capsys, tmp_path, folder, images):
     cv2.imwrite(str(folder / "frame_4.png"), np.zeros_like(images[0]))
     words = ("--video", tmp_path / "v.mp4", "--strip", tmp_path / "s.png", "--worst")

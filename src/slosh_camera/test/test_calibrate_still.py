@@ -94,7 +94,7 @@ SCENES = {
 }
 
 
-@pytest.mark.first(4)
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_drawn_cup(make_scene, name):
     scene = make_scene(**SCENES[name])
@@ -125,6 +125,7 @@ def test_a_label_is_not_the_container(make_scene):
     assert worst_error(CupView(camera, scene.calibration().view.pose, cup), fit) < 0.25e-3
 
 
+@pytest.mark.long
 def test_large_image_is_searched_small_and_fitted_whole(make_scene):
     scene = make_scene(width=1920, height=1080, focal=2400.0, camera_height=0.04, oversampling=2)
     truth = scene.calibration().view
@@ -275,6 +276,7 @@ def test_a_told_distance_chooses_between_two_containers(make_scene):
     assert worst_error(CupView(camera, truth.pose, cup), fit) < 0.5e-3
 
 
+@pytest.mark.long
 def test_refuses_to_choose_between_two_containers(make_scene):
     scene = make_scene(camera_height=0.05)
     camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)

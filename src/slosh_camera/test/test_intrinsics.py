@@ -115,7 +115,7 @@ def sheet_page(board, scale):
     return page_of(rows, width, height, scale), (width / 1e3, height / 1e3)
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @needs_markers
 @pytest.mark.parametrize("board", [CHARUCO, GRID], ids=["charuco", "aruco"])
 def test_a_printed_board_of_markers_gives_the_camera(board):
@@ -176,6 +176,7 @@ def test_the_file_is_read_back(fit, tmp_path):
     assert (known.camera, known.name, dict(known.container)) == (fit.camera, "left", {})
 
 
+@pytest.mark.long
 def test_pictures_that_tell_nothing_new_are_left_out_with_the_reason(pictures):
     images = [*pictures[:6], pictures[2], np.full_like(pictures[0], 120), bent()]
     found = solve_intrinsics(find_views(named(images), BOARD))
@@ -213,6 +214,7 @@ def test_the_picture_shows_corners_and_where_none_were(fit):
             assert tuple(picture[row, column]) != (255, 255, 255)
 
 
+@pytest.mark.long
 def test_pictures_without_tilt_are_refused():
     flat = [(0, 0, right, down, 0.5) for right in (-0.2, 0.2) for down in (-0.2, 0.2)]
     with pytest.raises(SloshCameraError, match=r"pictures: .*tilt") as caught:

@@ -70,6 +70,7 @@ def test_liquid_at_rest_at_another_level_is_no_wave(learnt, name, level):
         assert np.isnan(found.level_change)
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("level", [-4.0, 2.0, 5.0])
 @pytest.mark.parametrize("azimuth", [-2.4, 0.0, 1.5])
 @pytest.mark.parametrize("size", [4.0, 12.0])

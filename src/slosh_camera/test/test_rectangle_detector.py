@@ -54,6 +54,7 @@ def test_a_clean_line_is_measured_to_a_tenth_of_a_pixel(liquid, learn):
     assert 0.0 < result.slope_stddev < np.radians(0.05)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize(
     ("look", "limit"),
     [
@@ -75,6 +76,7 @@ def test_light_and_camera_cost_little(look, limit):
     assert result.slope_angle == pytest.approx(WAVE.angle(SETUP.width), abs=np.radians(0.05))
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     "setup",
     [

@@ -98,6 +98,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.first(12)
 @ways
 @pytest.mark.parametrize("height", ["msh", "fitted_msh"])
 @pytest.mark.parametrize("name", NAMES)
@@ -110,6 +111,7 @@ def test_msh_against_truth(name, height, still, grey, record_property):
     assert abs(np.mean(error)) < 0.15 * MM
 
 
+@pytest.mark.first(8)
 @ways
 @pytest.mark.parametrize("azimuth", ["azimuth", "fitted_azimuth"])
 @pytest.mark.parametrize("name", NAMES)

@@ -96,6 +96,7 @@ def labelled(image):
     return image
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("azimuth", [-1.6, -2.2, 1.5])
 def test_a_label_is_no_liquid(make_scene, azimuth):
     scene = make_scene(noise=2.0, camera_height=0.1)

@@ -68,6 +68,7 @@ def cup(request, make_scene):
     return detector, table_of(scene, scene.draw(0.015, -1.0))
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("change", MISFITS)
 def test_a_cup_elsewhere_in_the_picture_is_not_measured(cup, change):
     detector, image = cup
@@ -76,6 +77,7 @@ def test_a_cup_elsewhere_in_the_picture_is_not_measured(cup, change):
     assert np.isnan(measured.msh)
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize("change", HARMLESS)
 def test_light_blur_and_coarse_files_move_no_cup(cup, change):
     detector, image = cup
@@ -84,6 +86,7 @@ def test_light_blur_and_coarse_files_move_no_cup(cup, change):
     assert measured.msh == pytest.approx(0.015, abs=0.001)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("change", MISFITS)
 def test_a_tank_elsewhere_in_the_picture_is_not_measured(change):
     detector = SideViewDetector(SIDE.calibration())
@@ -93,6 +96,7 @@ def test_a_tank_elsewhere_in_the_picture_is_not_measured(change):
     assert np.isnan(measured.msh)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("change", HARMLESS)
 def test_light_blur_and_coarse_files_move_no_tank(change):
     detector = SideViewDetector(SIDE.calibration())

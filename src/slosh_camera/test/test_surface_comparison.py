@@ -157,6 +157,7 @@ def test_the_same_images_give_the_same_bits_again_after_a_new_beginning(stream):
     assert again == first
 
 
+@pytest.mark.long
 def test_a_wrong_image_is_flagged_and_not_held_on_to(stream):
     make, image = stream
     detector = make()
@@ -171,6 +172,7 @@ def test_a_wrong_image_is_flagged_and_not_held_on_to(stream):
     assert [one.flags for one in after[2:]] == [Flag.NONE] * 2
 
 
+@pytest.mark.long
 def test_looking_and_following_is_updating(stream):
     make, image = stream
     detector, other = make(), make()

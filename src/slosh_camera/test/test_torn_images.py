@@ -20,6 +20,7 @@ def exposed(image, seed):
     return np.clip(soft + 2.0 * random.standard_normal(image.shape), 0, 255).astype(np.uint8)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("height", "azimuth"), [(0.015, 0.3), (0.02, -1.4), (0.012, 2.0)])
 def test_no_torn_image_is_measured_wrong_without_a_flag(make_scene, height, azimuth):
     """The liquid of the other part is 12 mm lower, as a frame before."""
@@ -58,6 +59,7 @@ def test_a_seam_is_sharper_than_any_edge_that_a_lens_draws():
         assert finder.is_torn(finder.steps(torn), (columns, ramp))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("order", ["ab", "abc"])
 def test_old_pictures_in_turn_are_told_under_fresh_noise(make_scene, order):
     scene = make_scene(camera_height=0.12)

@@ -100,6 +100,7 @@ def percents(text: str, row: str) -> str:
     return line.split()[-2]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("held", [True, False])
 def test_text_page_and_json_tell_one_share(held):
     finding = example_finding()
@@ -128,6 +129,7 @@ def test_the_share_of_one_motion_is_that_of_a_finding_with_only_it():
     assert document["gap"]["closed"] == pytest.approx(document["motions"][0]["closed"], rel=1e-12)
 
 
+@pytest.mark.long
 def test_held_out_motions_within_the_noise_are_not_shown_as_the_fits_share():
     gap = Gap(NOISE, 2e-3, 1e-3, NOISE, NOISE, 0.8, NAN)
     report = DiscoveryReport(replace(example_finding(), gap=gap))

@@ -17,6 +17,7 @@ def names(finding) -> set[str]:
     return {effect.name for effect in finding.effects}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("effect", "parameters"),
     [
@@ -73,6 +74,7 @@ def test_what_makes_the_motions_held_out_worse_is_not_added():
     assert names(discover(motions, BASE, [measured(truth, 9)])) == {"quadratic_damping"}
 
 
+@pytest.mark.long
 def test_two_effects_are_named_together():
     truth = BASE.with_effect("height_offset", offset=0.002).with_effect("time_offset", tau=0.03)
     finding = discover([measured(truth, seed) for seed in range(3)], BASE)
@@ -105,6 +107,7 @@ def test_no_more_than_three_are_named_of_what_no_theory_foretells():
     assert {"bound_modes", "damping_mismatch", "quasi_static_modes"} <= set(FORETOLD)
 
 
+@pytest.mark.long
 def test_a_wrong_parameter_is_fitted_anew_and_no_term_is_invented():
     base = BASE.with_effect("surface_nonlinearity", alpha=0.58)
     truth = BASE.with_effect("surface_nonlinearity", alpha=1.4)
@@ -123,6 +126,7 @@ def test_nothing_is_named_where_nothing_is_missing(seed):
     assert finding.model == BASE
 
 
+@pytest.mark.long
 def test_what_the_motions_cannot_tell_apart_is_ambiguous_with_a_motion_that_can():
     truth = BASE.with_effect("height_scale", gain=1.15)
     finding = discover([measured(truth, seed) for seed in range(2)], BASE)

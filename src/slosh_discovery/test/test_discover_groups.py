@@ -70,6 +70,7 @@ def finding():
     return discover(motions, BASE, held_out)
 
 
+@pytest.mark.long
 def test_the_lean_of_each_campaign_is_named_with_its_own_values(finding):
     assert finding.verdict is Verdict.NAMED
     named = {effect.name: effect for effect in finding.effects}
@@ -86,6 +87,7 @@ def test_the_lean_of_each_campaign_is_named_with_its_own_values(finding):
     assert finding.gap.holdout_closed > 0.9
 
 
+@pytest.mark.long
 def test_the_models_of_the_campaigns_have_what_they_share_and_what_is_theirs(finding):
     assert finding.model.has("vertical_acceleration")
     assert not finding.model.has("sensor_tilt")

@@ -22,9 +22,12 @@ from slosh_discovery.discovery_report import (
 from slosh_model.model_text import parse_model
 from slosh_report.page.frame import Frame
 
-pytestmark = pytest.mark.skipif(
-    headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        headless_browser.find_browser() is None, reason="no Chromium or Chrome on this machine"
+    ),
+]
 
 A4 = 688
 """What is left of an A4 sheet between the margins [CSS px]."""

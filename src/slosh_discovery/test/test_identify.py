@@ -80,6 +80,7 @@ def test_without_noise_it_finds_the_truth():
     assert factor.value == pytest.approx(24.0**2 / 9.81, rel=1e-4)
 
 
+@pytest.mark.long
 def test_both_models_of_a_rectangle_by_the_slope_of_its_line():
     """TM20's M1 and M2: the wall at +x is -θ w/2 for a pendulum that swings back."""
     tank = Rectangle(0.06, 0.05, 0.067)
@@ -214,6 +215,7 @@ def test_the_band_holds_the_true_heights():
     assert 0.85 < np.mean(inside) <= 1.0
 
 
+@pytest.mark.long
 def test_one_model_for_all_and_one_for_each_speed():
     rng = np.random.default_rng(11)
     motions = [one for speed in (30, 39, 48) for one in measured(rng, speed, 3)]

@@ -66,6 +66,36 @@ def test_an_exact_input_has_none_and_a_rounded_one_its_rounding():
     assert found.stddev == pytest.approx(0.04 / np.sqrt(12.0), rel=0.3)
 
 
+@pytest.mark.parametrize("quantum", [0.01, 0.04])
+def test_rounding_moves_the_liquid_no_more_than_is_foretold(quantum):
+    """At a constant acceleration all of it is off by the same: more than white noise would do."""
+    mode, random = BASE.mode_constants()[0], np.random.default_rng(3)
+    omega, zeta = mode.natural_frequency, mode.damping_ratio
+    t, late = np.arange(0.0, 6.0, 1e-3), np.arange(2.0, 6.0, 0.02)
+    columns = answer_columns(late - 1.0, omega, zeta, 1e-9)
+    found, foretold, white = [], [], []
+    for _ in range(20):
+        exact = np.zeros((len(t), 3))
+        for axis in (0, 1):
+            phase = (t - 1.0) / random.uniform(0.4, 0.8)
+            law = np.interp(phase, [0.0, 0.15, 0.35, 0.65, 0.85, 1.0], [0, 1, 1, -1, -1, 0], 0, 0)
+            exact[:, axis] = random.uniform(0.5, 4.0) * law
+        rounded = quantum * np.round(exact / quantum)
+        noise = estimate_input_noise(Inputs(t, rounded))
+        assert noise.quantum == pytest.approx(quantum)
+        off = predicted_heights(BASE, Inputs(t, rounded - exact), late, [0.0])
+        found.append(np.mean((off / BASE.height_gains()[0]) ** 2))
+        foretold.append(noise.density * np.mean(np.sum(columns**2, axis=1)))
+        white.append(quantum**2 / 12.0 * 1e-3 * np.mean(np.sum(columns**2, axis=1)))
+    assert np.mean(white) < np.mean(found) < np.mean(foretold) < 6.0 * np.mean(found)
+
+
+def test_a_planned_staircase_is_not_rounded():
+    t = np.arange(0.0, 2.0, 1e-3)
+    staircase = np.select([t < 0.5, t < 0.8, t < 1.1, t < 1.4], [0.0, 1.0, 0.0, -1.0], 0.0)
+    assert estimate_input_noise(Inputs(t, np.outer(staircase, [1.0, 0.0, 0.0]))) is None
+
+
 def test_the_answer_s_covariance_is_that_of_many_simulations():
     mode, count = BASE.mode_constants()[0], 300
     rate, t = 250.0, np.linspace(0.5, 4.0, 30)
@@ -130,6 +160,7 @@ def test_nothing_is_named_where_only_the_input_is_noisy(rate, noise, errors):
     assert finding.gap.noise == pytest.approx(finding.gap.fit_before, rel=1.0)
 
 
+@pytest.mark.long
 def test_what_is_missing_is_named_beside_the_input_s_noise():
     truth = BASE.with_effect("quadratic_damping", beta=0.2)
     finding = discover([seen(truth, seed) for seed in range(3)], BASE)

@@ -146,6 +146,7 @@ def test_white_noise_is_plain():
     assert estimate_sensor(leftovers(np.random.default_rng(1), correlation=0.0)) is None
 
 
+@pytest.mark.long
 def test_what_the_model_lacks_is_no_noise():
     """A swing that is left, ten times as large as the noise, goes together more than any noise."""
     random = np.random.default_rng(2)

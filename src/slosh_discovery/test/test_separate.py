@@ -82,6 +82,7 @@ def test_a_tilt_against_an_offset():
     assert "twins" not in found.description
 
 
+@pytest.mark.long
 def test_it_turns_where_an_effect_needs_it_and_the_liquid_stays_in():
     first = MODEL.with_effect("gravity_tilt")
     second = MODEL.with_effect("lever_arm", x=0.0, y=0.0, z=0.1)
@@ -130,6 +131,7 @@ def test_a_mere_difference_of_parameters_is_not_left_after_a_refit():
     assert remaining(found.description) < 0.05 * found.difference
 
 
+@pytest.mark.long
 def test_another_law_is_left_after_a_refit():
     first = MODEL.with_effect("damping_mismatch", factor=2.0)
     second = MODEL.with_effect("quadratic_damping", beta=0.15)

@@ -24,7 +24,7 @@ def creeping(truth, growth):
     return [replace(one, msh=one.msh * growth ** (one.t / DURATION)) for one in motions]
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("motions", "when"),
     [

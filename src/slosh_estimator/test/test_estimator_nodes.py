@@ -281,6 +281,7 @@ def said_stale(reports: list[Any]) -> bool:
     )
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("shift", "way"), [(-100.0, "behind"), (100.0, "ahead of")])
 def test_the_monitor_says_that_two_clocks_are_not_one(
     start: Callable[..., Cell], shift: float, way: str

@@ -52,6 +52,7 @@ def test_old_pictures_in_turn_are_told(rotating: bool, rate: float, count: int) 
     assert sum(told) > len(told) / (2 * count)
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("rotating", [True, False])
 @pytest.mark.parametrize("vectors", [True, False])
 @pytest.mark.parametrize("rate", [12.0, 15.0, 18.0, 25.0, 30.0, 60.0, 120.0])

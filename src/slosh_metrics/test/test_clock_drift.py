@@ -28,6 +28,7 @@ def watched(
     return watch
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("offset", [0.0, 0.04])
 @pytest.mark.parametrize("rate", [0.005, -0.001, 0.0002])
 def test_a_drift_is_told_in_ppm_with_its_error(rate: float, offset: float) -> None:

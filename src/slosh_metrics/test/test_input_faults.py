@@ -137,6 +137,7 @@ def test_a_stream_tells_the_faults_of_its_parts_once():
     assert clipped.times > 3
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", ["acceleration", "force"])
 @pytest.mark.parametrize("bits", [None, 16])
 def test_honest_inputs_are_neither_clipped_nor_frozen(kind, bits):

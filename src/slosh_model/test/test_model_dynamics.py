@@ -88,6 +88,7 @@ def lagrange_equations(*, nonlinear, spatial):
     return sympy.lambdify(symbols, accelerations, "math", cse=True)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", MODELS)
 def test_agrees_with_lagranges_equations_integrated_elsewhere(name):
     model = MODELS[name]

@@ -35,6 +35,7 @@ def modal(mode: int, damping: float) -> tuple[float, float, float]:
     return frequency, rate, 4.0 * WIDTH / (mode * math.pi) ** 2 * k * math.tanh(k * HEIGHT)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("mode", [1, 3, 5])
 def test_the_first_order_is_linear_modal_theory(mode: int) -> None:
     times = np.arange(801) * 1e-3
@@ -138,7 +139,7 @@ def test_at_the_critical_depth_the_frequency_does_not_depend_on_the_amplitude() 
     assert brentq(shift, 0.25, 0.45, xtol=2e-3) == pytest.approx(0.337, abs=0.01)
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize("depth", [0.35 * WIDTH, 0.9 * WIDTH])
 def test_crests_are_sharper_than_troughs_by_the_bound_second_mode(depth: float) -> None:
     # Were it another than the literature's, it would beat with the free one.

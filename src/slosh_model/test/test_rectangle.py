@@ -311,6 +311,7 @@ def test_in_free_fall_nothing_pulls_the_surface_back(model):
 # ---- heights on the wall
 
 
+@pytest.mark.long
 def test_the_highest_place_of_a_plane_is_a_corner():
     response = run(M1)
     turns = np.linspace(-np.pi, np.pi, 3601)

@@ -344,6 +344,7 @@ sys.exit(run_node(Plain))
 """
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("executor", ["events", "single"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_node_cleanly(executor, number):

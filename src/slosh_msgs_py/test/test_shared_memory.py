@@ -105,6 +105,7 @@ def test_a_ports_mutex_that_stays_locked_is_deleted_and_no_other(tmp_path):
     assert busy.exists()
 
 
+@pytest.mark.long
 def test_a_node_starts_where_a_killed_one_left_its_port_locked(domain):
     """Without it the process hangs in the middleware, deaf to every signal but SIGKILL."""
     speaks = "import rclpy; rclpy.init(); rclpy.create_node('tested'); print('speaks')"
@@ -307,6 +308,7 @@ def writer(domain):
         rclpy.shutdown()
 
 
+@pytest.mark.long
 def test_nobody_takes_over_the_port_of_a_killed_reader_that_is_still_written_to(writer):
     """The writer would write to the dead one, and nothing would reach the new one."""
     words, ports, port_of = writer
@@ -394,7 +396,7 @@ sys.exit(run_node(Loses, []))
 """
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["closed", "deleted"])
 def test_a_node_that_loses_its_port_says_so_and_ends(domain, how):
     """It would hear nothing any more, and say so to nobody."""

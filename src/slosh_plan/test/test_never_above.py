@@ -16,6 +16,7 @@ QUICK = (2, 4)
 """A rectangle at 5 mm, a cylinder at 15 mm."""
 
 
+@pytest.mark.first(1)
 @pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
 @pytest.mark.parametrize(
     "seed",

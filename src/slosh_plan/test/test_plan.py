@@ -72,6 +72,7 @@ def test_a_rectangle_that_stands_turned_keeps_the_limit_in_its_corner(check_plan
     assert checked(TANK, [answer.found.motion], None)[0].peak != pytest.approx(again.peak, 1e-3)
 
 
+@pytest.mark.long
 @needs_casadi
 def test_the_whole_model_is_checked_not_its_first_mode_alone(line):
     whole = CUP.with_effect("second_mode", damping_ratio=0.01)
@@ -252,6 +253,7 @@ def test_a_plan_that_is_stopped_at_once_is_no_motion():
         )
 
 
+@pytest.mark.long
 def test_a_curved_path_is_slower_where_it_bends():
     """An ellipse at the two-thirds power law is gone through harmonically."""
     angle = np.linspace(0.0, 1.5 * np.pi, 400)

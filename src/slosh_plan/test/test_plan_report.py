@@ -65,6 +65,7 @@ def test_waypoints_whose_times_tell_no_motion_are_noted():
     assert "2 poses do not determine the acceleration" in render_plan(report)
 
 
+@pytest.mark.long
 def test_a_slow_proposal_stands_in_the_table_but_does_not_squeeze_the_charts():
     report = report_of(times=(0.0, 10.0, 20.0, 30.0))
     assert report.proposal in report.motions
@@ -88,6 +89,7 @@ def test_the_band_holds_what_models_two_standard_errors_away_do(report):
     assert height_band(CUP, report.planned.found, None) is None
 
 
+@pytest.mark.long
 def test_an_interval_above_a_limit_is_a_warning(report):
     assert "The interval exceeds a limit" in render_plan(report)
     assert "Keeps every limit" in render_plan(report_of(model=CUP))
@@ -143,6 +145,7 @@ def seen(report):
     return {**dict(zip(views, look.values, strict=True)), "console": look.console}
 
 
+@pytest.mark.long
 def test_the_page_in_a_browser(seen):
     assert seen["console"] == []
     for view in ("screen", "phone", "hostile"):

@@ -48,7 +48,7 @@ def test_a_turned_rectangle_that_tilts_keeps_the_limits(random_path, check_plan)
     check_plan(answer, points, TANK, TEN)
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize("tilt", [1e-4, 1e-3])
 def test_hardly_any_tilt_is_hardly_any_gain(tilt):
     upright = plan(CUP, path_through(LINE), LIMITS).found.motion.duration

@@ -211,6 +211,7 @@ def test_an_action_tells_how_far_it_is_and_gives_the_motion(cell: Cell) -> None:
     assert len(elapsed) >= 3
 
 
+@pytest.mark.long
 @needs_casadi
 def test_a_cancelled_goal_ends_with_what_it_has(cell: Cell) -> None:
     heard: list[Any] = []
@@ -265,6 +266,7 @@ def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: s
     assert cell.node.faults.total == 0
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("fields", "match"),
     [

@@ -27,7 +27,7 @@ def inside(found, scales):
     return np.any([(low <= scales) & (scales <= high) for low, high in found.intervals], axis=0)
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("limits", "islands"),
     [

@@ -53,7 +53,7 @@ def mix(folder, lead_ns, ends=ENDS, facts=(), left_out="nothing"):
     return folder
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "lead",
     [

@@ -70,6 +70,7 @@ def test_every_effect_is_tried() -> None:
     assert all(EFFECTS[name].section == "rectangular" for name in OF_RECTANGLES)
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("name", ADDED)
 def test_the_right_effect_closes_the_gap(name: str) -> None:
     model = BASE.with_effect(name, **ADDED[name])

@@ -60,6 +60,7 @@ def stray(topic: str, new: Callable[[int], int]) -> Change:
     return lambda name, number, stamp: new(stamp) if (name, number) == (topic, 300) else stamp
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("ahead", [150_000_000, 5 * SECOND, 200_000_000 * SECOND])
 def test_a_sample_ahead_is_set_aside_and_told(ahead: int, tmp_path: Path) -> None:
     bag = changed(tmp_path / "bag", stray(ACCEL, lambda stamp: stamp + ahead), without=LIVE)
@@ -73,6 +74,7 @@ def test_a_sample_ahead_is_set_aside_and_told(ahead: int, tmp_path: Path) -> Non
     )
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     "new",
     [

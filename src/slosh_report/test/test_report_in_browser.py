@@ -163,6 +163,7 @@ def test_no_request_leaves_and_an_error_would_be_seen(page, seen, listener):
     assert sum("Content Security Policy" in line for line in look.console) == 2
 
 
+@pytest.mark.long
 def test_it_prints_on_several_sheets(page, tmp_path):
     target = tmp_path / "page.pdf"
     headless_browser.print_pdf(page, target)

@@ -102,6 +102,7 @@ def test_lower_bounds_gaps_motions_and_frames_are_marked(full_report):
     assert len(heights_chart(plain, NARROW, "x")) < len(drawn)
 
 
+@pytest.mark.long
 def test_a_page_of_hours_stays_below_a_megabyte(full_report):
     t = np.arange(0.0, 3.0 * 3600.0, 1.0 / 60.0)
     measured = np.abs(np.sin(3.0 * t)) * 0.02 + np.random.default_rng(1).normal(0.0, 5e-4, len(t))

@@ -61,6 +61,7 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
         return None if known else InputNoise(0.0, 0.0, 1.0 / spacing, quantum, constant)
     density = stddev**2 * spacing
     density *= _colour(inputs, density)
+    density = max(density, _rounding(inputs, columns, quantum))
     return InputNoise(density, stddev, 1.0 / spacing, quantum, constant)
 
 
@@ -142,14 +143,31 @@ def _quantum(values: Array) -> float:
     if not np.allclose(levels / step, np.round(levels / step), atol=0.02):
         return 0.0
     # The straight ramps of a planned motion have even steps, too, but all of one size in a row.
-    sizes = np.round(np.abs(np.diff(values)) / step)
-    begun = np.count_nonzero(np.diff(sizes > 0.0))
+    steps = np.round(np.diff(values) / step)
+    kinks = np.count_nonzero(np.diff(steps))
     return (
-        step
-        if begun > TUNING.rounded_ends * len(values)
-        or len(np.unique(sizes)) > TUNING.rounded_sizes
-        else 0.0
+        step if kinks > max(TUNING.least_kinks, TUNING.kinked * np.count_nonzero(steps)) else 0.0
     )
+
+
+def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
+    """Power spectral density of what rounding hides [m²/s³], on average from the first motion on.
+
+    A ramp crosses each level, and its error is zero in the mean. Where the values turn back after
+    a while at one level, all of that time may be off by up to half a step.
+    """
+    moving = ~resting(inputs)
+    if quantum == 0.0 or not moving.any():
+        return 0.0
+    span = float(inputs.t[-1] - inputs.t[np.argmax(moving)])
+    squares = 0.0
+    for column in columns:
+        steps = np.diff(column)
+        at = np.flatnonzero(steps) + 1
+        turned = np.signbit(steps[at[1:] - 1]) != np.signbit(steps[at[:-1] - 1])
+        lasted = np.diff(inputs.t[at])[turned & moving[(at[1:] + at[:-1]) // 2]]
+        squares += float(np.sum(lasted**2))
+    return quantum**2 / 12.0 * squares / (span * len(columns))
 
 
 def _colour(inputs: Inputs, density: float) -> float:

@@ -31,8 +31,8 @@ class DiscoverTuning:
     rest_margin: float = number(0.3, "s", "time before a motion in which it may have begun")
     least_rest: float = number(0.5, "s", "shortest rest that has a spectrum")
     least_lines: int = number(8, "1", "fewest lines of a spectrum that show a colour")
-    rounded_ends: float = number(0.02, "1", "changes per sample of a rounded input, at most")
-    rounded_sizes: int = number(4, "1", "sizes of steps of a rounded input, at most")
+    least_kinks: int = number(20, "1", "fewest steps of a rounded input that differ from the last")
+    kinked: float = number(0.1, "1", "the same as part of its steps")
     rounded_levels: float = number(0.3, "1", "values per sample of a rounded input, at most")
     # differences.py
     clear_height: float = number(3.0, "σ", "least height that is clear of the noise")
