@@ -173,7 +173,7 @@ def write_shown(
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.
-    from slosh_bringup.predict import profiles, render_page, write_picture
+    from slosh_bringup.predict.side_by_side import profiles, render_page, write_picture
 
     shown = profiles(model, motions, found, arguments.horizon)
     if arguments.plot is not None:
