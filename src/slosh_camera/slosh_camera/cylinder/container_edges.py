@@ -34,7 +34,7 @@ class ContainerEdges:
     def __init__(self, view: CupView) -> None:
         """Project the sides; where too little of them is in the image, none is looked for."""
         sides = [_side(view, left) for left in (True, False)]
-        self._able = all(len(side) >= TUNING.least_heights for side in sides)
+        self._able = all(len(side) >= TUNING.least_samples for side in sides)
         places = np.vstack(sides)
         self._first = len(sides[0])
         middle = float(np.mean(places[:, 1])) if len(places) else 0.0

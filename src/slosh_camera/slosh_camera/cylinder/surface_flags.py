@@ -27,7 +27,7 @@ def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
     looked_at = np.count_nonzero(~points.bound)
     read = np.count_nonzero(front | (upper & ~points.bound))
     impossible = float(np.hypot(*fit.heights[1:3])) > TUNING.highest * wall.radius
-    if impossible or read < max(TUNING.least_read * looked_at, TUNING.least_points):
+    if impossible or read < max(TUNING.least_read * looked_at, TUNING.least_samples):
         return flags | Flag.NOT_FOUND
     if read < (1.0 - TUNING.hidden_share) * looked_at:
         flags |= Flag.OCCLUDED

@@ -25,7 +25,6 @@ class CylinderTuning:
     least_above: int = number(4, "row", "wall above the still level that must be in the image")
     unknown_rim: float = number(1.2, "radius", "assumed height of a rim that is not known")
     # container_edges.py
-    least_heights: int = number(10, "1", "fewest places of each side in the image")
     side_above: float = number(0.95, "1", "part of the rim's height that shows the sides")
     side_unknown_rim: float = number(0.9, "radius", "height of the sides below an unknown rim")
     side_half_edge: float = number(4.0, "grey/px", "slope of the image that is half an edge")
@@ -36,7 +35,7 @@ class CylinderTuning:
     # appearance.py
     scatter: float = number(0.12, "contrast", "least scatter of any colour")
     rounding: float = number(2.0, "grey", "scatter by rounding and compression")
-    least_samples: int = number(10, "1", "fewest samples that determine a colour")
+    least_samples: int = number(10, "1", "fewest samples, places or edges that determine anything")
     # edge_search.py
     level_samples: int = number(8, "1", "fewest samples that determine a line's level")
     edge_margin: int = number(2, "row", "rows beside an edge that must be in the image")
@@ -130,7 +129,6 @@ class CylinderTuning:
     reversed_above: int = number(3, "row", "rows above an edge that show the background")
     no_lighter: float = number(0.05, "contrast", "least contrast between background and surface")
     # surface_flags.py
-    least_points: int = number(10, "1", "fewest edges that determine a surface")
     least_read: float = number(0.5, "1", "least part of the lines that shows an edge")
     hidden_share: float = number(0.13, "1", "part of the lines that may be hidden")
     cut_lines: int = number(2, "1", "fewest lines that make a surface cut off")

@@ -63,7 +63,7 @@ def front_line(
     sharp = float(np.percentile(softness, TUNING.sharp_percentile))
     apart = gap >= max(TUNING.apart_rows, TUNING.apart_softness * sharp)
     surface = 0.0
-    if np.count_nonzero(apart) >= TUNING.least_rear:
+    if np.count_nonzero(apart) >= TUNING.least_rows:
         steps = _at(channel, rows + 0.5 * gap, columns) - _at(channel, rows + 1.5 * gap, columns)
         # A single edge is still on its way down in the middle.
         tail = scipy.special.ndtr(-0.5 * gap / sharp) - scipy.special.ndtr(-1.5 * gap / sharp)
@@ -119,7 +119,7 @@ def _in_front(
     pixels = np.column_stack((columns + region.left, rows + region.top))
     rear_x, rear_z = view.on_rear(pixels)
     between = np.abs(rear_x) <= 0.5 * view.box.width
-    if np.count_nonzero(between) < TUNING.least_rear:
+    if np.count_nonzero(between) < TUNING.least_rows:
         return np.full(rows.size, np.nan), np.zeros(rows.size, np.bool_)
     order = np.argsort(rear_x[between])
     known, heights = rear_x[between][order], rear_z[between][order]

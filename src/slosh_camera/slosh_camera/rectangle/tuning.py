@@ -23,7 +23,7 @@ class RectangleTuning:
     sure_end: float = number(0.97, "1", "part of depth and freeboard up to which that is sampled")
     edge_inset: int = number(2, "px", "pixels at the edges that mix liquid, wall and background")
     least_columns: int = number(24, "px", "least width of the container in the image")
-    least_rows: int = number(8, "px", "least height of wall above and below the still level")
+    least_rows: int = number(8, "px", "fewest rows or columns that determine anything")
     # appearance.py
     colour_noise: float = number(3.0, "grey", "least scatter of a colour")
     foreign: float = number(0.5, "contrast", "error of a place that shows something else")
@@ -57,7 +57,6 @@ class RectangleTuning:
     apart_rows: float = number(3.0, "px", "least distance of two lines that are told apart")
     apart_softness: float = number(2.4, "softness", "the same for soft edges")
     sharp_percentile: float = number(10.0, "%", "part of the edges that tells how sharp all are")
-    least_rear: int = number(8, "px", "fewest columns that show the rear wall")
     least_surface: float = number(0.08, "contrast", "least contrast of surface and liquid")
     most_surface: float = number(0.5, "contrast", "contrast at which the front line is sharper")
     margin: float = number(0.02, "width", "part over which heights at the rear wall are continued")
