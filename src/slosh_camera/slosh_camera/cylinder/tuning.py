@@ -10,11 +10,11 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class CylinderTuning:
-    """What the detector believes of liquids, pictures and cameras.
+    """What the detector assumes about liquids, images and cameras.
 
     Set on rendered scenes of even number by `validation/studies/camera_accuracy.py out/sequences`.
-    Parts are of what the meaning names; levels are parts of the contrast from liquid (0) to
-    background (1); rows are samples along a scan line.
+    The unit "contrast" is the way from liquid to background, "row" a sample along a scan line,
+    "σ" and "median" the standard and the median deviation.
     """
 
     # scan_grid.py
@@ -109,7 +109,7 @@ class CylinderTuning:
     far_more: float = number(1.3, "1", "ratio of agreeing edges for which no wave is preferred")
     worse: float = number(0.4, "1", "loss of agreement against rest that leaves no choice")
     far_worse: float = number(0.5, "1", "loss of agreement against rest that is not sure")
-    level_believed: float = number(0.4, "1", "least agreement of a changed level, unlearnt")
+    level_believed: float = number(0.4, "1", "least agreement of a changed level, no still image")
     # surface_evidence.py
     like_liquid: float = number(0.15, "contrast", "largest deviation of a surface like its liquid")
     inlier: float = number(0.1, "1", "least weight of an edge that agrees with a fit")
@@ -125,9 +125,9 @@ class CylinderTuning:
     shade_band: float = number(40.0, "row", "least height of the surface for that deviation")
     least_slope: float = number(0.03, "contrast", "least slope of an edge")
     least_upper: float = number(0.125, "1", "least part of the lines that shows the upper edge")
-    reversed_weight: float = number(0.3, "1", "weight of edges that are darker above")
+    reversed_weight: float = number(0.3, "1", "weight of edges with less background above")
     reversed_above: int = number(3, "row", "rows above an edge that show the background")
-    no_lighter: float = number(0.05, "contrast", "least contrast between background and surface")
+    no_lighter: float = number(0.05, "contrast", "contrast of a background that is no lighter")
     # surface_flags.py
     least_read: float = number(0.5, "1", "least part of the lines that shows an edge")
     hidden_share: float = number(0.13, "1", "part of the lines that may be hidden")
