@@ -211,3 +211,18 @@ def test_another_container_is_asked_for_and_no_effect_is_named(base):
     truth = BASE.mode_constants()[0].natural_frequency / (2.0 * np.pi)
     assert seen_hz == pytest.approx(truth, rel=0.03)
     assert finding.proposal is None
+
+
+def test_a_bias_is_carried_through_a_frequency_that_changes():
+    """Up and down at twice the natural frequency, the answer to a bias is a growing wave."""
+    model, bias = BASE.with_effect("vertical_acceleration"), np.array([0.02, 0.0, 0.0])
+    t = np.arange(-1.0, 6.0, 2e-3)
+    rhythm = np.sin(2.0 * BASE.mode_constants()[0].natural_frequency * t)
+    given = Inputs(t, np.outer(np.clip(t, 0.0, 1.0) * rhythm, [0.0, 0.0, 3.0]) + bias)
+    times = np.arange(-0.9, 5.9, 1.0 / 60.0)
+    moved = predicted_heights(model, given, times)[:, 0]
+    assert np.max(moved) > 5.0 * bias[0] / 9.81 * BASE.container.radius
+    motion = MeasuredMotion("up and down", given, times, msh=np.zeros(len(times)))
+    driven = with_noise(prepare(motion, noise=CAMERA), model, 0.0, None).driven
+    foretold = np.sqrt(np.sum(driven[:, 0] ** 2, axis=1))
+    assert foretold == pytest.approx(moved, abs=0.02 * moved.max())

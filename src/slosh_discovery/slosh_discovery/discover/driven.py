@@ -9,6 +9,7 @@ a closed form, and a few columns are nearly all of it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +23,7 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import measured_heights, reading_clock
 from slosh_model.model import Model
-from slosh_model.modes import Mode
-from slosh_model.simulate import Response
+from slosh_model.simulate import Inputs, Response
 
 MOST_COLUMNS = 150
 STEP = 1e-6
@@ -52,41 +52,40 @@ def with_input_noise(
     for axis in (X_AXIS, Y_AXIS):
         modes = model.mode_constants()
         for mode, gain in zip(modes, model.height_gains(modes, axis), strict=True):
-            factor = gain * _columns(
-                noise, mode.along(axis), axis, moments - start, tolerated / gain**2
+            if noise.density == 0.0:
+                continue
+            own = mode.along(axis)
+            factor = (gain * math.sqrt(noise.density)) * answer_columns(
+                moments - start,
+                own.natural_frequency,
+                own.damping_ratio,
+                tolerated / gain**2 / noise.density,
             )
             if factor.shape[1]:
                 read = read_directions(motion, model, moments) if read is None else read
                 parts.append(read[:, :, axis, np.newaxis] * factor[:, np.newaxis, :])
-    if read is None:
-        return replace(motion, driven=None, blur=None)
+    lasting = _lasting(motion, noise, model, moments)
+    parts.append(lasting[:, :, np.max(lasting**2, axis=(0, 1)) > tolerated])
     driven = np.concatenate(parts, axis=2)
+    if not driven.shape[2]:
+        return replace(motion, driven=None, blur=None)
     return replace(motion, driven=driven, blur=_blur(motion, model, moments, driven))
 
 
-def _columns(noise: InputNoise, mode: Mode, axis: int, t: Array, tolerated: float) -> Array:
-    """(M, R) columns of a mode's answer along an axis [m], without what is hardly seen.
+def _lasting(motion: PreparedMotion, noise: InputNoise, model: Model, moments: Array) -> Array:
+    """(M, K, R) what the constants at rest, which may be biases, do to what is read [m].
 
-    Beside the noise the model feels from the first sample on the constant at rest, which may be a
-    bias.
+    Simulated, as they drive a liquid whose frequency changes with the vertical acceleration.
     """
-    columns = np.empty((len(t), 0))
-    if noise.density > 0.0:
-        answer = answer_columns(
-            t, mode.natural_frequency, mode.damping_ratio, tolerated / noise.density
-        )
-        columns = math.sqrt(noise.density) * answer
-    frequency = mode.natural_frequency
-    step = 1.0 - _released(t, frequency, mode.damping_ratio)
-    lasting = noise.constant[axis] / frequency**2 * step
-    return np.column_stack([columns, lasting]) if np.max(lasting**2) > tolerated else columns
-
-
-def _released(t: Array, frequency: float, damping: float) -> Array:
-    """(M,) q at times of q̈ + 2ζω q̇ + ω² q = 0, released at rest from 1 at 0."""
-    decay, swing = _decay_and_swing(frequency, damping)
-    t = np.maximum(t, 0.0)
-    return np.asarray(np.exp(-decay * t) * (np.cos(swing * t) + decay / swing * np.sin(swing * t)))
+    inputs = motion.fine
+    without = [
+        replace(inputs, acceleration=inputs.acceleration - constant * np.eye(3)[axis])
+        for axis, constant in zip((X_AXIS, Y_AXIS), noise.constant, strict=True)
+        if constant
+    ]
+    read = _reading(motion, model, moments)
+    felt, *others = (read(_liquid_at(each, model, moments)) for each in (inputs, *without))
+    return np.stack([felt - other for other in others] or [np.empty((*felt.shape, 0))], axis=-1)
 
 
 def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
@@ -103,7 +102,7 @@ def _blur(motion: PreparedMotion, model: Model, moments: Array, driven: Array) -
     if motion.azimuths is not None:
         return None
     variance = np.sum(driven**2, axis=2)
-    wave = np.sum(_liquid_at(motion, model, moments) ** 2, axis=1)[:, np.newaxis]
+    wave = np.sum(_liquid_at(motion.fine, model, moments) ** 2, axis=1)[:, np.newaxis]
     return np.asarray(variance**2 / np.maximum(2.0 * wave + variance, 1e-300))
 
 
@@ -156,14 +155,8 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Arr
         model: that is likely.
         moments: (M,) at which the liquid is read [s].
     """
-    inputs, liquid = motion.fine, _liquid_at(motion, model, moments)
-    nothing = np.empty((len(moments), 0, 4))
-    start = float(inputs.t[0])
-
-    def read(moved: Array) -> Array:
-        response = Response(moments, moved[:, 0], moved[:, 1], nothing)
-        return measured_heights(model, response, motion.azimuths, start)
-
+    inputs = motion.fine
+    liquid, read = _liquid_at(inputs, model, moments), _reading(motion, model, moments)
     steps = STEP * np.eye(2)
     slopes = [(read(liquid + step) - read(liquid - step)) / (2.0 * STEP) for step in steps]
     found = np.stack(slopes, axis=2)
@@ -178,8 +171,18 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Arr
     return np.stack(turned, axis=2)
 
 
-def _liquid_at(motion: PreparedMotion, model: Model, moments: Array) -> Array:
+def _reading(motion: PreparedMotion, model: Model, moments: Array) -> Callable[[Array], Array]:
+    """Reads (M, K) heights off the liquid's (M, 2) at those moments."""
+    nothing, start = np.empty((len(moments), 0, 4)), float(motion.fine.t[0])
+
+    def read(liquid: Array) -> Array:
+        response = Response(moments, liquid[:, 0], liquid[:, 1], nothing)
+        return measured_heights(model, response, motion.azimuths, start)
+
+    return read
+
+
+def _liquid_at(inputs: Inputs, model: Model, moments: Array) -> Array:
     """(M, 2) the liquid's heights at +x and +y [m]; 0 where the model has no answer."""
-    inputs = motion.fine
     (heights,) = wall_heights([liquid_alone(model)], [inputs], max_step=LONGEST_STEP, threads=1)
     return np.nan_to_num(columns_at(moments, inputs.t, heights))
