@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder.medians import median
+from slosh_camera.cylinder.medians import ROBUST, median
 from slosh_camera.cylinder.tuning import TUNING
 
 Image = NDArray[np.uint8]
@@ -21,7 +21,6 @@ FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
-_ROBUST = 1.4826
 # Every third line and row is enough for statistics.
 _EVERY = 3
 _GREY = np.arange(256, dtype=np.float32)
@@ -94,7 +93,7 @@ def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Ton
         return None
     part = picture[body, :: 4 * _EVERY].reshape(body.stop - body.start, -1, liquid.size)
     steps = np.diff(part.astype(np.float64) @ axis, axis=0)
-    noise = _ROBUST * float(median(np.abs(steps).ravel())) / np.sqrt(2.0)
+    noise = ROBUST * float(median(np.abs(steps).ravel())) / np.sqrt(2.0)
     return Tone(liquid, background, axis, noise)
 
 
@@ -136,6 +135,6 @@ def _scatter(samples: Image, middle: FloatArray) -> FloatArray:
     """Covariance (C, C) about the middle, far samples cut off at three median deviations."""
     deviation = samples - middle
     usual = percentile(np.abs(deviation).astype(np.uint8), 50.0)
-    reach = 3.0 * _ROBUST * usual + TUNING.rounding
+    reach = 3.0 * ROBUST * usual + TUNING.rounding
     cut = np.clip(deviation, -reach, reach)
     return np.asarray(cut.T @ cut / len(cut))

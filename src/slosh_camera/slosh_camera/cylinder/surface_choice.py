@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search, silhouette
 from slosh_camera.cylinder.first_modes import first_mode_candidates
+from slosh_camera.cylinder.medians import ROBUST
 from slosh_camera.cylinder.surface_evidence import (
     USUAL_FADE,
     SurfaceFit,
@@ -25,8 +26,6 @@ FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
-# Standard deviation over the median deviation of a normal distribution.
-_ROBUST = 1.4826
 # Levels at which liquid at rest is looked for [m].
 _LEVELS = np.arange(-15e-3, 15.5e-3, 5e-4)
 # Heights all around the wall.
@@ -196,7 +195,7 @@ class SurfaceChooser:
         if not np.any(known):
             return fit
         off = np.abs(fit.front_error - np.median(fit.front_error[known]))
-        usual = _ROBUST * float(np.median(off[known]))
+        usual = ROBUST * float(np.median(off[known]))
         strays = known & (
             off > max(TUNING.stray * usual, TUNING.stray_rows * self._wall.footprint)
         )
