@@ -161,6 +161,7 @@ def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
     assert "outside the image" in fails_with(capsys, *words, -5, v)
 
 
+@pytest.mark.long
 def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monkeypatch):
     monkeypatch.setattr("slosh_bringup.cli.calibrate.still_doubt", lambda *_: "no whole line")
     monkeypatch.setattr("slosh_camera.calibrate.level.TUNING", replace(TUNING, shows=2.0))

@@ -266,6 +266,7 @@ def test_two_sides_and_a_level_alone_may_be_a_labels(make_scene):
     assert fit.place.distance == pytest.approx(0.45, rel=0.02)
 
 
+@pytest.mark.long
 def test_a_told_distance_chooses_between_two_containers(make_scene):
     image, truth, cup = drawn(make_scene(camera_height=0.05))
     beside = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)

@@ -98,6 +98,7 @@ def test_the_models_of_the_campaigns_have_what_they_share_and_what_is_theirs(fin
         assert set(model.effects) == set(expected.effects)
 
 
+@pytest.mark.long
 def test_text_page_and_document_tell_the_values_of_each_campaign(finding):
     report = DiscoveryReport(finding)
     document, text, page = (
@@ -117,6 +118,7 @@ def test_text_page_and_document_tell_the_values_of_each_campaign(finding):
     assert {motion["group"] for motion in document["motions"]} == set(LEANS)
 
 
+@pytest.mark.long
 def test_only_what_belongs_to_the_rig_is_fitted_per_group(finding):
     apart = {name for candidate in finding.candidates for name in candidate.per_group}
     assert "sensor_tilt" in apart

@@ -66,12 +66,17 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
 
 
 def _constant(inputs: Inputs) -> tuple[float, float]:
-    """What both horizontal axes show at rest [m/s²]; the median: a motion may begin slowly."""
+    """What both horizontal axes show at rest [m/s²]: a motion may begin slowly.
+
+    The mean without both ends: the median of rounded values is one of these.
+    """
     still = resting(inputs, TUNING.rest_margin)
     still = still if still.any() else resting(inputs)
-    if np.count_nonzero(still) < 2 * TUNING.least_samples:
+    count = int(np.count_nonzero(still))
+    if count < 2 * TUNING.least_samples:
         return 0.0, 0.0
-    x, y = np.median(inputs.acceleration[still, :2], axis=0).tolist()
+    inner = np.sort(inputs.acceleration[still, :2], axis=0)[count // 5 : count - count // 5]
+    x, y = np.mean(inner, axis=0).tolist()
     return x, y
 
 

@@ -10,10 +10,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.driven import with_input_noise
 from slosh_discovery.discover.input_noise import InputNoise, estimate_input_noise
-from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.problem import LONGEST_STEP, PreparedMotion, liquid_alone
 from slosh_discovery.discover.search import Pool, Progress, Search
 from slosh_discovery.discover.sensor_noise import (
     Leftovers,
@@ -23,6 +25,7 @@ from slosh_discovery.discover.sensor_noise import (
     estimate_sensor,
 )
 from slosh_discovery.discover.tuning import TUNING
+from slosh_model.batch import wall_heights
 from slosh_model.model import Model
 
 
@@ -73,7 +76,7 @@ def search_in_rounds(
         ]
         found = estimate_sensor([one for one in left if one is not None])
         driven = any(one.driven is not None for one in motions)
-        settled = not driven or all(map(_swing_alike, models, before))
+        settled = not driven or all(map(driven_alike, plain, models, before))
         if last or (settled and alike(found, sensor)):
             return Searched(pool, motions, sensor)
         told("measuring the noise", 0.0)
@@ -108,10 +111,27 @@ def _leftovers(one: PreparedMotion, model: Model, clock_offset: float) -> Leftov
     return None if answer is None else Leftovers.of(one, answer.at(one.t, clock_offset))
 
 
-def _swing_alike(one: Model, other: Model) -> bool:
-    """Whether noise drives two models alike, as far as it matters."""
-    if one == other:
+def driven_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
+    """Whether noise does the same to what two models answer to a motion, as far as it matters."""
+    return one == other or (_swing_alike(one, other) and _moves_alike(motion, one, other))
+
+
+def _moves_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
+    """Whether noise is read in the same direction: of a highest point that is the liquid's."""
+    if motion.azimuths is not None:
         return True
+    inputs = motion.fine
+    heights, others = wall_heights(
+        [liquid_alone(one), liquid_alone(other)],
+        [inputs, inputs],
+        max_step=LONGEST_STEP,
+        threads=1,
+    )
+    return bool(np.sum((heights - others) ** 2) < SAME_SIZE**2 * np.sum(heights**2))
+
+
+def _swing_alike(one: Model, other: Model) -> bool:
+    """Whether noise moves the modes of two models alike."""
     for mine, its, gain, its_gain in zip(
         one.mode_constants(), other.mode_constants(), one.height_gains(), other.height_gains(),
         strict=False,
