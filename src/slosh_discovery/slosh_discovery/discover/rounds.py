@@ -127,7 +127,7 @@ def _moves_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
         max_step=LONGEST_STEP,
         threads=1,
     )
-    return bool(np.sum((heights - others) ** 2) < SAME_SIZE**2 * np.sum(heights**2))
+    return bool(np.sum((heights - others) ** 2) < TUNING.same_size**2 * np.sum(heights**2))
 
 
 def _swing_alike(one: Model, other: Model) -> bool:
