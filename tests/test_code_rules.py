@@ -132,3 +132,16 @@ def test_mypy_refuses_a_wrong_type(tmp_path):
     done = run(TYPES, folder)
     assert done.returncode == 1
     assert "Incompatible types in assignment" in done.stdout
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("src/*/slosh_*/**/tuning.py")), ids=str)
+def test_every_tuning_number_is_used(path):
+    names = set(re.findall(r"^    (\w+): .*= number\(", path.read_text(), re.MULTILINE))
+    room = ".".join(path.relative_to(ROOT).with_suffix("").parts[2:])
+    used = set()
+    for module in ROOT.glob("src/*/slosh_*/**/*.py"):
+        text = module.read_text()
+        bound = re.search(rf"^from {room} import TUNING(?: as (\w+))?$", text, re.MULTILINE)
+        if bound:
+            used |= set(re.findall(rf"\b{bound[1] or 'TUNING'}\.(\w+)", text))
+    assert used == names

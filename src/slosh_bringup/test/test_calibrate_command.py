@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.cup import CupView, Wall
 from slosh_camera.optics.pose import look_at
 from slosh_testing.commands import complaint
@@ -155,7 +157,7 @@ def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
 @pytest.mark.long
 def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monkeypatch):
     monkeypatch.setattr("slosh_bringup.cli.calibrate.still_doubt", lambda *_: "no whole line")
-    monkeypatch.setattr("slosh_camera.calibrate.level._SHOWS", 2.0)
+    monkeypatch.setattr("slosh_camera.calibrate.level.TUNING", replace(TUNING, shows=2.0))
     ((u, v),) = VIEW.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
     output = tmp_path / "camera.yaml"
     words = [still, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output]

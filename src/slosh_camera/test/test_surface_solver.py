@@ -6,6 +6,7 @@ from slosh_camera.cylinder import silhouette, surface_solver
 from slosh_camera.cylinder.first_modes import first_mode_candidates
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, shapes_at, wall_shapes
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 
 touch = uncompiled(silhouette.touch)
@@ -73,7 +74,7 @@ def no_rays():
 
 def solve(
     front=None, rays=None, centre=None, precision=WEAK, bound=None, start=None,
-    scale=0.2 * MM, fade=NO_FADE, share=1.0, share_spread=1e-6, coarse=surface_solver.COARSE,
+    scale=0.2 * MM, fade=NO_FADE, share=1.0, share_spread=1e-6, coarse=TUNING.coarse,
 ):  # fmt: skip
     found, covariance, *rest = solve_with_share(
         front, rays, centre, precision, bound, start, scale, fade, share, share_spread, coarse
@@ -305,7 +306,7 @@ def test_a_rough_start_needs_the_coarse_way():
     precision = np.diag(np.full(SHAPES, (30.0 * MM) ** -2.0))
     fine, coarse = (
         shapes @ solve(front, coarse=coarse, precision=precision)[0]
-        for coarse in (surface_solver.FINE, surface_solver.COARSE)
+        for coarse in (TUNING.fine, TUNING.coarse)
     )
     np.testing.assert_allclose(coarse, 1.8 * MM, atol=1e-6)
     np.testing.assert_allclose(fine, 0.0, atol=1e-6)
@@ -423,7 +424,7 @@ def test_the_share_of_the_fade_is_what_the_edges_show_and_within_none_and_all():
         lower = np.array([0.0, 0.0, 0.8 * MM * shown])
         share = solve_with_share(
             front_points(heights), (near - lower, far - lower), bound=None, scale=0.2 * MM,
-            share=0.6, share_spread=1.0, coarse=surface_solver.COARSE, **known,
+            share=0.6, share_spread=1.0, coarse=TUNING.coarse, **known,
         )[0][SHAPES]  # fmt: skip
         assert share == pytest.approx(found, abs=0.1)
 

@@ -11,7 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from slosh_discovery.discover.finding import Finding, Gap, Role
-from slosh_discovery.discover.gap import LEAST_GAP, closed_share, is_worse, total_gap
+from slosh_discovery.discover.gap import closed_share, is_worse, total_gap
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.discovery_report import (
     DiscoveryReport,
     discovery_json,
@@ -72,7 +73,7 @@ def test_a_gap_within_the_noise_has_no_closed_share():
     assert math.isnan(closed_share(1.1e-3, 1.0e-3, 1e-3, 30))  # few samples: chance
     assert closed_share(1.1e-3, 1.0e-3, 1e-3, 30_000) == pytest.approx(1.0)
     # However many samples: the noise itself is known only so well.
-    edge = 1e-3 * math.sqrt(1.0 + LEAST_GAP**2)
+    edge = 1e-3 * math.sqrt(1.0 + TUNING.least_gap**2)
     assert math.isnan(closed_share(0.999 * edge, 1.0e-3, 1e-3, 10**9))
     assert closed_share(1.001 * edge, 1.0e-3, 1e-3, 10**9) == pytest.approx(1.0)
 

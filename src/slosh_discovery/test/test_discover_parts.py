@@ -11,7 +11,6 @@ from example_motions import BASE, DURATION, NOISE, inputs_of, measured
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.crosscheck import held_out
 from slosh_discovery.discover.evidence import (
-    EFFECT_PRIOR,
     columns_together,
     correlation_length,
     log_evidence,
@@ -22,8 +21,9 @@ from slosh_discovery.discover.evidence import (
 from slosh_discovery.discover.explanation import Explanation, starts
 from slosh_discovery.discover.fitting import fit
 from slosh_discovery.discover.motion import MeasuredMotion
-from slosh_discovery.discover.problem import SPACING, prepare
+from slosh_discovery.discover.problem import prepare
 from slosh_discovery.discover.search import Search
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model import predicted_heights
 from slosh_model.effects.registry import EFFECTS
 
@@ -49,7 +49,7 @@ def test_probabilities_do_not_overflow():
 
 def test_before_any_data_an_effect_is_at_work_one_time_in_three():
     """So none is named for what chance alone would show, and none needs more than is there."""
-    nothing = math.prod(1.0 - EFFECT_PRIOR * effect.odds for effect in EFFECTS.values())
+    nothing = math.prod(1.0 - TUNING.effect_prior * effect.odds for effect in EFFECTS.values())
     anything = 1.0 - nothing
     assert anything == pytest.approx(1.0 / 3.0, abs=0.06)
 
@@ -134,7 +134,7 @@ def test_thinned_inputs_give_the_same_heights():
     times = np.arange(0.0, DURATION - 0.1, 1.0 / 60.0)
     heights = predicted_heights(BASE, inputs, times)[:, 0]
     motion = prepare(MeasuredMotion("dense", inputs, times, msh=heights), noise=NOISE)
-    assert np.diff(motion.coarse.t).max() < 1.01 * SPACING
+    assert np.diff(motion.coarse.t).max() < 1.01 * TUNING.input_spacing
     answer = motion.simulate(BASE)
     assert answer is not None
     assert answer.at(motion.t, 0.0)[:, 0] == pytest.approx(heights, abs=2e-5)

@@ -9,12 +9,11 @@ from scipy.integrate import cumulative_simpson
 from slosh_discovery.discover.separate import separating_motion, variants_of
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
-    MAXIMUM_TRAVEL,
-    STILL,
     CandidateMotion,
     inputs_of,
     text_of,
 )
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model import Cylinder, Model, simulate
 from slosh_model.measure import predicted_heights
@@ -44,8 +43,8 @@ def test_every_family_starts_and_ends_at_rest_within_its_bounds(family, frequenc
     position = cumulative_simpson(velocity, x=inputs.t, axis=0, initial=0.0)
     assert velocity[-1] == pytest.approx(0.0, abs=1e-3)
     assert position[-1] == pytest.approx(0.0, abs=2e-3)
-    assert np.linalg.norm(np.ptp(position, axis=0)) <= MAXIMUM_TRAVEL + 1e-3
-    still, dwell = inputs.t <= STILL, inputs.t >= inputs.t[-1] - motion.dwell
+    assert np.linalg.norm(np.ptp(position, axis=0)) <= TUNING.most_travel + 1e-3
+    still, dwell = inputs.t <= TUNING.family_still, inputs.t >= inputs.t[-1] - motion.dwell
     assert not a[still].any()
     assert np.abs(a[dwell]).max() < 1e-9
     if inputs.attitude is not None:

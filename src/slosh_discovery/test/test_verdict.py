@@ -2,7 +2,8 @@
 
 import pytest
 
-from slosh_discovery.discover.search import ADEQUATE, Leftover
+from slosh_discovery.discover.search import Leftover
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.discover.verdict import trust_in
 
 GAP = Leftover(mean_square=0.8, stddev=0.03)
@@ -15,19 +16,19 @@ def test_what_leaves_nothing_but_noise_is_trusted():
 
 def test_a_name_that_explains_only_part_of_a_small_gap_is_not_certain():
     """Little beside the noise, and yet a third of the gap's amplitude: a law that is nearly it."""
-    rest = Leftover(mean_square=0.9 * ADEQUATE**2, stddev=0.005)
+    rest = Leftover(mean_square=0.9 * TUNING.adequate**2, stddev=0.005)
     assert rest.adequate
     assert trust_in(GAP, rest) < 0.9
 
 
 def test_the_same_rest_of_a_large_gap_matters_little():
     gap = Leftover(mean_square=400.0, stddev=0.5)
-    assert trust_in(gap, Leftover(mean_square=ADEQUATE**2, stddev=0.005)) > 0.95
+    assert trust_in(gap, Leftover(mean_square=TUNING.adequate**2, stddev=0.005)) > 0.95
 
 
 def test_where_nothing_is_missing_nothing_is_left_unexplained():
     """A base that is adequate leaves all of its own gap."""
-    base = Leftover(mean_square=0.9 * ADEQUATE**2, stddev=0.005)
+    base = Leftover(mean_square=0.9 * TUNING.adequate**2, stddev=0.005)
     assert trust_in(base, base) == 1.0
 
 

@@ -20,6 +20,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_estimator.azimuth import WaveOffset, wave_offset
 from slosh_estimator.rotation import Vector
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.wave_presence import Pair, PresenceWatch
 from slosh_metrics.alignment import despike
 from slosh_metrics.clock_drift import ClockWatch
@@ -28,23 +29,8 @@ from slosh_metrics.metrics import rms_error
 from slosh_metrics.motion_spans import AFTER_NS, MotionFinder, MotionSpan
 
 NAN = float("nan")
-TOLD_NS = 2 * SECOND
-"""So long after its end a motion is judged: by then the camera has told what it saw of it [ns]."""
-LONGEST_NS = 60 * SECOND
-"""A motion that does not end is judged by the minute [ns]."""
-RUNNING_NS = 2 * SECOND
-"""A motion that goes on is judged so often, over twice that time [ns]; such a judgement can find a
-disagreement, and ends none."""
 FEW = 16
 """So many accelerations are faster taken one by one."""
-LEAST = 20
-"""Compared images that a judgement needs."""
-NOISES = 3.0
-"""What noise explains: so many of the sensor's standard deviations,"""
-SHARE_OF_PEAK = 0.02
-"""or this share of the highest height, to which a camera's calibration is trusted,"""
-SHARE_OF_LIMIT = 0.05
-"""or this share of the disagreement that is watched: less concerns nobody."""
 
 
 class MotionAgreement(NamedTuple):
@@ -121,7 +107,7 @@ class MotionWatch:
 
     def watch(self, limit: float) -> None:
         """Judges the next motions by another limit of the disagreement [m]."""
-        self._least = SHARE_OF_LIMIT * limit if math.isfinite(limit) else 0.0
+        self._least = TUNING.agreement_share * limit if math.isfinite(limit) else 0.0
         self._presence.watch(limit)
 
     @property
@@ -199,13 +185,13 @@ class MotionWatch:
         self._presence.add(pair)
         if not self._moving.spans:
             # Of a motion that has just begun, the first moments are not known as such yet.
-            self._forget_pairs(stamp_ns - TOLD_NS)
+            self._forget_pairs(stamp_ns - TUNING.told_ns)
             return
         motion = self._moving.spans[0]
         self._looked_ns = max(self._looked_ns, motion.start_ns)
-        if stamp_ns - self._looked_ns >= RUNNING_NS and motion.end_ns + AFTER_NS > stamp_ns:
+        if stamp_ns - self._looked_ns >= TUNING.judged_ns and motion.end_ns + AFTER_NS > stamp_ns:
             self._looked_ns = stamp_ns
-            newest = max(motion.start_ns, stamp_ns - 2 * RUNNING_NS)
+            newest = max(motion.start_ns, stamp_ns - 2 * TUNING.judged_ns)
             found = self._agreement(MotionSpan(newest, stamp_ns))
             if found is not None and found.disagrees:
                 self._standing = found
@@ -215,7 +201,10 @@ class MotionWatch:
         if not self._moving.spans:
             return
         motion = self._moving.spans[0]
-        if stamp_ns - motion.end_ns >= TOLD_NS or stamp_ns - motion.start_ns >= LONGEST_NS:
+        if (
+            stamp_ns - motion.end_ns >= TUNING.told_ns
+            or stamp_ns - motion.start_ns >= TUNING.longest_ns
+        ):
             self._moving.forget_first()
             self._judge(motion)
 
@@ -236,7 +225,7 @@ class MotionWatch:
         self._news.append(found)
 
     def _compare_clocks(self, motion: MotionSpan) -> None:
-        if len(self._pairs) < LEAST:
+        if len(self._pairs) < TUNING.least_compared:
             return
         if self._origin is None:
             self._origin = motion.start_ns
@@ -259,14 +248,14 @@ class MotionWatch:
         clean = despike(measured)
         kept = np.isfinite(clean)
         images = int(np.count_nonzero(kept))
-        if images < LEAST:
+        if images < TUNING.least_compared:
             return None
         rms = rms_error(clean, estimated)
         known = stddev[kept & np.isfinite(stddev)]
         noise = float(np.sqrt(np.mean(known**2))) if len(known) else NAN
         peak = float(clean[kept].max())
         # Python's max: a NaN that comes later is passed over.
-        explained = max(self._least, SHARE_OF_PEAK * peak, NOISES * noise)
+        explained = max(self._least, TUNING.share_of_peak * peak, TUNING.agreement_noise * noise)
         wave[~kept] = complex(NAN, NAN)
         offset = wave_offset((stamps - motion.start_ns) * 1e-9, wave, expected, axis, noise)
         highest = float(estimated[kept].max())

@@ -15,36 +15,11 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_estimator.sight import SATURATED, UNUSABLE, SurfaceFlag
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.wave_presence import in_view
 
 Waves = NDArray[np.complex128]
 
-LEAST_TURN = math.radians(20.0)
-"""Smaller differences of the azimuth are not named [rad]."""
-SIGMAS = 3.0
-"""A difference counts where it is so many of its standard deviations."""
-LEAST_WAVE = 1e-3
-"""Root mean square of a wave below which its azimuth is not judged [m]."""
-LEAST_RATIO = 5.0
-"""The same in the sensor's standard deviations."""
-LEAST_COHERENCE = 0.5
-"""Waves that share less than this share of their energy are different waves, not turned ones."""
-NEAR, FAR, STEP = 0.04, 0.3, 0.02
-"""Time offsets: those at which a turn is looked for, those by which waves that are not turned
-may be explained instead, and the step between two [s]. A rotary wave that comes late looks turned;
-a planar one that comes half a period late looks turned by 180 degrees."""
-LEAST_GAIN = 0.02
-"""So much more of the waves' energy a turn must explain than a time offset does."""
-CLEAR_GAIN = 0.1
-"""From so much on the time offset is not told beside the turn."""
-BLOCK = 0.5
-"""Errors are taken as independent from one such stretch to the next [s]."""
-LEAST_BLOCKS = 4
-GAP = 0.15
-"""Waves are not interpolated between images that lie further apart [s]."""
-ACROSS = 0.25
-"""In a side view, where less than this share of the measured energy is expected in the plane of
-the image and most of it across, the wave is expected across the image."""
 _NO_DIRECTION = UNUSABLE | SATURATED | int(SurfaceFlag.AMBIGUOUS)
 
 
@@ -64,7 +39,10 @@ class WaveOffset(NamedTuple):
     @property
     def disagrees(self) -> bool:
         """Whether the turn is large and certain."""
-        return abs(self.turn) >= LEAST_TURN and abs(self.turn) > SIGMAS * self.stddev
+        return (
+            abs(self.turn) >= TUNING.least_turn
+            and abs(self.turn) > TUNING.turn_noise * self.stddev
+        )
 
     @property
     def sentence(self) -> str:
@@ -144,19 +122,19 @@ def wave_offset(
         the turn; None: the waves are too low, too short or too unlike to tell it.
     """
     known = np.isfinite(measured) & np.isfinite(expected)
-    if np.count_nonzero(known) < 2 * LEAST_BLOCKS:
+    if np.count_nonzero(known) < 2 * TUNING.least_blocks:
         return None
     seconds, measured, expected = (
         seconds[known] - seconds[known][0],
         measured[known],
         expected[known],
     )
-    high = max(LEAST_WAVE, LEAST_RATIO * noise if math.isfinite(noise) else 0.0)
+    high = max(TUNING.least_wave, TUNING.wave_noise * noise if math.isfinite(noise) else 0.0)
     if min(_rms(measured), _rms(expected)) < high:
         return None
     if np.isfinite(axis[known]).all():
         along = in_view(expected, axis[known])
-        if np.vdot(along, along).real < ACROSS * np.vdot(measured, measured).real:
+        if np.vdot(along, along).real < TUNING.across * np.vdot(measured, measured).real:
             ratio = min(_rms(along) / _rms(expected), 1.0)
             return WaveOffset(math.acos(ratio), noise / _rms(measured) if noise == noise else 0.0)
         expected = along
@@ -165,7 +143,9 @@ def wave_offset(
 
 def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None:
     """The turn between two waves of which the second may come a little late."""
-    lags = np.arange(-round(FAR / STEP), round(FAR / STEP) + 1) * STEP
+    # A rotary wave that comes late looks turned; a planar one half a period late, by 180 degrees.
+    reach = round(TUNING.offset_far / TUNING.offset_step)
+    lags = np.arange(-reach, reach + 1) * TUNING.offset_step
     products, energies = zip(
         *(_products(seconds, measured, expected, lag) for lag in lags.tolist()), strict=True
     )
@@ -174,14 +154,14 @@ def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None
     with np.errstate(invalid="ignore", divide="ignore"):
         turned = np.where(energy > 0.0, np.abs(total) ** 2 / energy, 0.0)
         late = np.where(energy > 0.0, np.maximum(total.real, 0.0) ** 2 / energy, 0.0)
-    best = int(np.argmax(np.where(np.abs(lags) <= NEAR + 1e-9, turned, -1.0)))
+    best = int(np.argmax(np.where(np.abs(lags) <= TUNING.offset_near + 1e-9, turned, -1.0)))
     blocks = table[best][table[best] != 0.0]
-    if turned[best] < LEAST_COHERENCE or len(blocks) < LEAST_BLOCKS:
+    if turned[best] < TUNING.least_coherence or len(blocks) < TUNING.least_blocks:
         return None
     gain = float(turned[best] - late.max())
-    if gain < LEAST_GAIN:
+    if gain < TUNING.least_gain:
         return WaveOffset(0.0, 0.0)
-    delay = float(lags[np.argmax(late)]) if gain < CLEAR_GAIN else math.nan
+    delay = float(lags[np.argmax(late)]) if gain < TUNING.clear_gain else math.nan
     turn = float(np.angle(blocks.sum()))
     without = np.angle((blocks.sum() - blocks) * np.exp(-1j * turn))
     spread = math.sqrt((len(blocks) - 1) / len(blocks) * float(np.sum(without**2)))
@@ -193,11 +173,11 @@ def _products(seconds: Array, measured: Waves, expected: Waves, lag: float) -> t
     moments = seconds - lag
     after = np.clip(np.searchsorted(seconds, moments), 1, len(seconds) - 1)
     inside = (moments >= seconds[0]) & (moments <= seconds[-1])
-    inside &= seconds[after] - seconds[after - 1] <= GAP
+    inside &= seconds[after] - seconds[after - 1] <= TUNING.image_gap
     shifted = np.where(inside, np.interp(moments, seconds, expected), 0.0)
     seen = np.where(inside, measured, 0.0)
     product = seen * np.conj(shifted)
-    number = (seconds // BLOCK).astype(np.int64)
+    number = (seconds // TUNING.error_block).astype(np.int64)
     sums = np.bincount(number, product.real) + 1j * np.bincount(number, product.imag)
     energy = float(np.vdot(seen, seen).real * np.vdot(shifted, shifted).real)
     return sums, energy

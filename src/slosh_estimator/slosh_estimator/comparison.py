@@ -7,10 +7,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from slosh_estimator.rotation import Vector
-
-PATIENCE_NS = 100_000_000
-"""So long a measurement waits for an estimator that is silent: at its start, and after a pause,
-the first image may be here before the first estimate [ns]."""
+from slosh_estimator.tuning import TUNING
 
 
 class Condition(IntEnum):
@@ -107,7 +104,7 @@ class Waiting(NamedTuple):
 
     def is_over(self, now_ns: int) -> bool:
         """Whether it has waited long enough for one who is silent; a clock may be set back."""
-        return not 0 <= now_ns - self.arrival_ns < PATIENCE_NS
+        return not 0 <= now_ns - self.arrival_ns < TUNING.patience_ns
 
 
 class Comparison(NamedTuple):

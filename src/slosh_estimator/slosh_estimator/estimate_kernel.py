@@ -20,6 +20,7 @@ from slosh_base.compiled.compilation import (
     compiled,
     entry_point,
 )
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_model import kernel
 from slosh_model.chains import all_readings
@@ -28,12 +29,9 @@ from slosh_model.indices import STATE_COUNT, VX, VY, X, Y
 from slosh_model.layout import records
 
 MAX_STEP = 0.002
-JERK_FILTER = 0.02
-"""Time constant of the low-pass behind the jerk [s].
-
-The jerk is that of the low-passed acceleration, (a - ā)/τ. White noise of 0.05 m/s² then reads as
-about 2.5 m/s³, against limits of 60 and more; a motion law's jerk comes 20 ms late.
-"""
+JERK_FILTER = TUNING.jerk_filter
+"""The jerk is that of the low-passed acceleration, (a - ā)/τ. White noise of 0.05 m/s² reads as
+about 2.5 m/s³, against limits of 60 and more; a motion law's jerk comes 20 ms late."""
 MSH, AZIMUTH, SH_X, SH_Y = range(4)
 ANSWERS = 4
 """How a row of answers begins: these of L, then these of NL [m, rad]."""

@@ -27,6 +27,7 @@ from slosh_estimator.estimate_kernel import (
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.self_test import check_model
 from slosh_estimator.state import EstimatorState
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, validity_limits
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
@@ -36,12 +37,6 @@ from slosh_model.measure import reading_clock
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
 
-RUNAWAY = 5.0
-"""A sloshing mass farther out than so many radii, or half sides, is no liquid any more."""
-STILL = 0.0005
-"""A wave of less height is none [m]: the camera's own noise."""
-SETTLED = 3.0
-"""After so many time constants 1/(ζω) less than 5 % of an unknown initial state is left."""
 _SETTLING = int(EstimateFlag.SETTLING)
 _AFTER_GAP = int(EstimateFlag.AFTER_GAP)
 _DIVERGED = int(EstimateFlag.DIVERGED)
@@ -159,7 +154,7 @@ class Estimator:
         checks = self._checks.view(CHECKS)
         for name, limit in validity_limits(model).items():
             checks[name] = limit
-        checks["runaway"] = RUNAWAY * max(model.container.reaches)
+        checks["runaway"] = TUNING.runaway * max(model.container.reaches)
         checks["reads"] = float(bool(model.uses("reading")))
         self._modes = len(linear.modal)
         self._row = np.zeros(ROW + 2 * MODAL * self._modes)
@@ -169,7 +164,7 @@ class Estimator:
         first = model.mode_constants()[0]
         slowest = min(first.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
         rate = first.damping_ratio * slowest
-        self._settling_ns = round(SETTLED / rate * 1e9) if rate > 1e-6 else 2**62
+        self._settling_ns = round(TUNING.settled / rate * 1e9) if rate > 1e-6 else 2**62
 
     def reset(self) -> None:
         """Back to rest; the next sample counts as the first.
@@ -247,7 +242,7 @@ class Estimator:
             last.ax, last.ay, last.az, last.yaw, True,
         )  # fmt: skip
         return all(
-            _distance(divided(model.store)[1], divided(rest)[1]) < STILL
+            _distance(divided(model.store)[1], divided(rest)[1]) < TUNING.still
             for model, rest in zip(models, resting, strict=True)
         )
 

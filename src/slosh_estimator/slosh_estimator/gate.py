@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.rotation import Vector
-
-STRONGEST = 2000.0
-"""No arm moves a container with more, and no sensor on one shows more [m/s²]: 200 g."""
-_AGREEING = 5
-"""So many samples in a row that agree with each other make a jump a new motion."""
+from slosh_estimator.tuning import TUNING
 
 
 class SampleVerdict(Enum):
@@ -109,7 +105,7 @@ class SampleGate:
         self.used = self.dropped = 0
         self.interval_ns = self.gap_ns = 0
         self.change(settings)
-        self._agreeing = 1 if settings.chosen else _AGREEING
+        self._agreeing = 1 if settings.chosen else TUNING.agreeing
         self._restart_after = settings.restart_after
         self._last_ns: int | None = None
         self._early_ns: int | None = None
@@ -222,7 +218,7 @@ class SampleGate:
         fault: SampleVerdict | None,
     ) -> SampleVerdict:
         if fault is None and acceleration is not None:
-            fault = fault_of(acceleration, STRONGEST)
+            fault = fault_of(acceleration, TUNING.strongest)
         if fault is not None:
             return fault
         if now_ns is not None and not -self._max_age_ns <= now_ns - stamp_ns <= self._max_age_ns:
@@ -272,7 +268,9 @@ class SampleGate:
             return False
         changes = np.abs(np.diff(accelerations, axis=0, prepend=[self._last]))
         # Written so that NaN fails too.
-        return bool(changes.max() <= self._max_jump and np.abs(accelerations).max() <= STRONGEST)
+        return bool(
+            changes.max() <= self._max_jump and np.abs(accelerations).max() <= TUNING.strongest
+        )
 
     def _time_was_set_back(self, stamp_ns: int) -> bool:
         """True once enough early samples follow each other in order."""

@@ -23,16 +23,9 @@ from slosh_estimator.rotation import Vector, cross, rotate
 from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
+from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.imu_check import ImuCheck
 from slosh_model.constants import GRAVITY
-
-ANGULAR_FILTER = 0.01
-"""Time constant of the low-pass behind ω̇ [s]."""
-GRAVITY_FILTER = 2.0
-"""Time constant of the mean ‖f‖ by which a sensor without gravity is recognised [s]."""
-TOO_LIGHT, TOO_HEAVY = 0.5 * GRAVITY, 3.0 * GRAVITY
-FASTEST_TURN = 200.0
-"""No gyroscope on an arm shows more [rad/s]: 30 turns a second."""
 
 
 class ImuInput(CheckedInput):
@@ -72,7 +65,7 @@ class ImuInput(CheckedInput):
             rate: angular velocity in the sensor's axes [rad/s]; None: the sensor reports none.
             now_ns: the time of arrival [ns].
         """
-        fault = None if rate is None else fault_of(rate, FASTEST_TURN)
+        fault = None if rate is None else fault_of(rate, TUNING.fastest_turn)
         verdict = self.gate.judge(stamp_ns, force, now_ns, fault)
         if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return None
@@ -133,11 +126,11 @@ class ImuInput(CheckedInput):
     @property
     def _doubtful(self) -> bool:
         mean = self._mean_force
-        return mean is not None and not TOO_LIGHT <= mean <= TOO_HEAVY
+        return mean is not None and not TUNING.too_light <= mean <= TUNING.too_heavy
 
     def _angular_acceleration(self, omega: Vector, dt: float) -> Vector:
         """From the low-passed angular velocity [rad/s²]."""
-        blend = dt / (ANGULAR_FILTER + dt)
+        blend = dt / (TUNING.angular_filter + dt)
         slow = self._slow_rate
         change = (omega[0] - slow[0], omega[1] - slow[1], omega[2] - slow[2])
         self._slow_rate = (
@@ -145,7 +138,7 @@ class ImuInput(CheckedInput):
             slow[1] + blend * change[1],
             slow[2] + blend * change[2],
         )
-        inverse = 1.0 / (ANGULAR_FILTER + dt)
+        inverse = 1.0 / (TUNING.angular_filter + dt)
         return change[0] * inverse, change[1] * inverse, change[2] * inverse
 
     def _force_at_origin(self, force: Vector, omega: Vector, change: Vector) -> Vector:
@@ -160,4 +153,4 @@ class ImuInput(CheckedInput):
 
     def _watch_gravity(self, magnitude: float, dt: float) -> None:
         mean = magnitude if self._mean_force is None else self._mean_force
-        self._mean_force = mean + dt / (GRAVITY_FILTER + dt) * (magnitude - mean)
+        self._mean_force = mean + dt / (TUNING.gravity_filter + dt) * (magnitude - mean)

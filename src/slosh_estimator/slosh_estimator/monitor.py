@@ -29,7 +29,6 @@ from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.sight import (
     AMBIGUOUS,
     FROZEN,
-    HIGHEST,
     SATURATED,
     UNUSABLE,
     Sight,
@@ -38,6 +37,7 @@ from slosh_estimator.sight import (
     obstacle,
 )
 from slosh_estimator.stray_heights import StrayHeights
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import RunningAccuracy
 
@@ -171,7 +171,7 @@ class Monitor:
         if not self.settings.camera:
             return []
         self._measured_at = arrival_ns
-        usable = not point.flags & UNUSABLE and abs(point.msh) <= HIGHEST
+        usable = not point.flags & UNUSABLE and abs(point.msh) <= TUNING.highest
         height = point.msh if usable else NAN
         point = point._replace(msh=height)
         self._last_measured, self._measured_stamp = height, point.stamp_ns

@@ -23,15 +23,10 @@ from numba.types import UniTuple, float64, int64
 from slosh_base.compiled.compilation import CHANGED_1, GIVEN_1, GIVEN_2, compiled, entry_point
 from slosh_base.compiled.normal_equations import factorize, substitute
 from slosh_estimator.sampling import Modes, interpolation_gain
+from slosh_estimator.tuning import TUNING
 
-REACH = 1.43
-"""ωH of the window that is chosen."""
-FASTEST_MODE = 30.0
-"""What is to be carried where no model is known [rad/s]: the first mode of a cup of 40 mm."""
 FEWEST, MOST = 2, 100
 """Poses on each side of the centre; more than the second make nothing better but cost time."""
-STEP = 0.25
-"""Largest ωT between the accelerations: a straight line then loses half a percent."""
 _MOST_PARTS = 9
 _QUINTIC, _QUARTIC = 6, 5
 CUBIC = 4
@@ -57,8 +52,8 @@ class PoseFilter(NamedTuple):
             modes: to be carried; none: of a small cup.
             window: length of the window [s]; 0: the longest one that carries them.
         """
-        fastest = max((frequency for _, frequency in modes), default=FASTEST_MODE)
-        return cls(fastest, 0.5 * window if window > 0.0 else REACH / fastest)
+        fastest = max((frequency for _, frequency in modes), default=TUNING.fastest_mode)
+        return cls(fastest, 0.5 * window if window > 0.0 else TUNING.reach / fastest)
 
     def side(self, interval: float) -> int:
         """Poses on each side of the centre, at an interval [s]."""
@@ -67,7 +62,7 @@ class PoseFilter(NamedTuple):
 
     def parts(self, spacing: float) -> int:
         """Into how many samples, an odd number, a pose's share of the time [s] is divided."""
-        needed = min(math.ceil(self.fastest * spacing / STEP), _MOST_PARTS)
+        needed = min(math.ceil(self.fastest * spacing / TUNING.phase_step), _MOST_PARTS)
         return needed + 1 - needed % 2
 
     def gain(self, frequency: float, interval: float) -> float:

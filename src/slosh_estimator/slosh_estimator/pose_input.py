@@ -32,19 +32,10 @@ from slosh_estimator.rotation import Vector, yaw_of_quaternion
 from slosh_estimator.sample import SECONDS_PER_NS, Sample
 from slosh_estimator.sampling import MEMORY, Modes, Sampling
 from slosh_estimator.state import remembered
+from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.input_checks import PoseCheck
 
 MINIMUM_WINDOW = 2 * FEWEST + 1
-MAXIMUM_SPEED = 20.0
-"""A faster change between two poses is a jump of the tracker, not a motion [m/s]."""
-FARTHEST = 1e4
-"""No container is farther from the origin of its cell [m]."""
-LENGTHS = (1e-3, 1e3)
-"""Lengths that a quaternion may have."""
-CLOCK = 32
-"""So many poses before the centre, or those of the window, tell the even clock."""
-KEPT = 0.99
-"""What is kept at each pose of how well stamps and even clock have fitted."""
 _NUMBERS = 7
 """Of a pose: position and quaternion."""
 
@@ -131,7 +122,7 @@ class PoseInput(CheckedInput):
         """
         if frame != self._frame and self._strange(frame):
             return []
-        fault = fault_of(position, FARTHEST) or _fault_of_attitude(quaternion)
+        fault = fault_of(position, TUNING.farthest) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return []
@@ -207,8 +198,8 @@ class PoseInput(CheckedInput):
             return self.refusal()
         if self.jumps:
             return (
-                f"{self.jumps} jumps of more than {MAXIMUM_SPEED:g} m/s in the pose: check the "
-                "tracker, and that positions are in m"
+                f"{self.jumps} jumps of more than {TUNING.fastest_move:g} m/s in the pose: check "
+                "the tracker, and that positions are in m"
             )
         return None
 
@@ -247,7 +238,7 @@ class PoseInput(CheckedInput):
         if not len(self._poses):
             return False
         seconds = (stamp_ns - self._poses.newest_ns) * SECONDS_PER_NS
-        return math.dist(position, self._poses.newest_position) > MAXIMUM_SPEED * seconds
+        return math.dist(position, self._poses.newest_position) > TUNING.fastest_move * seconds
 
     def _gain(self, frequency: float, interval: float) -> float:
         return PoseFilter.of(self.sampling.modes, self._seconds).gain(frequency, interval)
@@ -271,7 +262,7 @@ class PoseInput(CheckedInput):
             first = int(np.searchsorted(stamps, centre - self._reach_ns))
             first = max(min(first, self._at - FEWEST), 0)
             if not self._restarted:
-                dropped = self._poses.forget(min(first, self._at - CLOCK))
+                dropped = self._poses.forget(min(first, self._at - TUNING.clock_poses))
                 if dropped:
                     self._at -= dropped
                     continue
@@ -340,7 +331,8 @@ class PoseInput(CheckedInput):
         known = (stamps[:end] - stamps[self._at]) * SECONDS_PER_NS
         found = self._even_times(ticks, positions, known, first, self.sampling.seconds)
         stamped, even = (
-            KEPT * old + new for old, new in zip(self._misfit, found[:2], strict=True)
+            TUNING.clock_memory * old + new
+            for old, new in zip(self._misfit, found[:2], strict=True)
         )
         self._misfit = stamped, even
         if not stamped > 0.0:
@@ -427,6 +419,6 @@ class _Poses:
 
 def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> SampleVerdict | None:
     length = math.hypot(*quaternion)
-    if LENGTHS[0] <= length <= LENGTHS[1]:
+    if TUNING.lengths[0] <= length <= TUNING.lengths[1]:
         return None
     return SampleVerdict.IMPOSSIBLE if math.isfinite(length) else SampleVerdict.NOT_FINITE

@@ -12,15 +12,9 @@ from typing import NamedTuple
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.agreement import MotionAgreement
+from slosh_estimator.tuning import TUNING
 
 NAN = float("nan")
-EARLY_NS = SECOND // 2
-"""A motion may begin so much before it was said to [ns]: clocks of two machines."""
-LATE = 1.0
-"""And so much later [s], with LATE_SHARE of its duration: its beginning may be too gentle."""
-LATE_SHARE = 0.25
-TOLERANCE, TOLERANCE_SHARE = 0.5, 0.25
-"""A motion that lasts as long as planned to within this [s], or this share, is the planned one."""
 LONGEST_WAIT_NS = 600 * SECOND
 MOST_WAITING = 16
 
@@ -37,14 +31,16 @@ class Announced(NamedTuple):
     @property
     def expected_ns(self) -> int:
         """The earliest that its motion can have begun [ns]."""
-        return (self.start_ns or self.stamp_ns) - EARLY_NS
+        return (self.start_ns or self.stamp_ns) - TUNING.early_ns
 
     @property
     def latest_ns(self) -> int:
         """The latest [ns]."""
         if not self.start_ns:
             return self.stamp_ns + LONGEST_WAIT_NS
-        return self.start_ns + round((LATE + LATE_SHARE * self.duration) * SECOND)
+        return self.start_ns + round(
+            (TUNING.late + TUNING.duration_share * self.duration) * SECOND
+        )
 
 
 class Outcome(NamedTuple):
@@ -122,7 +118,7 @@ class PredictionRecord:
 
     def _outcome(self, prediction: Announced, motion: MotionAgreement) -> Outcome:
         lasted = (motion.end_ns - motion.start_ns) / SECOND
-        allowed = max(TOLERANCE, TOLERANCE_SHARE * prediction.duration)
+        allowed = max(TUNING.duration_error, TUNING.duration_share * prediction.duration)
         counted = abs(lasted - prediction.duration) <= allowed
         error = motion.peak - prediction.peak
         if counted:

@@ -11,24 +11,8 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.comparison import Expected, MeasuredPoint
-
-WINDOW_NS = SECOND // 2
-"""Images of so much time at most are looked at [ns]: some periods of a wave."""
-LEAST_NS = 3 * SECOND // 20
-"""And of so much at least: a crest stands for a shorter time [ns]."""
-IN_TURN = 3
-"""So many old pictures at most are handed out in turn."""
-EACH = 4
-"""So often each of them is seen before it counts as one."""
-SAME, NOISES, ROUGHEST = 1.5e-4, 4.0, 6e-4
-"""Heights of one picture differ by less than this, or so many standard deviations; at most by the
-last [m]."""
-WAVE = 2e-3
-"""An old picture without such a wave is a side without a wave, see `wave_presence` [m]."""
-MOVES, TIMES = 3e-3, 8.0
-"""The liquid moves where the expected wave does by this [m] and so many times what is the same."""
+from slosh_estimator.tuning import TUNING
 
 
 class RepeatedHeights:
@@ -48,26 +32,29 @@ class RepeatedHeights:
         else:  # a side view shows the component in the image plane alone
             told = complex(height), complex(expected.nonlinear)
         seen = self._seen
-        if seen and not 0 < measured.stamp_ns - seen[-1][0] < WINDOW_NS:
+        if seen and not 0 < measured.stamp_ns - seen[-1][0] < TUNING.repeat_window_ns:
             seen.clear()
         stddev = measured.stddev if math.isfinite(measured.stddev) else 0.0
         seen.append((measured.stamp_ns, *told, stddev))
-        while measured.stamp_ns - seen[0][0] > WINDOW_NS:
+        while measured.stamp_ns - seen[0][0] > TUNING.repeat_window_ns:
             seen.popleft()
-        long = measured.stamp_ns - seen[0][0] >= LEAST_NS
-        return height > WAVE and long and self._repeats()
+        long = measured.stamp_ns - seen[0][0] >= TUNING.repeat_least_ns
+        return height > TUNING.repeat_wave and long and self._repeats()
 
     def _repeats(self) -> bool:
-        same = min(max(SAME, NOISES * max(one[3] for one in self._seen)), ROUGHEST)
-        moves = max(MOVES, TIMES * same)
+        same = min(
+            max(TUNING.same, TUNING.same_noise * max(one[3] for one in self._seen)),
+            TUNING.same_most,
+        )
+        moves = max(TUNING.moves, TUNING.moves_times * same)
         if _spread([one[2] for one in self._seen]) <= moves:
             return False
-        return any(self._in_turn(count, same, moves) for count in range(1, IN_TURN + 1))
+        return any(self._in_turn(count, same, moves) for count in range(1, TUNING.in_turn + 1))
 
     def _in_turn(self, count: int, same: float, moves: float) -> bool:
         """Whether so many pictures come in turn."""
         turns = list(self._turns(count))
-        if len(turns[-1]) < EACH or any(
+        if len(turns[-1]) < TUNING.each or any(
             _spread([one[1] for one in turn]) > same for turn in turns
         ):
             return False
@@ -75,8 +62,8 @@ class RepeatedHeights:
 
     def _turns(self, count: int) -> Iterator[Sequence[tuple[int, complex, complex, float]]]:
         newest = list(reversed(self._seen))
-        recent = sum(newest[0][0] - one[0] <= LEAST_NS for one in newest)
-        newest = newest[: max(count * 2 * EACH, recent)]
+        recent = sum(newest[0][0] - one[0] <= TUNING.repeat_least_ns for one in newest)
+        newest = newest[: max(count * 2 * TUNING.each, recent)]
         for first in range(count):
             yield list(islice(newest, first, None, count))
 

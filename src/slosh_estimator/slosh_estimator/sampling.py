@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from slosh_base.types import Integers
 from slosh_estimator.gate import SampleGate
 from slosh_estimator.sample import SECONDS_PER_NS
+from slosh_estimator.tuning import TUNING
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
 
@@ -26,8 +27,6 @@ Modes = tuple[tuple[int, float], ...]
 Gain = Callable[[float, float], float]
 """Of a wave of a frequency [rad/s] at an interval between samples [s]."""
 
-CARRIED = (0.97, 1.03)
-"""Gains between which an input carries a mode."""
 TOO_SLOW = (
     "the rate of the estimator's input is too low for a sloshing mode: its heights are wrong"
 )
@@ -35,12 +34,6 @@ BLOCK = 32
 """So many intervals tell the rate anew."""
 MEMORY = BLOCK + 2
 """Numbers of a memory: the interval, whether a gap was last, and an unfinished block."""
-FIRST = 4
-"""So many tell it for the first time."""
-_RESTARTS = 4
-"""At least so many restarts, and one in so many samples, are no single gaps."""
-_CHANGE = 33
-"""A rate that differs by less than one part in so many is the same."""
 _FASTEST, _STEP = 1000, 5
 """Rates that are proposed reach up to the first, in steps of the second [Hz]."""
 
@@ -195,10 +188,10 @@ class Sampling:
 
     @property
     def _wanted(self) -> int:
-        return BLOCK if self.interval_ns else FIRST
+        return BLOCK if self.interval_ns else TUNING.first_rate
 
     def _settle(self, found: int) -> None:
-        if _CHANGE * abs(found - self.interval_ns) > self.interval_ns:
+        if TUNING.rate_change * abs(found - self.interval_ns) > self.interval_ns:
             self.interval_ns = found
             self._judge()
 
@@ -210,7 +203,7 @@ class Sampling:
         """Number, frequency and gain of the modes that are not carried at an interval [s]."""
         for number, frequency in self.modes:
             gain = self._gain(frequency, interval)
-            if not CARRIED[0] <= gain <= CARRIED[1]:
+            if not TUNING.carried[0] <= gain <= TUNING.carried[1]:
                 yield number, frequency, gain
 
     def _sufficient_rate(self) -> int | None:
@@ -232,7 +225,7 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
         used: how many of them were used.
         restarts: how many of these came after a gap.
     """
-    if restarts < _RESTARTS or _RESTARTS * restarts < used:
+    if restarts < TUNING.restarts or TUNING.restarts * restarts < used:
         return ""
     apart, limit = gate.gap_ns * SECONDS_PER_NS, gate.max_gap_ns * SECONDS_PER_NS
     return (

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array, Integers
 from slosh_estimator.sample import SECONDS_PER_NS
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 
 
@@ -37,12 +38,6 @@ SATURATED = int(SurfaceFlag.SATURATED)
 FROZEN = int(SurfaceFlag.FROZEN)
 AMBIGUOUS = int(SurfaceFlag.AMBIGUOUS)
 UNUSABLE = int(SurfaceFlag.NOT_FOUND | SurfaceFlag.BAD_IMAGE)
-HIGHEST = 10.0
-"""No container is higher [m]: a measured height beyond it is none, whoever publishes it."""
-FAR = 2.0
-"""So far apart the two sides' newest stamps never lie where their clocks are one [s]."""
-STANDS = 0.8
-"""After so long without a step a simulated clock stands [s]."""
 _MEASURED = {
     SurfaceFlag.CONTESTED: "several publishers send images (CONTESTED)",
     SurfaceFlag.BAD_IMAGE: (
@@ -110,7 +105,7 @@ def judged(
 def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
     """That the two sides' newest stamps [ns] are of two clocks; empty: they may be of one."""
     apart = (measured_ns - estimated_ns) * SECONDS_PER_NS
-    if abs(apart) <= FAR:
+    if abs(apart) <= TUNING.clocks_apart:
         return ""
     return (
         f"the stamps of the measurements are {abs(apart):.3f} s "
@@ -140,7 +135,7 @@ class ClockWatch:
             self._clock_ns, self._moved_ns = clock_ns, steady_ns
         since = self._began_ns if self._moved_ns is None else self._moved_ns
         seconds = (steady_ns - since) * SECONDS_PER_NS
-        if self._moved_ns is not None and seconds < STANDS:
+        if self._moved_ns is not None and seconds < TUNING.clock_stands:
             return ""
         return (
             f"simulated time does not advance for {seconds:.1f} s: use_sim_time is set, but no "

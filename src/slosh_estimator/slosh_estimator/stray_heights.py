@@ -11,27 +11,15 @@ import math
 from collections import deque
 from itertools import pairwise
 
-from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.comparison import Expected, MeasuredPoint
-
-KEPT = 12
-"""Images back to which is compared: some periods of a wave at a camera's least rate."""
-LEAST = 6
-"""Of so many the usual change must be known."""
-PAUSE_NS = SECOND // 5
-"""After so long without an image the difference may be any [ns]."""
-JUMP, TIMES, NOISES = 2e-3, 2.0, 8.0
-"""A difference jumps where it changes by more than this [m], so many times the largest change
-before, and so many standard deviations of the height."""
-LASTING = 2
-"""What jumps so often in a row and stays is no stray."""
+from slosh_estimator.tuning import TUNING
 
 
 class StrayHeights:
     """Takes both sides of moments in their order."""
 
     def __init__(self) -> None:
-        self._kept: deque[tuple[int, float]] = deque(maxlen=KEPT)
+        self._kept: deque[tuple[int, float]] = deque(maxlen=TUNING.stray_kept)
         self._strays = 0
 
     def look(self, measured: MeasuredPoint, expected: Expected) -> bool:
@@ -40,11 +28,11 @@ class StrayHeights:
         if not math.isfinite(off):
             return False
         kept, at = self._kept, measured.stamp_ns
-        if kept and not 0 < at - kept[-1][0] < PAUSE_NS:
+        if kept and not 0 < at - kept[-1][0] < TUNING.stray_pause_ns:
             self._forget()
         stray = self._jumps(off, measured.stddev if math.isfinite(measured.stddev) else 0.0)
         self._strays = self._strays + 1 if stray else 0
-        if self._strays > LASTING:
+        if self._strays > TUNING.lasting:
             self._forget()
             stray = False
         if not stray:
@@ -53,10 +41,12 @@ class StrayHeights:
 
     def _jumps(self, off: float, stddev: float) -> bool:
         values = [one[1] for one in self._kept]
-        if len(values) < LEAST:
+        if len(values) < TUNING.stray_least:
             return False
         usual = max(abs(b - a) for a, b in pairwise(values))
-        return abs(off - values[-1]) > max(JUMP, TIMES * usual, NOISES * stddev)
+        return abs(off - values[-1]) > max(
+            TUNING.jump, TUNING.jump_times * usual, TUNING.jump_noise * stddev
+        )
 
     def _forget(self) -> None:
         self._kept.clear()

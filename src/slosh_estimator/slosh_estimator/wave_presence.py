@@ -14,29 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
+from slosh_estimator.tuning import TUNING
 
 Waves = NDArray[np.complex128]
 NAN = float("nan")
-WINDOW_NS = 2 * SECOND
-"""Moving is judged so often [ns]: some periods of a wave."""
-LONGEST_NS = 10 * SECOND
-"""Images that are spread over more time are not judged together [ns]."""
-LEAST = 20
-"""Compared images that a judgement needs."""
-NOISES = 5.0
-"""A wave is larger than so many of the sensor's standard deviations,"""
-LEAST_WAVE = 1e-3
-"""and than this [m], or where a disagreement is watched, than this share of its limit."""
-SHARE_OF_LIMIT = 0.1
-MISSING = 0.25
-"""A wave is missing where it has less than this share of the other side's size."""
-NOTHING = 0.05
-"""A model that shows less than this share of the measured wave shows none."""
-SUSTAINED = 0.97
-"""A wave that falls below this share of its size from one window to the next only dies out: it is
-of the time before the estimator started, and says nothing of its input."""
 
 
 class Pair(NamedTuple):
@@ -76,7 +58,7 @@ class PresenceWatch:
 
     def watch(self, limit: float) -> None:
         """Judges by another limit of the disagreement [m]."""
-        self._least = SHARE_OF_LIMIT * limit if math.isfinite(limit) else LEAST_WAVE
+        self._least = TUNING.presence_share * limit if math.isfinite(limit) else TUNING.least_wave
 
     def reset(self) -> None:
         """Starts anew, without a judgement."""
@@ -90,11 +72,14 @@ class PresenceWatch:
 
     def add(self, pair: Pair) -> None:
         """Takes a pair of finite heights."""
-        if self._pairs and not 0 <= pair.stamp_ns - self._pairs[0].stamp_ns <= LONGEST_NS:
+        if (
+            self._pairs
+            and not 0 <= pair.stamp_ns - self._pairs[0].stamp_ns <= TUNING.presence_longest_ns
+        ):
             self.forget()
         self._pairs.append(pair)
-        long = pair.stamp_ns - self._pairs[0].stamp_ns >= WINDOW_NS
-        if long and len(self._pairs) >= LEAST:
+        long = pair.stamp_ns - self._pairs[0].stamp_ns >= TUNING.judged_ns
+        if long and len(self._pairs) >= TUNING.least_compared:
             self._judge()
             self._pairs.clear()
 
@@ -106,18 +91,18 @@ class PresenceWatch:
         noise = float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
         along = in_view(expected, axis)
         both = np.isfinite(wave) & np.isfinite(along)
-        if np.count_nonzero(both) >= LEAST:
+        if np.count_nonzero(both) >= TUNING.least_compared:
             seen, told = _size(wave[both]), _size(along[both])
         else:
             seen, told = _size(measured), _size(estimated)
         before, self._before = self._before, (seen, told)
-        if max(seen, told) <= max(NOISES * noise, self._least):
+        if max(seen, told) <= max(TUNING.wave_noise * noise, self._least):
             return
-        if min(seen, told) >= MISSING * max(seen, told):
+        if min(seen, told) >= TUNING.missing * max(seen, told):
             self.warning = ""
-        elif seen > told and seen >= SUSTAINED * before[0]:
-            self.warning = _not_expected(measured, estimated, none=told < NOTHING * seen)
-        elif told > seen and told >= SUSTAINED * before[1]:
+        elif seen > told and seen >= TUNING.sustained * before[0]:
+            self.warning = _not_expected(measured, estimated, none=told < TUNING.nothing * seen)
+        elif told > seen and told >= TUNING.sustained * before[1]:
             self.warning = (
                 f"the model expects a wave of {_crest(estimated):.1f} mm, but the camera sees "
                 "none: check that it sees the moving container and sends new images"

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from slosh_estimator.agreement import LEAST, MotionAgreement, MotionWatch
+from slosh_estimator.agreement import MotionAgreement, MotionWatch
 from slosh_estimator.comparison import Condition, EstimatePoint, MeasuredPoint
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.motion_spans import motion_spans
 from slosh_model.containers import Cylinder
@@ -119,7 +120,7 @@ def test_estimates_from_an_unknown_state_and_lower_bounds_are_not_judged() -> No
 
 
 def test_too_few_images_are_no_judgement() -> None:
-    for images, judged in ((LEAST - 1, 0), (LEAST, 1)):
+    for images, judged in ((TUNING.least_compared - 1, 0), (TUNING.least_compared, 1)):
         watch = MotionWatch()
         for k in range(400):
             watch.add_acceleration(k * 10 * MS, (1.0 if k < 100 else 0.0, 0.0, 0.0))

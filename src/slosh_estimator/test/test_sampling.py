@@ -14,9 +14,10 @@ from slosh_estimator.gate import GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
-from slosh_estimator.pose_filter import REACH, PoseFilter
+from slosh_estimator.pose_filter import PoseFilter
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sampling import MEMORY, Sampling, gap_sentence, interpolation_gain, modes_of
+from slosh_estimator.tuning import TUNING
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.model import Model
@@ -77,7 +78,7 @@ def test_the_window_is_the_longest_that_carries_the_fastest_mode() -> None:
     for w in (10.0, 21.0, 45.0):
         chosen = PoseFilter.of(((1, w),), 0.0)
         assert chosen.gain(w, 0.02 / w) == pytest.approx(0.995, abs=1e-3)
-        longer = PoseFilter(w, 1.2 * REACH / w)
+        longer = PoseFilter(w, 1.2 * TUNING.reach / w)
         assert longer.gain(w, 0.02 / w) < 0.991
 
 

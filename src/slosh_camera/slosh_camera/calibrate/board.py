@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slosh_camera.calibrate.aruco import board_of, dictionary_of, find_corners
 from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import place_of
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup
@@ -26,13 +27,6 @@ FORMAT = "charuco:COLSxROWS:SQUARE:MARKER[:DICT] or aruco:COLSxROWS:MARKER:GAP[:
 _DEFAULT_DICTIONARY = "4X4_50"
 _MAX_SIDE = 50
 _LEAST_CORNERS = 4
-_MAX_RESIDUAL = 1.5
-# The other of the two poses that a plane's perspective leaves must fit worse by this factor.
-_AMBIGUOUS = 1.5
-# Corners of a board are found to this at best [px]; a board lies flat, the depth of the liquid and
-# the thickness of the container's floor are known to [rad, m].
-_LEAST_ERROR = 0.1
-_FLATNESS, _LEVEL_ERROR = 0.002, 0.001
 # A board and a container that differ by more than this contradict each other [m, rad].
 _CONTRADICTION = (0.006, 0.03, 0.03)
 _STEP = 1e-6
@@ -154,13 +148,13 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
     points, seen, lens = _for_opencv(camera, points, corners)
     matrix = camera.matrix
     vector, residual = _solved(points, seen, matrix, lens)
-    if not residual <= _MAX_RESIDUAL:
+    if not residual <= TUNING.board_residual:
         raise SloshCameraError(
             f"board: its corners lie {residual:.2f} px rms from the best pose, more than "
-            f"{_MAX_RESIDUAL:g}; check its description and the intrinsic parameters"
+            f"{TUNING.board_residual:g}; check its description and the intrinsic parameters"
         )
     _, change = cv2.projectPoints(points, vector[:3], vector[3:], matrix, lens)
-    slope = np.asarray(change, np.float64)[:, :6] / max(residual, _LEAST_ERROR)
+    slope = np.asarray(change, np.float64)[:, :6] / max(residual, TUNING.board_error)
     return BoardFit(
         _pose(vector),
         vector,
@@ -206,7 +200,7 @@ def _solved(
         raise SloshCameraError("board: no pose explains its corners")
     if len(found) > 1:
         same = np.allclose(found[0][0], found[1][0], atol=1e-3)
-        if not same and found[1][1] < _AMBIGUOUS * max(found[0][1], _LEAST_ERROR):
+        if not same and found[1][1] < TUNING.rival_residual * max(found[0][1], TUNING.board_error):
             raise SloshCameraError(
                 "board: its tilt is ambiguous, two poses fit equally well; it must be larger in "
                 "the image"
@@ -248,7 +242,7 @@ def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:
             "container's frame"
         )
     variance = np.diag(_carried(numbers, fit))
-    least = np.array([_LEVEL_ERROR, _FLATNESS, _FLATNESS])
+    least = np.array([TUNING.board_level, TUNING.board_flatness, TUNING.board_flatness])
     known, stddev = np.full(5, np.nan), np.ones(5)
     known[[1, 3, 4]] = here
     stddev[[1, 3, 4]] = np.sqrt(variance + least**2)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.edges import EdgeImage, find_edges
 from slosh_camera.calibrate.pose import CameraPlace, pose_of
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView, Wall
 
@@ -21,15 +22,6 @@ FloatArray = NDArray[np.float64]
 
 # The fit works at this azimuth; the caller's is put in afterwards.
 AZIMUTH = -0.5 * np.pi
-
-# Samples of one curve [px apart].
-_SPACING = 2.0
-# Towards its edge a shiny wall mirrors ever more of what is beside it, so that the steepest
-# change lies inside the true edge: 0.46 to 0.56 px for Fresnel's formulas, a radius of 60 to 300
-# px, and the smoothing used here with a pixel's own.
-_SHINE = 0.47
-# Front and rear line closer than this are one edge [px].
-LEAST_SEPARATION = 6.0
 
 
 class Curve(Enum):
@@ -134,7 +126,7 @@ def look_for_curves(
     `level_reach` [px].
     """
     apart = separation(view)
-    double = view.pose.camera_centre[2] > 0.0 and apart > LEAST_SEPARATION
+    double = view.pose.camera_centre[2] > 0.0 and apart > TUNING.separate_lines
     seen = []
     for curve in Curve:
         near = reach
@@ -160,7 +152,7 @@ def separation(view: CupView) -> float:
 def _look(edges: EdgeImage, view: CupView, curve: Curve, reach: float) -> SeenCurve:
     ends = curve_points(view, curve, 9)
     length = float(np.nansum(np.hypot(*np.diff(ends, axis=0).T)))
-    points = curve_points(view, curve, max(int(length / _SPACING), 12))
+    points = curve_points(view, curve, max(int(length / TUNING.curve_spacing), 12))
     tangent = np.gradient(points, axis=0)
     tangent /= np.maximum(np.hypot(tangent[:, 0], tangent[:, 1]), 1e-9)[:, np.newaxis]
     # Outwards for a side, upwards for a level.
@@ -192,7 +184,7 @@ def _side_distances(view: CupView, seen: SeenCurve) -> FloatArray:
     outwards = (-offset if seen.curve in _LEFT else offset) - outer
     distance = axis_distance(view)
     cup = view.cup
-    shine = _SHINE if cup.wall_thickness > 0.0 and cup.wall_refractive_index > 1.0 else 0.0
+    shine = TUNING.shine if cup.wall_thickness > 0.0 and cup.wall_refractive_index > 1.0 else 0.0
     return np.asarray(outwards * view.camera.fx / distance + shine)
 
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup
 
 FloatArray = NDArray[np.float64]
 
 QUANTITIES = 3
-# Lengths and focal lengths never fall below this part of what was told.
-_LEAST = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +70,9 @@ class Told:
         zoom = float(np.exp(np.clip(change[0], -3.0, 3.0)))
         camera = replace(self.camera, fx=zoom * self.camera.fx, fy=zoom * self.camera.fy)
         wall = max(self.cup.wall_thickness + float(change[1]), 0.0)
-        fill = max(self.cup.fill_height + float(change[2]), _LEAST * self.cup.fill_height)
+        fill = max(
+            self.cup.fill_height + float(change[2]), TUNING.least_told * self.cup.fill_height
+        )
         rim = self.cup.rim_height
         cup = replace(
             self.cup,

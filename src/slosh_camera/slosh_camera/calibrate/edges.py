@@ -8,17 +8,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.calibrate.tuning import TUNING
+
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
-# Smoothing before derivatives [px]: wide enough for JPEG blocks, narrow for two edges 4 px apart.
-SMOOTHING = 1.0
 _STEP = 0.5
-# A step of this many grey levels that stands alone counts as an edge of half strength.
-_LEAST_STEP = 8.0
 # Peak derivative of a unit step after the smoothing.
-_STEP_TO_SLOPE = 1.0 / (np.sqrt(2.0 * np.pi) * SMOOTHING)
+_STEP_TO_SLOPE = 1.0 / (np.sqrt(2.0 * np.pi) * TUNING.smoothing)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +49,7 @@ class EdgeImage:
 def edge_image(image: Image) -> EdgeImage:
     """Derivatives of an 8-bit image, grey or blue-green-red."""
     levels = image.astype(np.float32)
-    blurred = cv2.GaussianBlur(levels, (0, 0), SMOOTHING).reshape(*image.shape[:2], -1)
+    blurred = cv2.GaussianBlur(levels, (0, 0), TUNING.smoothing).reshape(*image.shape[:2], -1)
     smooth = np.asarray(blurred, np.float32)
     across, down = (
         _strongest(
@@ -60,7 +58,7 @@ def edge_image(image: Image) -> EdgeImage:
         for along in ((1, 0), (0, 1))
     )
     noise = float(np.median(np.hypot(across, down)))
-    reference = max(_LEAST_STEP * _STEP_TO_SLOPE, 4.0 * noise)
+    reference = max(TUNING.half_edge * _STEP_TO_SLOPE, 4.0 * noise)
     return EdgeImage(smooth, across, down, reference)
 
 

@@ -12,7 +12,6 @@ from scipy.optimize import least_squares
 
 from slosh_camera.calibrate.curves import (
     EMPTY,
-    LEAST_SEPARATION,
     OUTLINE,
     SIDES,
     WETTED,
@@ -28,6 +27,7 @@ from slosh_camera.calibrate.curves import (
 from slosh_camera.calibrate.doubt import QUANTITIES, Told
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.pose import CameraPlace
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView
@@ -36,34 +36,9 @@ FloatArray = NDArray[np.float64]
 
 _PLACE = 5
 _NUMBERS = _PLACE + QUANTITIES
-# Bounds of the error of one sample [px], and how many neighbours share it.
-_LEAST_ERROR, _MOST_ERROR = 0.15, 1.0
-_SHARED_BY = 5.0
-# What a whole curve may be off [px], beside its samples' errors: reflections at a side shift and
-# turn it; the liquid's meniscus; the floor's thickness and a fill height given too roughly [m].
-_SIDE_ERROR, _SIDE_TURN = 0.3, 0.2
-_LEVEL_ERROR = 0.12
-_BASE_ERROR = 0.0015
-_MERGED = 0.3
-# The claimed covariance takes curves' own errors for so many times larger than the fit does: walls
-# of unequal thickness, menisci and what they mirror (validation/studies/calibration_accuracy.py).
-_CLAIMED = 2.0
 # Search to both sides of a predicted curve, as a share of the container's width, and at least.
 _ROUGH = ((0.045, 8.0), (0.045, 8.0), (0.03, 6.0))
 _FINE = ((0.03, 6.0), (0.015, 4.0), (0.012, 3.0), (0.012, 3.0))
-CLICK_REACH = 4.0
-"""A click on the still level is so far off the line at most [px]."""
-# Standard deviation of a click [px].
-_CLICK = 1.5
-# An edge farther off than this after the fit belongs to something else [px].
-INLIER = 1.5
-# The narrower a container, the more edges of other things lie near its curves by chance: this [px]
-# over its width is taken off the score.
-_CHANCE = 6.0
-# Who explains two lines of the level explains more than who takes one of them for the only one.
-_TWO_LINES, _LEAST_SHARE = 0.15, 0.7
-# A line that shows on less than this part is another thing's edge more often than not.
-_LEAST_LINE = 0.5
 _FAR = 1e3
 _DIFFERENCE = 1e-6
 
@@ -124,14 +99,16 @@ class Fit:
         """Root mean square of the inliers' residuals [px], where the liquid's outline is."""
         pairs = zip(self.seen, self.residuals, strict=True)
         every = np.concatenate([r for seen, r in pairs if seen.curve in OUTLINE])
-        near = every[np.abs(every) < INLIER]
+        near = every[np.abs(every) < TUNING.inlier]
         return float(np.sqrt(np.mean(near**2))) if near.size else float("nan")
 
     def share(self, curve: Curve) -> float:
         """Part of a curve's samples that lie on an edge; NaN: the curve is not in the image."""
         for seen, residual in zip(self.seen, self.residuals, strict=True):
             if seen.curve is curve:
-                return float(np.count_nonzero(np.abs(residual) < INLIER) / max(seen.samples, 1))
+                return float(
+                    np.count_nonzero(np.abs(residual) < TUNING.inlier) / max(seen.samples, 1)
+                )
         return float("nan")
 
 
@@ -183,7 +160,7 @@ def fit_place(
     if not _enough(seen):
         return None
     residuals = tuple(distances(view, curve) for curve in seen)
-    score = _score(edges, seen, residuals) - _CHANCE / width_of(view)
+    score = _score(edges, seen, residuals) - TUNING.fit_chance / width_of(view)
     fit = Fit(
         view.camera,
         view.cup,
@@ -195,13 +172,13 @@ def fit_place(
         score,
     )
     # NaN, where the view has no rear line, is not more.
-    both = all(fit.share(curve) > _LEAST_SHARE for curve in (Curve.FRONT, Curve.REAR))
-    return replace(fit, score=score + _TWO_LINES) if both else fit
+    both = all(fit.share(curve) > TUNING.clear_share for curve in (Curve.FRONT, Curve.REAR))
+    return replace(fit, score=score + TUNING.two_lines) if both else fit
 
 
 def _level_reach(hint: Hint, reach: float) -> float:
     """How far from its place the front line is looked for; near a click it is the line there."""
-    return reach if hint.level is None else min(reach, CLICK_REACH)
+    return reach if hint.level is None else min(reach, TUNING.click_reach)
 
 
 def _clicked(hint: Hint) -> SeenCurve:
@@ -214,8 +191,8 @@ def _is_certain(view: CupView, seen: SeenCurve) -> bool:
     """Whether a curve is a side, or shows on enough of its length."""
     if seen.curve in SIDES:
         return True
-    near = np.count_nonzero(np.abs(distances(view, seen)) < INLIER)
-    return bool(near >= _LEAST_LINE * seen.samples)
+    near = np.count_nonzero(np.abs(distances(view, seen)) < TUNING.inlier)
+    return bool(near >= TUNING.least_share * seen.samples)
 
 
 def _enough(seen: Sequence[SeenCurve]) -> bool:
@@ -279,7 +256,7 @@ class _Problem:
             self._cost, first, jac=self._slope, loss="soft_l1", max_nfev=12, xtol=1e-6
         )
         slope = np.array(result.jac)
-        slope[self._samples : self._samples + self._own_size] /= _CLAIMED
+        slope[self._samples : self._samples + self._own_size] /= TUNING.claimed
         count = self._scale.size
         inverse = np.linalg.pinv(slope.T @ slope)[:count, :count]
         place, change = self._taken(result.x)
@@ -322,7 +299,7 @@ class _Problem:
 
     def _off_click(self, view: CupView) -> FloatArray:
         """How far the front line passes the click, in standard deviations; (0,): there is none."""
-        away = distances(view, self._clicked) / _CLICK
+        away = distances(view, self._clicked) / TUNING.click_error
         return np.clip(away[np.isfinite(self._clicked.pixels[:, 1])], -_FAR, _FAR)
 
     def _slope(self, numbers: FloatArray) -> FloatArray:
@@ -341,25 +318,29 @@ def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
     count = len(seen.pixels)
     flat = np.ones((count, 1))
     if seen.curve is Curve.BASE:
-        return flat * (_LEVEL_ERROR + _BASE_ERROR * view.camera.fy / axis_distance(view))
+        return flat * (
+            TUNING.level_error + TUNING.base_error * view.camera.fy / axis_distance(view)
+        )
     if seen.curve not in SIDES:
         # Front and rear line so close that they are one edge: it may be either, or between.
         apart = abs(separation(view))
-        merged = _MERGED * apart if apart < LEAST_SEPARATION else 0.0
-        return flat * (_LEVEL_ERROR + merged)
-    turn = np.linspace(-_SIDE_TURN, _SIDE_TURN, count)[:, np.newaxis]
-    return np.hstack((_SIDE_ERROR * flat, turn))
+        merged = TUNING.merged_error * apart if apart < TUNING.separate_lines else 0.0
+        return flat * (TUNING.level_error + merged)
+    turn = np.linspace(-TUNING.side_turn, TUNING.side_turn, count)[:, np.newaxis]
+    return np.hstack((TUNING.side_error * flat, turn))
 
 
 def _weight(seen: SeenCurve, residual: FloatArray) -> float:
     """One over the error of a sample, by the scatter of the samples about a smooth curve."""
-    scatter = _MOST_ERROR
+    scatter = TUNING.most_error
     if residual.size > 8 and seen.curve is not Curve.BASE:
         place = np.linspace(-1.0, 1.0, residual.size)
         smooth = np.polynomial.polynomial.polyfit(place, residual, 2)
         rest = residual - np.polynomial.polynomial.polyval(place, smooth)
-        scatter = float(np.clip(1.5 * np.median(np.abs(rest)), _LEAST_ERROR, _MOST_ERROR))
-    return float(1.0 / (scatter * np.sqrt(_SHARED_BY)))
+        scatter = float(
+            np.clip(1.5 * np.median(np.abs(rest)), TUNING.least_error, TUNING.most_error)
+        )
+    return float(1.0 / (scatter * np.sqrt(TUNING.shared_by)))
 
 
 def _score(edges: EdgeImage, seen: Sequence[SeenCurve], residuals: Sequence[FloatArray]) -> float:
@@ -367,7 +348,7 @@ def _score(edges: EdgeImage, seen: Sequence[SeenCurve], residuals: Sequence[Floa
     parts = []
     pairs = zip(seen, residuals, strict=True)
     for curve, residual in ((c, r) for c, r in pairs if c.curve not in EMPTY):
-        near = np.abs(residual) < INLIER
+        near = np.abs(residual) < TUNING.inlier
         support = float(edges.support(curve.slopes[near]).sum()) / curve.samples
         parts.append((support, 2.0 if curve.curve is Curve.FRONT else 1.0))
     return float(np.average([part[0] for part in parts], weights=[part[1] for part in parts]))

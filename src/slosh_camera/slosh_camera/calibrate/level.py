@@ -15,7 +15,6 @@ from slosh_camera.calibrate.curves import view_at
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.fit import Fit
 from slosh_camera.calibrate.strip import (
-    SLACK,
     lasting_changes,
     level_like,
     own_lines,
@@ -23,17 +22,7 @@ from slosh_camera.calibrate.strip import (
     unrolled,
     walls_below,
 )
-
-# The numbers below were set on every second of a set of photographs of graduated cylinders.
-# Another line is a rival where it is at least so strong as a part of the level's, lies farther
-# away than so many radii, and the sides show on this part of the liquid's height below it.
-_RIVAL, _APART, _LEAST_SIDES = 0.8, 0.15, 0.5
-LEAST_LEVEL = 0.25
-"""A level that is weaker is no level."""
-# One that counts for more than a line that shows on part of its length.
-_SHOWS = 0.6
-# Nearer than so many radii to the rim or the floor is no other level.
-_ENDS = 0.3
+from slosh_camera.calibrate.tuning import TUNING
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +55,7 @@ class Levels:
     @property
     def shows(self) -> bool:
         """The level runs from side to side with another colour below, and has no rival."""
-        return self.rival is None and self.own.strength >= _SHOWS
+        return self.rival is None and self.own.strength >= TUNING.shows
 
 
 def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
@@ -81,16 +70,18 @@ def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
     strip = unrolled(edges, view, -fit.cup.fill_height, top)
     line = own_lines(edges, view, strip)
     change = lasting_changes(strip, fit.cup, fit.place)
-    here = np.abs(strip.heights) <= SLACK * (strip.heights[1] - strip.heights[0])
+    here = np.abs(strip.heights) <= TUNING.strip_slack * (strip.heights[1] - strip.heights[0])
     rear = rear_above(fit.cup, fit.place, 0.0)
-    apart = _APART * fit.cup.radius
+    apart = TUNING.rival_apart * fit.cup.radius
     other = (strip.heights < min(rear, 0.0) - apart) | (strip.heights > max(rear, 0.0) + apart)
     # The rim and the floor's edge are lines, too, and lie where the dimensions put them.
-    ends = _ENDS * fit.cup.radius
+    ends = TUNING.ends * fit.cup.radius
     other &= strip.heights > strip.heights[0] + ends
     if fit.cup.rim_level is not None:
         other &= strip.heights < fit.cup.rim_level - ends
-    walled = walls_below(edges, view, strip.heights, 0.0, fit.cup.fill_height) >= _LEAST_SIDES
+    walled = (
+        walls_below(edges, view, strip.heights, 0.0, fit.cup.fill_height) >= TUNING.least_share
+    )
     other &= walled
     largest = float(np.max(change, initial=0.0, where=here | other))
     strength = level_like(line, change, largest)
@@ -103,5 +94,5 @@ def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
     own = level(int(np.argmax(np.where(here, strength, -1.0))))
     open_to_doubt = np.where(other, strength, 0.0)
     best = int(np.argmax(open_to_doubt))
-    rivals = open_to_doubt[best] > 0.0 and open_to_doubt[best] >= _RIVAL * own.strength
+    rivals = open_to_doubt[best] > 0.0 and open_to_doubt[best] >= TUNING.rival * own.strength
     return Levels(own, level(best) if rivals else None)

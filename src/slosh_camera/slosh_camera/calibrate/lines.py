@@ -8,15 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.calibrate.edges import EdgeImage
+from slosh_camera.calibrate.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
 
-# Lines lean at most this much from the image's columns [px per row].
-MAX_LEAN = 0.36
 _LEAN_STEP = 0.004
-# A pixel votes for lines that run along its edge within this angle, as a difference of leans.
-_DIRECTION_TOLERANCE = 0.15
-_NEAR = 1.6
 _MAX_PIXELS = 30_000
 
 
@@ -54,8 +50,8 @@ def upright_lines(edges: EdgeImage, count: int, least: float) -> list[UprightLin
     """
     rows, columns = edges.shape
     u, v, weight, lean = _edge_pixels(edges)
-    leans = np.arange(-MAX_LEAN, MAX_LEAN + 0.5 * _LEAN_STEP, _LEAN_STEP)
-    margin = int(np.ceil(MAX_LEAN * rows / 2.0)) + 2
+    leans = np.arange(-TUNING.most_lean, TUNING.most_lean + 0.5 * _LEAN_STEP, _LEAN_STEP)
+    margin = int(np.ceil(TUNING.most_lean * rows / 2.0)) + 2
     votes = np.zeros((leans.size, columns + 2 * margin))
     _vote(votes, leans, (u, v, weight, lean), margin)
     lines: list[UprightLine] = []
@@ -67,8 +63,8 @@ def upright_lines(edges: EdgeImage, count: int, least: float) -> list[UprightLin
         if pairs[row, column] < 0.5 * least or len(lines) == count:
             break
         fit = _refine(u, v, weight, (column + 0.5 - margin, float(leans[row])))
-        near = np.abs(u - fit[0] - fit[1] * v) < _NEAR
-        near |= np.abs(u - (column + 0.5 - margin) - leans[row] * v) < _NEAR
+        near = np.abs(u - fit[0] - fit[1] * v) < TUNING.vote_reach
+        near |= np.abs(u - (column + 0.5 - margin) - leans[row] * v) < TUNING.vote_reach
         taken = (u[near], v[near], -weight[near], lean[near])
         _vote(votes, leans, taken, margin)
         support = float(weight[near].sum())
@@ -85,7 +81,7 @@ def _edge_pixels(edges: EdgeImage) -> tuple[FloatArray, FloatArray, FloatArray, 
     """Columns, rows from the middle, supports and leans of the pixels on upright edges."""
     across = edges.across.astype(np.float64)
     size = np.abs(across)
-    steep = np.abs(edges.down) < (MAX_LEAN + _DIRECTION_TOLERANCE) * size
+    steep = np.abs(edges.down) < (TUNING.most_lean + TUNING.lean_error) * size
     ridge = np.zeros(size.shape, dtype=bool)
     ridge[1:-1, 1:-1] = (size[1:-1, 1:-1] >= size[1:-1, :-2]) & (size[1:-1, 1:-1] > size[1:-1, 2:])
     rows, columns = np.nonzero(ridge & steep & (size > 0.5 * edges.reference))
@@ -109,7 +105,7 @@ def _vote(
 ) -> None:
     u, v, weight, own = pixels
     for row, lean in enumerate(leans):
-        fits = np.abs(own - lean) < _DIRECTION_TOLERANCE
+        fits = np.abs(own - lean) < TUNING.lean_error
         bins = np.rint(u[fits] - lean * v[fits]).astype(np.intp) + margin
         bins = np.clip(bins, 0, votes.shape[1] - 1)
         votes[row] += np.bincount(bins, weight[fits], votes.shape[1])
@@ -127,7 +123,7 @@ def _refine(
         root = np.sqrt(weight[near])
         matrix = np.column_stack((root, root * v[near]))
         solution = np.linalg.lstsq(matrix, root * u[near], rcond=None)[0]
-        if abs(solution[1]) > MAX_LEAN:
+        if abs(solution[1]) > TUNING.most_lean:
             break
         column, lean = float(solution[0]), float(solution[1])
     return column, lean

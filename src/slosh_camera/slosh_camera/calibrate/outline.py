@@ -29,44 +29,14 @@ from slosh_camera.calibrate.strip import (
     unrolled,
     walls_below,
 )
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView
 
 FloatArray = NDArray[np.float64]
 
-# The numbers below were set on every second of a set of photographs of graduated cylinders.
-_LINES, _LEAST_LINE = 26, 0.06
-# Sides are so far apart at least, as a part of the image's width, and show together on so many of
-# its rows.
-_LEAST_WIDTH, _LEAST_ROWS = 0.06, 0.15
-# A wall of fewer rows shows no level.
-_LEAST_STRIP = 40
-# Rows count on which both show so clearly; every second is looked at, so far off the line [px].
-_SHOWN, _SPACING, _NEAR = 0.4, 2, 2.0
-# The sides show on so much of the liquid's height below its level, and on less than so much of the
-# stretch below its floor, which starts and ends so many fill heights below it.
-_WALLED, _BELOW, _BELOW_FROM, _BELOW_TO = 0.68, 0.5, 1.12, 1.4
-# Of a shallower liquid [radii] the walls below the level show too little.
-_LEAST_FILL = 1.5
-# Of another line that may be the level they show on so much of it.
-_MAY_BE_WALLED = 0.55
-# They show above the level, too, from so many radii above it to so many.
-_ABOVE, _LEAST_DEPTH = (0.3, 0.9), 0.5
-# Lines nearer than so many radii are one: a meniscus has two edges, and the level is between.
-_ONE_LINE, _APART = 0.3, 0.1
-# So far from a level its lines are looked for [radii], upwards a little less, since a meniscus
-# climbs the wall.
-_BAND, _UPWARDS, _FROM_BELOW = 0.2, 0.8, 0.5
-# A meniscus is thicker at the sides: columns differ by no more than so many radii from the others.
-_WANDER = 0.03
-# Towards the surface's rear edge so far, as a part of the way there, where the two are apart.
-_TO_REAR = 0.5
-# The weakest level; what must show of it against the clearest line within its surface, seen from
-# above or below; and what another line may have of it.
-_LEAST, _OF_INSIDE, _RIVAL = 0.25, 0.8, 0.8
 _STEPS = 2
-_REACH = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,9 +106,9 @@ def find_outline(
     if not high > low:
         return None
     strip = unrolled(edges, view, low, high)
-    if strip.heights.size < _LEAST_STRIP:
+    if strip.heights.size < TUNING.least_strip:
         return None
-    if level is None and cup.fill_height < _LEAST_FILL * cup.radius:
+    if level is None and cup.fill_height < TUNING.least_fill * cup.radius:
         return None
     if level is not None:
         heights = -height_through(camera, cup, axis, level)
@@ -159,15 +129,15 @@ def _sides(
 ) -> tuple[Axis, tuple[SeenCurve, SeenCurve]] | None:
     """The two upright lines that show together on most rows, and the axis between them."""
     rows, columns = edges.shape
-    lines = upright_lines(edges, _LINES, _LEAST_LINE * rows)
+    lines = upright_lines(edges, TUNING.lines, TUNING.least_line * rows)
     support = edges.support(edges.across).astype(np.float32)
     support = np.asarray(cv2.dilate(support, np.ones((1, 5), np.uint8)), np.float32)
     shown = [_along(support, line) for line in lines]
-    best, found = _LEAST_ROWS * rows, None
+    best, found = TUNING.least_rows * rows, None
     for pair in combinations(sorted(range(len(lines)), key=lambda i: lines[i].column), 2):
         left, right = (lines[index] for index in pair)
         both = np.minimum(*(shown[index] for index in pair))
-        if right.column - left.column < _LEAST_WIDTH * columns or both.sum() <= best:
+        if right.column - left.column < TUNING.least_width * columns or both.sum() <= best:
             continue
         axis = axis_of_lines(left, right, camera, cup)
         if axis is not None:
@@ -175,7 +145,7 @@ def _sides(
     if found is None:
         return None
     axis, left, right, both = found
-    v = np.flatnonzero(both >= _SHOWN)[::_SPACING].astype(np.float64)
+    v = np.flatnonzero(both >= TUNING.shown)[:: TUNING.row_spacing].astype(np.float64)
     return axis, (_side(edges, left, v, Curve.LEFT), _side(edges, right, v, Curve.RIGHT))
 
 
@@ -184,7 +154,7 @@ def _side(edges: EdgeImage, line: UprightLine, v: FloatArray, curve: Curve) -> S
     u = line.column + line.lean * (v - 0.5 * (edges.shape[0] - 1))
     outwards = np.array([1.0, -line.lean]) / np.hypot(1.0, line.lean)
     normals = np.tile(outwards if curve is Curve.RIGHT else -outwards, (v.size, 1))
-    seen = find_edges(edges, np.column_stack((u, v)), normals, _NEAR, outermost=False)
+    seen = find_edges(edges, np.column_stack((u, v)), normals, TUNING.side_reach, outermost=False)
     kept = seen.slope > 0.0
     return SeenCurve(curve, seen.pixels[kept], normals[kept], seen.slope[kept], v.size)
 
@@ -201,7 +171,7 @@ def _along(support: NDArray[np.float32], line: UprightLine) -> FloatArray:
 def _extent(view: CupView, camera: PinholeCamera) -> tuple[float, float]:
     """Lowest and highest point of the front wall's middle that is in the image [m]."""
     distance = float(np.hypot(*view.pose.camera_centre[:2]))
-    heights = np.linspace(-_REACH, _REACH, 1201) * distance
+    heights = np.linspace(-TUNING.outline_reach, TUNING.outline_reach, 1201) * distance
     azimuth = view.camera_azimuth
     across = view.cup.radius * np.array([np.cos(azimuth), np.sin(azimuth)])
     points = np.column_stack((*np.broadcast_arrays(across[0], across[1], heights),))
@@ -220,10 +190,10 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
     cup, heights = view.cup, strip.heights
     line, strength, rivals = _strengths(edges, view, strip, place)
     found = []
-    for index in _peaks(strength, heights, _APART * cup.radius):
+    for index in _peaks(strength, heights, TUNING.peaks_apart * cup.radius):
         height = float(heights[index])
         rear = float(rear_above(cup, place, height))
-        slack = _ONE_LINE * cup.radius
+        slack = TUNING.one_line * cup.radius
         low, high = height + min(rear, 0.0) - slack, height + max(rear, 0.0) + slack
         inside = (heights >= low) & (heights <= high)
         found.append(
@@ -239,12 +209,16 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
     if not found:
         return np.empty(0)
     # A surface seen from above or below holds images of the wall and of its own edge.
-    whole = [one for one in found if one.beats >= 1.0 / _RIVAL and one.of_inside >= _OF_INSIDE]
+    whole = [
+        one
+        for one in found
+        if one.beats >= 1.0 / TUNING.rival and one.of_inside >= TUNING.of_inside
+    ]
     for one in whole:
         outer = [it for it in found if it is not one and it.low <= one.height <= it.high]
         outer = [it for it in outer if not one.low <= it.height <= one.high]
-        if not any(it.line >= _RIVAL * one.line for it in outer):
-            front = _foremost(one, whole, _ONE_LINE * cup.radius)
+        if not any(it.line >= TUNING.rival * one.line for it in outer):
+            front = _foremost(one, whole, TUNING.one_line * cup.radius)
             return np.array([_middle(strength, heights, front, cup, place)])
     raise SloshCameraError(
         "still image: two levels are possible; printed rings, seams and the edge of a foot look "
@@ -260,7 +234,7 @@ def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
     if one.high - one.height <= one.height - one.low:
         return one.height
     near = [it for it in lines if abs(it.height - one.height) <= reach]
-    return min(it.height for it in near if it.line >= _RIVAL * one.line)
+    return min(it.height for it in near if it.line >= TUNING.rival * one.line)
 
 
 def _strengths(
@@ -275,21 +249,27 @@ def _strengths(
     cup, heights = view.cup, strip.heights
     fill = cup.fill_height
     line = own_lines(edges, view, strip)
-    depth = max(fill, _LEAST_DEPTH * cup.radius)
+    depth = max(fill, TUNING.least_glass_height * cup.radius)
     walled = walls_below(edges, view, heights, 0.0, depth)
-    allowed = walled >= _MAY_BE_WALLED
+    allowed = walled >= TUNING.may_be_walled
     # So they do above it, below the rim.
     allowed &= (
         walls_below(
-            edges, view, heights, -_ABOVE[1] * cup.radius, (_ABOVE[1] - _ABOVE[0]) * cup.radius
+            edges,
+            view,
+            heights,
+            -TUNING.glass[1] * cup.radius,
+            (TUNING.glass[1] - TUNING.glass[0]) * cup.radius,
         )
-        >= _WALLED
+        >= TUNING.walled
     )
-    stretch = max((_BELOW_TO - _BELOW_FROM) * fill, _LEAST_DEPTH * cup.radius)
-    allowed &= walls_below(edges, view, heights, _BELOW_FROM * fill, stretch) < _BELOW
+    stretch = max(
+        (TUNING.below_to - TUNING.below_from) * fill, TUNING.least_glass_height * cup.radius
+    )
+    allowed &= walls_below(edges, view, heights, TUNING.below_from * fill, stretch) < TUNING.below
     change = np.where(allowed, lasting_changes(strip, cup, place), 0.0)
     strength = level_like(line, change, float(change.max()))
-    likely = allowed & (walled >= _WALLED)
+    likely = allowed & (walled >= TUNING.walled)
     return (
         np.where(allowed, line, 0.0),
         np.where(likely, strength, 0.0),
@@ -300,7 +280,7 @@ def _strengths(
 def _peaks(strength: FloatArray, heights: FloatArray, apart: float) -> list[int]:
     """The strongest heights that are no weaker than a level, so far apart."""
     left, peaks = strength.copy(), []
-    while left.max() >= _LEAST:
+    while left.max() >= TUNING.least_level:
         peaks.append(int(np.argmax(left)))
         left[np.abs(heights - heights[peaks[-1]]) < apart] = 0.0
     return peaks
@@ -311,12 +291,12 @@ def _middle(
 ) -> float:
     """Middle of the lines about a height, without those at the surface's rear edge [m]."""
     rear = float(rear_above(cup, place, middle))
-    reach = _BAND * cup.radius
-    up, down = (_UPWARDS if rear > 0.0 else _FROM_BELOW) * reach, reach
-    if rear > _ONE_LINE * cup.radius:
-        up = min(up, _TO_REAR * rear)
-    elif rear < -_ONE_LINE * cup.radius:
-        down = min(down, -_TO_REAR * rear)
+    reach = TUNING.band * cup.radius
+    up, down = (TUNING.upwards if rear > 0.0 else TUNING.from_below) * reach, reach
+    if rear > TUNING.one_line * cup.radius:
+        up = min(up, TUNING.to_rear * rear)
+    elif rear < -TUNING.one_line * cup.radius:
+        down = min(down, -TUNING.to_rear * rear)
     for _ in range(_STEPS):
         near = (heights >= middle - down) & (heights <= middle + up)
         middle = float(np.average(heights[near], weights=strength[near] ** 2))
@@ -325,7 +305,7 @@ def _middle(
 
 def _front(edges: EdgeImage, strip: Strip, height: float, cup: Cup) -> SeenCurve | None:
     """The level's front line: in each column of the wall the middle of the edges there."""
-    near = np.flatnonzero(np.abs(strip.heights - height) <= _BAND * cup.radius)
+    near = np.flatnonzero(np.abs(strip.heights - height) <= TUNING.band * cup.radius)
     if near.size < 3:
         return None
     slope = slopes_of(strip)[near]
@@ -337,7 +317,7 @@ def _front(edges: EdgeImage, strip: Strip, height: float, cup: Cup) -> SeenCurve
     share = weight[:, seen] / total[seen]
     # The lines of all columns together tell the height, and each column how far it is off.
     away = (share * (strip.heights[near] - height)[:, np.newaxis]).sum(axis=0)
-    most = _WANDER * cup.radius
+    most = TUNING.wander * cup.radius
     at = height + np.clip(_steady(away - np.median(away)), -most, most)
     rows = np.interp(at, strip.heights, np.arange(strip.heights.size))
     pixels = strip.pixels[:, seen].astype(np.float64)

@@ -13,35 +13,12 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.fit import CLICK_REACH, Fit
-from slosh_camera.calibrate.level import LEAST_LEVEL, Levels
+from slosh_camera.calibrate.fit import Fit
+from slosh_camera.calibrate.level import Levels
 from slosh_camera.calibrate.still_fit import StillFit, height_shift
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall
-
-# Residual from which on a fit is refused [px].
-_LOST_RESIDUAL = 0.8
-# Standard error of a height from which on it is [m].
-_LOST_HEIGHT = 3e-3
-_LEAST_SHARE = 0.5
-CLEAR_SHARE = 0.7
-"""A curve that shows on less of its length may be another thing's edge."""
-# A second place counts as another answer where it moves a height by more than this [m], and as a
-# rival where its score comes so close to the best and its residual is at most so much larger.
-_SAME = 1e-3
-_RIVAL, _RIVAL_RESIDUAL = 0.93, 1.5
-# What stands between the sides of a container so many times as wide is rather seen through it, or
-# stuck to it, though it scores higher: unless the wide one scores less than this part.
-_WIDER, _ENCLOSING = 1.25, 0.6
-LEAST_FLOOR = 0.5
-"""What shows of the floor where it is where it should be."""
-MAX_RESIDUAL = 0.6
-"""Residual up to which a fit is believed without a warning [px]."""
-# What shows of the empty glass where the container is what it seems: where both lines of the level
-# are seen, and where one is.
-_LEAST_GLASS, _GLASS_ALONE = 0.35, 0.5
-# So many things that are off at once are too many, see `_speaks_against`.
-_TOO_MUCH = 3
 
 
 def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str:
@@ -55,29 +32,29 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str
     """
     for curve in WETTED:
         share = np.nan_to_num(fit.share(curve))
-        if share < _LEAST_SHARE:
+        if share < TUNING.least_share:
             return (
                 f"the {curve.value} of the liquid is visible on {100.0 * share:.0f} % of its "
                 "length; the whole container must be in the image, sharp and unobstructed"
             )
     level = np.nanmax([fit.share(Curve.FRONT), fit.share(Curve.REAR), 0.0])
-    if max(level, min(fit.share(curve) for curve in WETTED)) < CLEAR_SHARE:
+    if max(level, min(fit.share(curve) for curve in WETTED)) < TUNING.clear_share:
         return (
             f"the sides and the still level are visible on {100.0 * level:.0f} % of their "
             "length at most; use a plain background, dyed liquid or a clean glass, or --scale "
             "with two clicks"
         )
-    if level < _LEAST_SHARE:
+    if level < TUNING.least_share:
         return (
             f"the still level is visible on {100.0 * level:.0f} % of its length; the liquid "
             "must be at rest and differ from what is above it, or click on the level: --level "
             "U V"
         )
-    if not answer.residual <= _LOST_RESIDUAL:
+    if not answer.residual <= TUNING.lost_residual:
         return (
             f"the container's edges are {answer.residual:.2f} px rms from the best pose, more "
-            f"than {_LOST_RESIDUAL:g}; check the intrinsic parameters and the dimensions, or "
-            "take the picture before a plain background"
+            f"than {TUNING.lost_residual:g}; check the intrinsic parameters and the dimensions, "
+            "or take the picture before a plain background"
         )
     if not sure and not is_corroborated(fit):
         return (
@@ -87,18 +64,18 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str
             "before a plain background, or give --distance"
         )
     against = _speaks_against(fit, answer, level_shows)
-    if not sure and len(against) >= _TOO_MUCH:
+    if not sure and len(against) >= TUNING.too_much:
         return (
             f"the best fit, {1e3 * fit.place.distance:.0f} mm away, is poor: "
             f"{', '.join(against)}; take the picture before a plain background, with less on "
             "the glass, or give --level U V, a click on the still level, or --distance"
         )
     worst = max(answer.height_stddev.values())
-    if not worst <= _LOST_HEIGHT:
+    if not worst <= TUNING.lost_height:
         return (
-            f"it determines heights to {1e3 * worst:.1f} mm only, {1e3 * _LOST_HEIGHT:g} mm are "
-            "needed; the container must fill more of the image, and a camera a little above the "
-            "level sees both of its lines"
+            f"it determines heights to {1e3 * worst:.1f} mm only, {1e3 * TUNING.lost_height:g} mm "
+            "are needed; the container must fill more of the image, and a camera a little above "
+            "the level sees both of its lines"
         )
     return ""
 
@@ -115,7 +92,7 @@ def level_fault(fit: Fit, levels: Levels, told: tuple[float, float] | None) -> s
         view = view_at(fit.camera, fit.cup, fit.place)
         line = curve_points(view, Curve.FRONT, 81)
         away = abs(float(np.interp(told[0], line[:, 0], line[:, 1])) - told[1])
-        if away <= CLICK_REACH:
+        if away <= TUNING.click_reach:
             return ""
         return (
             f"the level that fits is {away:.0f} px away from the pixel of --level; click on "
@@ -129,7 +106,7 @@ def level_fault(fit: Fit, levels: Levels, told: tuple[float, float] | None) -> s
             "the edge of a foot look similar; click on the still level's front line: --level "
             "U V"
         )
-    if levels.own.strength < LEAST_LEVEL:
+    if levels.own.strength < TUNING.least_level:
         return (
             "the line that fits the still level best does not run from side to side as the "
             "level of a liquid does; click on the still level's front line: --level U V"
@@ -150,20 +127,20 @@ def is_corroborated(fit: Fit) -> bool:
     known = [share for share in glass if np.isfinite(share)]
     if not known and not np.isfinite(floor):
         return True
-    both = all(fit.share(curve) >= _LEAST_SHARE for curve in (Curve.FRONT, Curve.REAR))
-    needed = _LEAST_GLASS if both else _GLASS_ALONE
-    return max(known, default=0.0) >= needed or floor >= LEAST_FLOOR
+    both = all(fit.share(curve) >= TUNING.least_share for curve in (Curve.FRONT, Curve.REAR))
+    needed = TUNING.least_glass if both else TUNING.glass_alone
+    return max(known, default=0.0) >= needed or floor >= TUNING.least_share
 
 
 def _speaks_against(fit: Fit, answer: StillFit, level_shows: bool) -> list[str]:
     """What is off that alone is a matter of a warning, in words."""
     level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
     reasons = {
-        "the floor is not where it should be": fit.share(Curve.BASE) < LEAST_FLOOR,
-        "a side is partly hidden": any(fit.share(curve) < CLEAR_SHARE for curve in WETTED),
+        "the floor is not where it should be": fit.share(Curve.BASE) < TUNING.least_share,
+        "a side is partly hidden": any(fit.share(curve) < TUNING.clear_share for curve in WETTED),
         "a line of the level is partly hidden": not level_shows
-        and any(share < CLEAR_SHARE for share in level),
-        f"edges lie {answer.residual:.2f} px off": answer.residual > MAX_RESIDUAL,
+        and any(share < TUNING.clear_share for share in level),
+        f"edges lie {answer.residual:.2f} px off": answer.residual > TUNING.most_residual,
     }
     return [reason for reason, holds in reasons.items() if holds]
 
@@ -174,7 +151,10 @@ def check_rival(view: CupView, best: Fit, rival: Fit) -> None:
     Raises:
         SloshCameraError: `rival` moves heights that `view`, the view of `best`, would tell.
     """
-    if rival.score < _RIVAL * best.score or rival.rms > _RIVAL_RESIDUAL * best.rms:
+    if (
+        rival.score < TUNING.rival_score * best.score
+        or rival.rms > TUNING.rival_residual * best.rms
+    ):
         return
     try:
         other = view_at(rival.camera, rival.cup, rival.place)
@@ -182,7 +162,7 @@ def check_rival(view: CupView, best: Fit, rival: Fit) -> None:
         return
     shift = height_shift(other, view, Wall.FRONT)
     # A ray that misses the other container's wall gives no number.
-    if not np.max(np.abs(shift)) <= _SAME:
+    if not np.max(np.abs(shift)) <= TUNING.same_height:
         poses = " or ".join(
             f"{1e3 * fit.place.distance:.0f} mm from the container and "
             f"{1e3 * fit.place.height:.0f} mm above the still level"
@@ -203,7 +183,7 @@ def check_enclosed(best: Fit, fits: list[Fit]) -> None:
         SloshCameraError: one of the fits encloses the best.
     """
     for wide in fits:
-        if wide.score >= _ENCLOSING * best.score and _encloses(wide, best):
+        if wide.score >= TUNING.enclosing * best.score and _encloses(wide, best):
             raise SloshCameraError(
                 f"still image: the best fit, {1e3 * best.place.distance:.0f} mm away, lies "
                 "between the sides of what may be the container, "
@@ -216,7 +196,7 @@ def check_enclosed(best: Fit, fits: list[Fit]) -> None:
 def _encloses(wide: Fit, narrow: Fit) -> bool:
     """Whether a fit is clearly wider than another one and has its middle between its sides."""
     outer, inner = (view_at(fit.camera, fit.cup, fit.place) for fit in (wide, narrow))
-    if width_of(outer) < _WIDER * width_of(inner):
+    if width_of(outer) < TUNING.wider * width_of(inner):
         return False
     (left, right), ends = sides_of(outer), sides_of(inner)
     middle = 0.5 * (ends[0][0] + ends[1][0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
@@ -16,12 +17,6 @@ FloatArray = NDArray[np.float64]
 
 # A camera so many lengths away sees no perspective.
 _FAR = 1000.0
-_LEAST_PIXELS = 20.0
-_MAX_INCLINATION = np.deg2rad(20.0)
-# Standard error of a click [px]; what perspective, the wall and the liquid's depth do to a scale
-# that is taken as one for all places.
-_CLICK = 1.0
-_ONE_SCALE = 0.03
 
 
 def calibrate_by_scale(
@@ -58,13 +53,13 @@ def calibrate_by_scale(
         raise SloshCameraError(f"length: {length} m, must be positive")
     across = ends[1] - ends[0]
     pixels = float(np.hypot(*across))
-    if across[0] <= 0.0 or pixels < _LEAST_PIXELS:
+    if across[0] <= 0.0 or pixels < TUNING.least_pixels:
         raise SloshCameraError(
             f"scale: the points lie {across[0]:.0f} px apart, the second must be at least "
-            f"{_LEAST_PIXELS:g} px to the right of the first"
+            f"{TUNING.least_pixels:g} px to the right of the first"
         )
     roll = float(np.arctan2(across[1], across[0]))
-    if abs(roll) > _MAX_INCLINATION:
+    if abs(roll) > TUNING.most_inclination:
         raise SloshCameraError(
             f"scale: the line is inclined by {np.rad2deg(roll):.0f} deg, must be the still level"
         )
@@ -79,5 +74,5 @@ def calibrate_by_scale(
         Pose(rotation, distance * middle),
         Box(length, fill_height, rim_height=rim_height),
     )
-    error = float(np.hypot(np.sqrt(2.0) * _CLICK / pixels, _ONE_SCALE))
+    error = float(np.hypot(np.sqrt(2.0) * TUNING.scale_click / pixels, TUNING.one_scale))
     return SideCalibration(view, detection=DetectionSettings(scale_error=error))

@@ -16,29 +16,15 @@ from numpy.typing import NDArray
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.lines import UprightLine, upright_lines
 from slosh_camera.calibrate.pose import Axis, CameraPlace, axis_from_sides
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-_LINES = 26
-_LEAST_LINE = 0.06
-_LEAST_WIDTH = 0.06
-_MAX_PITCH = np.deg2rad(60.0)
-_MAX_ROLL = np.deg2rad(20.0)
 # Sides found by a vote are too rough for the pitch: it is tried at these differences.
 _PITCHES = np.deg2rad((-5.0, -1.7, 1.7, 5.0))
-_ROW_STEP = 2.0
-# How far a coarse curve may be off its edge [px].
-_SLACK = 3
-# By how much the score of a container is lowered for its width being so many slacks: the narrower
-# it is, the more edges fall within the slack by chance.
-_CHANCE = 2.0
-# So many candidates at most stand at one place; they differ in level, pitch and roll. Else a label
-# with lines of print takes all of them, and the container on which it is gets none.
-_OF_ONE = 3
-_ONE_DISTANCE, _ONE_YAW = 0.15, 0.03
 # Weights of the level, the sides of the liquid, the sides above it, and the base.
 _WEIGHTS = {"level": 3.0, "liquid": 2.0, "glass": 0.5, "base": 0.7}
 
@@ -87,7 +73,7 @@ def find_candidates(
         pair of upright lines.
     """
     rows = edges.shape[0]
-    lines = upright_lines(edges, _LINES, _LEAST_LINE * rows)
+    lines = upright_lines(edges, TUNING.lines, TUNING.least_line * rows)
     maps = _support_maps(edges)
     found: list[Candidate] = []
     for axis, width in _axes(lines, camera, cup, edges.shape):
@@ -101,8 +87,8 @@ def find_candidates(
 def _support_maps(edges: EdgeImage) -> _Maps:
     level = edges.support(edges.down).astype(np.float32)
     upright = edges.support(edges.across).astype(np.float32)
-    tall = np.ones((2 * _SLACK + 1, 1), np.uint8)
-    wide = np.ones((1, 2 * _SLACK - 1), np.uint8)
+    tall = np.ones((2 * TUNING.search_slack + 1, 1), np.uint8)
+    wide = np.ones((1, 2 * TUNING.search_slack - 1), np.uint8)
     return _Maps(
         np.asarray(cv2.dilate(level, tall), np.float32),
         np.asarray(cv2.dilate(upright, wide), np.float32),
@@ -118,7 +104,7 @@ def _axes(
         left, right = sorted((first, second), key=lambda line: line.column)
         width = right.column - left.column
         shared = min(left.bottom, right.bottom) - max(left.top, right.top)
-        if width < _LEAST_WIDTH * shape[1] or shared < 0.03 * shape[0]:
+        if width < TUNING.least_width * shape[1] or shared < 0.03 * shape[0]:
             continue
         axis = axis_of_lines(left, right, camera, cup)
         if axis is not None:
@@ -135,7 +121,7 @@ def axis_of_lines(
     if axis is None or axis.distance < 1.5 * cup.radius:
         return None
     place = axis.place(0.0)
-    upright = abs(place.pitch) <= _MAX_PITCH and abs(place.roll) <= _MAX_ROLL
+    upright = abs(place.pitch) <= TUNING.most_pitch and abs(place.roll) <= TUNING.most_roll
     return axis if upright else None
 
 
@@ -156,7 +142,7 @@ def _best_level(
 ) -> Candidate | None:
     """The still level with the most support on an axis, or the one through a pixel."""
     rows = maps.level.shape[0]
-    v = np.arange(0.03 * rows, 0.99 * rows, _ROW_STEP)
+    v = np.arange(0.03 * rows, 0.99 * rows, TUNING.row_step)
     slope = (v - camera.cy) / camera.fy
     near = axis.distance - cup.radius
     drop = axis.up[1] - slope * axis.up[2]
@@ -169,7 +155,7 @@ def _best_level(
         return None
     scores = _scores(maps, camera, cup, axis, heights)
     best = int(np.argmax(scores))
-    score = float(scores[best]) - _CHANCE * _SLACK / width
+    score = float(scores[best]) - TUNING.search_chance * TUNING.search_slack / width
     return Candidate(axis.place(float(heights[best])), score, width)
 
 
@@ -277,7 +263,7 @@ def _distinct(found: list[Candidate], count: int) -> list[Candidate]:
         places = [other.place for other in kept]
         if any(_alike(candidate.place, place) for place in places):
             continue
-        if sum(_is_one(candidate.place, place) for place in places) < _OF_ONE:
+        if sum(_is_one(candidate.place, place) for place in places) < TUNING.of_one_place:
             kept.append(candidate)
     return kept
 
@@ -285,8 +271,8 @@ def _distinct(found: list[Candidate], count: int) -> list[Candidate]:
 def _is_one(first: CameraPlace, second: CameraPlace) -> bool:
     """Whether two places have the container's sides in about the same columns."""
     apart = abs(first.distance - second.distance)
-    near = apart < _ONE_DISTANCE * min(first.distance, second.distance)
-    return near and abs(first.yaw - second.yaw) < _ONE_YAW
+    near = apart < TUNING.one_distance * min(first.distance, second.distance)
+    return near and abs(first.yaw - second.yaw) < TUNING.one_yaw
 
 
 def _alike(first: CameraPlace, second: CameraPlace) -> bool:

@@ -30,6 +30,7 @@ from slosh_camera.calibrate.refusals import (
 )
 from slosh_camera.calibrate.search import Candidate, find_candidates
 from slosh_camera.calibrate.still_fit import StillFit, still_fit
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView, Wall
@@ -38,19 +39,6 @@ from slosh_camera.optics.lens import EQUIDISTANT
 FloatArray = NDArray[np.float64]
 FloatMap = NDArray[np.float32]
 Image = NDArray[np.uint8]
-
-_CANDIDATES, _FINE_FITS = 6, 3
-# Of so many of the best fits the other lines that may be the level are tried as well.
-_RETRIED = 2
-# The coarse search takes so many pixels along the longer side at least, and less than twice as
-# many.
-_SEARCH_SIZE = 800
-# Rough fits that differ by less than this, relative to the distance or [rad], are one.
-_ALIKE = 0.02
-# A finer fit has the level where the rougher one has it, to so much [m].
-_SAME_LEVEL = 0.3e-3
-# How well a distance is known that is told, as a part of it.
-_TOLD_DISTANCE = 0.1
 
 
 def calibrate_by_edges(
@@ -87,7 +75,7 @@ def calibrate_by_edges(
     if level is not None:
         hint = replace(hint, level=_straight_pixel(level, camera))
     if distance is not None:
-        hint = hint.with_distance(distance, _TOLD_DISTANCE * distance)
+        hint = hint.with_distance(distance, TUNING.told_distance * distance)
     task = _Task(straight, pinhole, Told(pinhole, cup, doubt), azimuth, hint, distance)
     # A large picture is most often a photograph, with more edges than a container has.
     answer = _by_outline(task) if _shrink(pinhole) > 1 else None
@@ -132,7 +120,7 @@ def _by_outline(task: _Task) -> StillFit | None:
     answer = _for_lens(answer, task.camera, shrink)
     # Edges of the whole picture and both lines of the level tell more, where they are clear.
     finer = _sound(fit_place(edge_image(task.image), task.told, answer.place, hint), task)
-    if finer is None or _level_moves(answer.view, finer.view) > _SAME_LEVEL:
+    if finer is None or _level_moves(answer.view, finer.view) > TUNING.same_level:
         return answer
     return finer
 
@@ -267,7 +255,7 @@ def _with_rivals(edges: EdgeImage, task: _Task, fits: list[Fit]) -> list[Fit]:
     if task.hint.level is not None:
         return ranked
     starts = []
-    for fit in ranked[:_RETRIED]:
+    for fit in ranked[: TUNING.retried]:
         rival = levels_of(edges, fit).rival
         if rival is not None:
             starts += _at_level(fit, rival.height)
@@ -293,16 +281,16 @@ def _candidates(task: _Task) -> list[Candidate]:
     edges, camera, cup = edge_image(small.image), small.camera, task.told.cup
     level = small.hint.level
     if task.distance is None:
-        return find_candidates(edges, camera, cup, _CANDIDATES, level)
+        return find_candidates(edges, camera, cup, TUNING.candidates, level)
     # Of many, those about as far away as is told.
-    many = find_candidates(edges, camera, cup, 4 * _CANDIDATES, level)
-    reach = 3 * _TOLD_DISTANCE * task.distance
+    many = find_candidates(edges, camera, cup, 4 * TUNING.candidates, level)
+    reach = 3 * TUNING.told_distance * task.distance
     near = [c for c in many if abs(c.place.distance - task.distance) < reach]
-    return near[:_CANDIDATES]
+    return near[: TUNING.candidates]
 
 
 def _shrink(camera: PinholeCamera) -> int:
-    return max(max(camera.size) // _SEARCH_SIZE, 1)
+    return max(max(camera.size) // TUNING.search_size, 1)
 
 
 def _smaller(task: _Task, shrink: int) -> _Task:
@@ -356,7 +344,7 @@ def _worth_a_fit(rough: list[Fit]) -> list[Fit]:
     """The best rough fits, and the one of the nearest container, in which others may be parts."""
     if not rough:
         return []
-    best = rough[:_FINE_FITS]
+    best = rough[: TUNING.fine_fits]
     wide = min(rough, key=lambda fit: fit.place.distance)
     return best if wide in best else [*best, wide]
 
@@ -376,8 +364,8 @@ def _distinct(fits: list[Fit]) -> list[Fit]:
     """The fits that ended at different places, the best first."""
     kept: list[Fit] = []
     for fit in sorted(fits, key=lambda fit: -fit.score):
-        far = _ALIKE * fit.place.distance
-        size = np.array([far, far, _ALIKE, _ALIKE, _ALIKE])
+        far = TUNING.alike * fit.place.distance
+        size = np.array([far, far, TUNING.alike, TUNING.alike, TUNING.alike])
         if all(np.any(np.abs(fit.place.numbers - k.place.numbers) > size) for k in kept):
             kept.append(fit)
     return kept

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.curves import AZIMUTH, Curve, view_at
 from slosh_camera.calibrate.doubt import QUANTITIES, Told
-from slosh_camera.calibrate.fit import INLIER, Fit
+from slosh_camera.calibrate.fit import Fit
 from slosh_camera.calibrate.pose import CameraPlace
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import CupView, Wall
 
@@ -18,8 +19,6 @@ FloatArray = NDArray[np.float64]
 
 HEIGHTS = (-0.02, 0.0, 0.02)
 """Heights at which the error of a measured height is stated [m]."""
-# Residual of a fit whose standard errors are what they seem [px]; they grow with a larger one.
-_USUAL_RESIDUAL = 0.4
 # The part of either wall at which it is stated [rad], 0 towards or away from the camera.
 _ARC = np.deg2rad(np.linspace(-60.0, 60.0, 13))
 # Step of a derivative.
@@ -113,7 +112,7 @@ def height_shift(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
 
 
 def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
-    near = residual[np.abs(residual) < INLIER]
+    near = residual[np.abs(residual) < TUNING.inlier]
     rms = float(np.sqrt(np.mean(near**2))) if near.size else float("nan")
     offset = float(np.median(residual)) if residual.size else float("nan")
     return CurveCheck(curve.value, near.size / samples, offset, rms)
@@ -136,7 +135,7 @@ def _height_stddev(view: CupView, fit: Fit, wall: Wall) -> float:
 
 def _doubtful(fit: Fit) -> float:
     """Factor of the standard errors where curves contradict each other, or edges their curve."""
-    return float(np.nanmax([fit.tension, fit.rms / _USUAL_RESIDUAL, 1.0]))
+    return float(np.nanmax([fit.tension, fit.rms / TUNING.usual_residual, 1.0]))
 
 
 def _heights(view: CupView, truth: CupView, wall: Wall) -> FloatArray:

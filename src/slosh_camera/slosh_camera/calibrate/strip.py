@@ -12,17 +12,15 @@ from numpy.typing import NDArray
 from slosh_camera.calibrate.curves import sides_of
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.pose import CameraPlace
+from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.cup import Cup, CupView
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 FloatOrArray = TypeVar("FloatOrArray", float, FloatArray)
 
-# The numbers below were set on every second of a set of photographs of graduated cylinders.
-# The part of the front wall that is looked at, in so many sectors of so many columns each.
-_ARC, _SECTORS, _COLUMNS = np.deg2rad(66.0), 5, 5
-SLACK = 2
-"""How far a line may be off its place [px]."""
+# Sectors of the front wall that are looked at, and columns of each.
+_SECTORS, _COLUMNS = 5, 5
 # The colours compared lie so far above and below a line, in radii: the change is at the line, and
 # it lasts.
 _WINDOWS = ((0.06, 0.2), (0.15, 0.7))
@@ -30,11 +28,6 @@ _MOST_ROWS = 3000
 # Where a line that goes on beside the container is looked for, in outer radii from the axis: an
 # edge of a table behind it.
 _BESIDE = (1.2, 1.3, 1.4, 1.5)
-# Of the strength of such a line so much is taken off.
-_BEHIND = 0.6
-# The weight of a line without a lasting change of colour, and the change that counts fully: in
-# grey levels, and as a part of the largest.
-_LINE_ALONE, _FULL_STEP, _OF_LARGEST = 0.5, 15.0, 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +46,7 @@ def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
     step = 2.0 * cup.radius / float(np.hypot(*(right - left)))
     first, last = np.clip((np.floor(low / step), np.ceil(high / step)), -_MOST_ROWS, _MOST_ROWS)
     heights = step * np.arange(first, last + 1.0)
-    azimuth = view.camera_azimuth + np.linspace(-_ARC, _ARC, _SECTORS * _COLUMNS)
+    azimuth = view.camera_azimuth + np.linspace(-TUNING.arc, TUNING.arc, _SECTORS * _COLUMNS)
     shape = (heights.size, azimuth.size)
     points = np.empty((*shape, 3))
     points[..., 0] = cup.radius * np.cos(azimuth)
@@ -74,14 +67,16 @@ def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
 def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
     """How much of an edge runs from side to side at each height (N,), 0 to 1."""
     support = edges.support(slopes_of(strip)).astype(np.float32)
-    support = np.asarray(cv2.dilate(support, np.ones((2 * SLACK + 1, 1), np.uint8)), np.float32)
+    support = np.asarray(
+        cv2.dilate(support, np.ones((2 * TUNING.strip_slack + 1, 1), np.uint8)), np.float32
+    )
     sectors = support.reshape(len(support), _SECTORS, _COLUMNS).mean(axis=2)
     return np.asarray(np.sort(sectors, axis=1)[:, :2].mean(axis=1), np.float64)
 
 
 def own_lines(edges: EdgeImage, view: CupView, strip: Strip) -> FloatArray:
     """The same, less where a line goes on beside the container."""
-    return lines_across(edges, strip) * (1.0 - _BEHIND * beside(edges, view, strip.heights))
+    return lines_across(edges, strip) * (1.0 - TUNING.behind * beside(edges, view, strip.heights))
 
 
 def level_like(line: FloatArray, change: FloatArray, largest: float) -> FloatArray:
@@ -93,8 +88,8 @@ def level_like(line: FloatArray, change: FloatArray, largest: float) -> FloatArr
         largest: of the changes where a level can be [grey levels]. Where one line parts two
             colours, a ring's small change is none.
     """
-    full = max(_FULL_STEP, _OF_LARGEST * largest)
-    return line * (_LINE_ALONE + (1.0 - _LINE_ALONE) * np.minimum(change / full, 1.0))
+    full = max(TUNING.full_step, TUNING.of_largest * largest)
+    return line * (TUNING.line_alone + (1.0 - TUNING.line_alone) * np.minimum(change / full, 1.0))
 
 
 def slopes_of(strip: Strip) -> FloatArray:
@@ -119,7 +114,7 @@ def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
     """How much of a line at each height (N,) goes on to both sides of the container, 0 to 1."""
     outer = view.cup.radius + view.cup.wall_thickness
     across = np.array([-np.sin(view.camera_azimuth), np.cos(view.camera_azimuth)])
-    tall = np.ones((4 * SLACK + 1, 1), np.uint8)
+    tall = np.ones((4 * TUNING.strip_slack + 1, 1), np.uint8)
     support = np.asarray(cv2.dilate(edges.support(edges.down).astype(np.float32), tall))
     least = np.ones(heights.size)
     for side in (-1.0, 1.0):
@@ -185,7 +180,9 @@ def _sides_seen(edges: EdgeImage, view: CupView, z: FloatArray) -> FloatArray:
     outer = view.cup.radius + view.cup.wall_thickness
     half = np.arccos(min(outer / float(np.hypot(*view.pose.camera_centre[:2])), 1.0))
     support = edges.support(edges.across).astype(np.float32)
-    wide = np.asarray(cv2.dilate(support, np.ones((1, 4 * SLACK + 1), np.uint8)), np.float32)
+    wide = np.asarray(
+        cv2.dilate(support, np.ones((1, 4 * TUNING.strip_slack + 1), np.uint8)), np.float32
+    )
     seen = np.ones(z.size)
     for side in (-half, half):
         azimuth = view.camera_azimuth + side

@@ -13,20 +13,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder.medians import median
+from slosh_camera.cylinder.medians import ROBUST, median
+from slosh_camera.cylinder.tuning import TUNING
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
-# Scatter that is always reckoned with, as a part of the contrast: the axis leaves the straight way
-# from liquid to background only for good reason, so that shades of the liquid stay between them.
-_SCATTER = 0.12
-# Scatter by rounding and compression [grey levels].
-_ROUNDING = 2.0
-_LEAST_SAMPLES = 10
-_ROBUST = 1.4826
 # Every third line and row is enough for statistics.
 _EVERY = 3
 _GREY = np.arange(256, dtype=np.float32)
@@ -82,24 +76,24 @@ def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Ton
     """
     wet = _samples(picture, inside, body)
     rest = _samples(picture, inside, slice(0, body.stop))
-    if len(wet) < _LEAST_SAMPLES or len(rest) < _LEAST_SAMPLES:
+    if len(wet) < TUNING.least_samples or len(rest) < TUNING.least_samples:
         return None
     liquid = percentile(wet, 50.0)
     distance = _farthest(rest, liquid).astype(np.uint8)
     limit, _ = cv2.threshold(distance, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     dry = rest[distance > limit]
-    if len(dry) < _LEAST_SAMPLES:
+    if len(dry) < TUNING.least_samples:
         return None
     # Further down it may be the free surface.
     upper = _samples(picture, inside, slice(0, above))
     clear = upper[_farthest(upper, liquid) > limit]
-    background = percentile(clear if len(clear) >= _LEAST_SAMPLES else dry, 50.0)
+    background = percentile(clear if len(clear) >= TUNING.least_samples else dry, 50.0)
     axis = _axis(wet, dry, liquid, background)
     if axis is None:
         return None
     part = picture[body, :: 4 * _EVERY].reshape(body.stop - body.start, -1, liquid.size)
     steps = np.diff(part.astype(np.float64) @ axis, axis=0)
-    noise = _ROBUST * float(median(np.abs(steps).ravel())) / np.sqrt(2.0)
+    noise = ROBUST * float(median(np.abs(steps).ravel())) / np.sqrt(2.0)
     return Tone(liquid, background, axis, noise)
 
 
@@ -114,7 +108,7 @@ def _axis(wet: Image, dry: Image, liquid: FloatArray, background: FloatArray) ->
     difference = background - liquid
     axis: FloatArray = difference
     if difference.size > 1:
-        usual = max(_ROUNDING, _SCATTER * float(np.max(np.abs(difference))))
+        usual = max(TUNING.rounding, TUNING.scatter * float(np.max(np.abs(difference))))
         within = _scatter(wet, liquid) + _scatter(dry, background)
         spread = within + usual**2 * np.eye(difference.size)
         axis = np.asarray(np.linalg.solve(spread, difference), dtype=np.float64)
@@ -141,6 +135,6 @@ def _scatter(samples: Image, middle: FloatArray) -> FloatArray:
     """Covariance (C, C) about the middle, far samples cut off at three median deviations."""
     deviation = samples - middle
     usual = percentile(np.abs(deviation).astype(np.uint8), 50.0)
-    reach = 3.0 * _ROBUST * usual + _ROUNDING
+    reach = 3.0 * ROBUST * usual + TUNING.rounding
     cut = np.clip(deviation, -reach, reach)
     return np.asarray(cut.T @ cut / len(cut))

@@ -13,6 +13,7 @@ from numba.types import float32, float64
 from numpy.typing import NDArray
 
 from slosh_base.compiled.compilation import entry_point, given
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.images.colour import Image, to_gray
 from slosh_camera.optics.cup import CupView
 
@@ -21,20 +22,10 @@ FloatArray = NDArray[np.float64]
 # Heights on each side at which an edge is looked for, and how far beside it [px].
 _HEIGHTS = 24
 _REACH = 20
-_LEAST_HEIGHTS = 10
-# Part of the container's height that shows its sides, from the floor and from the rim.
-_FROM_FLOOR, _TO_RIM = 0.85, 0.95
-_UNKNOWN_RIM = 0.9
 # Turns [rad] and shifts [px] that are tried.
 _TURNS = np.radians(np.arange(-5.0, 5.25, 0.5))
 _SHIFTS = np.arange(-9.0, 10.0, 1.0)
-# Slope of the picture that is half an edge [grey levels per pixel].
-_HALF_EDGE = 4.0
-# The container is turned where another turn agrees so many times better with the picture, on both
-# sides together and on each, and is so far from the usual one.
-_CLEARLY, _EACH = 1.06, 1.02
-_TURNED = np.radians(0.99)
-_LEAST_SCORE = 0.9
+_HALF_EDGE = TUNING.side_half_edge
 
 
 class ContainerEdges:
@@ -43,7 +34,7 @@ class ContainerEdges:
     def __init__(self, view: CupView) -> None:
         """Project the sides; where too little of them is in the image, none is looked for."""
         sides = [_side(view, left) for left in (True, False)]
-        self._able = all(len(side) >= _LEAST_HEIGHTS for side in sides)
+        self._able = all(len(side) >= TUNING.least_samples for side in sides)
         places = np.vstack(sides)
         self._first = len(sides[0])
         middle = float(np.mean(places[:, 1])) if len(places) else 0.0
@@ -64,11 +55,14 @@ class ContainerEdges:
             return False
         scores = self._scores(image)
         best = int(np.argmax(scores.sum(axis=0)))
-        if abs(_TURNS[best] - usual) < _TURNED or scores[:, best].sum() < _LEAST_SCORE:
+        if (
+            abs(_TURNS[best] - usual) < TUNING.turned
+            or scores[:, best].sum() < TUNING.least_turn_score
+        ):
             return False
-        near = scores[:, np.abs(_TURNS - usual) < 0.6 * _TURNED].max(axis=1)
+        near = scores[:, np.abs(_TURNS - usual) < 0.6 * TUNING.turned].max(axis=1)
         gain = scores[:, best] / near
-        return bool(np.mean(gain) > _CLEARLY and np.min(gain) > _EACH)
+        return bool(np.mean(gain) > TUNING.turn_better and np.min(gain) > TUNING.turn_better_each)
 
     def _scores(self, image: Image) -> FloatArray:
         """Agreement of every turn of the left and the right side with the picture, (2, turns)."""
@@ -85,8 +79,12 @@ def _side(view: CupView, left: bool) -> FloatArray:
     cup, centre = view.cup, view.pose.camera_centre
     outer = cup.radius + cup.wall_thickness
     half = float(np.arccos(outer / np.hypot(centre[0], centre[1])))
-    top = _UNKNOWN_RIM * cup.radius if cup.rim_level is None else _TO_RIM * cup.rim_level
-    level = np.linspace(-_FROM_FLOOR * cup.fill_height, top, _HEIGHTS)
+    top = (
+        TUNING.side_unknown_rim * cup.radius
+        if cup.rim_level is None
+        else TUNING.side_above * cup.rim_level
+    )
+    level = np.linspace(-TUNING.wall_depth * cup.fill_height, top, _HEIGHTS)
     azimuth = view.camera_azimuth + (half if left else -half)
     points = np.column_stack(
         (np.full((_HEIGHTS, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), level)

@@ -29,6 +29,7 @@ from slosh_camera.cylinder.surface_flags import surface_flags
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.surface_reading import SurfaceReading
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.cylinder.wall_pixels import WallPixels
 from slosh_camera.images.repeats import RepeatedFrames
@@ -45,13 +46,6 @@ _DOUBT = (
     "the contrast between the liquid at rest and what is behind it is too low: many images "
     f"will be refused, and all heights carry the flag AMBIGUOUS; {REMEDY}"
 )
-# Heights that the fade changes by less than this need no second fit [m].
-_NO_FADE = 2e-6
-# Standard deviation from which on a surface is not told whose front line is a mere shade; and one
-# whose edges contradict each other, of which errors of a millimetre are to be feared [m].
-_UNTOLD, _CONTRADICTED = 5e-4, 1e-3 / 3.0
-# The peak is hidden where the fitted surface is so much higher than what is seen [m].
-_HIGHER = 5e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,7 +208,7 @@ class FreeSurfaceDetector:
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
         """The surface by what other images told of the fade, and what is told of that now."""
         fade = self._memory.fade
-        if float(np.max(np.abs(found.fit.by_fade))) < _NO_FADE:
+        if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade
         if fade != USUAL_FADE:
             fit = self._fitter.again(found.view, found.fit, found.prior, fade)
@@ -286,10 +280,10 @@ class FreeSurfaceDetector:
             flags |= Flag.BLURRED
         # Of a surface that is cut off a bound alone is told.
         if not cut_off:
-            contradicted = reading.contradiction > 1.0 and highest.stddev > _CONTRADICTED
-            if contradicted or (found.view.scatters and fitted.stddev > _UNTOLD):
+            contradicted = reading.contradiction > 1.0 and highest.stddev > TUNING.contradicted
+            if contradicted or (found.view.scatters and fitted.stddev > TUNING.untold):
                 flags |= Flag.AMBIGUOUS
-            if fitted.height - seen.height > _HIGHER:
+            if fitted.height - seen.height > TUNING.hidden_peak:
                 flags |= Flag.OCCLUDED
         left, right = (reading.at(azimuth) for azimuth in self._tangents)
         level = reading.level() if Flag.LEVEL_CHANGED in flags else (float("nan"), float("nan"))

@@ -10,39 +10,30 @@ import numpy as np
 from numba.types import Tuple, UniTuple, float32, float64, int64
 
 from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
-from slosh_camera.cylinder.surface_evidence import LIKE_LIQUID
+from slosh_camera.cylinder.tuning import TUNING
 
 # Numba's types of what the functions take.
 PICTURE, ROWS, STEPS = given(float32, 2), given(int64, 1), given(float32, 3)
 
-# Bins of a histogram of what may be liquid, its ends, and samples that tell a line's level.
+# Ends and bins of a histogram of what may be liquid.
 _LOWEST, _TOP = -0.3, 0.5
 _BINS = 256
-_ENOUGH = 8
-# Samples beside an edge that must be inside the image.
-_NEAR = 2
-# Rows over which a soft edge goes on, and slope, as a part of the steepest, at which it has ended.
-_SOFT = 12
-_ENDED = 0.2
-# Deviations at which a sample speaks against liquid and against background, inverted; what a
-# sample of the free surface costs, which may look like either.
-_LIQUID_SPREAD = 1.0 / 0.45
-_BACKGROUND_SPREAD = 1.0 / 0.6
-_BETWEEN = 0.2
-_UNLIKE = 0.3
-# Weight of wrong samples against edges, and a slope that is half an edge.
-_WRONG = 4.0
-_HALF_EDGE = 0.08
-# What speaks against a line that is hidden, by a label or the like, counts by this part beyond.
-_LEAK = 0.3
-# Distance from which on an edge is another one [rows].
-_BESIDE = 4
-# Weights of two edges, front line and upper edge; a front line alone has weight 1. The upper one
-# counts more, since the surface may look like the liquid, and yet less than a front line alone,
-# the simpler explanation of a single edge - unless the surface is known to look like the liquid.
-_UNKNOWN_SURFACE = 0.3, 0.8
-_DULL_SURFACE = 0.15, 1.0
-_BRIGHT_SURFACE = 0.45, 0.65
+_ENOUGH = TUNING.level_samples
+_NEAR = TUNING.edge_margin
+_SOFT = TUNING.soft_rows
+_ENDED = TUNING.slope_ended
+_LIQUID_SPREAD = 1.0 / TUNING.liquid_spread
+_BACKGROUND_SPREAD = 1.0 / TUNING.background_spread
+_BETWEEN = TUNING.unknown_cost
+_UNLIKE = TUNING.unlike_cost
+_WRONG = TUNING.wrong_weight
+_HALF_EDGE = TUNING.half_edge
+_LEAK = TUNING.hidden_leak
+_BESIDE = TUNING.edge_reach
+_LIKE_LIQUID = TUNING.like_liquid
+_UNKNOWN_SURFACE = TUNING.unknown_surface
+_DULL_SURFACE = TUNING.dull_surface
+_BRIGHT_SURFACE = TUNING.bright_surface
 
 
 @entry_point(float64[::1](PICTURE, int64, int64, float64))
@@ -371,9 +362,9 @@ def surface_score(  # type: ignore[no-untyped-def]
     """
     lines = picture.shape[1]
     front_part, upper_part = _UNKNOWN_SURFACE
-    if surface < LIKE_LIQUID:
+    if surface < _LIKE_LIQUID:
         front_part, upper_part = _DULL_SURFACE
-    elif surface >= LIKE_LIQUID:
+    elif surface >= _LIKE_LIQUID:
         front_part, upper_part = _BRIGHT_SURFACE
     total = 0.0
     for i in range(lines):

@@ -14,13 +14,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, WallPoints
+from slosh_camera.cylinder.surface_evidence import SurfaceFit, WallPoints
+from slosh_camera.cylinder.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
-
-# Lines over which the errors of single points are averaged, and the rise over which what is off
-# changes [rows].
-_AVERAGED, _HOLDS = 5, 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,12 +49,12 @@ class FrontBias:
             footprint: of a row on the wall [m].
         """
         points = fit.points
-        known = (fit.front_weight > INLIER) & ~points.bound
+        known = (fit.front_weight > TUNING.inlier) & ~points.bound
         above = np.where(known, points.height - points.shapes @ zero, 0.0)
-        window = np.ones(_AVERAGED)
+        window = np.ones(TUNING.bias_lines)
         count = np.convolve(known.astype(np.float64), window, "same")
         offset = np.convolve(above, window, "same") / np.maximum(count, 1.0)
-        return cls(zero, np.where(known, offset, 0.0), _HOLDS * footprint)
+        return cls(zero, np.where(known, offset, 0.0), TUNING.bias_rows * footprint)
 
     def removed(self, points: WallPoints) -> WallPoints:
         """Points (M,) of a front line without what they are off, as far as it still holds."""

@@ -16,6 +16,7 @@ from slosh_camera.cylinder.scan_grid import ScanGrid
 from slosh_camera.cylinder.stationary_edges import moved_edges
 from slosh_camera.cylinder.surface_evidence import Unrolled, WallPoints
 from slosh_camera.cylinder.surroundings import Backdrop
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.measurement import Flag
 from slosh_camera.settings import DetectionSettings, Liquid
@@ -26,20 +27,6 @@ Single = NDArray[np.float32]
 # Parts of the way from the still level to the lowest row between which there is mostly liquid:
 # below the deepest trough, or higher up, where a transparent liquid does not show the floor.
 _BODIES = (0.5, 1.0), (0.1, 0.5)
-# Deviation from the liquid's most frequent level up to which samples may belong to it.
-_LEVEL_REACH = 0.25
-# Deviation from the liquid's level, as a part of the contrast, from which on a sample is rather
-# something else; and the same in standard deviations of the noise from sample to sample, and in
-# median deviations within the liquid.
-_TOLERANCE = 0.08
-_TOLERANCE_NOISE = 4.0
-_TOLERANCE_SPREAD = 4.0
-# Width of an edge where there is none to measure it [rows].
-_SHARP = 2.0
-# Grey level from which on a background is white: whatever is as bright cannot be told from it.
-_WHITE = 250.0
-# What must speak against a line for it to be hidden, see `surface_score`.
-_HIDDEN = 0.6
 # Every so many rows and lines suffice to tell how light an image is.
 _SPARSE = 4
 
@@ -99,23 +86,25 @@ class FrontLineFinder:
             return None
         picture = tone.reduce(unrolled)
         first, last = self._wall.first_row, self._wall.last_row
-        level = edge_search.liquid_levels(picture, body.start, body.stop, _LEVEL_REACH)
+        level = edge_search.liquid_levels(picture, body.start, body.stop, TUNING.level_reach)
         unknown = np.isnan(level)
         if unknown.all():
             return None
         if unknown.any():
             level = np.where(unknown, np.nanmedian(level), level)
         spread = edge_search.usual_deviation(picture, level, body.start, body.stop)
-        tolerance = max(_TOLERANCE, _TOLERANCE_NOISE * tone.noise, _TOLERANCE_SPREAD * spread)
+        tolerance = max(
+            TUNING.tolerance, TUNING.tolerance_noise * tone.noise, TUNING.tolerance_spread * spread
+        )
         row = edge_search.liquid_tops(picture, self._wall.inside, level, tolerance)
         place, width = edge_search.refine_edges(picture, row, first, last)
         known = width[np.isfinite(width)]
-        softness = float(median(known)) if known.size else _SHARP
-        clipped = bool(np.all(tone.background >= _WHITE))
+        softness = float(median(known)) if known.size else TUNING.sharp_rows
+        clipped = bool(np.all(tone.background >= TUNING.white))
         if beside is None:
             behind, hidden = np.ones_like(picture), np.inf
         else:
-            behind, hidden = self._backdrop.reduced(beside, tone), _HIDDEN
+            behind, hidden = self._backdrop.reduced(beside, tone), TUNING.hidden_line
         view = Unrolled(
             picture, behind, stationary, surface, hidden, tone.noise, softness, clipped
         )

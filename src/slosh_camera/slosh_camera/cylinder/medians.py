@@ -7,6 +7,9 @@ from numba.types import float64
 
 from slosh_base.compiled.compilation import entry_point, given
 
+ROBUST = 1.4826
+"""Standard deviation over the median deviation of a normal distribution."""
+
 
 @entry_point(float64(given(float64, 1, "A")))
 def median(values):  # type: ignore[no-untyped-def]

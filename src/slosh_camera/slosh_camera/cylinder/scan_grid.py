@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall
 from slosh_camera.settings import RegionOfInterest
@@ -21,18 +22,8 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# Depth, as a fraction of the fill height, down to which lines reach; the floor's edge and what
-# shines through it lie below.
-_BOTTOM = 0.85
-# The pixels at the container's two edges mix liquid, wall and background.
-_EDGE_INSET = 1.5
 _MAX_LINES = 128
 _MAX_ROWS = 300
-_MIN_LINES = 12
-_MIN_SAMPLES = 24
-# Least height of wall above the still level that must be inside the image, in still-level rows.
-_MIN_ABOVE = 4
-_UNKNOWN_RIM = 1.2
 _EDGE_SAMPLES = 721
 
 
@@ -102,7 +93,7 @@ def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
     """
     _check_upright(view)
     azimuth = _line_azimuths(view)
-    bottom = view.project_wall(azimuth, -_BOTTOM * view.cup.fill_height, Wall.FRONT)
+    bottom = view.project_wall(azimuth, -TUNING.wall_depth * view.cup.fill_height, Wall.FRONT)
     still = view.project_wall(azimuth, 0.0, Wall.FRONT)
     length = np.linalg.norm(still - bottom, axis=1, keepdims=True)
     unit = (still - bottom) / length
@@ -116,11 +107,11 @@ def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
     limits = given or RegionOfInterest(0, 0, view.camera.width, view.camera.height)
     inside = _inside(pixels, limits)
     keep = _usable(inside, still_row)
-    if np.count_nonzero(keep) < _MIN_LINES:
+    if np.count_nonzero(keep) < TUNING.least_lines:
         raise SloshCameraError(
             f"pose: only {np.count_nonzero(keep)} of {keep.size} lines up the container's wall "
             "show the still level and liquid below it inside the image or the region of "
-            f"interest, needs {_MIN_LINES}"
+            f"interest, needs {TUNING.least_lines}"
         )
     pixels = np.ascontiguousarray(pixels[:, keep])
     trace = view.trace(pixels.reshape(-1, 2))
@@ -161,7 +152,7 @@ def _line_azimuths(view: CupView) -> FloatArray:
         raise SloshCameraError("pose: the container is outside the camera's field of view")
     azimuth, u = azimuth[seen], u[seen]
     order = np.argsort(u)
-    first, last = u[order[0]] + _EDGE_INSET, u[order[-1]] - _EDGE_INSET
+    first, last = u[order[0]] + TUNING.edge_inset, u[order[-1]] - TUNING.edge_inset
     lines = int(np.clip(last - first, 2, _MAX_LINES))
     chosen: FloatArray = np.interp(np.linspace(first, last, lines), u[order], azimuth[order])
     return chosen
@@ -172,7 +163,7 @@ def _heights(
 ) -> FloatArray:
     """Pixels (M,) from the still level up to above the rim on the front and the rear wall."""
     level = view.cup.rim_level
-    top = _UNKNOWN_RIM * view.cup.radius if level is None else level
+    top = TUNING.unknown_rim * view.cup.radius if level is None else level
     ends = view.project_wall(azimuth, top, Wall.FRONT)
     around = view.project_wall(np.linspace(-np.pi, np.pi, 73), top)
     highest = np.nanmin(around[:, 1])
@@ -193,9 +184,9 @@ def _inside(pixels: FloatArray, limits: RegionOfInterest) -> BoolArray:
 
 def _usable(inside: BoolArray, still_row: int) -> BoolArray:
     """Lines (M,) that show the wall from above the still level to well below it."""
-    if still_row + _MIN_SAMPLES >= len(inside):
+    if still_row + TUNING.least_below >= len(inside):
         return np.zeros(inside.shape[1], dtype=np.bool_)
-    around = inside[max(still_row - _MIN_ABOVE, 0) : still_row + _MIN_SAMPLES]
+    around = inside[max(still_row - TUNING.least_above, 0) : still_row + TUNING.least_below]
     usable: BoolArray = np.all(around, axis=0)
     return usable
 

@@ -19,15 +19,13 @@ from numba.types import boolean, float64, int64
 
 from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, GIVEN_3, compiled, entry_point, given
 from slosh_camera.cylinder.surface_modes import RADIAL_STEPS, RADIAL_TABLE, SHAPES
+from slosh_camera.cylinder.tuning import TUNING
 
 _TABLE = RADIAL_TABLE
 _PER_UNIT = float(RADIAL_STEPS)
 # Places on a ray at which the surface is looked at first.
 _CHORD = 9
-# The edge's neighbourhood, and how far below a crest the middle of its fade is seen [rows]; the
-# second as measured on rendered crests of all curvatures.
-_NEIGHBOURHOOD = 3.5
-_FADE = 1.0
+_NEIGHBOURHOOD = TUNING.fade_rows
 
 
 @compiled
@@ -111,7 +109,7 @@ def touch(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
     hidden = 0.0
     if best and bend < 0.0:
         further = np.sqrt(slope**2 - 2.0 * bend / step**2 * _NEIGHBOURHOOD * fade)
-        hidden = _FADE * fade * (1.0 - slope / further)
+        hidden = fade * (1.0 - slope / further)
     return part, clearance(near, far, part, heights), hidden
 
 

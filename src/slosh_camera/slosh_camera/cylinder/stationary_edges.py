@@ -14,16 +14,10 @@ from numpy.typing import NDArray
 
 from slosh_base.compiled.compilation import GIVEN_1, entry_point
 from slosh_camera.cylinder.edge_search import PICTURE, STEPS, fall_above, has_stood
+from slosh_camera.cylinder.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
-
-# Steps of less than this are noise, or too faint to be taken for a line [of liquid to background].
-_FAINT = 0.06
-# Rows by which a picture may be shifted against the still image.
-_SHIFT = 1
-# An edge as marked as this many times the one that stood there is another one.
-_MORE = 2.0
 
 
 def no_edges(shape: tuple[int, int]) -> Single:
@@ -47,12 +41,15 @@ def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single
     step = np.zeros_like(picture)
     above, below = picture[:-3] + picture[1:-2], picture[2:-1] + picture[3:]
     step[2:-1] = 0.5 * (above - below)
-    step[np.abs(step) < _FAINT] = 0.0
+    step[np.abs(step) < TUNING.faint] = 0.0
     for line in lines:
         step[np.abs(rows - 0.5 - line) <= reach] = 0.0
     known = np.maximum(np.stack((step, -step)), 0.0)
-    shifted = [np.roll(known, by, axis=1) for by in range(-_SHIFT, _SHIFT + 1)]
-    return np.ascontiguousarray(_MORE * np.max(shifted, axis=0), dtype=np.float32)
+    shifted = [
+        np.roll(known, by, axis=1)
+        for by in range(-TUNING.stationary_shift, TUNING.stationary_shift + 1)
+    ]
+    return np.ascontiguousarray(TUNING.more_marked * np.max(shifted, axis=0), dtype=np.float32)
 
 
 @entry_point(float64[::1](PICTURE, STEPS, GIVEN_1))

@@ -20,11 +20,12 @@ from slosh_camera.cylinder.still_surface import (
 )
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import SurfaceComparison
-from slosh_camera.cylinder.surface_evidence import INLIER, Unrolled
+from slosh_camera.cylinder.surface_evidence import Unrolled
 from slosh_camera.cylinder.surface_flags import surface_flags
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.surroundings import looks_like_surroundings
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
@@ -34,21 +35,8 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 
-# Standard deviation of the first mode, as a part of the radius.
-_FIRST = 0.5
-# Of liquid at rest: standard deviations of its tilt against the calibration, which is what poses
-# are off that are fitted to a still image [rad], and of its level [m]; and the part of what the
-# higher shapes usually have that is left of them.
-_TILT, _LEVEL, _NO_WAVE = np.radians(0.25), 5e-3, 0.01
-# The same of a tilt of which nothing is known [rad].
-_LEANING = 0.06
-# How well the picture of a doubted liquid agrees with its surface; of those that agree less most
-# images show nothing, and the others something else.
-_PLAUSIBLE = 0.15
 # Flags of a line of which too little is seen to be a zero.
 _NOT_WHOLE = Flag.NOT_FOUND | Flag.SATURATED
-# Rows around a line at rest that belong to it, and in widths of its edge.
-_OWN_ROWS, _OWN_WIDTHS = 2.0, 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,8 +91,13 @@ class StillLearner:
         self._view, self._grid, self._wall = view, grid, wall
         self._chooser, self._front, self._edges = chooser, front, edges
         radius, zero = view.cup.radius, np.zeros(SHAPES)
-        self._moving = Prior(zero, first=_FIRST * radius)
-        self._at_rest = Prior(zero, first=_TILT * radius, level=_LEVEL, higher=_NO_WAVE)
+        self._moving = Prior(zero, first=TUNING.first_mode * radius)
+        self._at_rest = Prior(
+            zero,
+            first=TUNING.still_tilt * radius,
+            level=TUNING.level_stddev,
+            higher=TUNING.at_rest,
+        )
         azimuth = view.camera_azimuth
         self._nearest = radius * np.array((np.cos(azimuth), np.sin(azimuth)))
 
@@ -182,19 +175,19 @@ class StillLearner:
 
     def _leans(self, still: StillSurface) -> bool:
         """Whether its edges would have the liquid lean if nothing told that it does not."""
-        prior = replace(self._at_rest, first=_LEANING * self._view.cup.radius)
+        prior = replace(self._at_rest, first=TUNING.leaning * self._view.cup.radius)
         fit, _ = self._chooser.fit_still(still.view, still.points, prior)
         return self._chooser.is_suspect(fit)
 
     def _check_doubted(self, still: StillSurface, prior: Prior) -> None:
         """Refuse a doubted liquid that is far from the still level, or agrees poorly."""
-        if abs(still.zero[0]) > _LEVEL:
+        if abs(still.zero[0]) > TUNING.level_stddev:
             raise SloshCameraError(
                 f"still image: its line is {1e3 * still.zero[0]:+.0f} mm off the "
                 "calibration's level, and may be an edge behind the liquid; check the fill "
                 f"height, or {REMEDY}"
             )
-        if self._chooser.plausible_heights(still.view, still.zero, prior) < _PLAUSIBLE:
+        if self._chooser.plausible_heights(still.view, still.zero, prior) < TUNING.still_plausible:
             raise SloshCameraError(
                 "still image: the contrast between the liquid and what is behind it is too "
                 "low, and its line is hidden or faint at many of the examined places; remove "
@@ -223,9 +216,9 @@ class StillLearner:
     def _standing_edges(self, still: StillSurface) -> Single:
         """Edges of the still image away from the liquid's lines, where those are seen."""
         fit, view = still.fit, still.view
-        seen = (fit.front_weight > INLIER) & ~fit.points.bound
+        seen = (fit.front_weight > TUNING.inlier) & ~fit.points.bound
         front = np.where(seen, fit.points.place, np.nan)
-        upper = np.where(fit.upper_weight > INLIER, fit.upper_place, np.nan)
+        upper = np.where(fit.upper_weight > TUNING.inlier, fit.upper_place, np.nan)
         return stationary_edges(
-            view.picture, np.stack((front, upper)), _OWN_ROWS + _OWN_WIDTHS * view.softness
+            view.picture, np.stack((front, upper)), TUNING.edge_rows + view.softness
         )

@@ -16,23 +16,16 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_comparison import SurfaceComparison
-from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled, WallPoints
+from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 
 FloatArray = NDArray[np.float64]
 
 REMEDY = "dye the liquid"
 """What was found to help."""
-
-# How much more plausible the second part of the wall must make the liquid at rest to be preferred.
-_RATHER = 0.3
-# Highest first mode that liquid at rest may be measured with [m].
-_LEVEL = 1e-3
-# Part of the lines on which the upper edge must be seen for both lines to tell the tilt, and the
-# standard deviation of that towards the camera where the front line alone is seen [rad].
-_BOTH, _TOWARDS = 0.125, np.radians(0.05)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +75,7 @@ def find_still_surface(
             if view.scatters or not chooser.is_suspect(again):
                 fit, plausible = again, likely
         still = StillSurface(view, points, fit, body, _at_rest(fit, nearest))
-        found.append((plausible - (_RATHER if found else 0.0), still))
+        found.append((plausible - (TUNING.second_body if found else 0.0), still))
     return max(found, key=lambda entry: entry[0])[1] if found else None
 
 
@@ -100,7 +93,7 @@ def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
     if not choice.believed:
         return False
     height = float(np.hypot(*comparison.first(choice.candidate.fit)))
-    if height > _LEVEL:
+    if height > TUNING.still_wave:
         raise SloshCameraError(
             f"still image: the liquid at rest would be measured as a wave of {1e3 * height:.0f} "
             f"mm, by an edge that is seen through it; {REMEDY}"
@@ -116,10 +109,13 @@ def _at_rest(fit: SurfaceFit, nearest: FloatArray) -> FloatArray:
     that line is all that is seen, the calibration knows the tilt better.
     """
     heights, covariance = fit.heights[:3].copy(), fit.covariance[:3, :3]
-    if np.count_nonzero(fit.upper_weight > INLIER) < _BOTH * fit.upper_weight.size:
+    if (
+        np.count_nonzero(fit.upper_weight > TUNING.inlier)
+        < TUNING.least_upper * fit.upper_weight.size
+    ):
         radius = float(np.hypot(*nearest))
         towards = np.concatenate(([0.0], nearest / radius))
         spread = covariance @ towards
-        variance = float(towards @ spread) + (_TOWARDS * radius) ** 2
+        variance = float(towards @ spread) + (TUNING.tilt_towards * radius) ** 2
         heights -= spread * float(towards @ heights) / variance
     return np.concatenate((heights, np.zeros(SHAPES - 3)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +9,8 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder import edge_search, silhouette
 from slosh_camera.cylinder.first_modes import first_mode_candidates
+from slosh_camera.cylinder.medians import ROBUST
 from slosh_camera.cylinder.surface_evidence import (
-    INLIER,
     USUAL_FADE,
     SurfaceFit,
     Unrolled,
@@ -19,42 +18,18 @@ from slosh_camera.cylinder.surface_evidence import (
 )
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_modes import wall_shapes
-from slosh_camera.cylinder.surface_prior import HIGHEST, Prior
-from slosh_camera.cylinder.surface_solver import COARSE, FINE
+from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import SKIP, WallGeometry
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 
-# A first guess is made from pairs of these lines, and of points that agree within a distance
-# [rows]; so many guesses are made.
-_PAIR_LINES = 18
-_AGREE = 5.0
-_CANDIDATES = 8
-# Share of agreeing front points from which on the front line alone decides.
-_CERTAIN = 0.8
-# Surprise from which on a surface that the front line tells is compared with others.
-_UNLIKELY = 0.3
-# Deviation from the liquid that no liquid has.
-_FAR_FROM_LIQUID = 0.35
-# Surfaces that are fitted to the end, and by how much they differ in the first mode [rows].
-_TRIED = 4
-_DIFFERENT = 10.0
-# Rows beside a line that do not show the surface between two lines.
-_EDGE_ROWS = 2.0
-# Points that far from the level that agrees best are no points of liquid at rest [rows].
-_STILL_ROWS = 12.0
-# Of liquid at rest points stand out that are off by so many times what is usual, and so many rows.
-_STRAY, _ROBUST, _STRAY_ROWS = 4.0, 1.4826, 1.5
-# A surface at rest is suspect that is inclined so far against the calibration [rad], and whose
-# upper edges are off by so many rows.
-_INCLINED, _OFF_ROWS = math.radians(0.8), 0.7
 # Levels at which liquid at rest is looked for [m].
 _LEVELS = np.arange(-15e-3, 15.5e-3, 5e-4)
-# Heights all around the wall, and by what part of the radius a crest may stand above the rim.
+# Heights all around the wall.
 _AROUND = wall_shapes(np.radians(np.arange(0.0, 360.0, 10.0)))
-_OVER_RIM = 0.1
 
 
 class SurfaceChooser:
@@ -67,9 +42,9 @@ class SurfaceChooser:
             geometry: tables of the scan lines.
             rim: height of the container's rim above its origin [m]; inf: not known.
         """
-        self._wall, self._highest = geometry, rim + _OVER_RIM * geometry.radius
+        self._wall, self._highest = geometry, rim + TUNING.over_rim * geometry.radius
         self._fitter = SurfaceFitter(geometry)
-        some = np.linspace(0, geometry.lines - 1, min(_PAIR_LINES, geometry.lines))
+        some = np.linspace(0, geometry.lines - 1, min(TUNING.pair_lines, geometry.lines))
         chosen = some.astype(np.int64)
         self._pairs = np.array([(i, j) for i in chosen for j in chosen if j > i])
 
@@ -87,11 +62,11 @@ class SurfaceChooser:
         """
         starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
         # Points that were always there are none of the surface, and leave the line unseen.
-        if shares[0] * np.mean(~np.isnan(points.height)) < _CERTAIN:
+        if shares[0] * np.mean(~np.isnan(points.height)) < TUNING.certain:
             return None
-        start = self._fitter.fit_front(points, prior, starts[0], FINE).heights
-        fit = self._fitter.refined(view, points, start, prior, FINE)
-        return fit if self.surprise(fit.heights, prior) < _UNLIKELY else None
+        start = self._fitter.fit_front(points, prior, starts[0], TUNING.fine).heights
+        fit = self._fitter.refined(view, points, start, prior, TUNING.fine)
+        return fit if self.surprise(fit.heights, prior) < TUNING.unlikely else None
 
     def fit_several(
         self, view: Unrolled, points: WallPoints, prior: Prior
@@ -119,9 +94,9 @@ class SurfaceChooser:
     ) -> list[tuple[SurfaceFit, float]]:
         """Fit surfaces near one of given heights (SHAPES,) [m], and how plausible each is."""
         found = []
-        for coarse in (FINE, COARSE):
+        for coarse in (TUNING.fine, TUNING.coarse):
             rough = self._fitter.refined(view, points, start, prior, coarse)
-            fit = self._fitter.refined(view, points, rough.heights, prior, FINE)
+            fit = self._fitter.refined(view, points, rough.heights, prior, TUNING.fine)
             found.append((fit, self.plausible(view, fit, prior)))
         return found
 
@@ -140,7 +115,7 @@ class SurfaceChooser:
         """
         # An edge counts up to four rows beside it: every second level will do.
         start, _ = self._best_level(view, at_rest, _LEVELS[::2])
-        fit = self._fitter.refined(view, points, start, at_rest, FINE)
+        fit = self._fitter.refined(view, points, start, at_rest, TUNING.fine)
         near = self.fit_near(view, points, moving, start)
         return [
             (at_rest, fit, self.plausible(view, fit, at_rest)),
@@ -170,12 +145,12 @@ class SurfaceChooser:
             The fit and how plausible it is.
         """
         start, plausible = self._best_level(view, prior, _LEVELS)
-        near = points.near(self._wall.front_rows(start), _STILL_ROWS)
-        both = self._fitter.refined(view, near, start, prior, FINE)
+        near = points.near(self._wall.front_rows(start), TUNING.still_rows)
+        both = self._fitter.refined(view, near, start, prior, TUNING.fine)
         both = self._without_strays(view, both, prior)
         if np.isfinite(self.surface_tone(view, both.heights)):
             return both, plausible
-        return self._fitter.fit_front(both.points, prior, start, FINE), plausible
+        return self._fitter.fit_front(both.points, prior, start, TUNING.fine), plausible
 
     def is_suspect(self, still: SurfaceFit) -> bool:
         """Whether a line at rest may be of something else than a level surface.
@@ -184,12 +159,12 @@ class SurfaceChooser:
         not its own - the far edge of a table, which is straight, so that both do not agree - or
         only one edge, which is on the front wall here and on the rear wall there.
         """
-        inclined = float(np.hypot(*still.heights[1:3])) > _INCLINED * self._wall.radius
-        agree = still.upper_weight > INLIER
+        inclined = float(np.hypot(*still.heights[1:3])) > TUNING.inclined * self._wall.radius
+        agree = still.upper_weight > TUNING.inlier
         if not inclined or not np.any(agree):
             return inclined
         off = float(np.sqrt(np.mean(np.square(still.upper_error[agree]))))
-        return off > _OFF_ROWS * self._wall.footprint
+        return off > TUNING.off_rows * self._wall.footprint
 
     def surface_tone(self, view: Unrolled, heights: FloatArray) -> float:
         """What the free surface between a surface's two lines looks like; NaN: it is not seen."""
@@ -198,7 +173,9 @@ class SurfaceChooser:
             self._wall.silhouette(heights, view.softness),
         )
         rows = np.arange(self._wall.rows)[:, np.newaxis]
-        between = (rows > upper + _EDGE_ROWS) & (rows < front - _EDGE_ROWS) & (upper > 0.0)
+        between = (
+            (rows > upper + TUNING.edge_rows) & (rows < front - TUNING.edge_rows) & (upper > 0.0)
+        )
         enough = np.count_nonzero(between) > 2 * self._wall.lines
         return float(np.median(view.picture[between])) if enough else float("nan")
 
@@ -218,8 +195,10 @@ class SurfaceChooser:
         if not np.any(known):
             return fit
         off = np.abs(fit.front_error - np.median(fit.front_error[known]))
-        usual = _ROBUST * float(np.median(off[known]))
-        strays = known & (off > max(_STRAY * usual, _STRAY_ROWS * self._wall.footprint))
+        usual = ROBUST * float(np.median(off[known]))
+        strays = known & (
+            off > max(TUNING.stray * usual, TUNING.stray_rows * self._wall.footprint)
+        )
         if not np.any(strays):
             return fit
         points = replace(
@@ -237,7 +216,9 @@ class SurfaceChooser:
         """
         first = self._wall.first_row
         level = np.zeros(self._wall.lines)
-        bright = edge_search.liquid_tops(view.picture, self._wall.inside, level, _FAR_FROM_LIQUID)
+        bright = edge_search.liquid_tops(
+            view.picture, self._wall.inside, level, TUNING.far_from_liquid
+        )
         starts = []
         for place in (points.place, bright.astype(np.float64)):
             for table in (self._wall.near, self._wall.far):
@@ -254,11 +235,11 @@ class SurfaceChooser:
         for index in np.argsort(-scores):
             start = starts[index]
             if all(
-                np.hypot(*(start - other)[1:3]) > _DIFFERENT * self._wall.footprint
+                np.hypot(*(start - other)[1:3]) > TUNING.different_rows * self._wall.footprint
                 for other in chosen
             ):
                 chosen.append(start)
-            if len(chosen) == _TRIED:
+            if len(chosen) == TUNING.tried:
                 break
         return np.array(chosen)
 
@@ -284,9 +265,12 @@ class SurfaceChooser:
         """First guesses (N, SHAPES) through points of the wall, and the shares that agree."""
         offset = silhouette.wall_shapes_of(azimuth) @ prior.centre
         known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
-        agree, highest = _AGREE * self._wall.footprint, HIGHEST * self._wall.radius
+        agree, highest = (
+            TUNING.agree_rows * self._wall.footprint,
+            TUNING.highest * self._wall.radius,
+        )
         first, shares = first_mode_candidates(
-            azimuth, known, agree, self._pairs, _CANDIDATES, highest
+            azimuth, known, agree, self._pairs, TUNING.candidates, highest
         )
         starts = np.tile(prior.centre, (len(first), 1))
         starts[:, 1:3] += first

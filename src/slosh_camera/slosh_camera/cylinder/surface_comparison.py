@@ -11,36 +11,11 @@ from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
 from slosh_camera.cylinder.surface_memory import Expected
 from slosh_camera.cylinder.surface_prior import Prior
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.images.seams import NO_STEPS, Steps
 from slosh_camera.measurement import Flag
 
 FloatArray = NDArray[np.float64]
-
-# How plausible a surface must be that the front line alone does not tell: fits to pictures without
-# a surface that can be told reach less.
-_BELIEVED = 0.0
-# How plausible one must be that the images before foretell, within a standard deviation, and by
-# how much more it must agree than others.
-_BELIEVED_FORETOLD, _FORETOLD, _CLEARLY = -0.1, 1.0, 0.1
-# Up to this deviation from what was foretold it is not asked what else an image with a clear front
-# line may show, and beyond the second the liquid cannot have moved so fast [standard deviations].
-_USUAL, _JUMP = 2.0, 4.5
-# What it adds to a surface that nearly all of the front line agrees with it.
-_CERTAINLY = 0.2
-# Two surfaces are others where their levels and first modes lie so far apart [rows].
-_OTHER = 5.0
-# Fits that agree so nearly as well are of the same surface.
-_ALIKE = 0.005
-# By less than this no surface is preferred to another one for sure.
-_HARDLY = 0.05
-# How many times as many edges agree with a surface to which no wave is preferred then.
-_FAR_MORE = 1.3
-# A front line leaves no choice where its surface agrees with the image at most so much worse than
-# the surface at rest does with the still image; and no surface that agrees so much worse is sure.
-_WORSE, _FAR_WORSE = 0.4, 0.5
-# How plausible a changed level must be where there is no still image to tell what is usual: a dark
-# thing behind an empty container reaches 0.3.
-_LEVEL_BELIEVED = 0.4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +96,7 @@ class SurfaceComparison:
         self._chooser, self.prior = chooser, prior
         self._changed = prior.at_rest_on_changed_level(), prior.of_changed_level()
         self._footprint, self._at_rest = footprint, at_rest
-        self._least = at_rest - _WORSE if np.isfinite(at_rest) else _LEVEL_BELIEVED
+        self._least = at_rest - TUNING.worse if np.isfinite(at_rest) else TUNING.level_believed
 
     def sighting(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> Sighting:
         """The candidates of an image: one where its front line leaves no choice."""
@@ -129,7 +104,7 @@ class SurfaceComparison:
             fit = self._chooser.fit_certain(view, points, self.prior)
             if fit is None:
                 continue
-            if self._chooser.plausible(view, fit, self.prior) >= self._at_rest - _WORSE:
+            if self._chooser.plausible(view, fit, self.prior) >= self._at_rest - TUNING.worse:
                 return Sighting(seen, (Candidate(view, fit, np.inf),), certain=True)
             return Sighting(seen, (self._sure(view, fit), *self._several(seen)))
         return Sighting(seen, self._several(seen))
@@ -147,8 +122,8 @@ class SurfaceComparison:
             others = self._others(sighting.candidates, best)
             next_best = max((plausible[k] for k in others), default=-np.inf)
             doubtful = self._is_doubtful(best, best.plausible - next_best)
-            return Choice(best, best.plausible >= _BELIEVED, doubtful=doubtful)
-        usual = expected.distance(self.first(best.fit)) < _USUAL
+            return Choice(best, best.plausible >= 0.0, doubtful=doubtful)
+        usual = expected.distance(self.first(best.fit)) < TUNING.usual
         if sighting.certain and usual:
             return Choice(best, True)
         return self._compared(
@@ -201,7 +176,9 @@ class SurfaceComparison:
 
     def _sure(self, view: Unrolled, fit: SurfaceFit) -> Candidate:
         """A surface that nearly all of the front line agrees with, to be compared with others."""
-        return Candidate(view, fit, self._chooser.plausible(view, fit, self.prior) + _CERTAINLY)
+        return Candidate(
+            view, fit, self._chooser.plausible(view, fit, self.prior) + TUNING.certainly
+        )
 
     def _compared(self, candidates: tuple[Candidate, ...], expected: Expected) -> Choice:
         """The surface that agrees best with the picture and with what was foretold."""
@@ -214,12 +191,14 @@ class SurfaceComparison:
         lead = agreement[index] - max((agreement[k] for k in others), default=-np.inf)
         distance = expected.distance(self.first(chosen.fit))
         foretold = (
-            lead > _CLEARLY and distance < _FORETOLD and chosen.plausible >= _BELIEVED_FORETOLD
+            lead > TUNING.clearly
+            and distance < 1.0
+            and chosen.plausible >= TUNING.believed_foretold
         )
-        by_itself = chosen.plausible >= _BELIEVED
+        by_itself = chosen.plausible >= 0.0
         decided = not by_itself or any(candidates[k].plausible > chosen.plausible for k in others)
         return Choice(
-            chosen, by_itself or foretold, decided, distance > _JUMP,
+            chosen, by_itself or foretold, decided, distance > TUNING.jump,
             doubtful=self._is_doubtful(chosen, lead),
         )  # fmt: skip
 
@@ -230,10 +209,13 @@ class SurfaceComparison:
         """
         best = int(np.argmax(agreement))
         others = self._others(candidates, candidates[best])
-        least = agreement[best] - _ALIKE
+        least = agreement[best] - TUNING.alike
         alike = [k for k, one in enumerate(agreement) if k not in others and one >= least]
         fullest = max(alike, key=lambda k: candidates[k].fit.edges)
-        least, many = agreement[best] - _HARDLY, _FAR_MORE * candidates[fullest].fit.edges
+        least, many = (
+            agreement[best] - TUNING.hardly,
+            TUNING.far_more * candidates[fullest].fit.edges,
+        )
         levels = [
             k
             for k in others
@@ -243,11 +225,11 @@ class SurfaceComparison:
 
     def _is_doubtful(self, chosen: Candidate, lead: float) -> bool:
         """Whether an image does not tell a surface that agrees by a lead better than others."""
-        return lead < _HARDLY or chosen.plausible < self._at_rest - _FAR_WORSE
+        return lead < TUNING.hardly or chosen.plausible < self._at_rest - TUNING.far_worse
 
     def _others(self, candidates: tuple[Candidate, ...], chosen: Candidate) -> list[int]:
         """Which candidates are other surfaces than the chosen one."""
-        place, apart = chosen.fit.heights[:3], _OTHER * self._footprint
+        place, apart = chosen.fit.heights[:3], TUNING.other_rows * self._footprint
         return [
             k
             for k, entry in enumerate(candidates)

@@ -8,14 +8,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.cylinder.tuning import TUNING
+
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
-
-LIKE_LIQUID = 0.15
-"""A surface that at rest deviates less from the liquid, towards the background, looks like it."""
-INLIER = 0.1
-"""Weight from which on an edge agrees with a fit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +48,7 @@ class Unrolled:
         Such a liquid scatters light, as milk does: it ends at the upper edge, and its front line
         is a mere shade. Other surfaces mirror what is around them.
         """
-        return self.surface < LIKE_LIQUID
+        return self.surface < TUNING.like_liquid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +96,7 @@ class FadeShare:
     stddev: float
 
 
-USUAL_FADE = FadeShare(0.6, 0.4)
+USUAL_FADE = FadeShare(TUNING.fade_mean, TUNING.fade_stddev)
 """What is known before any image is seen."""
 
 
@@ -138,5 +135,5 @@ class SurfaceFit:
     @property
     def edges(self) -> int:
         """How many edges agree with the surface."""
-        front = np.count_nonzero(self.front_weight > INLIER)
-        return int(front + np.count_nonzero(self.upper_weight > INLIER))
+        front = np.count_nonzero(self.front_weight > TUNING.inlier)
+        return int(front + np.count_nonzero(self.upper_weight > TUNING.inlier))

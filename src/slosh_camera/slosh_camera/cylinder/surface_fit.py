@@ -17,35 +17,11 @@ from slosh_camera.cylinder.surface_evidence import (
 )
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
-from slosh_camera.cylinder.surface_solver import COARSE, FINE
-from slosh_camera.cylinder.wall_geometry import SYSTEMATIC, WallGeometry
+from slosh_camera.cylinder.tuning import TUNING
+from slosh_camera.cylinder.wall_geometry import WallGeometry
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-
-# Standard deviation of the upper edge, which depends on the surface between the walls as well, as
-# a part of a row.
-_UPPER_ROWS = 0.75
-# Front points that far from a surface are looked for again, so near to it [rows].
-_FAR_ROWS = 6.0
-_AGAIN_ROWS = 5
-# Two edges are told from one another where they lie apart by so many rows, and so many times
-# their width.
-_APART = 3.0
-_WIDTHS_APART = 1.5
-# The shade that is the front line of a liquid like milk goes on where the liquid climbs at the
-# wall, so that all of its points may lie up to three rows off alike: together they tell as much as
-# if each one by itself were so many rows off. In a band between the lines that is narrower than so
-# many rows other shades of the surface are as near, and the line is told the less.
-_SHADE_ROWS, _SHADE_BAND = 8.0, 40.0
-# Slope from which on there is an edge.
-_LEAST_SLOPE = 0.03
-# Part of the lines on which the surface's end would be told from its front line that must show it
-# for it to be one.
-_LEAST_SEEN = 0.125
-# Weight of upper edges above which it is less like background than below, where what is behind the
-# container, so many rows above, is lighter than the surface by more than this.
-_REVERSED, _ABOVE, _NO_LIGHTER = 0.3, 3, 0.05
 
 
 class SurfaceFitter:
@@ -60,7 +36,7 @@ class SurfaceFitter:
         points: WallPoints,
         prior: Prior,
         start: FloatArray | None = None,
-        coarse: float = COARSE,
+        coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
         """Fit the front line alone.
 
@@ -80,7 +56,7 @@ class SurfaceFitter:
         points: WallPoints,
         start: FloatArray,
         prior: Prior,
-        coarse: float = COARSE,
+        coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
         """Look for both lines near a surface and fit them together.
 
@@ -110,7 +86,7 @@ class SurfaceFitter:
         """
         about = prior.about(fit.heights, self._wall.radius)
         return self._solve(
-            fit.points, fit.upper_place, fit.heights, about, FINE, view.softness, fade
+            fit.points, fit.upper_place, fit.heights, about, TUNING.fine, view.softness, fade
         )
 
     def _corrected(
@@ -124,11 +100,11 @@ class SurfaceFitter:
             expected, upper: (M,) rows of the surface's front line and upper edge.
         """
         band = np.where(upper > 0.0, np.fmax(expected - upper, 0.0), np.inf)
-        apart = max(_APART, _WIDTHS_APART * view.softness)
+        apart = max(TUNING.apart_rows, TUNING.apart_widths * view.softness)
         # Two edges so close together are seen as one, anywhere between them.
         merged = np.where(band < 1.3 * apart, 0.5 * band * self._wall.footprint, 0.0)
         scale = np.hypot(points.scale, merged)
-        far = ~(np.abs(points.place - expected) < _FAR_ROWS) & ~points.bound
+        far = ~(np.abs(points.place - expected) < TUNING.far_rows) & ~points.bound
         if not np.any(far):
             return replace(points, scale=scale)
         found, again = self._looked_for(view, far, expected, upper)
@@ -155,10 +131,10 @@ class SurfaceFitter:
             points: as found without a surface.
             expected, upper: (M,) rows of the surface's front line and upper edge.
         """
-        apart = max(_APART, _WIDTHS_APART * view.softness)
+        apart = max(TUNING.apart_rows, TUNING.apart_widths * view.softness)
         found, again = self._looked_for(view, ~points.bound, expected, upper + apart)
         band = np.where(upper > 0.0, np.fmax(expected - upper, apart), np.inf)
-        rows = _SHADE_ROWS * np.fmax(_SHADE_BAND / band, 1.0)
+        rows = TUNING.shade_rows * np.fmax(TUNING.shade_band / band, 1.0)
         known = np.where(points.bound, points.height, np.nan)
         return WallPoints(
             np.where(points.bound, points.place, again.place),
@@ -167,7 +143,7 @@ class SurfaceFitter:
             np.where(found[:, np.newaxis], again.shapes, points.shapes),
             points.bound,
             np.where(found, again.width, points.width),
-            np.hypot(SYSTEMATIC, rows * self._wall.footprint),
+            np.hypot(TUNING.systematic, rows * self._wall.footprint),
         )
 
     def _looked_for(
@@ -181,14 +157,14 @@ class SurfaceFitter:
             expected, least: (M,) rows.
         """
         row, slope = edge_search.follow_edge(
-            view.picture, view.stationary, np.where(lines, expected, np.nan), _AGAIN_ROWS,
+            view.picture, view.stationary, np.where(lines, expected, np.nan), TUNING.again_rows,
             self._wall.last_row.astype(np.float64),
             np.fmax(self._wall.first_row, least).astype(np.int64), np.ones(expected.size),
         )  # fmt: skip
         place, width = edge_search.refine_edges(
             view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
         )
-        found = lines & (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise))
+        found = lines & (row > 0) & (slope > max(TUNING.least_slope, 3.0 * view.noise))
         place = np.where(found, place, np.nan)
         return found, self._wall.wall_points(place, width, np.zeros_like(found))
 
@@ -204,7 +180,7 @@ class SurfaceFitter:
         reach = int(min(max(4.0 + doubt, 5.0), 24.0))
         agree = np.abs(points.place - expected) < 3.0
         floor = np.where(agree, points.place, expected)
-        floor -= max(_APART, _WIDTHS_APART * view.softness)
+        floor -= max(TUNING.apart_rows, TUNING.apart_widths * view.softness)
         if view.scatters:
             # The front line is too faint to be taken for the upper edge, however near.
             floor = expected + reach
@@ -220,9 +196,9 @@ class SurfaceFitter:
         place, _ = edge_search.refine_edges(
             view.picture, np.maximum(row, 0), self._wall.first_row, self._wall.last_row
         )
-        found = (row > 0) & (slope > max(_LEAST_SLOPE, 3.0 * view.noise)) & (place < floor)
+        found = (row > 0) & (slope > max(TUNING.least_slope, 3.0 * view.noise)) & (place < floor)
         # A few edges here and there are those of reflections and dirt.
-        if np.count_nonzero(found) < _LEAST_SEEN * np.count_nonzero(guess < floor):
+        if np.count_nonzero(found) < TUNING.least_upper * np.count_nonzero(guess < floor):
             return np.full(found.size, np.nan)
         return np.where(found, place, np.nan)
 
@@ -231,9 +207,11 @@ class SurfaceFitter:
 
         So it is where a dark table is behind the container, and where the surface mirrors a lamp.
         """
-        above = np.where(upper > _ABOVE, upper - _ABOVE, 0.0).astype(np.int64)
+        above = np.where(upper > TUNING.reversed_above, upper - TUNING.reversed_above, 0.0).astype(
+            np.int64
+        )
         behind = view.backdrop[above, np.arange(upper.size)]
-        return np.where(behind < view.surface + _NO_LIGHTER, 1.0, _REVERSED)
+        return np.where(behind < view.surface + TUNING.no_lighter, 1.0, TUNING.reversed_weight)
 
     def _solve(
         self,
@@ -247,7 +225,7 @@ class SurfaceFitter:
     ) -> SurfaceFit:
         wall = self._wall
         near, far = edge_search.table_at(wall.near, upper), edge_search.table_at(wall.far, upper)
-        scale = float(np.hypot(SYSTEMATIC, _UPPER_ROWS * wall.footprint))
+        scale = float(np.hypot(TUNING.systematic, TUNING.upper_rows * wall.footprint))
         found, covariance, *result = surface_solver.solve(
             points.shapes, points.height, points.scale, points.bound, near, far,
             np.full(wall.lines, scale),

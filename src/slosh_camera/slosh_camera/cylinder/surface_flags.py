@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit, Unrolled
-from slosh_camera.cylinder.surface_prior import HIGHEST
+from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.measurement import Flag
-
-_LEAST_POINTS = 10
-# Part of the scan lines that must show an edge of the fitted surface for it to be one, and part
-# that may be hidden without a remark.
-_LEAST_READ = 0.5
-_HIDDEN = 0.13
-# Lines that must reach the image's border for the surface to be cut off.
-_CUT_LINES = 2
 
 
 def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
@@ -28,16 +20,16 @@ def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
     """
     flags = Flag.TOO_BRIGHT if view.clipped else Flag.NONE
     points = fit.points
-    front = (fit.front_weight > INLIER) & ~points.bound
-    upper = fit.upper_weight > INLIER
+    front = (fit.front_weight > TUNING.inlier) & ~points.bound
+    upper = fit.upper_weight > TUNING.inlier
     if _is_cut_off(wall, fit):
         flags |= Flag.SATURATED
     looked_at = np.count_nonzero(~points.bound)
     read = np.count_nonzero(front | (upper & ~points.bound))
-    impossible = float(np.hypot(*fit.heights[1:3])) > HIGHEST * wall.radius
-    if impossible or read < max(_LEAST_READ * looked_at, _LEAST_POINTS):
+    impossible = float(np.hypot(*fit.heights[1:3])) > TUNING.highest * wall.radius
+    if impossible or read < max(TUNING.least_read * looked_at, TUNING.least_samples):
         return flags | Flag.NOT_FOUND
-    if read < (1.0 - _HIDDEN) * looked_at:
+    if read < (1.0 - TUNING.hidden_share) * looked_at:
         flags |= Flag.OCCLUDED
     return flags
 
@@ -45,6 +37,6 @@ def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
 def _is_cut_off(wall: WallGeometry, fit: SurfaceFit) -> bool:
     """Whether liquid or its surface reaches the image's border, in the image or by the fit."""
     cut = fit.points.bound & (wall.first_row > 0)
-    if np.count_nonzero(cut) >= _CUT_LINES:
+    if np.count_nonzero(cut) >= TUNING.cut_lines:
         return True
     return bool(np.any(wall.beyond_border(fit.heights)))

@@ -15,36 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_model.bessel import bessel_derivative_root
+from slosh_model.constants import GRAVITY
 
 FloatArray = NDArray[np.float64]
 
 _ROOT = bessel_derivative_root(1)
-_GRAVITY = 9.81
-# Standard deviation of the container's acceleration, of which nothing is known here [m/s²].
-_ACCELERATION = 3.0
-# What a deviation takes from the agreement with a picture, by the logarithm of its square: robots
-# rarely accelerate so much, and then much more. Beyond the second it takes no more.
-_SURPRISE, _FARTHEST = 0.2, 4.0
-# Standard deviation of a height in the image before, as a part of the radius.
-_MEASURED = 0.01
-# A liquid of which one image alone is known is on its way at a speed of this part of the radius
-# times ω, or of its height times ω.
-_AMPLITUDE = 0.15
-# A crest of more than this that stays where it is, to the second, for so many radians of the swing
-# stands: a wave leaves its turning point after half a radian [m].
-_CREST, _STANDS, _STOOD = 2e-3, 2e-4, 4.0 * np.pi
 # A period lasts for more than four images: so few surfaces, which come in turn so often, are old
 # pictures.
-_IN_TURN, _TURNS = (2, 3), 3
-# Radians of the swing after which nothing is foretold, and the least time between images [s].
-_FORGOTTEN = 1.5
-_LEAST_TIME = 1e-3
-# An image may not hold on: after so many in a row that the memory decided, it is emptied.
-_DECIDED = 5
-# How much the share of the fade may change from image to image, and how well it is known at best:
-# the errors of one image are not independent of those of the next.
-_FADE_DRIFT, _FADE_KNOWN = 0.02, 0.15
+_IN_TURN = (2, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,8 +48,8 @@ class Expected:
 
         It grows slowly and not without end: a picture that is clear enough always wins.
         """
-        distance = min(self.distance(first), _FARTHEST)
-        return _SURPRISE * float(np.log1p(distance**2))
+        distance = min(self.distance(first), TUNING.farthest)
+        return TUNING.memory_surprise * float(np.log1p(distance**2))
 
 
 class SurfaceMemory:
@@ -84,7 +64,7 @@ class SurfaceMemory:
         """
         depth = np.tanh(_ROOT * fill_height / radius)
         self._radius = radius
-        self._frequency = float(np.sqrt(_GRAVITY * _ROOT / radius * depth))
+        self._frequency = float(np.sqrt(GRAVITY * _ROOT / radius * depth))
         self._gain = 8.0 * float(depth) / (_ROOT * (_ROOT**2 - 1.0))
         self.forget()
 
@@ -94,16 +74,19 @@ class SurfaceMemory:
         self._decided = 0
         self._fade = USUAL_FADE
         self._stands: tuple[int, FloatArray] | None = None
-        self._recent: deque[FloatArray] = deque(maxlen=max(_IN_TURN) * _TURNS)
+        self._recent: deque[FloatArray] = deque(maxlen=max(_IN_TURN) * TUNING.turns)
 
     @property
     def repeats(self) -> bool:
         """Whether the last images show two or three surfaces in turn, as old pictures do."""
         newest = list(reversed(self._recent))
         return any(
-            len(newest) >= count * _TURNS
-            and _spread(newest[:count]) > _CREST
-            and all(_spread(newest[k : count * _TURNS : count]) < _STANDS for k in range(count))
+            len(newest) >= count * TUNING.turns
+            and _spread(newest[:count]) > TUNING.crest
+            and all(
+                _spread(newest[k : count * TUNING.turns : count]) < TUNING.stands
+                for k in range(count)
+            )
             for count in _IN_TURN
         )
 
@@ -114,7 +97,7 @@ class SurfaceMemory:
             return False
         since_ns, first = self._stands
         phase = self._frequency * 1e-9 * (self._seen[-1][0] - since_ns)
-        return phase > _STOOD and float(np.hypot(*first)) > _CREST
+        return phase > TUNING.stood and float(np.hypot(*first)) > TUNING.crest
 
     @property
     def fade(self) -> FadeShare:
@@ -137,11 +120,11 @@ class SurfaceMemory:
         ahead = self._time(last_ns, stamp_ns)
         if np.isnan(ahead):
             return None
-        measured = _MEASURED * self._radius
+        measured = TUNING.measured * self._radius
         phase = self._frequency * ahead
-        pushed = self._gain * _ACCELERATION
+        pushed = self._gain * TUNING.acceleration
         if len(self._seen) == 1:
-            size = max(_AMPLITUDE * self._radius, float(np.hypot(*last)))
+            size = max(TUNING.amplitude * self._radius, float(np.hypot(*last)))
             spread = np.linalg.norm((measured, size * np.sin(phase), 0.5 * pushed * ahead**2))
             return Expected(last * np.cos(phase), float(spread))
         before_ns, before = self._seen[0]
@@ -167,13 +150,16 @@ class SurfaceMemory:
         """
         self.arrive(stamp_ns)
         if not (decided or jumped):
-            spread = max(float(np.hypot(fade.stddev, _FADE_DRIFT)), _FADE_KNOWN)
+            spread = max(float(np.hypot(fade.stddev, TUNING.fade_drift)), TUNING.fade_known)
             self._fade = FadeShare(float(np.clip(fade.mean, 0.0, 1.0)), spread)
         self._decided = self._decided + 1 if decided else 0
-        if self._decided > _DECIDED:
+        if self._decided > TUNING.decided:
             self.forget()
         follows = self._seen and not np.isnan(self._time(self._seen[-1][0], stamp_ns))
-        stays = self._stands is not None and float(np.hypot(*(first - self._stands[1]))) < _STANDS
+        stays = (
+            self._stands is not None
+            and float(np.hypot(*(first - self._stands[1]))) < TUNING.stands
+        )
         if not (follows and stays):
             self._stands = stamp_ns, first.copy()
         if not follows:
@@ -185,7 +171,11 @@ class SurfaceMemory:
     def _time(self, before_ns: int, after_ns: int) -> float:
         """Time between two stamps [s]; NaN where the one says nothing of the other."""
         time = 1e-9 * (after_ns - before_ns)
-        return time if _LEAST_TIME <= time <= _FORGOTTEN / self._frequency else float("nan")
+        return (
+            time
+            if TUNING.least_time <= time <= TUNING.forgotten / self._frequency
+            else float("nan")
+        )
 
 
 def _spread(firsts: Sequence[FloatArray]) -> float:

@@ -9,19 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
-
-# What a height of one standard deviation takes from the agreement with a picture.
-_SURPRISE = 0.02
-# Standard deviation of a changed level [m], and what such a change takes from the agreement: cups
-# are filled up and drunk from, but rarely, and mostly at rest. A change of less than 0.8 mm counts
-# as an error.
-_CHANGED, _RARE, _RARE_AT_REST = 5e-3, 0.18, 0.13
-# Parts of the first mode's and of the higher shapes' usual standard deviation at rest.
-_REST = 0.01
-HIGHEST = 0.9
-"""A first mode of more than this part of the radius is no sloshing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,12 +35,16 @@ class Prior:
 
     def of_changed_level(self) -> Self:
         """The same where liquid was added or taken away."""
-        return replace(self, level=_CHANGED, rare=_RARE)
+        return replace(self, level=TUNING.level_stddev, rare=TUNING.rare)
 
     def at_rest_on_changed_level(self) -> Self:
         """The same where it was, and stands still now."""
         return replace(
-            self, first=_REST * self.first, level=_CHANGED, higher=_REST, rare=_RARE_AT_REST
+            self,
+            first=TUNING.at_rest * self.first,
+            level=TUNING.level_stddev,
+            higher=TUNING.at_rest,
+            rare=TUNING.rare_at_rest,
         )
 
     def about(
@@ -92,4 +86,4 @@ class Prior:
         """How unlikely heights (SHAPES,) [m] are."""
         centre, precision = self.about(heights, radius)
         deviation = heights - centre
-        return self.rare + _SURPRISE * float(deviation @ precision @ deviation)
+        return self.rare + TUNING.prior_surprise * float(deviation @ precision @ deviation)

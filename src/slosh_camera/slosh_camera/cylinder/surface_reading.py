@@ -9,41 +9,15 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder import silhouette, surface_solver
 from slosh_camera.cylinder.medians import median
-from slosh_camera.cylinder.surface_evidence import INLIER, SurfaceFit
+from slosh_camera.cylinder.surface_evidence import SurfaceFit
 from slosh_camera.cylinder.surface_modes import SHAPES, Shape, wall_shapes
+from slosh_camera.cylinder.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _BINS = 180
 _STEP = 2.0 * np.pi / _BINS
-# Points within about this angle speak for a place of the wall [rad].
-_KERNEL_WIDTH = np.radians(5.0)
-# Residuals beyond so many usual ones do not speak for the line, nor such beyond this height [m]:
-# the edge of a label, for no liquid stands out of its modes like that.
-_ORDINARY, _STANDS_OUT = 7.0, 2e-3
-# Weight of the fit among the points around a place.
-_FIT_WEIGHT = 4.0
-# Part of the wall about a point for which it stands: next to the container's sides refraction
-# hides the line [rad].
-_STANDS_FOR = np.radians(25.0)
-# The surface touches the ray at the rear wall, or so near to it that it is as high there.
-_AT_REAR = 0.9
-# What makes up the standard deviation of a height beside the fit's own, as fitted to the errors in
-# rendered sequences of many kinds (docs/camera.md): parts of what the fade leaves open, of the
-# points' scatter about the fit, of an edge's width and of the height, and what is always left [m].
-_OF_FADE, _OF_SCATTER, _OF_WIDTH, _OF_HEIGHT = 1.0, 0.5, 0.05, 0.0025
-_REST = 2e-5
-# Weight among the points of one of a front line that is a mere shade: what all of these are off
-# alike is no bump of the liquid.
-_SHADE = 0.004
-# Width of an edge where there is none to measure it [rows].
-_WIDE = 10.0
-# Neighbours farther apart than so many lines do not err together, nor do such whose errors
-# correlate by less.
-_LONGEST, _CORRELATED = 40, 0.05
-# Fewer edges tell nothing of that.
-_FEW = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +56,14 @@ class SurfaceReading:
         self._fit, points = fit, fit.points
         self._heights = fit.heights - zero
         # Where liquid reaches the image's border its height is at least the border's.
-        front = (fit.front_weight > INLIER) | points.bound
-        rear = (fit.upper_weight > INLIER) & (fit.upper_part > _AT_REAR)
+        front = (fit.front_weight > TUNING.inlier) | points.bound
+        rear = (fit.upper_weight > TUNING.inlier) & (fit.upper_part > TUNING.at_rear)
         self.front, self.rear = front, rear
         self.azimuth = np.concatenate((points.azimuth[front], fit.upper_azimuth[rear][::-1]))
         self._residual = np.concatenate((-fit.front_error[front], -fit.upper_error[rear][::-1]))
         # A point that hardly agrees hardly counts.
         weight = np.concatenate((fit.front_weight[front], fit.upper_weight[rear][::-1]))
-        told = np.full(np.count_nonzero(front), _SHADE if shaded else 1.0)
+        told = np.full(np.count_nonzero(front), TUNING.shade_weight if shaded else 1.0)
         self._told = np.concatenate((told, np.ones(np.count_nonzero(rear))))
         self._trust = weight * self._told * _ordinary(self._residual)
         self._footprint, self._cut_off = footprint, cut_off
@@ -101,7 +75,7 @@ class SurfaceReading:
         line = front & ~points.bound & (not shaded)
         self.contradiction = max(
             errors_together(fit.front_error / points.scale, line),
-            errors_together(fit.upper_error / fit.upper_scale, fit.upper_weight > INLIER),
+            errors_together(fit.upper_error / fit.upper_scale, fit.upper_weight > TUNING.inlier),
         )
 
     @property
@@ -161,7 +135,7 @@ class SurfaceReading:
         total, count, seen = surface_solver.around_the_wall(
             index, self._residual, self._trust, _BINS, _KERNEL, near
         )
-        return total / (count + _FIT_WEIGHT), seen
+        return total / (count + TUNING.fit_weight), seen
 
     def _consistency(self) -> float:
         """Standard deviation of the points about the fit [m]."""
@@ -171,15 +145,15 @@ class SurfaceReading:
 
     def _stddev(self, height: float, shapes: FloatArray) -> float:
         """Standard deviation of a height [m], a sum of shapes (SHAPES,)."""
-        width = self.edge_width if np.isfinite(self.edge_width) else _WIDE
+        width = self.edge_width if np.isfinite(self.edge_width) else TUNING.wide_rows
         variance = float(shapes @ self._fit.covariance @ shapes)
         parts = (
             np.sqrt(max(self.contradiction, 1.0) * variance),
-            _OF_FADE * float(shapes @ self._fit.by_fade),
-            _OF_SCATTER * self._scatter,
-            _OF_WIDTH * width * self._footprint,
-            _OF_HEIGHT * height,
-            _REST,
+            float(shapes @ self._fit.by_fade),
+            TUNING.of_scatter * self._scatter,
+            TUNING.of_width * width * self._footprint,
+            TUNING.of_height * height,
+            TUNING.of_rest,
         )
         return float(np.linalg.norm(parts))
 
@@ -199,11 +173,11 @@ def errors_together(ratio: FloatArray, edges: BoolArray) -> float:
         0 where there are few edges.
     """
     count = int(np.count_nonzero(edges))
-    if count < _FEW:
+    if count < TUNING.together_edges:
         return 0.0
     errors = np.where(edges, ratio, 0.0)
-    sums = np.correlate(errors, errors, "full")[errors.size - 1 :][: _LONGEST + 1]
-    alone = sums[1:] < _CORRELATED * sums[0]
+    sums = np.correlate(errors, errors, "full")[errors.size - 1 :][: TUNING.together_lines + 1]
+    alone = sums[1:] < TUNING.correlated * sums[0]
     longest = int(np.argmax(alone)) if alone.any() else alone.size
     return float(sums[0] + 2.0 * np.sum(sums[1 : 1 + longest])) / count
 
@@ -212,7 +186,7 @@ def _ordinary(residual: FloatArray) -> FloatArray:
     """Weight of each residual [m] among the others."""
     if not residual.size:
         return residual
-    ratio = residual / max(_ORDINARY * float(median(np.abs(residual))), _STANDS_OUT)
+    ratio = residual / max(TUNING.ordinary * float(median(np.abs(residual))), TUNING.stands_out)
     return np.asarray(np.square(1.0 - np.minimum(np.square(ratio), 1.0)))
 
 
@@ -237,5 +211,5 @@ def _bell(width: float) -> FloatArray:
 
 
 _WALL = wall_shapes(_STEP * np.arange(_BINS))
-_KERNEL = _bell(_KERNEL_WIDTH)
-_NEAR = 2 * int(_STANDS_FOR / _STEP) + 1
+_KERNEL = _bell(TUNING.kernel_width)
+_NEAR = 2 * int(TUNING.stands_for / _STEP) + 1

@@ -16,20 +16,15 @@ from slosh_base.compiled.compilation import GIVEN_1, GIVEN_2, compiled, entry_po
 from slosh_base.compiled.normal_equations import factorize, substitute
 from slosh_camera.cylinder.silhouette import clearance, shapes_on_ray, touch
 from slosh_camera.cylinder.surface_modes import SHAPES
+from slosh_camera.cylinder.tuning import TUNING
 
 _STEPS = 12
-# Tukey's function: beyond this many standard deviations an observation has no weight.
-_TUKEY = 4.7
-COARSE, FINE = 12.0, 6.0
-"""Deviations up to which observations count at first, for a rough and for a good start."""
-# The solver has converged where no height changes by more [m]; places of touch are looked for in
-# every third round.
-_CONVERGED = 3e-6
-_NARROWER = 0.6
-_MANY_RAYS = 20
+_TUKEY = TUNING.tukey
+_CONVERGED = TUNING.converged
+_NARROWER = TUNING.narrower
+_MANY_RAYS = TUNING.many_rays
 _AGAIN = 3
-# Relative standard deviation of how far below a crest the middle of its fade is seen.
-_FADE_DOUBT = 0.35
+_FADE_DOUBT = TUNING.fade_doubt
 # Weight with which the share of the fade is held at none or all of it.
 _HELD = 1e9
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from slosh_base.compiled.compilation import GIVEN_3, entry_point, given
 from slosh_camera.cylinder.appearance import Tone, percentile
+from slosh_camera.cylinder.tuning import TUNING
 
 Image = NDArray[np.uint8]
 Single = NDArray[np.float32]
@@ -24,15 +25,8 @@ FloatArray = NDArray[np.float64]
 
 # Places beside the outermost scan lines, beyond the wall, in widths of the container.
 _BESIDE = np.linspace(0.1, 0.25, 12)
-# Part of the contrast with the background, in the channel where it is largest, up to which two
-# colours are alike. Clear liquids differ from their surroundings by up to 0.09, dark ones before
-# a dark table by 0.18 and more.
-_ALIKE = 0.13
-_LEAST_SEEN = 0.5
 # Of these places three tell what is behind the container.
 _FEW = 5
-# Rows by which what is behind the glass may be seen higher or lower than beside it.
-_BENT = 4
 
 
 def looks_like_surroundings(image: Image, pixels: FloatArray, tone: Tone) -> bool:
@@ -76,7 +70,7 @@ class Backdrop:
         self._columns, self._rows = np.moveaxis(places.astype(np.int64), -1, 0)
         inside = (self._columns >= 0) & (self._columns < size[0])
         inside &= (self._rows >= 0) & (self._rows < size[1])
-        self._seen = np.mean(inside, axis=2) >= _LEAST_SEEN
+        self._seen = np.mean(inside, axis=2) >= TUNING.least_beside
         np.clip(self._columns, 0, size[0] - 1, out=self._columns)
         np.clip(self._rows, 0, size[1] - 1, out=self._rows)
         self._level = np.rint(depth).astype(np.int64) - first
@@ -88,7 +82,7 @@ class Backdrop:
         """(J, M) on the axis from liquid to background: at most 1, and 1 where it is not known."""
         seen = image[self._rows, self._columns].reshape(*self._rows.shape, -1)
         level = _middle(seen @ tone.axis, float(tone.axis @ tone.liquid), self._seen)
-        level = cv2.erode(level, np.ones((2 * _BENT + 1, 1), np.uint8))
+        level = cv2.erode(level, np.ones((2 * TUNING.bent_rows + 1, 1), np.uint8))
         return np.asarray(_across(level, self._level, self._share))
 
 
@@ -137,8 +131,8 @@ def _is_alike(image: Image, places: FloatArray, tone: Tone) -> bool:
     columns, rows = np.rint(places[..., 0]).astype(int), np.rint(places[..., 1]).astype(int)
     height, width = image.shape[:2]
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-    if np.mean(inside) < _LEAST_SEEN:
+    if np.mean(inside) < TUNING.least_beside:
         return False
     seen = image[rows[inside], columns[inside]]
     colour = percentile(seen.reshape(len(seen), -1), 50.0)
-    return float(np.max(np.abs(colour - tone.liquid))) < _ALIKE * tone.contrast
+    return float(np.max(np.abs(colour - tone.liquid))) < TUNING.colours_alike * tone.contrast

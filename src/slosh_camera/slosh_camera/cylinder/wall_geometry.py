@@ -8,25 +8,13 @@ from numpy.typing import NDArray
 from slosh_camera.cylinder import edge_search, silhouette
 from slosh_camera.cylinder.scan_grid import ScanGrid
 from slosh_camera.cylinder.surface_evidence import WallPoints
+from slosh_camera.cylinder.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-# Standard deviation of a point of the front line: what calibration and refraction leave [m], and a
-# part of a row.
-SYSTEMATIC = 1.5e-4
-_FRONT_ROWS = 0.5
-# Lines on which a line of the image covers so many times as much of the rear wall as in the middle
-# are of no use for the upper edge.
-_STRETCH = 4.0
-# Width of an edge in a sharp picture [rows]; crests fade in over more rows in a softer one.
-_SHARP = 2.0
-_FADE_LIMITS = 0.7, 4.0
-# Lines on which liquid must reach the border, and what is surely no background there.
-_CUT_LINES = 3
-_COVERED = 0.6
 # Every fourth line is enough to compare surfaces.
 SKIP = 4
 
@@ -85,14 +73,14 @@ class WallGeometry:
         points = edge_search.table_at(self.near, rows)
         azimuth = np.arctan2(points[:, 1], points[:, 0])
         shapes = silhouette.shapes_of(points)
-        scale = np.full(rows.size, np.hypot(SYSTEMATIC, _FRONT_ROWS * self.footprint))
+        scale = np.full(rows.size, np.hypot(TUNING.systematic, TUNING.front_rows * self.footprint))
         height = points[:, 2].copy()
         return WallPoints(rows, azimuth, height, shapes, at_border, width, scale)
 
     def fade(self, softness: float) -> float:
         """Height on the rear wall over which a crest fades in, by the edges' width [rows]."""
-        least, most = _FADE_LIMITS
-        return self.footprint * min(max(softness / _SHARP, least), most)
+        least, most = TUNING.fade_limits
+        return self.footprint * min(max(softness / TUNING.sharp_rows, least), most)
 
     def silhouette(
         self, heights: FloatArray, softness: float, *, coarse: bool = False
@@ -119,7 +107,10 @@ class WallGeometry:
     def covered_border(self, picture: Single) -> bool:
         """Whether something else than background is seen where the image's border cuts lines."""
         cut = np.flatnonzero(self.first_row > 0)
-        return bool(np.count_nonzero(picture[self.first_row[cut], cut] < _COVERED) >= _CUT_LINES)
+        return bool(
+            np.count_nonzero(picture[self.first_row[cut], cut] < TUNING.covered)
+            >= TUNING.border_lines
+        )
 
     def beyond_border(self, heights: FloatArray) -> BoolArray:
         """Every `SKIP`th line: whether a surface is beyond the border; empty if it cannot be."""
@@ -149,4 +140,4 @@ def _stretched(grid: ScanGrid) -> BoolArray:
     step = np.full(len(row), np.nan)
     step[1:-1] = 0.5 * np.linalg.norm(row[2:] - row[:-2], axis=1)
     usual = float(np.nanmedian(step)) if np.any(np.isfinite(step)) else np.nan
-    return np.asarray(~(step < _STRETCH * usual))
+    return np.asarray(~(step < TUNING.stretch * usual))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.optics.cup import CupView
 
 FloatArray = NDArray[np.float64]
@@ -16,8 +17,6 @@ FloatArray = NDArray[np.float64]
 _AZIMUTHS = 180
 _STEP = 2.0 * np.pi / _AZIMUTHS
 _HEIGHTS = 25
-# Reach of the table above the still level where the rim is not known, in radii.
-_UNKNOWN_RIM = 1.2
 
 
 class WallPixels:
@@ -27,7 +26,7 @@ class WallPixels:
         """Project the net."""
         self._view = view
         level = view.cup.rim_level
-        top = _UNKNOWN_RIM * view.cup.radius if level is None else level
+        top = TUNING.unknown_rim * view.cup.radius if level is None else level
         self._low = -view.cup.fill_height
         self._spacing = (top - self._low) / (_HEIGHTS - 1)
         heights = self._low + self._spacing * np.arange(_HEIGHTS)

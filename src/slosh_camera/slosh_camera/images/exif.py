@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.tuning import TUNING
 
 _ORIENTATION, _EXIF_BLOCK = 0x0112, 0x8769
 _WIDTH, _HEIGHT, _FOCAL_35 = 0xA002, 0xA003, 0xA405
@@ -17,8 +18,6 @@ _FORMATS = {3: "H", 4: "I"}
 # Diagonal of a frame of 35 mm film [mm]; CIPA DCG-001 compares lenses by the angle across it.
 _DIAGONAL = float(np.hypot(36.0, 24.0))
 _PNG = b"\x89PNG\r\n\x1a\n"
-# How far the sides' ratio of a picture may be off that of the camera's.
-_SAME_RATIO = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +44,7 @@ class Exif:
             raise SloshCameraError("EXIF: contains no focal length in 35 mm equivalents")
         if self.size is not None:
             now, then = (max(pair) / min(pair) for pair in ((width, height), self.size))
-            if abs(now / then - 1.0) > _SAME_RATIO:
+            if abs(now / then - 1.0) > TUNING.same_ratio:
                 raise SloshCameraError(
                     f"EXIF: the focal length is for a picture of {self.size[0]} x "
                     f"{self.size[1]} pixels, but this picture is a part of it with {width} x "

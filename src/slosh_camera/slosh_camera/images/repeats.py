@@ -9,17 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.images.tuning import TUNING
+
 Image = NDArray[np.uint8]
 Digest = tuple[tuple[int, ...], tuple[int, ...]]
-
-
-# So many images a driver may hand out in turn.
-_BUFFERS = 8
-# Bands of rows that are compared by themselves: parts of an image may be old.
-_BANDS = 16
-# A band has noise after so many images in a row that all differ in it, and a camera has noise
-# where most bands have: else the picture may just stand still there.
-_NOISY, _NOISY_BANDS = 8, 12
 
 
 class RepeatedFrames:
@@ -29,9 +22,9 @@ class RepeatedFrames:
     """
 
     def __init__(self) -> None:
-        self._last: deque[Digest] = deque(maxlen=_BUFFERS)
+        self._last: deque[Digest] = deque(maxlen=TUNING.buffers)
         self._known = self._was_partly = False
-        self._fresh = [0] * _BANDS
+        self._fresh = [0] * TUNING.bands
         self._stamp_ns: int | None = None
 
     def is_repeat(self, image: Image, stamp_ns: int | None = None) -> bool:
@@ -69,18 +62,18 @@ class RepeatedFrames:
             any(shape == one[0] and band == one[1][at] for one in self._last)
             for at, band in enumerate(bands)
         ]
-        noisy = [fresh >= _NOISY for fresh in self._fresh]
+        noisy = [fresh >= TUNING.noisy for fresh in self._fresh]
         for at, is_old in enumerate(old):
             # A band that had noise and repeats is told as long as it does.
             if not noisy[at]:
                 self._fresh[at] = 0 if is_old or not self._last else self._fresh[at] + 1
         stale = [at for at, is_old in enumerate(old) if is_old and noisy[at]]
         before, self._was_partly = self._was_partly, bool(stale)
-        if not stale or sum(noisy) < _NOISY_BANDS:
+        if not stale or sum(noisy) < TUNING.noisy_bands:
             return False
         # Noise that is drawn may come again all over what does not move; a part that is old lies
         # at one end of the image.
-        return before or (0 in stale) != (_BANDS - 1 in stale)
+        return before or (0 in stale) != (TUNING.bands - 1 in stale)
 
 
 def digest(image: Image) -> Digest:
@@ -90,7 +83,7 @@ def digest(image: Image) -> Digest:
     two images that differ are taken for one another once in 4e9.
     """
     rows = np.ascontiguousarray(_in_order_of_memory(image))
-    edges = np.linspace(0, len(rows), _BANDS + 1).astype(int).tolist()
+    edges = np.linspace(0, len(rows), TUNING.bands + 1).astype(int).tolist()
     return image.shape, tuple(zlib.crc32(rows[start:end].data) for start, end in pairwise(edges))
 
 

@@ -13,29 +13,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.images.tuning import TUNING
+
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Columns = NDArray[np.intp]
 
-# A step over one row that is at least this part of the image's contrast, and this many times the
-# steps above and below it, is no edge that a lens has drawn.
-_LEAST, _SHARP = 0.14, 3.5
-# So many such pixels in a row, with gaps of at most one, may be a seam's.
-_RUN, _GAP = 5, 2
-# A line of the liquid that comes so near to them [px] begins or ends the seam, unless it runs
-# along with them, to this [px], or to this divided by their number.
-_NEAR, _ALONG, _PARALLEL = 2.5, 1.2, 30.0
-# Without such a line they are a seam's where there are so many and, in so many rows beside, so
-# many times fewer; or where they are longer than this part of what is looked at.
-_MANY, _ALONE, _FEWER, _LONG = 10, 8, 4, 0.15
-# With such a line, so many, and so many times fewer beside, will do.
-_SOME, _SOME_FEWER = 6, 2
-# Of the image's contrast, so many percent of the pixels left out at either end; a step at least
-# [grey levels].
-_PERCENT, _STEP = (1.0, 99.0), 6.0
-# Edges of a still image are told by this part of that, as noise may make them sharp or not.
-_RATHER = 0.6
+# Between these percentiles of its levels is an image's contrast.
+_PERCENT = (1.0, 99.0)
 
 
 class Steps(NamedTuple):
@@ -73,7 +59,7 @@ class SeamFinder:
     def learn(self, image: Image) -> None:
         """Sharp edges of a still image are none of a seam."""
         known = np.zeros(self._shape, np.uint8)
-        known[self._sharp(image, _RATHER)] = 1
+        known[self._sharp(image, TUNING.still_seam)] = 1
         self._known = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.bool_)
 
     def steps(self, image: Image) -> Steps:
@@ -88,7 +74,7 @@ class SeamFinder:
         rows, columns = rows[new], columns[new]
         sharp = np.zeros(self._shape, np.bool_)
         sharp[rows, columns] = True
-        many = np.flatnonzero(np.bincount(rows) >= _RUN)
+        many = np.flatnonzero(np.bincount(rows) >= TUNING.seam_run)
         return Steps(many, sharp[many])
 
     def is_torn(self, steps: Steps, *lines: tuple[FloatArray, FloatArray]) -> bool:
@@ -109,17 +95,22 @@ class SeamFinder:
         for curve in curves:
             line = curve[run]
             line = line[np.isfinite(line)]
-            if line.size and np.min(np.abs(line - row - 0.5)) < _NEAR:
-                if np.ptp(line) < min(_ALONG, _PARALLEL / run.size):
+            if line.size and np.min(np.abs(line - row - 0.5)) < TUNING.seam_near:
+                if np.ptp(line) < min(TUNING.seam_along, TUNING.seam_parallel / run.size):
                     return False
                 touched = True
         away = np.abs(steps.rows - row)
-        beside = np.count_nonzero(steps.sharp[(away > 0) & (away <= _ALONE)], axis=1)
+        beside = np.count_nonzero(steps.sharp[(away > 0) & (away <= TUNING.seam_beside)], axis=1)
         most = max(beside, default=0)
-        least = max(_MANY, min(_FEWER * most, _LONG * self._columns.size))
+        least = max(
+            TUNING.seam_many, min(TUNING.seam_fewer * most, TUNING.seam_long * self._columns.size)
+        )
         if not (touched or self._all_lines):
             return False
-        return bool(run.size >= (max(_SOME, _SOME_FEWER * most) if touched else least))
+        return bool(
+            run.size
+            >= (max(TUNING.seam_some, TUNING.seam_some_fewer * most) if touched else least)
+        )
 
     def _sharp(self, image: Image, rather: float = 1.0) -> tuple[Columns, Columns]:
         """Rows and columns of steps from a row to the next that no lens has drawn.
@@ -133,12 +124,12 @@ class SeamFinder:
             part = part[..., 1]
         low, high = _ends(part[::4, ::4])
         steps = cv2.absdiff(part[1:], part[:-1])
-        least = math.ceil(rather * max(_LEAST * (high - low), _STEP))
+        least = math.ceil(rather * max(TUNING.least_seam * (high - low), TUNING.seam_step))
         # Few are large: the rows beside are looked at for these alone.
         rows, columns = np.divmod(np.flatnonzero(steps >= least), steps.shape[1])
         above = np.where(rows > 0, steps[rows - 1, columns], 0)
         below = np.where(rows < len(steps) - 1, steps[(rows + 1) % len(steps), columns], 0)
-        sharp = steps[rows, columns] >= rather * _SHARP * np.maximum(above, below)
+        sharp = steps[rows, columns] >= rather * TUNING.sharp_seam * np.maximum(above, below)
         return rows[sharp], columns[sharp]
 
 
@@ -156,5 +147,5 @@ def _ends(levels: Image) -> tuple[float, float]:
 
 def _runs(columns: Columns) -> list[Columns]:
     """Runs of columns that are long enough for a seam."""
-    runs = np.split(columns, np.flatnonzero(np.diff(columns) > _GAP) + 1)
-    return [run for run in runs if run.size >= _RUN]
+    runs = np.split(columns, np.flatnonzero(np.diff(columns) > TUNING.seam_gap) + 1)
+    return [run for run in runs if run.size >= TUNING.seam_run]

@@ -19,33 +19,15 @@ from numpy.typing import NDArray
 
 from slosh_base.compiled.compilation import entry_point, given
 from slosh_camera.images.colour import Image, to_gray
+from slosh_camera.images.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
 Single = NDArray[np.float32]
 
-# Samples beside an edge, and so many of them by which it is looked for, and may have moved: their
-# distance is a pixel, and more where the container is wider than this [px].
+# Samples beside an edge, and so many of them by which it is looked for.
 _REACH, _LOOKED = 16, 8
-_MOVED = 4
-_WIDTH = 240.0
-_LEAST_PLACES = 8
 PLACES = 24
 """Places along an edge at which it is looked for."""
-# Heights of the sides that no wave uncovers, as parts of the fill height, and the part of the
-# floor and the rim that is not too near to the sides.
-_LOWEST, _HIGHEST = -0.9, -0.5
-_MIDDLE = 0.8
-_BLUR = 1.5
-# Step that is half an edge [grey levels per sample], and least one that is worth looking for.
-_HALF_EDGE = 4.0
-_MARKED = 3.0
-# Correlation from which on an edge is that of the still image.
-_AGREES = 0.45
-# So many times better it must fit where it may not be, to be taken for moved there.
-_BETTER = 1.1
-# Grey levels that a camera cuts off, and the part of them in which an edge cannot be seen.
-_BLACK, _WHITE = 3, 252
-_CLIPPED = 0.5
 
 
 class Edge(NamedTuple):
@@ -71,13 +53,16 @@ class _Seen(NamedTuple):
     @property
     def clipped(self) -> bool:
         """Whether a camera has cut off too many of the levels."""
-        return bool(((self.grey <= _BLACK) | (self.grey >= _WHITE)).mean() > _CLIPPED)
+        return bool(
+            ((self.grey <= TUNING.edge_black) | (self.grey >= TUNING.edge_white)).mean()
+            > TUNING.edge_clipped
+        )
 
     @property
     def edges(self) -> Single:
         """How marked the steps are, about their mean."""
         sizes = np.abs(self.steps)
-        edges = sizes / (sizes + np.float32(_HALF_EDGE))
+        edges = sizes / (sizes + np.float32(TUNING.edge_half))
         return np.asarray(edges - edges.mean(axis=1, keepdims=True), np.float32)
 
 
@@ -92,7 +77,7 @@ class StillEdges:
             size: width and height of the image [px].
         """
         width = float(np.abs(edges[1].pixels[-1, 0] - edges[0].pixels[-1, 0]))
-        step = max(1.0, width / _WIDTH) if np.isfinite(width) else 1.0
+        step = max(1.0, width / TUNING.edge_width) if np.isfinite(width) else 1.0
         along = step * np.arange(-_REACH - _LOOKED, _REACH + _LOOKED + 1.0)
         margin = along[-1] + 1.0
         self._strips: list[_EdgeStrips] = []
@@ -101,7 +86,7 @@ class StillEdges:
         for points, is_side in edges:
             with np.errstate(invalid="ignore"):
                 inside = np.all((points > margin) & (points < np.array(size) - margin), axis=1)
-            if np.count_nonzero(inside) >= _LEAST_PLACES:
+            if np.count_nonzero(inside) >= TUNING.least_places:
                 away = np.array([1.0, 0.0] if is_side else [0.0, 1.0])
                 across.append(points[inside, np.newaxis] + along[:, np.newaxis] * away)
                 self._strips.append(_EdgeStrips(slice(rows, rows + len(across[-1])), is_side))
@@ -131,14 +116,14 @@ class StillEdges:
             return []
         grey = to_gray(np.asarray(cv2.remap(image, *self._map, cv2.INTER_LINEAR), dtype=np.uint8))
         # Along the strips alone: neighbours may lie anywhere.
-        levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _BLUR, sigmaY=1e-3)
+        levels = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), TUNING.edge_blur, sigmaY=1e-3)
         steps = np.diff(np.asarray(levels, np.float32), axis=1)
         return [_Seen(grey[rows], steps[rows]) for rows, _ in self._strips]
 
 
 def along_side(fill_height: float) -> FloatArray:
     """Heights (PLACES,) above the still level at which no wave uncovers a side [m]."""
-    return fill_height * np.linspace(_LOWEST, _HIGHEST, PLACES)
+    return fill_height * np.linspace(TUNING.edge_lowest, TUNING.edge_highest, PLACES)
 
 
 def along_end(half: float) -> FloatArray:
@@ -147,11 +132,11 @@ def along_end(half: float) -> FloatArray:
     Args:
         half: of the way from side to side, in whatever unit.
     """
-    return np.linspace(-_MIDDLE * half, _MIDDLE * half, PLACES)
+    return np.linspace(-TUNING.edge_middle * half, TUNING.edge_middle * half, PLACES)
 
 
 def _is_marked(seen: _Seen) -> bool:
-    return bool(np.abs(seen.steps).max(axis=1).mean() >= _MARKED) and not seen.clipped
+    return bool(np.abs(seen.steps).max(axis=1).mean() >= TUNING.edge_marked) and not seen.clipped
 
 
 def _agree(now: _Seen, learnt: _Seen) -> bool:
@@ -162,9 +147,9 @@ def _agree(now: _Seen, learnt: _Seen) -> bool:
 
 
 def _agree_in_place(correlations: FloatArray) -> bool:
-    near = np.abs(np.arange(correlations.size) - _LOOKED) <= _MOVED
+    near = np.abs(np.arange(correlations.size) - _LOOKED) <= TUNING.edge_moved
     best = float(correlations[near].max())
-    return best >= max(_AGREES, float(correlations[~near].max()) / _BETTER)
+    return best >= max(TUNING.edge_agrees, float(correlations[~near].max()) / TUNING.edge_better)
 
 
 @entry_point(float64[::1](given(float32, 2, "A"), given(float32, 2, "A")))

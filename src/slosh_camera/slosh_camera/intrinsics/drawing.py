@@ -8,6 +8,7 @@ import numpy as np
 from slosh_camera.images.colour import Image
 from slosh_camera.images.lettering import letter_size, put_text
 from slosh_camera.intrinsics.solve import IntrinsicFit
+from slosh_camera.intrinsics.tuning import TUNING
 
 # Blue, green, red.
 _PAPER, _UNSEEN, _CORNER, _ARROW = (255, 255, 255), (205, 205, 255), (170, 110, 30), (40, 40, 220)
@@ -16,11 +17,6 @@ _SHIFT = 4
 
 GRID = 3
 _ROWS, _COLUMNS = ("top", "middle", "bottom"), ("left", "middle", "right")
-# A tilt that separates focal length from distance [deg]; a board that is near enough, as a part
-# of the image's width or height; a number of pictures in which one more changes little.
-_LEAST_TILT = 15.0
-_NEAR = 0.5
-_ENOUGH = 10
 
 
 def draw_reprojection(fit: IntrinsicFit) -> Image:
@@ -78,14 +74,16 @@ def missing_poses(fit: IntrinsicFit) -> list[str]:
     ]
     missing = [f"the board in the image's {', '.join(unseen)}"] if unseen else []
     missing += [
-        f"the board tilted, its {edge} edge nearer by {_LEAST_TILT:.0f} deg or more"
+        f"the board tilted, its {edge} edge nearer by {TUNING.least_tilt:.0f} deg or more"
         for edge, tilt in _tilts(fit).items()
-        if tilt < _LEAST_TILT
+        if tilt < TUNING.least_tilt
     ]
-    if _largest(fit) < _NEAR:
-        missing.append(f"the board from near, over more than {_NEAR:.0%} of the image's width")
-    if len(fit.views) < _ENOUGH:
-        missing.append(f"more pictures: {len(fit.views)} are used, {_ENOUGH} are enough")
+    if _largest(fit) < TUNING.near:
+        missing.append(
+            f"the board from near, over more than {TUNING.near:.0%} of the image's width"
+        )
+    if len(fit.views) < TUNING.enough:
+        missing.append(f"more pictures: {len(fit.views)} are used, {TUNING.enough} are enough")
     return missing
 
 

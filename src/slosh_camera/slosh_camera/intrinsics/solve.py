@@ -13,7 +13,8 @@ from slosh_base.files.yaml_document import format_yaml
 from slosh_base.types import Array
 from slosh_camera.calibrate.intrinsics import lens_block
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.intrinsics.views import LEAST_VIEWS, LeftOut, View, Views
+from slosh_camera.intrinsics.tuning import TUNING
+from slosh_camera.intrinsics.views import LeftOut, View, Views
 from slosh_camera.optics.camera import PinholeCamera, camera_from_info
 from slosh_camera.optics.lens import (
     COEFFICIENTS,
@@ -36,11 +37,7 @@ _FISHEYE_FLAGS = _FISHEYE_HOME.CALIB_RECOMPUTE_EXTRINSIC | _FISHEYE_HOME.CALIB_F
 # OpenCV's fisheye solver starts anew from scratch and needs no fewer steps than these.
 _FISHEYE_STEPS = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
 _NAMES = ("fx", "fy", "cx", "cy")
-# A view whose corners lie so much farther off than the median view's is blurred or bent [-, px].
-_OUTLIER, _OUTLIER_LEAST = 3.0, 0.5
 _MOST_GROUPS = 20
-_WORST_RMS = 3.0
-_WORST_FOCAL = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,8 +120,8 @@ def solve_intrinsics(views: Views, lens: str = PLUMB_BOB) -> IntrinsicFit:
     found = _solved(used, views.size, lens)
     while True:
         worst = int(np.argmax(found.view_rms))
-        limit = max(_OUTLIER * float(np.median(found.view_rms)), _OUTLIER_LEAST)
-        if found.view_rms[worst] <= limit or len(used) <= LEAST_VIEWS:
+        limit = max(TUNING.outlier * float(np.median(found.view_rms)), TUNING.outlier_least)
+        if found.view_rms[worst] <= limit or len(used) <= TUNING.least_views:
             break
         reason = f"its corners lie {found.view_rms[worst]:.2f} px off: blurred, or the board bent"
         left_out.append(LeftOut(used.pop(worst).name, reason))
@@ -228,13 +225,13 @@ def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) ->
 
 
 def _check_determined(found: _Solution, stddev: Array) -> None:
-    if found.rms > _WORST_RMS:
+    if found.rms > TUNING.worst_rms:
         raise SloshCameraError(
             f"pictures: corners lie {found.rms:.1f} px rms from the best camera, more than "
-            f"{_WORST_RMS:g}; check the board's description and that it is flat"
+            f"{TUNING.worst_rms:g}; check the board's description and that it is flat"
         )
     share = float(np.max(stddev[:2] / found.numbers[:2]))
-    if not share <= _WORST_FOCAL:
+    if not share <= TUNING.worst_focal:
         raise SloshCameraError(
             f"pictures: the focal length is uncertain by {share:.0%}; tilt the board by 20 to "
             "40 deg in different directions, and take some pictures from near"

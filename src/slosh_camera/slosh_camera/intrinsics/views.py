@@ -14,13 +14,7 @@ from slosh_camera.calibrate.aruco import find_corners
 from slosh_camera.calibrate.board import FORMAT, Board, parse_board
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image, to_gray
-
-LEAST_VIEWS = 4
-_LEAST_CORNERS = 6
-# Corners that move by less than this part of the image's width are the same pose once more.
-_SAME_POSE = 0.004
-# Corners on less than this part of their spread lie on one line.
-_FLAT = 0.02
+from slosh_camera.intrinsics.tuning import TUNING
 
 CHESSBOARD_FORMAT = "COLSxROWS"
 _LEAST_SIDE, _MOST_SIDE = 3, 50
@@ -104,11 +98,13 @@ def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
         if reason:
             left_out.append(LeftOut(name, reason))
             # Who counts squares in place of corners sees the board nowhere.
-            smaller += not used and len(left_out) <= LEAST_VIEWS and _shows_less(image, target)
+            smaller += (
+                not used and len(left_out) <= TUNING.least_views and _shows_less(image, target)
+            )
         else:
             used.append(view)
     if size is None:
-        raise SloshCameraError(f"pictures: none; at least {LEAST_VIEWS} are needed")
+        raise SloshCameraError(f"pictures: none; at least {TUNING.least_views} are needed")
     _check_enough(used, left_out, target, smaller > 0)
     return Views(size, tuple(used), tuple(left_out))
 
@@ -117,13 +113,13 @@ def _reason(view: View, used: list[View], width: int) -> str:
     """Why a picture is of no use; empty: it is."""
     if not len(view.pixels):
         return "the board is not found: all of it must be seen, sharp and evenly lit"
-    if len(view.pixels) < _LEAST_CORNERS:
-        return f"{len(view.pixels)} corners are seen, {_LEAST_CORNERS} are needed"
+    if len(view.pixels) < TUNING.least_corners:
+        return f"{len(view.pixels)} corners are seen, {TUNING.least_corners} are needed"
     spread = np.linalg.svd(view.points[:, :2] - view.points[:, :2].mean(axis=0), compute_uv=False)
-    if spread[1] < _FLAT * spread[0]:
+    if spread[1] < TUNING.flat * spread[0]:
         return "the corners that are seen lie on one line"
     for other in used:
-        if _shift(view, other) < _SAME_POSE * width:
+        if _shift(view, other) < TUNING.same_pose * width:
             return f"the same pose as {other.name}"
     return ""
 
@@ -159,11 +155,11 @@ def _check_enough(
                 "counted, not squares"
             )
         raise SloshCameraError(f"board: is found in none of {count} pictures; {hint}")
-    if len(used) < LEAST_VIEWS:
+    if len(used) < TUNING.least_views:
         why = f"; {left_out[0].name}: {left_out[0].reason}" if left_out else ""
         raise SloshCameraError(
-            f"pictures: {len(used)} of {count} can be used, {LEAST_VIEWS} are needed, better 15, "
-            f"with the board in different poses{why}"
+            f"pictures: {len(used)} of {count} can be used, {TUNING.least_views} are needed, "
+            f"better 15, with the board in different poses{why}"
         )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.rectangle.region import Samples, SideRegion
+from slosh_camera.rectangle.tuning import TUNING
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -22,14 +23,7 @@ BoolArray = NDArray[np.bool_]
 
 # Levels of liquid and background in the channel made of colours; the rest is room for shades.
 _LIQUID_LEVEL, _BACKGROUND_LEVEL = 80.0, 176.0
-# Scatter of a colour that is always reckoned with [grey levels].
-_COLOUR_NOISE = 3.0
 _ROBUST_STEPS = 4
-# A place whose level in the still image is off by more than this part of the contrast shows
-# neither liquid nor background; less is uneven light.
-_FOREIGN = 0.5
-# Rows about the still line that mix the two, in the image of half the size.
-_MIXED_ROWS = 3
 _GROW = np.ones((3, 3), np.uint8)
 
 
@@ -118,7 +112,7 @@ def colour_weights(part: Image, region: SideRegion) -> FloatArray | None:
         near = away[np.abs(away).sum(axis=1) <= np.median(np.abs(away).sum(axis=1))]
         scatter += near.T @ near / max(len(near), 1)
     difference = centre_dry - centre_wet
-    direction = np.linalg.solve(scatter + _COLOUR_NOISE**2 * np.eye(3), difference)
+    direction = np.linalg.solve(scatter + TUNING.colour_noise**2 * np.eye(3), difference)
     span = float(direction @ difference)
     if span <= 0.0:
         direction, span = np.full(3, 1.0 / 3.0), _BACKGROUND_LEVEL - _LIQUID_LEVEL
@@ -183,8 +177,8 @@ def learnt_appearance(
     rows = np.arange(small.shape[0])[:, np.newaxis]
     still = 0.5 * line[np.newaxis, ::2][:, : small.shape[1]]
     inside = region.inside[::2, ::2]
-    above = inside & (rows < still - _MIXED_ROWS)
-    below = inside & (rows > still + _MIXED_ROWS)
+    above = inside & (rows < still - TUNING.mixed_rows)
+    below = inside & (rows > still + TUNING.mixed_rows)
     dry, odd_dry = _spread(small, above, abs(levels.contrast))
     wet, odd_wet = _spread(small, below, abs(levels.contrast))
     odd = cv2.dilate((odd_dry | odd_wet).astype(np.uint8), _GROW) > 0
@@ -277,7 +271,7 @@ def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, B
     across = coefficients[0] + x * (coefficients[1] + x * coefficients[2])
     surface = np.clip(across[np.newaxis] + coefficients[3] * y[:, np.newaxis], low, high)
     laid = surface.astype(np.float32)
-    odd = where & (np.abs(small - laid) > _FOREIGN * contrast)
+    odd = where & (np.abs(small - laid) > TUNING.foreign * contrast)
     return np.where(where & ~odd, small, laid), odd
 
 

@@ -24,17 +24,10 @@ from slosh_camera.rectangle.outer_edges import outer_edges
 from slosh_camera.rectangle.profile import Profile, describe
 from slosh_camera.rectangle.region import find_side_region
 from slosh_camera.rectangle.trace import Knowledge, Light, TracedLine, trace_line
+from slosh_camera.rectangle.tuning import TUNING
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
-
-# Part of the columns that may be without an edge before the line counts as hidden.
-_MAX_HIDDEN = 0.05
-# Steps of this standard deviation or softer are blurred [px].
-_BLURRED = 3.0
-# Part of the still line that may be hidden, and how much it may be inclined.
-_MAX_HIDDEN_STILL = 0.4
-_MAX_STILL_SLOPE = float(np.tan(np.radians(5.0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,14 +94,14 @@ class SideViewDetector:
         self._view.camera.check(image)
         trace = trace_line(self._view, self._region, self._settings, Knowledge(), image)
         light, line = trace.light, trace.line
-        whole = line is not None and line.hidden <= _MAX_HIDDEN_STILL
+        whole = line is not None and line.hidden <= TUNING.most_hidden_still
         if light is None or line is None or not whole or Flag.SATURATED in trace.flags:
             raise SloshCameraError(
                 "still image: shows no complete liquid line, check light, region and calibration"
             )
         profile = describe(line, self._view)
         level, slope = profile.level, float(np.tan(profile.slope_angle))
-        if abs(slope) > _MAX_STILL_SLOPE:
+        if abs(slope) > TUNING.still_slope:
             raise SloshCameraError(
                 f"still image: the liquid's line is inclined by {np.degrees(np.arctan(slope)):.1f}"
                 " deg, check that the liquid is at rest, and the calibration's pose"
@@ -192,9 +185,9 @@ class SideViewDetector:
 
 def _limits(line: TracedLine) -> Flag:
     flags = Flag.NONE
-    if line.hidden > _MAX_HIDDEN:
+    if line.hidden > TUNING.most_hidden:
         flags |= Flag.OCCLUDED
-    if float(np.median(line.softness)) > _BLURRED:
+    if float(np.median(line.softness)) > TUNING.blurred:
         flags |= Flag.BLURRED
     return flags
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_camera.rectangle.tuning import TUNING
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -23,10 +25,7 @@ _FUNCTIONS = 2 + MODES
 _PRIOR = np.array([np.inf, 0.5, 0.5, 0.15, 0.08])
 _SAMPLES = 96
 _POINTS = 6
-# Residuals beyond this part of the width count as wrong in the search for a first shape.
-_TRUNCATION = 0.03
 _ITERATIONS = 6
-_TUKEY = 4.7
 _MAD = 1.4826
 _GRID = 201
 
@@ -94,7 +93,7 @@ def first_shape(x: FloatArray, z: FloatArray, width: float, draws: FloatArray) -
     right = np.einsum("spi,sp->si", few, heights)
     coefficients = np.linalg.solve(normal, right[:, :, np.newaxis])[:, :, 0]
     residuals = np.abs(coefficients @ functions.T - z)
-    cost = np.minimum(residuals, _TRUNCATION * width).sum(axis=1)
+    cost = np.minimum(residuals, TUNING.truncation * width).sum(axis=1)
     best = int(np.argmin(cost))
     scatter = _MAD * float(np.median(residuals[best]))
     return Shape(width, coefficients[best], np.zeros((_FUNCTIONS, _FUNCTIONS)), scatter)
@@ -127,7 +126,7 @@ def refined_shape(
     covariance = start.covariance
     for _ in range(_ITERATIONS):
         residual = target - functions @ coefficients
-        weight = np.maximum(1.0 - (residual / (_TUKEY * scatter)) ** 2, 0.0) ** 2
+        weight = np.maximum(1.0 - (residual / (TUNING.tukey * scatter)) ** 2, 0.0) ** 2
         # A bound pulls only where the shape lies below it.
         weight[x.size :] = residual[x.size :] > 0.0
         weighted = functions * weight[:, np.newaxis]

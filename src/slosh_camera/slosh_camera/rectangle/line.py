@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_camera.rectangle.region import SideRegion
+from slosh_camera.rectangle.tuning import TUNING
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -16,27 +17,9 @@ Single = NDArray[np.float32]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
-# Rows about the expected one in which an edge is looked for.
-_WINDOW = 6
 _SUPPORT = 4
 # Sobel's response to a step of one grey level that is blurred with a standard deviation of 1 px.
 _SOBEL_STEP = 8.0 / float(np.sqrt(2.0 * np.pi))
-# The softest edges that are looked for [px], and how weak an edge may become along its way.
-_SOFTEST = 6.0
-_LOW_PART = 0.5
-# Sobel's response to noise of one grey level after the blur.
-_SOBEL_NOISE = 2.0
-_NOISE_MARGIN = 2.5
-_JUMP = 3.0
-# Gaps of so many columns hide the line, and so many columns beside them are doubtful.
-_WIDE = 6
-_ENDS = 3
-# Part of the rows beside the split that must be what they are taken for.
-_BESIDE = 5
-# A line leads up to the region's end where it comes so near to it, in rows of half the size and
-# rows per column.
-_TOP_ROWS = 6
-_STEEPEST = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,15 +69,17 @@ def split_columns(speaks: Single, region: SideRegion) -> Split:
     sums = np.vstack((np.zeros((1, speaks.shape[1]), np.float32), np.cumsum(speaks, axis=0)))
     rows = np.argmax(sums, axis=0)
     at = np.arange(rows.size)
-    above = _beside(sums, rows - _BESIDE, rows, at)
-    below = -_beside(sums, rows, rows + _BESIDE, at)
+    above = _beside(sums, rows - TUNING.beside_rows, rows, at)
+    below = -_beside(sums, rows, rows + TUNING.beside_rows, at)
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - np.argmax(inside[::-1], axis=0)
     wide = inside.any(axis=0)
     dark_to_top = wide & (rows <= first + 1) & (below > 0.0)
     seen = wide & ~dark_to_top & (rows < last - 1) & (above > 0.0) & (below > 0.0)
     full = _reached(dark_to_top, seen, rows - first)
-    agreement = float(np.mean((above + below)[seen])) / (2.0 * _BESIDE) if seen.any() else 0.0
+    agreement = (
+        float(np.mean((above + below)[seen])) / (2.0 * TUNING.beside_rows) if seen.any() else 0.0
+    )
     return Split(rows, seen, full, agreement)
 
 
@@ -109,8 +94,8 @@ def canny_edges(channel: Image, limits: tuple[float, float]) -> Image:
         (rows, columns), not 0 on edges.
     """
     contrast, noise = limits
-    high = _SOBEL_STEP * abs(contrast) / _SOFTEST
-    low = max(_LOW_PART * high, min(_SOBEL_NOISE * _NOISE_MARGIN * noise, high))
+    high = _SOBEL_STEP * abs(contrast) / TUNING.softest
+    low = max(TUNING.low_part * high, min(TUNING.noise_response * noise, high))
     return np.asarray(cv2.Canny(channel, low, high), dtype=np.uint8)
 
 
@@ -130,7 +115,7 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
         The edges.
     """
     rows, columns = channel.shape
-    margin = _WINDOW + _SUPPORT
+    margin = TUNING.window + _SUPPORT
     wanted = np.isfinite(expected)
     centre = np.clip(np.rint(np.where(wanted, expected, 0.0)), 0, rows - 1).astype(np.intp)
     at = np.arange(columns)
@@ -139,14 +124,14 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
     values = channel[window, at].astype(np.float64)
     # Half of the steps over two rows, positive from background down to liquid.
     steps = 0.5 * np.sign(contrast) * (values[:-2] - values[2:])
-    inner = slice(margin - _WINDOW, margin + _WINDOW + 1)
+    inner = slice(margin - TUNING.window, margin + TUNING.window + 1)
     marked = edges[window[inner], at] > 0
-    found = np.where(marked, steps[margin - _WINDOW - 1 : margin + _WINDOW], 0.0)
+    found = np.where(marked, steps[margin - TUNING.window - 1 : margin + TUNING.window], 0.0)
     best = np.argmax(found, axis=0)
     wanted &= found[best, at] > 0.0
-    place = best + margin - _WINDOW - 1
+    place = best + margin - TUNING.window - 1
     offset, softness = _peak(steps, place, at, abs(contrast))
-    row = centre + best - _WINDOW + offset
+    row = centre + best - TUNING.window + offset
     return Edges(np.where(wanted, row, np.nan), np.where(wanted, softness, np.nan))
 
 
@@ -168,7 +153,7 @@ def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
     at = np.flatnonzero(kept)
     if at.size == 0:
         return kept
-    far = (np.abs(np.diff(rows[at])) > _JUMP * np.sqrt(np.diff(at))).astype(np.intp)
+    far = (np.abs(np.diff(rows[at])) > TUNING.jump * np.sqrt(np.diff(at))).astype(np.intp)
     segment = np.concatenate(([0], np.cumsum(far)))
     share = np.bincount(segment, near[at]) / np.bincount(segment)
     kept[at] = share[segment] >= 0.5
@@ -178,8 +163,8 @@ def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
 def _without_ends(kept: BoolArray) -> BoolArray:
     """Leave out the columns beside a wide gap: there the edge turns into that of what hides it."""
     hidden = np.array(~kept, dtype=np.uint8)[np.newaxis]
-    wide = cv2.morphologyEx(hidden, cv2.MORPH_OPEN, np.ones((1, _WIDE), np.uint8))
-    beside = cv2.dilate(wide, np.ones((1, 2 * _ENDS + 1), np.uint8))[0] > 0
+    wide = cv2.morphologyEx(hidden, cv2.MORPH_OPEN, np.ones((1, TUNING.wide_gap), np.uint8))
+    beside = cv2.dilate(wide, np.ones((1, 2 * TUNING.gap_ends + 1), np.uint8))[0] > 0
     return np.asarray(kept & ~beside, dtype=np.bool_)
 
 
@@ -220,7 +205,7 @@ def _reached(to_top: BoolArray, seen: BoolArray, below_top: IntArray) -> BoolArr
         after = int(np.searchsorted(at_line, start))
         beside = at_line[max(after - 1, 0) : after + 1]
         gap = np.where(beside < start, start - beside, beside - stop + 1)
-        leads = below_top[beside] <= _TOP_ROWS + _STEEPEST * gap
+        leads = below_top[beside] <= TUNING.top_rows + TUNING.steepest * gap
         reached[start:stop] = beside.size == 0 or bool(np.any(leads))
     return reached
 

@@ -11,32 +11,12 @@ from slosh_camera.measurement import NAN
 from slosh_camera.optics.box import BoxView
 from slosh_camera.rectangle.fit import basis, slope_weights, straight_line
 from slosh_camera.rectangle.trace import TracedLine
+from slosh_camera.rectangle.tuning import TUNING
 
 FloatArray = NDArray[np.float64]
 
 # Places of the published profile, the walls included.
 PLACES = 65
-# Points within this part of the width from a wall tell the height at it.
-_WALL_PART = 0.05
-_LEAST_POINTS = 4
-# The height at a wall is unknown where the line ends further from it, as part of the width.
-_WALL_GAP = 0.03
-# Points so near to a place tell the height there [px].
-_REACH = 4.0
-_SMOOTHED_COLUMNS = 5
-# Standard deviation of the running median over that of its points, which resemble each other.
-_SMOOTHED_NOISE = 0.8
-# What all points may be off together [px], and as a part of the edge's softness: uneven light
-# and JPEG move the whole edge.
-_COMMON_FLOOR = 0.05
-_COMMON_SOFTNESS = 0.02
-# The same where the camera clips the brighter of liquid and background: the step's upper part is
-# missing.
-_COMMON_CLIPPED = 0.3
-# Standard deviation of a height that is right or too high by the doubt, over the doubt.
-_DOUBT = 0.5
-# Neighbouring residuals resemble each other over so many columns.
-_CORRELATED_COLUMNS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +81,10 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
     level, slope = straight_line(x, whole)
     left, right = (_at_wall(line, residual, wall) for wall in (-half, half))
     common = _common(line)
-    covariance = _CORRELATED_COLUMNS * line.shape.scatter**2 * line.shape.covariance
+    covariance = TUNING.correlated_columns * line.shape.scatter**2 * line.shape.covariance
     peak = _peak(line, residual, (left, right), common)
     fitted_x, fitted_height, functions = line.shape.highest()
-    doubt = _DOUBT * line.pixel_height * np.interp(x, line.x, line.doubt)
+    doubt = TUNING.doubt_part * line.pixel_height * np.interp(x, line.x, line.doubt)
     fitted_variance = common**2 + functions @ covariance @ functions
     # What the shape does not follow may be wrong with it, and a doubt about a part moves it all.
     fitted_variance += line.shape.scatter**2 + float(np.max(doubt)) ** 2
@@ -125,7 +105,7 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
 
 def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
     """Heights at places: the shape, and the mean of what the points about a place add to it."""
-    reach = max(0.5 * float(x[1] - x[0]), _REACH * line.pixel_height)
+    reach = max(0.5 * float(x[1] - x[0]), TUNING.reach * line.pixel_height)
     start = np.searchsorted(line.x, x - reach)
     count = np.searchsorted(line.x, x + reach) - start
     sums = np.concatenate(([0.0], np.cumsum(residual)))
@@ -141,8 +121,8 @@ def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
     """
     width = line.shape.width
     away = np.abs(line.x - wall)
-    near = away < max(_WALL_PART * width, 2.0 * _LEAST_POINTS * line.pixel_height)
-    if np.count_nonzero(near) < _LEAST_POINTS or np.min(away) > _WALL_GAP * width:
+    near = away < max(TUNING.wall_part * width, 2.0 * TUNING.wall_points * line.pixel_height)
+    if np.count_nonzero(near) < TUNING.wall_points or np.min(away) > TUNING.wall_gap * width:
         return NAN
     added = residual[near]
     order = np.argsort(away[near])
@@ -161,8 +141,10 @@ def _peak(
     x = np.concatenate((line.x, [-half, half], line.full_x))
     z = np.concatenate((heights, walls, line.full_z))
     highest = int(np.nanargmax(z))
-    doubt = _DOUBT * line.pixel_height * float(np.interp(x[highest], line.x, line.doubt))
-    stddev = np.sqrt(common**2 + (_SMOOTHED_NOISE * line.shape.scatter) ** 2 + doubt**2)
+    doubt = (
+        TUNING.doubt_part * line.pixel_height * float(np.interp(x[highest], line.x, line.doubt))
+    )
+    stddev = np.sqrt(common**2 + (TUNING.smoothed_noise * line.shape.scatter) ** 2 + doubt**2)
     return Highest(float(x[highest]), float(z[highest]), float(stddev))
 
 
@@ -173,17 +155,17 @@ def _pixel(line: TracedLine, view: BoxView, peak: Highest) -> tuple[float, float
 
 
 def _running_median(values: FloatArray) -> FloatArray:
-    padded = np.pad(values, _SMOOTHED_COLUMNS // 2, mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, _SMOOTHED_COLUMNS)
+    padded = np.pad(values, TUNING.smoothed_columns // 2, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, TUNING.smoothed_columns)
     median: FloatArray = np.median(windows, axis=1)
     return median
 
 
 def _common(line: TracedLine) -> float:
     """Standard deviation of what all points are off together [m]."""
-    of_softness = _COMMON_CLIPPED if line.clipped else _COMMON_SOFTNESS
+    of_softness = TUNING.common_clipped if line.clipped else TUNING.common_softness
     softness = float(np.median(line.softness))
-    return line.pixel_height * float(np.hypot(_COMMON_FLOOR, of_softness * softness))
+    return line.pixel_height * float(np.hypot(TUNING.common_floor, of_softness * softness))
 
 
 def _slope_stddev(x: FloatArray, slope: float, common: float, covariance: FloatArray) -> float:

@@ -19,24 +19,10 @@ from slosh_camera.optics.box import BoxView
 from slosh_camera.rectangle.appearance import Levels
 from slosh_camera.rectangle.line import Edges
 from slosh_camera.rectangle.region import SideRegion
+from slosh_camera.rectangle.tuning import TUNING
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
-
-# Lines at least so many rows apart, and so many times the edge's softness, show what is between.
-_APART_ROWS = 3.0
-_APART_SOFTNESS = 2.4
-_SHARP_PERCENTILE = 10.0
-_LEAST_COLUMNS = 8
-# Least difference of surface and liquid, as a part of that of background and liquid.
-_LEAST_SURFACE = 0.08
-# A surface that differs more from the liquid makes the line on the face the more marked edge.
-_MOST_SURFACE = 0.5
-# Heights at the rear wall are taken to go on over this part of the width.
-_MARGIN = 0.02
-_ALL = 0.99
-# Where the rear wall stands aside by more than this part of the width, crests hide much of it.
-_ASKEW = 0.06
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,19 +60,19 @@ def front_line(
     rows, softness = found.edges.rows[columns], found.edges.softness[columns]
     front, trusted = _in_front(view, region, rows, columns)
     gap = np.maximum(np.nan_to_num(front - rows), 0.0)
-    sharp = float(np.percentile(softness, _SHARP_PERCENTILE))
-    apart = gap >= max(_APART_ROWS, _APART_SOFTNESS * sharp)
+    sharp = float(np.percentile(softness, TUNING.sharp_percentile))
+    apart = gap >= max(TUNING.apart_rows, TUNING.apart_softness * sharp)
     surface = 0.0
-    if np.count_nonzero(apart) >= _LEAST_COLUMNS:
+    if np.count_nonzero(apart) >= TUNING.least_rows:
         steps = _at(channel, rows + 0.5 * gap, columns) - _at(channel, rows + 1.5 * gap, columns)
         # A single edge is still on its way down in the middle.
         tail = scipy.special.ndtr(-0.5 * gap / sharp) - scipy.special.ndtr(-1.5 * gap / sharp)
         surface = float(np.median((steps / levels.contrast - tail)[apart]))
     doubt = np.zeros(found.kept.size)
     doubt[columns] = _visible_depth(view, region, rows, columns)
-    if surface < _LEAST_SURFACE:
+    if surface < TUNING.least_surface:
         return FrontLine(found.edges, found.kept, doubt)
-    surface = min(surface, _MOST_SURFACE)
+    surface = min(surface, TUNING.most_surface)
     own = (1.0 - surface) * float(np.median(softness[apart]))
     rear = rows - _shift(gap, own, surface)
     front, _ = _in_front(view, region, rear, columns)
@@ -133,19 +119,19 @@ def _in_front(
     pixels = np.column_stack((columns + region.left, rows + region.top))
     rear_x, rear_z = view.on_rear(pixels)
     between = np.abs(rear_x) <= 0.5 * view.box.width
-    if np.count_nonzero(between) < _LEAST_COLUMNS:
+    if np.count_nonzero(between) < TUNING.least_rows:
         return np.full(rows.size, np.nan), np.zeros(rows.size, np.bool_)
     order = np.argsort(rear_x[between])
     known, heights = rear_x[between][order], rear_z[between][order]
     x, z = view.on_face(pixels)
-    margin = _MARGIN * view.box.width
+    margin = TUNING.margin * view.box.width
     inside = (x >= known[0] - margin) & (x <= known[-1] + margin)
     every = np.zeros(region.inside.shape[1])
     every[columns] = np.interp(x, known, heights)
     front = np.where(inside, region.rows_at(every)[columns], np.nan)
     down = (rear_z <= z)[between][order].astype(np.float64)
-    askew = abs(float(np.median(rear_x - x))) > _ASKEW * view.box.width
-    return front, inside & (np.interp(x, known, down) > _ALL) & (not askew)
+    askew = abs(float(np.median(rear_x - x))) > TUNING.askew * view.box.width
+    return front, inside & (np.interp(x, known, down) > TUNING.all_down) & (not askew)
 
 
 def _visible_depth(

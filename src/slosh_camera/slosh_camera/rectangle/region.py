@@ -10,26 +10,16 @@ from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import BoxView
+from slosh_camera.rectangle.tuning import TUNING
 from slosh_camera.settings import RegionOfInterest
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
-# The floor's edge lies below this part of the fill height.
-_LOWEST = 0.95
-# What is always wet lies below this part of the visible depth, what is dry above this part of the
-# visible freeboard; crests that reach further cover few columns.
-_WET = 0.6
-_DRY = 0.6
-_END = 0.97
 _SAMPLE_ROWS = 9
 _SAMPLE_COLUMN_STEP = 4
 _OUTLINE_POINTS = 65
-# Pixels at the container's edges mix liquid, wall and background.
-_EDGE_INSET = 2
-_MIN_COLUMNS = 24
-_MIN_ROWS = 8
 _LEVELS = 9
 
 
@@ -92,10 +82,10 @@ def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegio
     low, high = _levels(view, limits)
     mask = _mask(view, limits, low, high)
     filled_columns = np.flatnonzero(mask.any(axis=0))
-    if filled_columns.size < _MIN_COLUMNS:
+    if filled_columns.size < TUNING.least_columns:
         raise SloshCameraError(
             f"pose: only {filled_columns.size} columns of the container are inside the image or "
-            f"the region of interest, needs {_MIN_COLUMNS}"
+            f"the region of interest, needs {TUNING.least_columns}"
         )
     filled_rows = np.flatnonzero(mask.any(axis=1))
     # Even sizes, so that every pixel has its place in the copy of half the size.
@@ -125,7 +115,7 @@ def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
         raise SloshCameraError(
             "pose: the image or the region of interest ends below the still level"
         )
-    return -_LOWEST * box.fill_height, high
+    return -TUNING.lowest * box.fill_height, high
 
 
 def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> BoolArray:
@@ -148,7 +138,7 @@ def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> B
     # Far outside, whole numbers of pixels would not fit.
     near = np.clip(outline, -4.0 * camera.width, 5.0 * max(camera.width, camera.height))
     cv2.fillPoly(mask, [np.rint(near).astype(np.int32)], 1)
-    size = 2 * _EDGE_INSET + 1
+    size = 2 * TUNING.edge_inset + 1
     # The frame's border is no edge of the container.
     eroded = cv2.erode(mask, np.ones((size, size), np.uint8), borderValue=1)
     inside = np.zeros(mask.shape, np.bool_)
@@ -185,8 +175,8 @@ def _visible(
     depth = (last - still)[columns]
     freeboard = (still - first)[columns]
     steps = np.linspace(0.0, 1.0, _SAMPLE_ROWS)[:, np.newaxis]
-    wet = still[columns] + depth * (_WET + (_END - _WET) * steps)
-    dry = still[columns] - freeboard * (_DRY + (_END - _DRY) * steps)
+    wet = still[columns] + depth * (TUNING.sure + (TUNING.sure_end - TUNING.sure) * steps)
+    dry = still[columns] - freeboard * (TUNING.sure + (TUNING.sure_end - TUNING.sure) * steps)
     limit = inside.shape[0] - 1
     places = np.broadcast_to(columns, wet.shape)
     return (
@@ -199,8 +189,10 @@ def _check_level(region: SideRegion) -> None:
     still = region.rows_at(np.zeros(region.inside.shape[1]))
     middle = region.inside.shape[1] // 2
     rows = np.flatnonzero(region.inside[:, middle])
-    if rows.size == 0 or not (rows[0] + _MIN_ROWS <= still[middle] <= rows[-1] - _MIN_ROWS):
+    if rows.size == 0 or not (
+        rows[0] + TUNING.least_rows <= still[middle] <= rows[-1] - TUNING.least_rows
+    ):
         raise SloshCameraError(
             "pose: the still level is not inside the image or the region of interest with "
-            f"{_MIN_ROWS} rows above and below it"
+            f"{TUNING.least_rows} rows above and below it"
         )

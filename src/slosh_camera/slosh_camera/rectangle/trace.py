@@ -34,31 +34,13 @@ from slosh_camera.rectangle.line import (
 )
 from slosh_camera.rectangle.rear import FrontLine, front_line
 from slosh_camera.rectangle.region import SideRegion
+from slosh_camera.rectangle.tuning import TUNING
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# Evidence for the line, from 0 (none) to 1, and part of the columns that must show it.
-_MIN_AGREEMENT = 0.35
-_MIN_SEEN = 0.3
-_MIN_POINTS = 12
-_SATURATED_COLUMNS = 2
-# A column's own split counts where it is nearer to the first shape than this part of the width.
-_OWN_SPLIT = 0.1
-# An edge is near the shape within so many standard deviations, and within so many rows.
-_GATE = 4.7
-_GATE_ROWS = 1.5
-# Columns without an edge are looked at again where there are more than this part of them.
-_LOOK_AGAIN = 0.02
-# Least scatter of the points that is assumed [px].
-_SCATTER_FLOOR = 0.03
-# Rows at the region's upper end in which no line is placed, and up to which alone a column that
-# is full is known to be so.
-_END_ROWS = 4.0
-# Grey level from which the camera clips.
-_CLIPPED = 252.0
 _DRAWS = sample_draws()
 _NO_BOUNDS = (np.empty(0), np.empty(0))
 
@@ -174,10 +156,12 @@ def trace_line(
     speaks = evidence(half_size(light.channel), light.appearance, light.levels)
     split = split_columns(speaks, region)
     flags = Flag.NONE
-    if np.count_nonzero(split.full) >= _SATURATED_COLUMNS:
+    if np.count_nonzero(split.full) >= TUNING.full_columns:
         flags = Flag.SATURATED
-    enough = np.count_nonzero(split.seen) >= max(_MIN_POINTS, _MIN_SEEN * split.seen.size)
-    if not enough or split.agreement < _MIN_AGREEMENT:
+    enough = np.count_nonzero(split.seen) >= max(
+        TUNING.least_points, TUNING.least_seen * split.seen.size
+    )
+    if not enough or split.agreement < TUNING.least_agreement:
         return Trace(flags | Flag.NOT_FOUND, light)
     line = _Tracer(view, region, knowledge, light).line(split)
     return Trace(flags | (Flag.NOT_FOUND if line is None else Flag.NONE), light, line)
@@ -192,7 +176,7 @@ def _light(part: Image, region: SideRegion, blur: float, learnt: Appearance | No
     if blur > 0.0:
         channel = np.asarray(cv2.GaussianBlur(channel, (0, 0), blur), dtype=np.uint8)
     appearance = learnt or seen_appearance(channel, region, weights)
-    clipped = brightest(part, region) >= _CLIPPED
+    clipped = brightest(part, region) >= TUNING.clipped
     return Light(channel, levels, appearance, clipped)
 
 
@@ -222,21 +206,23 @@ class _Tracer:
         first = self._first(at_split, seen)
         predicted = self._rows_of(first)
         # So near to the region's end the line and that end are one edge.
-        full |= seen & (at_split < self._upper + _END_ROWS)
-        reach = _OWN_SPLIT * self._view.box.width / self._pixel_height
+        full |= seen & (at_split < self._upper + TUNING.end_rows)
+        reach = TUNING.own_split * self._view.box.width / self._pixel_height
         own = seen & (np.abs(at_split - predicted) < reach)
         expected = np.where(full, np.nan, np.where(own, at_split, predicted))
         edges = self._canny()
         found = self._refine(edges, expected)
         kept = self._kept(found, first)
-        if self._hidden(kept, full) > _LOOK_AGAIN:
+        if self._hidden(kept, full) > TUNING.look_again:
             again = self._refine(edges, np.where(kept | full, np.nan, predicted))
             found = Edges(
                 np.where(kept, found.rows, again.rows),
                 np.where(kept, found.softness, again.softness),
             )
             kept = self._kept(found, first)
-        if np.count_nonzero(kept) < max(_MIN_POINTS, _MIN_SEEN * np.count_nonzero(~full)):
+        if np.count_nonzero(kept) < max(
+            TUNING.least_points, TUNING.least_seen * np.count_nonzero(~full)
+        ):
             return None
         light = self._light
         line = FrontLine(found, kept, np.zeros(kept.size))
@@ -271,14 +257,14 @@ class _Tracer:
 
     def _kept(self, found: Edges, first: Shape) -> BoolArray:
         """Columns whose edge belongs to the line."""
-        rows = np.where(found.rows >= self._upper + _END_ROWS, found.rows, np.nan)
+        rows = np.where(found.rows >= self._upper + TUNING.end_rows, found.rows, np.nan)
         columns = np.flatnonzero(np.isfinite(rows))
         kept = np.zeros(self._columns.size, np.bool_)
-        if columns.size < _MIN_POINTS:
+        if columns.size < TUNING.least_points:
             return kept
         x, z = self._place(rows[columns], columns)
         shape = refined_shape(x, z, first, self._floor, _NO_BOUNDS)
-        gate = max(_GATE * shape.scatter, _GATE_ROWS * self._pixel_height)
+        gate = max(TUNING.tukey * shape.scatter, TUNING.gate_rows * self._pixel_height)
         near = kept.copy()
         near[columns] = np.abs(z - shape.at(x)) < gate
         return drop_loose_segments(rows, near)
@@ -294,7 +280,7 @@ class _Tracer:
         x, z = self._place(rows, columns)
         order = np.argsort(x)
         x, z = x[order], z[order]
-        full_x, full_z = self._place(self._upper[over] + _END_ROWS, over)
+        full_x, full_z = self._place(self._upper[over] + TUNING.end_rows, over)
         start = first_shape(x, z, self._view.box.width, _DRAWS)
         pixels = np.column_stack((columns.astype(np.float64), rows)) + self._corner
         return TracedLine(
@@ -328,4 +314,4 @@ class _Tracer:
 
     @property
     def _floor(self) -> float:
-        return _SCATTER_FLOOR * self._pixel_height
+        return TUNING.scatter_floor * self._pixel_height

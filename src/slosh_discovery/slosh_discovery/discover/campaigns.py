@@ -18,18 +18,13 @@ import numpy as np
 from scipy.special import gammaln
 
 from slosh_base.types import Array
-from slosh_discovery.discover.evidence import GROUP_PRIOR
 from slosh_discovery.discover.fitting import Evaluator, Fit
 from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.effects.base import Effect, Stage
 from slosh_model.effects.registry import EFFECTS
 
 Members = tuple[int, ...]
-
-LEAST_MEMBERS = 2
-"""What one motion shows alone is no set-up, and nothing could be foretold by it."""
-CLEAR_GAIN = 5.0
-"""Log of the odds over one group: below, the motions are not told apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +74,7 @@ def find_campaigns(
         if _tells(effect) and effect.fits(one.explanation.base.container.section)
     ]
     best = max(found, key=lambda campaigns: campaigns.gain)
-    return best if best.gain > CLEAR_GAIN and len(best.members) > 1 else None
+    return best if best.gain > TUNING.clear_gain and len(best.members) > 1 else None
 
 
 def in_groups(motions: Sequence[PreparedMotion], campaigns: Campaigns) -> list[PreparedMotion]:
@@ -106,7 +101,7 @@ def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
             (_joined(groups, *pair) for pair in pairs), key=lambda tried: _log_odds(tried, normals)
         )
         gain = _log_odds(groups, normals) - whole
-        if gain > best.gain and min(map(len, groups)) >= LEAST_MEMBERS:
+        if gain > best.gain and min(map(len, groups)) >= TUNING.least_members:
             best = Campaigns(effect, tuple(sorted(groups)), gain)
     return best
 
@@ -156,7 +151,7 @@ def _log_odds(groups: Sequence[Members], normals: Sequence[Normal]) -> float:
     Before any data a motion joins a group in proportion to its size, or begins a new one like a
     group of one (the Chinese restaurant process).
     """
-    total = 0.0 if len(groups) == 1 else math.log(GROUP_PRIOR)
+    total = 0.0 if len(groups) == 1 else math.log(TUNING.group_prior)
     for members in groups:
         information = np.sum([normals[index].information for index in members], axis=0)
         slope = np.sum([normals[index].slope for index in members], axis=0)

@@ -9,16 +9,8 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_discovery.discover.fitting import Evaluator, Fit
 from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.model import Model
-
-LAG = 1.0 / 60.0
-"""Step of the offsets that are tried [s]."""
-SLIP = 0.5
-"""How far from a fitted offset a better one is looked for [s]."""
-CLEARLY = 0.9
-"""A better one lowers the sum of squares at least to this share."""
-OVERLAP = 0.6
-"""Share of the shorter series that lies over the other at every offset that is tried."""
 
 
 def first_offset(one: PreparedMotion, base: Model) -> float:
@@ -35,12 +27,12 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
     answer = one.simulate(full) or one.simulate(base)
     if answer is None:
         return float(one.t[0] - one.fine.t[0])
-    expected_t = np.arange(one.fine.t[0], one.fine.t[-1], LAG)
-    measured_t = np.arange(one.t[0], one.t[-1], LAG)
+    expected_t = np.arange(one.fine.t[0], one.fine.t[-1], TUNING.clock_step)
+    measured_t = np.arange(one.t[0], one.t[-1], TUNING.clock_step)
     expected = _series(expected_t, one.fine.t, answer.at(one.fine.t, -answer.clock.offset))
     measured = _series(measured_t, one.t, one.heights)
     lag = _best_lag(measured, expected)
-    return float(measured_t[0] - expected_t[0] + lag * LAG)
+    return float(measured_t[0] - expected_t[0] + lag * TUNING.clock_step)
 
 
 def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] | None:
@@ -56,11 +48,14 @@ def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] 
         answer = motion.simulate(one.model_of(motion.motion.group))
         if answer is None:
             continue
-        tried = found[index] + np.arange(-SLIP, SLIP, LAG)
+        tried = found[index] + np.arange(-TUNING.clock_slip, TUNING.clock_slip, TUNING.clock_step)
         costs = [float(np.sum(Evaluator.part(motion, answer, o) ** 2)) for o in tried.tolist()]
         here = float(np.sum(Evaluator.part(motion, answer, found[index]) ** 2))
         best = int(np.argmin(costs))
-        if costs[best] < CLEARLY * here and abs(tried[best] - found[index]) > 2.0 * LAG:
+        if (
+            costs[best] < TUNING.clock_better * here
+            and abs(tried[best] - found[index]) > 2.0 * TUNING.clock_step
+        ):
             found[index], better = float(tried[best]), True
     return found if better else None
 
@@ -80,7 +75,7 @@ def _series(grid: Array, t: Array, heights: Array) -> Array:
 def _best_lag(measured: Array, expected: Array) -> int:
     """By how many steps the expected series is shifted to look most like the measured one."""
     shorter = min(len(measured), len(expected))
-    least = max(int(OVERLAP * shorter), 2)
+    least = max(int(TUNING.clock_overlap * shorter), 2)
     best, best_likeness = 0, -np.inf
     for lag in range(least - len(expected), len(measured) - least + 1):
         first = max(lag, 0)

@@ -15,16 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from slosh_base.types import Array
-from slosh_discovery.discover.differences import LEAST_NOISE, robust_scale
+from slosh_discovery.discover.differences import robust_scale
+from slosh_discovery.discover.tuning import TUNING
 
 Places = NDArray[np.int64]
-
-MOST = 0.9
-"""A residual that goes together more strongly than this is no noise, but what the model lacks: to
-free it of that would leave to the fit what the model gets wrong fastest."""
-LARGEST = 0.99
-LEAST_PAIRS = 12
-"""Fewer neighbours tell of no colour."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +36,7 @@ class Colour:
     @property
     def memory(self) -> float:
         """ρ of which a residual is freed; 0 where it is no noise's."""
-        return self.correlation if abs(self.correlation) <= MOST else 0.0
+        return self.correlation if abs(self.correlation) <= TUNING.most_colour else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,9 +231,12 @@ def estimate_colour(residual: Array, neighbours: Neighbours, parameters: int) ->
     count = len(residual)
     stddev = robust_scale(residual) * math.sqrt(count / max(count - parameters, 1))
     linked = np.flatnonzero((neighbours.before >= 0) & (neighbours.lags == 1))
-    if len(linked) < LEAST_PAIRS:
-        return Colour(max(stddev, LEAST_NOISE), 0.0)
+    if len(linked) < TUNING.least_samples:
+        return Colour(max(stddev, TUNING.least_noise), 0.0)
     one, other = residual[linked], residual[neighbours.before[linked]]
     sums, differences = robust_scale(one + other) ** 2, robust_scale(one - other) ** 2
     correlation = (sums - differences) / (sums + differences)
-    return Colour(max(stddev, LEAST_NOISE), float(np.clip(correlation, -LARGEST, LARGEST)))
+    return Colour(
+        max(stddev, TUNING.least_noise),
+        float(np.clip(correlation, -TUNING.largest_colour, TUNING.largest_colour)),
+    )

@@ -8,18 +8,11 @@ import numpy as np
 from scipy import special
 
 from slosh_base.types import Array
+from slosh_discovery.discover.tuning import TUNING
 
 ORDERS = (10, 6, 3)
 """Of the differences: by the tenth, 8 Hz sampled at 60 Hz is attenuated to 2e-4 of its amplitude;
 the others are for records that are too short or full of gaps."""
-CLEAR = 3.0
-"""A height stands clear of the noise if it is larger by this."""
-LONGEST_SPAN = 1.5
-"""Of the samples of a difference, in units of what they span without a gap."""
-LEAST_NOISE = 1e-9
-"""Noise of exact data [m]: something to divide by."""
-LEAST_SAMPLES = 12
-"""Fewer give no estimate."""
 
 
 def normalised_differences(
@@ -38,12 +31,12 @@ def normalised_differences(
     capped = height >= height.max(initial=-math.inf)
     if np.count_nonzero(capped) > order:  # the top of the picture: no noise there
         t, height = t[~capped], height[~capped]
-    if len(t) < order + LEAST_SAMPLES:
+    if len(t) < order + TUNING.least_samples:
         return np.empty(0)
     windows = np.lib.stride_tricks.sliding_window_view
     times, values = windows(t, order + 1), windows(height, order + 1)
     spans = times[:, -1] - times[:, 0]
-    dense = spans <= LONGEST_SPAN * order * float(np.median(np.diff(t)))
+    dense = spans <= TUNING.longest_span * order * float(np.median(np.diff(t)))
     weights = _difference_weights(times[dense] / spans[dense, np.newaxis])
     values = values[dense]
     plain = np.asarray(np.sum(weights * values, axis=1))
@@ -51,7 +44,7 @@ def normalised_differences(
         return plain
     # (s + n)² = s² + 2 s n + n², of the variance 4 s² σ² + 2 σ⁴, where (s + n)² is s² + σ² wide.
     size = np.sum((weights * values) ** 2, axis=1)
-    clear = size > (CLEAR * squared) ** 2
+    clear = size > (TUNING.clear_height * squared) ** 2
     spread = np.sqrt(np.maximum(4.0 * size - 2.0 * squared**2, 1e-300))
     return np.asarray(np.where(clear, np.sum(weights * values**2, axis=1) / spread, plain))
 
@@ -75,4 +68,4 @@ def robust_scale(values: Array, cut: float = 2.5) -> float:
         if len(core) == 0 or scale <= 0.0:
             break
         scale = math.sqrt(float(np.mean(core**2)) / factor)
-    return max(scale, LEAST_NOISE)
+    return max(scale, TUNING.least_noise)

@@ -17,6 +17,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_discovery.discover.input_noise import InputNoise
 from slosh_discovery.discover.problem import LONGEST_STEP, PreparedMotion, liquid_alone
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
@@ -24,14 +25,9 @@ from slosh_model.measure import measured_heights, reading_clock
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response
 
-SMALL = 0.1
-"""An answer below this share of the sensor's noise is left out, as is what remains of one."""
 MOST_COLUMNS = 150
 STEP = 1e-6
 """Of the derivative of what is read by the liquid's heights [m]."""
-FLAT = 0.1
-"""Where what is read changes with the liquid by less than this, it stands still: any direction
-may become the highest."""
 LEAST_DAMPING = 1e-6
 
 
@@ -50,7 +46,7 @@ def with_input_noise(
         return replace(motion, driven=None, blur=None)
     start = float(motion.fine.t[0])
     moments = reading_clock(model).moments(motion.t - clock_offset, start)
-    tolerated = (SMALL * motion.noise) ** 2
+    tolerated = (TUNING.small_answer * motion.noise) ** 2
     read = None
     parts = []
     for axis in (X_AXIS, Y_AXIS):
@@ -165,7 +161,7 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Arr
     slopes = [(read(liquid + step) - read(liquid - step)) / (2.0 * STEP) for step in steps]
     found = np.stack(slopes, axis=2)
     if motion.azimuths is None:
-        flat = np.linalg.norm(found, axis=2) < FLAT
+        flat = np.linalg.norm(found, axis=2) < TUNING.flat
         found[flat] = (1.0, 0.0)
     if model.container.cornered or not len(inputs.poses):
         return found

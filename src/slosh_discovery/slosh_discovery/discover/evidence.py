@@ -24,18 +24,10 @@ from slosh_base.types import Array
 from slosh_discovery.discover.explanation import Key
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.effects.registry import EFFECTS
 
-EFFECT_PRIOR = 1.0 / 70.0
-"""Odds of one given effect being at work, before any data: about one in three that any is. For
-some effects these are smaller, see `Effect.odds`."""
-GROUP_PRIOR = 1.0 / 10.0
-"""Odds of an effect at work being another one in each group, before any data."""
-CORRELATED = 0.05
-"""Correlations of the residual below this are none."""
 LONGEST_LAG = 60
-MODEL_ERROR = 0.02
-"""Share of what a model explains that its own left-out terms may change."""
 
 Logs = dict[Key, float]
 
@@ -67,7 +59,7 @@ def discounted(logs: Mapping[Key, float], fits: Mapping[Key, Fit], temperature: 
     best = fits[first]
     effects = set(best.explanation.effects)
     explained = fits[(), ()].residual - best.residual
-    share = 1.0 / (1.0 + MODEL_ERROR**2 * float(explained @ explained) / temperature)
+    share = 1.0 / (1.0 + TUNING.model_error**2 * float(explained @ explained) / temperature)
     told_apart = dict(logs)
     for key in logs:
         others = set(fits[key].explanation.effects)
@@ -84,8 +76,8 @@ def log_prior(fit: Fit) -> float:
     explanation = fit.explanation
     surprise = (fit.vector - explanation.centres) / explanation.spreads
     return (
-        sum(math.log(EFFECT_PRIOR * EFFECTS[name].odds) for name in explanation.effects)
-        + len(explanation.per_group) * math.log(GROUP_PRIOR)
+        sum(math.log(TUNING.effect_prior * EFFECTS[name].odds) for name in explanation.effects)
+        + len(explanation.per_group) * math.log(TUNING.group_prior)
         - len(explanation.chosen) * math.log(2.0)
         - 0.5 * float(surprise @ surprise)
     )
@@ -132,7 +124,7 @@ def correlation_length(series: Sequence[Array]) -> float:
         return 1.0
     length = 1.0
     for correlation in (total[1:] / total[0]).tolist():
-        if correlation < CORRELATED:
+        if correlation < TUNING.least_correlation:
             break
         length += 2.0 * correlation
     return length

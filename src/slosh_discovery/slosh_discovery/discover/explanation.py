@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
@@ -19,8 +20,6 @@ from slosh_model.model import EffectUse, Model
 
 PRIOR_VARIANCE = 1.0 / 12.0
 """Of a parameter that lies anywhere within its plausible width, in squares of that width."""
-LEAST_FILL = 0.1
-"""A fit leaves at least this share of the fill height in the container."""
 
 
 Key = tuple[tuple[str, ...], tuple[str, ...]]
@@ -100,7 +99,7 @@ class Explanation:
         """(P,), (P,) lower and upper bounds."""
         lower = np.array([one.parameter.lower for one in self.free])
         upper = np.array([one.parameter.upper for one in self.free])
-        least_delta = (LEAST_FILL - 1.0) * self.base.container.fill_height
+        least_delta = (TUNING.least_fill - 1.0) * self.base.container.fill_height
         for index, (effect, parameter, _) in enumerate(self.free):
             if (effect.name, parameter.name) == ("fill_level", "delta"):
                 lower[index] = max(lower[index], least_delta)

@@ -16,14 +16,13 @@ from scipy.optimize import least_squares
 from slosh_base.types import Array
 from slosh_discovery.discover.explanation import Explanation
 from slosh_discovery.discover.problem import Answer, PreparedMotion, simulate_all
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.model import Model
 
 STEP = 1e-3
 """Step of the derivatives, relative to a parameter's plausible width."""
 CLOCK_STEP = 1e-3
 """Step of the derivative by a clock offset [s]."""
-CLOCK_SPAN = 0.2
-"""How far a clock offset may move from its start [s]."""
 TOLERANCE = 1e-4
 IMPOSSIBLE = 1e3
 """Residual, in units of the noise, where a model has no answer."""
@@ -192,8 +191,8 @@ class _Fitting:
         if len(vector):
             lower, upper = explanation.bounds
             bounds = (
-                np.concatenate([lower, free - CLOCK_SPAN]),
-                np.concatenate([upper, free + CLOCK_SPAN]),
+                np.concatenate([lower, free - TUNING.clock_span]),
+                np.concatenate([upper, free + TUNING.clock_span]),
             )
             scale = np.concatenate([explanation.widths, np.full(len(free), 0.05)])
             solution = least_squares(

@@ -8,14 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from slosh_discovery.discover.finding import Gap, MotionFinding, Role
+from slosh_discovery.discover.tuning import TUNING
 
 NAN = float("nan")
-SURE = 3.0
-"""A gap is removable where it exceeds the noise by so many of its own standard deviations,"""
-LEAST_GAP = 0.3
-"""and where what exceeds it is at least this share of the noise, itself known only so well."""
-WORSE = 2.0
-"""An explanation is none where it leaves so many times what the base leaves, in mean squares."""
 
 
 def closed_share(before: float, after: float, noise: float, samples: int) -> float:
@@ -37,7 +32,7 @@ def closed_share(before: float, after: float, noise: float, samples: int) -> flo
     if samples <= 0 or not all(map(math.isfinite, (before, after, noise))):
         return NAN
     removable = before**2 - noise**2
-    chance = max(SURE * math.sqrt(2.0 / samples), LEAST_GAP**2) * noise**2
+    chance = max(TUNING.consistent * math.sqrt(2.0 / samples), TUNING.least_gap**2) * noise**2
     if removable <= chance:
         return NAN
     return min(1.0 - (after**2 - noise**2) / removable, 1.0)
@@ -68,7 +63,7 @@ def is_worse(gap: Gap) -> bool:
     """
     noise = gap.noise**2
     before, after = gap.holdout_before**2 - noise, gap.holdout_after**2 - noise
-    return after > WORSE * max(before, 0.0) + noise  # without any held out: not a number
+    return after > TUNING.worse * max(before, 0.0) + noise  # without any held out: not a number
 
 
 def _closed(cases: Sequence[MotionFinding]) -> tuple[float, float, float]:

@@ -14,39 +14,16 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_discovery.discover.differences import (
-    LEAST_SAMPLES,
     ORDERS,
     normalised_differences,
     robust_scale,
 )
 from slosh_discovery.discover.input_series import angular_velocity
+from slosh_discovery.discover.tuning import TUNING
 from slosh_metrics.motion_spans import MOVING, TURNING
 from slosh_model.simulate import Inputs
 
 Mask = NDArray[np.bool_]
-
-LEAST_NOISE = 1e-4
-"""Less moves no liquid, and may be what is not straight in a motion's start [m/s²]."""
-ORDER = 3
-"""Of the differences while the container rests: what has begun slowly is no noise."""
-BIN, LEAST_STILL = 0.05, 4
-"""Accelerations are averaged over this time [s]; a rest lasts so many of them."""
-SURELY = 4.0
-"""So many standard deviations of a mean are a motion."""
-MARGIN = 0.3
-"""Nearer than this to a motion it may have begun [s]."""
-LEAST_REST = 0.5
-"""A shorter rest tells of no spectrum [s]."""
-BAND = 8.0
-"""What moves a liquid in a cup lies below this frequency [Hz]."""
-LEAST_LINES = 8
-"""Fewer lines of a spectrum tell of no colour,"""
-CLEARLY = 3.0
-"""nor does a difference of less than so many of its standard deviations."""
-LEAST_KINKS, KINKED = 20, 0.1
-"""A rounded input has steps unlike the one before, so many and so great a share of the steps."""
-LEVELS = 0.3
-"""An input whose values are fewer than this share of its samples is rounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +48,7 @@ class InputNoise:
 
 def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
     """The noise of an acceleration's horizontal part; None: it has none, nor a constant."""
-    if len(inputs.t) < 2 * LEAST_SAMPLES:
+    if len(inputs.t) < 2 * TUNING.least_samples:
         return None
     spacing = float(np.median(np.diff(inputs.t)))
     columns = inputs.acceleration[:, :2].T
@@ -79,8 +56,8 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
     quantum = max(_quantum(column) for column in columns)
     stddev = max(stddev, quantum / math.sqrt(12.0))
     constant = _constant(inputs)
-    if stddev < LEAST_NOISE:
-        known = math.hypot(*constant) < LEAST_NOISE
+    if stddev < TUNING.least_input_noise:
+        known = math.hypot(*constant) < TUNING.least_input_noise
         return None if known else InputNoise(0.0, 0.0, 1.0 / spacing, quantum, constant)
     density = stddev**2 * spacing
     density *= _colour(inputs, density)
@@ -93,10 +70,10 @@ def _constant(inputs: Inputs) -> tuple[float, float]:
 
     The mean without both ends: the median of rounded values is one of these.
     """
-    still = resting(inputs, MARGIN)
+    still = resting(inputs, TUNING.rest_margin)
     still = still if still.any() else resting(inputs)
     count = int(np.count_nonzero(still))
-    if count < 2 * LEAST_SAMPLES:
+    if count < 2 * TUNING.least_samples:
         return 0.0, 0.0
     inner = np.sort(inputs.acceleration[still, :2], axis=0)[count // 5 : count - count // 5]
     x, y = np.mean(inner, axis=0).tolist()
@@ -110,16 +87,19 @@ def resting(inputs: Inputs, margin: float = 0.0) -> Mask:
     """
     # Without its mean at rest, which a bias leaves.
     moved = inputs.acceleration - np.median(inputs.acceleration, axis=0)
-    bins = np.floor((inputs.t - inputs.t[0]) / BIN).astype(np.int64)
+    bins = np.floor((inputs.t - inputs.t[0]) / TUNING.rest_bin).astype(np.int64)
     count = np.maximum(np.bincount(bins), 1)
     means = np.column_stack([np.bincount(bins, column) / count for column in moved.T])
     noise = math.sqrt(3.0) * _rough(inputs.t, moved.T) / np.sqrt(count)
-    moving = np.linalg.norm(means, axis=1) > np.maximum(MOVING, SURELY * noise)
+    moving = np.linalg.norm(means, axis=1) > np.maximum(MOVING, TUNING.moves * noise)
     turning = np.linalg.norm(angular_velocity(inputs)[:, :2], axis=1) > TURNING
     moving |= np.bincount(bins, turning) > 0
     # What passes through zero does not rest.
-    still = _longer(~moving & (np.bincount(bins) > 0), LEAST_STILL + 2 * math.ceil(margin / BIN))
-    for _ in range(math.ceil(margin / BIN)):
+    still = _longer(
+        ~moving & (np.bincount(bins) > 0),
+        TUNING.rest_bins + 2 * math.ceil(margin / TUNING.rest_bin),
+    )
+    for _ in range(math.ceil(margin / TUNING.rest_bin)):
         still[1:-1] &= still[2:] & still[:-2]
     return np.asarray(still[bins])
 
@@ -141,18 +121,18 @@ def _rough(t: Array, columns: Array) -> float:
     scales = []
     for order in ORDERS:
         joined = np.concatenate([normalised_differences(t, column, order) for column in columns])
-        scales += [robust_scale(joined)] if len(joined) >= LEAST_SAMPLES else []
+        scales += [robust_scale(joined)] if len(joined) >= TUNING.least_samples else []
     return min(scales, default=0.0)
 
 
 def _white(inputs: Inputs, columns: Array) -> float:
     """Standard deviation of a sample [m/s²], from neighbours."""
     still = resting(inputs)
-    if np.count_nonzero(still) >= 2 * LEAST_SAMPLES:
+    if np.count_nonzero(still) >= 2 * TUNING.least_samples:
         rest = np.where(still, columns, np.nan)
-        found = [normalised_differences(inputs.t, column, ORDER) for column in rest]
+        found = [normalised_differences(inputs.t, column, TUNING.rest_order) for column in rest]
         joined = np.concatenate(found)
-        if len(joined) >= LEAST_SAMPLES:
+        if len(joined) >= TUNING.least_samples:
             # A kink at a motion's start is no noise; of rounded values most do not change.
             rounded = any(_quantum(column) > 0.0 for column in columns)
             return float(np.sqrt(np.mean(joined**2))) if rounded else robust_scale(joined)
@@ -162,7 +142,7 @@ def _white(inputs: Inputs, columns: Array) -> float:
 def _quantum(values: Array) -> float:
     """Step to which values are rounded; 0: they are not, or hardly change."""
     levels = np.unique(np.round(values, 9))
-    if not 3 <= len(levels) <= LEVELS * len(values):
+    if not 3 <= len(levels) <= TUNING.rounded_levels * len(values):
         return 0.0
     step = float(np.diff(levels).min())
     if not np.allclose(levels / step, np.round(levels / step), atol=0.02):
@@ -170,7 +150,9 @@ def _quantum(values: Array) -> float:
     # The straight ramps of a planned motion have even steps, too, but all of one size in a row.
     steps = np.round(np.diff(values) / step)
     kinks = np.count_nonzero(np.diff(steps))
-    return step if kinks > max(LEAST_KINKS, KINKED * np.count_nonzero(steps)) else 0.0
+    return (
+        step if kinks > max(TUNING.least_kinks, TUNING.kinked * np.count_nonzero(steps)) else 0.0
+    )
 
 
 def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
@@ -195,22 +177,22 @@ def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
 
 def _colour(inputs: Inputs, density: float) -> float:
     """Power at the liquid's frequencies relative to white noise of that density."""
-    still = resting(inputs, MARGIN)
+    still = resting(inputs, TUNING.rest_margin)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     power, count = 0.0, 0
     for start, end in edges.reshape(-1, 2).tolist():
         t = inputs.t[start:end]
-        if len(t) < LEAST_SAMPLES or t[-1] - t[0] < LEAST_REST:
+        if len(t) < TUNING.least_samples or t[-1] - t[0] < TUNING.least_rest:
             continue
         grid = np.linspace(t[0], t[-1], len(t))
         for column in inputs.acceleration[start:end, :2].T:
             even = np.interp(grid, t, column)
             even = even - np.polyval(np.polyfit(grid - grid[0], even, 1), grid - grid[0])
             lines = np.abs(np.fft.rfft(even)[1:]) ** 2 * (grid[1] - grid[0]) / len(grid)
-            below = np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:] <= BAND
+            below = np.fft.rfftfreq(len(grid), grid[1] - grid[0])[1:] <= TUNING.liquid_band
             # The straight line has taken most of the first.
             power, count = power + float(lines[below][1:].sum()), count + int(below.sum()) - 1
-    if count < LEAST_LINES or power <= 0.0:
+    if count < TUNING.least_lines or power <= 0.0:
         return 1.0
     ratio = power / count / density
-    return ratio if abs(math.log(ratio)) > CLEARLY / math.sqrt(count) else 1.0
+    return ratio if abs(math.log(ratio)) > TUNING.consistent / math.sqrt(count) else 1.0

@@ -9,14 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
+from slosh_discovery.discover.tuning import TUNING
 from slosh_metrics.motion_spans import motion_spans
 from slosh_model.interpolation import columns_at
 from slosh_model.simulate import Inputs
-
-STILL = 1e-3
-"""Nothing drives the liquid where the acceleration is below this share of the inputs' peak,"""
-STILL_RATE = 1e-4
-"""and where the container turns more slowly than this [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,8 +86,8 @@ def still_until(inputs: Inputs) -> float:
     and the answer is their start.
     """
     size = np.linalg.norm(inputs.acceleration, axis=1)
-    driven = size > STILL * float(size.max(initial=0.0))
-    driven |= np.linalg.norm(angular_velocity(inputs), axis=1) > STILL_RATE
+    driven = size > TUNING.still_input * float(size.max(initial=0.0))
+    driven |= np.linalg.norm(angular_velocity(inputs), axis=1) > TUNING.still_rate
     rows = np.flatnonzero(driven)
     return float(inputs.t[max(int(rows[0]) - 1, 0)] if len(rows) else inputs.t[-1])
 

@@ -7,13 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.for_notebooks import peak, span
 from slosh_model.simulate import Inputs
-
-MINIMUM_SAMPLES = 20
-HIGHEST = 2.0
-"""No wave in a container on a robot is so high [m]: another unit was taken for metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -72,13 +69,14 @@ class MeasuredMotion:
             raise SloshDiscoveryError(
                 f"{self.name}: eta {self.eta.shape} does not match t, azimuth"
             )
-        if np.count_nonzero(np.isfinite(self.heights)) < MINIMUM_SAMPLES:
+        if np.count_nonzero(np.isfinite(self.heights)) < TUNING.least_motion:
             raise SloshDiscoveryError(
-                f"{self.name}: fewer than {MINIMUM_SAMPLES} measured heights: nothing to compare"
+                f"{self.name}: fewer than {TUNING.least_motion} measured heights: "
+                "nothing to compare"
             )
 
         highest = float(np.nanmax(np.abs(self.heights)))
-        if highest > HIGHEST:
+        if highest > TUNING.highest:
             raise SloshDiscoveryError(
                 f"{self.name}: heights reach {highest:.4g} m; they must be given in metres"
             )

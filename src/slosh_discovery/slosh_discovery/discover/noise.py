@@ -21,30 +21,17 @@ from scipy import special
 
 from slosh_base.types import Array
 from slosh_discovery.discover.differences import (
-    LEAST_NOISE,
-    LEAST_SAMPLES,
     ORDERS,
     normalised_differences,
     robust_scale,
 )
 from slosh_discovery.discover.input_series import still_until
 from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.simulate import Inputs
 
-SETTLE = 0.05
-"""The last part of a still segment that is left out [s]: the clocks may differ a little."""
-CONSISTENT = 3.0
-"""Estimates that differ by more of their joint standard deviations measure different things."""
-SIGNAL_BAND = 10.0
-"""Liquid in a cup moves below this frequency [Hz]; a residual is looked at up to here."""
-SPECTRUM_SHARE = 0.8
-"""Share of the false alarms that the spectrum's highest line may use up; the rest: the lags."""
 OVERSAMPLING = 2
 """Zero padding of the spectrum: a line between two frequencies loses 1 dB, not 4."""
-LINES_PER_FREQUENCY = 2.0
-"""Independent chances per frequency at that oversampling (by simulation of white noise)."""
-SIGNIFICANCE = 0.015
-"""A residual is white noise where that is likelier than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,13 +96,13 @@ def estimate_noise(motion: MeasuredMotion, others: Sequence[MeasuredMotion] = ()
     estimates += [repeat_noise(motion, other) for other in others if other is not motion]
     found = [estimate for estimate in estimates if estimate is not None]
     if not found:
-        return Noise(LEAST_NOISE, math.inf, "none")
+        return Noise(TUNING.least_noise, math.inf, "none")
     leading = found[0]
     consistent = [
         other
         for other in found
         if abs(other.stddev - leading.stddev)
-        <= CONSISTENT * math.hypot(other.uncertainty, leading.uncertainty)
+        <= TUNING.consistent * math.hypot(other.uncertainty, leading.uncertainty)
     ]
     return _combined(consistent)
 
@@ -170,7 +157,7 @@ def _difference_noise(t: Array, columns: Array, order: int, *, magnitude: bool) 
 
 def _scale_of(differences: Sequence[Array], order: int) -> Noise | None:
     joined = np.concatenate(list(differences))
-    if len(joined) < LEAST_SAMPLES:
+    if len(joined) < TUNING.least_samples:
         return None
     scale = robust_scale(joined)
     # Overlapping differences: Σρ² over their lags, (4p)! (p!)⁴ / ((2p)!)⁴ for even sampling.
@@ -178,11 +165,9 @@ def _scale_of(differences: Sequence[Array], order: int) -> Noise | None:
     longest = max(len(part) for part in differences)
     # Columns of one picture may share their noise: they count as their square root.
     independent = longest * math.sqrt(len(joined) / longest) / overlap
-    return Noise(scale, scale / math.sqrt(2.0 * ROBUST_EFFICIENCY * independent), "differences")
-
-
-ROBUST_EFFICIENCY = 0.6
-"""Of `robust_scale` against the standard deviation, for Gaussian noise (by simulation)."""
+    return Noise(
+        scale, scale / math.sqrt(2.0 * TUNING.robust_efficiency * independent), "differences"
+    )
 
 
 def still_noise(motion: MeasuredMotion) -> Noise | None:
@@ -193,14 +178,14 @@ def still_noise(motion: MeasuredMotion) -> Noise | None:
     """
     if not motion.same_clock:
         return None
-    still = motion.t < still_until(motion.inputs) - SETTLE
+    still = motion.t < still_until(motion.inputs) - TUNING.settle
     part = motion.heights[still]
     # An azimuth at which nothing was seen has no level.
     part = part[:, np.isfinite(part).any(axis=0)]
-    if len(part) < LEAST_SAMPLES or part.shape[1] == 0:
+    if len(part) < TUNING.least_samples or part.shape[1] == 0:
         return None
     deviations = (part - np.nanmedian(part, axis=0))[np.isfinite(part)]
-    if len(deviations) < LEAST_SAMPLES or not np.median(np.abs(deviations)) > 0.0:
+    if len(deviations) < TUNING.least_samples or not np.median(np.abs(deviations)) > 0.0:
         return None
     count = len(deviations) / math.sqrt(part.shape[1])
     scale = robust_scale(deviations) * math.sqrt(count / (count - 1.0))
@@ -220,7 +205,7 @@ def repeat_noise(motion: MeasuredMotion, other: MeasuredMotion) -> Noise | None:
         return None
     difference = motion.heights - other.heights
     deviations = difference[np.isfinite(difference)] / math.sqrt(2.0)
-    if len(deviations) < LEAST_SAMPLES or not np.median(np.abs(deviations)) > 0.0:
+    if len(deviations) < TUNING.least_samples or not np.median(np.abs(deviations)) > 0.0:
         return None
     scale = robust_scale(deviations - np.median(deviations))
     count = len(deviations) / math.sqrt(difference.shape[1])
@@ -252,7 +237,7 @@ def removable(t: Array, residual: Array, noise: Noise | None = None) -> Removabl
     grid = even_grid(t, residual)
     present = np.isfinite(grid)
     count = int(np.count_nonzero(present))
-    if count < LEAST_SAMPLES:
+    if count < TUNING.least_samples:
         return Removable(0.0, 0.0, math.inf, math.nan, math.nan)
     filled = np.where(present, grid, 0.0)
     total = float(np.sum(filled**2)) / count
@@ -280,7 +265,7 @@ def removable(t: Array, residual: Array, noise: Noise | None = None) -> Removabl
 
 def is_white(t: Array, residual: Array) -> bool:
     """Whether a residual may be nothing but white noise; see `whiteness`."""
-    return whiteness(t, residual) > SIGNIFICANCE
+    return whiteness(t, residual) > TUNING.significance
 
 
 def whiteness(t: Array, residual: Array) -> float:
@@ -299,14 +284,14 @@ def whiteness(t: Array, residual: Array) -> float:
     """
     grid = even_grid(t, residual)
     present = np.isfinite(grid)
-    if np.count_nonzero(present) < LEAST_SAMPLES:
+    if np.count_nonzero(present) < TUNING.least_samples:
         return 1.0
     filled = np.where(present, grid, 0.0)
     by_line = _line_probability(filled, present, float(np.median(np.diff(t))))
     part = removable(t, residual)
     score = part.mean_square / part.mean_square_stddev if part.mean_square_stddev > 0.0 else 0.0
     by_lags = float(special.ndtr(-score))
-    return min(by_line / SPECTRUM_SHARE, by_lags / (1.0 - SPECTRUM_SHARE), 1.0)
+    return min(by_line / TUNING.spectrum_share, by_lags / (1.0 - TUNING.spectrum_share), 1.0)
 
 
 def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float) -> float:
@@ -320,12 +305,12 @@ def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float)
     spectrum = np.abs(np.fft.rfft(filled[:, used], n=OVERSAMPLING * rows, axis=0)) ** 2
     lines = np.mean(spectrum / (power * counts[used]), axis=1)
     frequencies = np.fft.rfftfreq(OVERSAMPLING * rows, spacing)
-    band = (frequencies >= 1.0 / (rows * spacing)) & (frequencies <= SIGNAL_BAND)
+    band = (frequencies >= 1.0 / (rows * spacing)) & (frequencies <= TUNING.signal_band)
     columns = _independent_columns(filled, present)
     # A line's power is a gamma variable: an exponential for each independent column.
     tail = float(special.gammaincc(columns, columns * float(lines[band].max(initial=0.0))))
     constant = float(special.gammaincc(0.5 * columns, 0.5 * columns * float(lines[0])))
-    chances = 1.0 + LINES_PER_FREQUENCY * max(np.count_nonzero(band) / OVERSAMPLING, 1.0)
+    chances = 1.0 + TUNING.independent_lines * max(np.count_nonzero(band) / OVERSAMPLING, 1.0)
     least = min(tail, constant, 1.0 - 1e-12)
     return -math.expm1(chances * math.log1p(-least))
 

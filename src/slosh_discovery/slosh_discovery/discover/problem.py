@@ -17,6 +17,7 @@ from slosh_base.types import Array
 from slosh_discovery.discover.colour import Whitening, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.effects.base import Stage
 from slosh_model.effects.registry import EFFECTS
@@ -25,17 +26,9 @@ from slosh_model.measure import ReadingClock, measured_heights, reading_clock, r
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, Response
 
-SPACING = 0.0042
-"""Longest time between two inputs [s]."""
-LONGEST_STEP = SPACING * (1.0 + 1e-6)
+LONGEST_STEP = TUNING.input_spacing * (1.0 + 1e-6)
 """Of the integrator: one step leads from input to input, however their spacing is rounded."""
-FINE_SPACING = 0.0021
-"""The same where heights are read between the inputs [s]."""
-SAMPLE_SPACING = 0.0075
-"""Heights closer to each other than this are thinned [s]."""
 MOST_AZIMUTHS = 8
-LEAST_SHARED = 0.02
-"""A direction in which shared noise adds less than this share to the white noise is left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +62,7 @@ class SharedNoise:
     def of(cls, columns: Array) -> SharedNoise:
         """From the columns L (N, R)."""
         directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-        matters = sizes**2 > LEAST_SHARED
+        matters = sizes**2 > TUNING.least_shared
         return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
 
     def removed(self, values: Array) -> Array:
@@ -329,7 +322,7 @@ def prepare(
     seen = estimate_noise(motion, others).stddev if noise is None else noise
     noise = max(seen, claimed_noise(motion)) if noise is None else noise
     inside = t[(t >= motion.inputs.t[0])] if motion.same_clock else np.zeros(0)
-    coarse = _resampled(motion.inputs, inside, SPACING)
+    coarse = _resampled(motion.inputs, inside, TUNING.input_spacing)
     return PreparedMotion(
         motion=motion,
         noise=noise,
@@ -339,7 +332,7 @@ def prepare(
         kept=np.isfinite(heights),
         coarse=coarse,
         rows=np.searchsorted(coarse.t, np.maximum(t, coarse.t[0])).clip(max=len(coarse.t) - 1),
-        fine=_resampled(motion.inputs, np.zeros(0), FINE_SPACING),
+        fine=_resampled(motion.inputs, np.zeros(0), TUNING.fine_spacing),
         steady=1.0 - (seen / noise) ** 2,
     )
 
@@ -354,9 +347,9 @@ def claimed_noise(motion: MeasuredMotion) -> float:
 def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Rows with samples, none closer to the one before than SAMPLE_SPACING."""
     rows = np.flatnonzero(present)
-    if len(rows) < 2 or float(np.median(np.diff(t[rows]))) >= SAMPLE_SPACING:
+    if len(rows) < 2 or float(np.median(np.diff(t[rows]))) >= TUNING.sample_spacing:
         return rows
-    slots = np.floor((t[rows] - t[rows[0]]) / SAMPLE_SPACING + 1e-6)
+    slots = np.floor((t[rows] - t[rows[0]]) / TUNING.sample_spacing + 1e-6)
     return rows[np.flatnonzero(np.diff(slots, prepend=-1.0) > 0.0)]
 
 

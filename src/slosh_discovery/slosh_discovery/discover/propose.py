@@ -25,20 +25,12 @@ from slosh_discovery.discover.generic.response import Setting
 from slosh_discovery.discover.generic.terms import LIBRARY, Term
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import is_white, removable
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 
-MAXIMUM_TERMS = 3
 SIZES = (0.003, 0.01, 0.025, 0.06, 0.12, 0.25)
 """First tries of a term, in units of the spring's force."""
-SCANNED = 2
-"""They are made on so many motions, those with the largest residual."""
-FITTED = 16
-"""So many of the best tries are fitted."""
-LEAST_GAIN = 0.05
-"""A further term must take this share off the removable gap on motions that it has not seen."""
-COLUMNS = 6
-"""So many azimuths of wall heights are looked at."""
 FOLDS = 4
 """Parts of a single motion that are left out in turn."""
 
@@ -76,7 +68,7 @@ class _Problem:
     def part(self, fit: _Fit) -> _Problem:
         """The motions in which a fit leaves the largest residual."""
         order = np.argsort([-float(np.sum(each**2)) for each in fit.residuals], kind="stable")
-        chosen = order[:SCANNED].tolist()
+        chosen = order[: TUNING.scanned].tolist()
         return replace(
             self,
             settings=tuple(self.settings[index] for index in chosen),
@@ -135,9 +127,9 @@ def propose(
     residuals = problem.residuals((), ())
     best = base = _Fit((), (), residuals, _square(residuals))
     gap = _gap(problem, base)
-    while len(best.support) < MAXIMUM_TERMS and not _white(problem, best):
+    while len(best.support) < TUNING.most_terms and not _white(problem, best):
         further = _extended(problem, best)
-        if further is None or best.foreseen - further.foreseen < LEAST_GAIN * gap:
+        if further is None or best.foreseen - further.foreseen < TUNING.least_gain * gap:
             break
         best = further
     if not best.support:
@@ -168,9 +160,15 @@ def _problem_of(
 
 def _thinned(motion: MeasuredMotion) -> MeasuredMotion:
     """At most COLUMNS wall heights: the next ones say the same."""
-    if motion.eta is None or motion.eta_azimuth is None or motion.eta.shape[1] <= COLUMNS:
+    if (
+        motion.eta is None
+        or motion.eta_azimuth is None
+        or motion.eta.shape[1] <= TUNING.proposal_columns
+    ):
         return motion
-    chosen = np.linspace(0, motion.eta.shape[1], COLUMNS, endpoint=False).astype(int)
+    chosen = np.linspace(0, motion.eta.shape[1], TUNING.proposal_columns, endpoint=False).astype(
+        int
+    )
     return replace(motion, eta_azimuth=motion.eta_azimuth[chosen], eta=motion.eta[:, chosen])
 
 
@@ -188,7 +186,7 @@ def _extended(problem: _Problem, start: _Fit) -> _Fit | None:
     tries.sort()
     fits = [
         _fitted(problem, (*start.support, index), (*start.coefficients, coefficient))
-        for _, index, coefficient in tries[:FITTED]
+        for _, index, coefficient in tries[: TUNING.fitted]
     ]
     found = [fit for fit in fits if fit is not None and fit.cost < start.cost]
     return min(found, key=lambda fit: fit.cost, default=None)

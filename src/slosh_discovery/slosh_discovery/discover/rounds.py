@@ -24,13 +24,9 @@ from slosh_discovery.discover.sensor_noise import (
     dressed,
     estimate_sensor,
 )
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.model import Model
-
-SAME_FREQUENCY = 0.01
-"""Frequencies that differ by less, relatively, are driven alike by a noise,"""
-SAME_SIZE = 0.3
-"""and so are damping ratios and heights that do by less than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +127,7 @@ def _moves_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
         max_step=LONGEST_STEP,
         threads=1,
     )
-    return bool(np.sum((heights - others) ** 2) < SAME_SIZE**2 * np.sum(heights**2))
+    return bool(np.sum((heights - others) ** 2) < TUNING.same_size**2 * np.sum(heights**2))
 
 
 def _swing_alike(one: Model, other: Model) -> bool:
@@ -142,8 +138,8 @@ def _swing_alike(one: Model, other: Model) -> bool:
     ):  # fmt: skip
         frequencies = mine.natural_frequency / its.natural_frequency
         sizes = (gain / its_gain, mine.damping_ratio / its.damping_ratio)
-        if abs(math.log(frequencies)) > SAME_FREQUENCY:
+        if abs(math.log(frequencies)) > TUNING.same_frequency:
             return False
-        if max(abs(math.log(size)) for size in sizes) > SAME_SIZE:
+        if max(abs(math.log(size)) for size in sizes) > TUNING.same_size:
             return False
     return len(one.mode_constants()) == len(other.mode_constants())

@@ -24,38 +24,18 @@ from slosh_discovery.discover.explanation import Explanation, Key, Part, starts
 from slosh_discovery.discover.fitting import Evaluator, Fit, fit
 from slosh_discovery.discover.noise import removable
 from slosh_discovery.discover.problem import PreparedMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
 
 Progress = Callable[[str, float], None]
 
-BEAM = 5
-"""So many explanations are extended by a further effect,"""
-PROMISING = 5
-"""each by so many effects."""
-MOST_EFFECTS = 3
-"""So many effects of any kind,"""
-MOST_FORETOLD = 6
-"""and so many with those on top whose size theory foretells,"""
-BEAM_FORETOLD = 3
-"""added to so many of the best."""
-STARTS_FITTED = 2
-VISIBLE = 1e-3
-"""An effect that changes no height by this much of the noise is not at work in these motions."""
-ADEQUATE = 0.25
-"""A residual whose correlated part is below this share of the noise is adequate."""
-ADEQUATE_COLOURED = 0.35
-"""The same of noise whose colour is an estimate itself."""
-ADEQUATE_DRIVEN = 0.4
-"""The same where the inputs' noise, whose size a second of rest tells to 10 %, is taken out."""
 FORETOLD = tuple(
     name
     for name, effect in EFFECTS.items()
     if any(parameter.expected is not None for parameter in effect.parameters)
 )
 """Effects whose size theory foretells: a handful of others would explain anything."""
-SURE = 2.5
-"""So many standard deviations of an estimate are surely not chance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,12 +98,12 @@ class Leftover:
 
     mean_square: float
     stddev: float
-    tolerated: float = ADEQUATE**2
+    tolerated: float = TUNING.adequate**2
 
     @property
     def adequate(self) -> bool:
         """Whether it is hardly more than noise, or nothing that is surely more."""
-        return self.mean_square < max(self.tolerated, SURE * self.stddev)
+        return self.mean_square < max(self.tolerated, TUNING.sure * self.stddev)
 
 
 def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
@@ -138,7 +118,13 @@ def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
     spread = weights * np.array([part.mean_square_stddev for part in parts])
     coloured = any(motion.law is not None for motion in motions)
     driven = any(motion.driven is not None for motion in motions)
-    share = ADEQUATE_DRIVEN if driven else ADEQUATE_COLOURED if coloured else ADEQUATE
+    share = (
+        TUNING.adequate_driven
+        if driven
+        else TUNING.adequate_coloured
+        if coloured
+        else TUNING.adequate
+    )
     slow = float(weights @ np.array([motion.slow_share for motion in motions]))
     return Leftover(mean, float(np.sqrt(spread @ spread)), share**2 + slow)
 
@@ -177,7 +163,7 @@ class Search:
             base = fit(self._base, self._motions, np.zeros(0), self._offsets)
             pool.add([base])
             self._progress("single effects", 0.05)
-            self._extend(pool, base, len(EFFECTS), STARTS_FITTED)
+            self._extend(pool, base, len(EFFECTS), TUNING.starts_fitted)
             self._add_effects(pool)
             self._add_foretold(pool)
             self._replace_unlikely(pool)
@@ -186,25 +172,25 @@ class Search:
 
     def _add_effects(self, pool: Pool) -> None:
         """Extends the best explanations of each size while they leave more than noise."""
-        for size in range(1, MOST_EFFECTS):
+        for size in range(1, TUNING.most_effects):
             ranked = pool.ranked()
             beam = [one for one in ranked if len(one.explanation.effects) == size]
             if not beam or leftover(ranked[0], self._motions).adequate:
                 break
             self._progress(f"{size + 1} effects", 0.1 + 0.3 * size)
-            for one in beam[: BEAM if size == 1 else BEAM // 2]:
-                self._extend(pool, one, PROMISING, 1)
+            for one in beam[: TUNING.beam if size == 1 else TUNING.beam // 2]:
+                self._extend(pool, one, TUNING.promising, 1)
 
     def _add_foretold(self, pool: Pool) -> None:
         """Extends those of the best that are full by what theory foretells."""
-        for size in range(MOST_EFFECTS, MOST_FORETOLD):
-            best = pool.ranked()[:BEAM_FORETOLD]
+        for size in range(TUNING.most_effects, TUNING.most_foretold):
+            best = pool.ranked()[: TUNING.beam_foretold]
             full = [one for one in best if len(one.explanation.effects) == size]
             if not full or leftover(best[0], self._motions).adequate:
                 break
             self._progress(f"{size + 1} effects", 0.8)
             for one in full:
-                self._extend(pool, one, PROMISING, 1, FORETOLD)
+                self._extend(pool, one, TUNING.promising, 1, FORETOLD)
 
     def _replace_unlikely(self, pool: Pool) -> None:
         """Tries every other effect in the place of one that is named where nothing else will do.
@@ -217,12 +203,12 @@ class Search:
                 without = best.explanation.without(name)
                 start = Start(without, without.vector(_carried(best)), 0.0)
                 pool.add(self._fit_all([start], best))
-                self._extend(pool, pool.fits[without.key], len(EFFECTS), STARTS_FITTED)
+                self._extend(pool, pool.fits[without.key], len(EFFECTS), TUNING.starts_fitted)
 
     def _refine(self, pool: Pool) -> None:
         """Fits the best explanations to the end, and the best one with less or more freedom."""
         self._progress("comparing", 0.9)
-        best = pool.ranked()[: 2 * BEAM]
+        best = pool.ranked()[: 2 * TUNING.beam]
         pool.add(
             self._executor.map(
                 lambda one: fit(
@@ -306,14 +292,14 @@ class Search:
             evaluator = Evaluator(wider, self._motions)
             residual = evaluator.residual(evaluator.answers(vector), offsets)
             change = (residual - one.residual)[:, np.newaxis]
-            if np.max(np.abs(change)) < VISIBLE:
+            if np.max(np.abs(change)) < TUNING.visible:
                 # The start is where the effect does nothing: what it could do from there.
                 slopes = evaluator.derivative(vector, offsets, residual)
                 change = slopes * wider.widths
                 promise = _least(one.residual, change)
             else:
                 promise = _promise(one, change)
-            visible = visible or bool(np.any(np.abs(change) > VISIBLE))
+            visible = visible or bool(np.any(np.abs(change) > TUNING.visible))
             found.append(Start(wider, vector, promise))
         return found, visible
 

@@ -23,54 +23,18 @@ from scipy.optimize import minimize
 
 from slosh_base.types import Array
 from slosh_discovery.discover.colour import Neighbours, Whitening
-from slosh_discovery.discover.differences import LEAST_SAMPLES, robust_scale
+from slosh_discovery.discover.differences import robust_scale
 from slosh_discovery.discover.problem import HeightNoise, PreparedMotion, claimed_noise
+from slosh_discovery.discover.tuning import TUNING
 
 Mask = NDArray[np.bool_]
 
-LIQUID_BAND = 8.0
-"""What a residual does below this frequency [Hz] may be the model's fault,"""
-BAND_SHARE = 0.3
-"""or below this share of the sampling rate."""
 LONGEST = 400
 """A part of a series that is looked at together [samples]."""
 COLUMNS = 3
 """So many azimuths tell of the colour."""
-OUTLIER = 4.0
-"""A sample so many standard deviations off what all others foretell is an outlier."""
-APART = 2
-"""What stands out beside a larger one, within so many samples, is its shadow."""
 ROUNDS = 5
 """Of outliers and colour."""
-STILL = 0.03
-"""Rounds end when colour and jitter change by less, relatively."""
-CONTRADICTED = 3.0
-"""Log of the likelihood: what goes on above the liquid's band tells of another noise than the
-whole residual, if it is so much less likely with that. Then the rest is no noise."""
-COMMON = 1.0
-"""Usual size of the correlation of a sensor's neighbouring samples, as its inverse tanh."""
-SURE = 8.0
-"""Log of the likelihood above the liquid's band that colour and jitter must gain: else the noise
-is white, whatever the residual is like as a whole."""
-WORTH = 0.04
-"""The same of each sample: less is a correlation below 0.3, as what a wrong model leaves has it,
-and errors that are at most a third larger."""
-ROUGHER = 3.0
-"""A noise that is so many times as large as the heights' differences tell is none."""
-VARIED = 0.1
-"""Claims that spread by less than this share of themselves tell of no differences."""
-SPIKE, FEW = 5.0, 0.003
-"""So many standard deviations off their neighbours are fewer samples than this share of plain
-noise."""
-ALIKE = 0.15
-"""Noises that differ by less, relatively, weigh the same explanations alike."""
-SLOWEST = 0.85
-"""Noise of a sensor whose neighbouring samples correlate by more is what the model lacks: of a
-robot's cup, whose true motion nobody knows, it was taken for noise at 0.88."""
-STRONGEST = 0.97
-"""Largest correlation of neighbours that is looked for."""
-LARGEST_JITTER = 0.03
-"""Of stamps [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,8 +131,8 @@ class _Shape:
     def near(self, other: _Shape) -> bool:
         """Whether another round would change nothing."""
         sizes = math.sqrt(self.ratio), math.sqrt(other.ratio)
-        return abs(self.correlation - other.correlation) < STILL and (
-            abs(sizes[0] - sizes[1]) <= STILL * max(sizes)
+        return abs(self.correlation - other.correlation) < TUNING.steady and (
+            abs(sizes[0] - sizes[1]) <= TUNING.steady * max(sizes)
         )
 
 
@@ -201,14 +165,14 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
     # the band foretells, nothing was added: ever slower noises differ but little up there.
     added = _slow_part(size_above, above) < _slow_part(size, shape)
     # What goes together too strongly for a noise is noise and something slow.
-    if (against > CONTRADICTED and added) or abs(shape.correlation) > SLOWEST:
+    if (against > TUNING.contradicted and added) or abs(shape.correlation) > TUNING.slowest:
         shape, size = above, size_above
     outliers = 1.0 - sum(len(part.t) for part in clean) / sum(len(part.t) for part in parts)
     gained = _likelihood_above(clean, shape)[0] - _likelihood_above(clean, _PLAIN)[0]
-    asked = max(SURE, WORTH * sum(len(part.t) for part in clean))
-    plain = gained < asked and _spikes(parts) <= FEW
+    asked = max(TUNING.sure_colour, TUNING.worth_colour * sum(len(part.t) for part in clean))
+    plain = gained < asked and _spikes(parts) <= TUNING.few_spikes
     believed = claims or _seen_in_differences(clean, size, shape, leftovers)
-    if (plain and not claims) or not believed or abs(shape.correlation) > SLOWEST:
+    if (plain and not claims) or not believed or abs(shape.correlation) > TUNING.slowest:
         return None
     return SensorNoise(size, shape.correlation, math.sqrt(shape.ratio) * size, outliers, claims)
 
@@ -221,7 +185,7 @@ def _slow_part(size: float, shape: _Shape) -> float:
 def _spikes(parts: Sequence[_Part]) -> float:
     """Share of the samples that are far from their next neighbours, whatever the model lacks."""
     off = np.abs(np.concatenate([_deviations(part, _SMOOTH) for part in parts]))
-    return float(np.mean(off > SPIKE * robust_scale(off)))
+    return float(np.mean(off > TUNING.spike * robust_scale(off)))
 
 
 def _seen_in_differences(
@@ -235,7 +199,7 @@ def _seen_in_differences(
     speed = np.mean(np.concatenate([part.speed_square for part in parts]))
     rough = (1.0 - shape.correlation) / (1.0 + shape.correlation) + shape.ratio * float(speed)
     seen = float(np.median([one.motion.noise for one in leftovers]))
-    return size * math.sqrt(rough) < ROUGHER * seen
+    return size * math.sqrt(rough) < TUNING.rougher * seen
 
 
 def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
@@ -243,9 +207,9 @@ def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
     if one is None or other is None:
         return one is other
     return (
-        abs(one.correlation - other.correlation) < ALIKE
-        and abs(math.log(one.stddev / other.stddev)) < ALIKE
-        and abs(one.jitter - other.jitter) < ALIKE * max(one.jitter, other.jitter)
+        abs(one.correlation - other.correlation) < TUNING.alike_noise
+        and abs(math.log(one.stddev / other.stddev)) < TUNING.alike_noise
+        and abs(one.jitter - other.jitter) < TUNING.alike_noise * max(one.jitter, other.jitter)
     )
 
 
@@ -298,13 +262,13 @@ def _claims_hold(leftovers: Sequence[Leftovers]) -> bool:
         sizes.append(np.sqrt(claimed[1:-1] ** 2 + 0.25 * (claimed[:-2] ** 2 + claimed[2:] ** 2)))
     size, bend = np.concatenate(sizes), np.abs(np.concatenate(bends))
     size, bend = size[np.isfinite(bend)], bend[np.isfinite(bend)]
-    if len(bend) < LEAST_SAMPLES or np.ptp(size) < VARIED * float(np.median(size)):
+    if len(bend) < TUNING.least_samples or np.ptp(size) < TUNING.varied * float(np.median(size)):
         return False
     # The likelihood of two-sided exponentials, which outliers do not rule.
     gain = math.log(float(np.mean(bend)) / float(np.mean(bend / size))) - float(
         np.mean(np.log(size))
     )
-    return gain * len(bend) > SURE
+    return gain * len(bend) > TUNING.sure_colour
 
 
 def _parts(one: Leftovers, most: int, *, claims: bool) -> Iterator[_Part]:
@@ -314,7 +278,7 @@ def _parts(one: Leftovers, most: int, *, claims: bool) -> Iterator[_Part]:
     for column in columns.tolist():
         rows = np.flatnonzero(np.isfinite(one.residual[:, column]))
         for chunk in np.array_split(rows, max(math.ceil(len(rows) / LONGEST), 1)):
-            if len(chunk) >= 2 * LEAST_SAMPLES:
+            if len(chunk) >= 2 * TUNING.least_samples:
                 yield _Part(
                     np.column_stack([chunk, np.full(len(chunk), column)]),
                     one.residual[chunk, column] / claimed[chunk],
@@ -330,7 +294,7 @@ def _spacing(part: _Part) -> float:
 def _liquid(part: _Part) -> Array:
     """(N, B) cosines up to the liquid's band: whatever it does is a sum of these."""
     span = float(part.t[-1] - part.t[0])
-    highest = min(LIQUID_BAND, BAND_SHARE / _spacing(part))
+    highest = min(TUNING.liquid_band, TUNING.band_share / _spacing(part))
     count = min(int(2.0 * highest * span) + 1, len(part.t) // 2)
     phase = math.pi * (part.t - part.t[0]) / max(span, 1e-9)
     return np.asarray(np.cos(phase[:, np.newaxis] * np.arange(count)))
@@ -378,19 +342,19 @@ def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood)
     """The shape that makes the residuals likeliest."""
     speed = math.sqrt(float(np.mean(np.concatenate([part.speed_square for part in parts]))))
     _, size = likelihood(parts, _PLAIN)
-    most = LARGEST_JITTER / size
+    most = TUNING.largest_jitter / size
 
     def shape_of(x: Array) -> _Shape:
         # By the jitter's standard deviation over the other noise's, at the usual speed.
         ratio = min(math.exp(float(x[1])) / speed, most) if speed > 0.0 else 0.0
-        return _Shape(STRONGEST * math.tanh(float(x[0])), ratio**2)
+        return _Shape(TUNING.strongest_colour * math.tanh(float(x[0])), ratio**2)
 
     def missed(x: Array) -> float:
         # Where the residuals tell nothing, neighbours go together a little, and more seldom much.
-        return 0.5 * float(x[0] / COMMON) ** 2 - likelihood(parts, shape_of(x))[0]
+        return 0.5 * float(x[0] / TUNING.common_colour) ** 2 - likelihood(parts, shape_of(x))[0]
 
     share = math.log(max(math.sqrt(start.ratio) * speed, 0.1))
-    centre = np.clip([math.atanh(start.correlation / STRONGEST), share], -2.0, 2.0)
+    centre = np.clip([math.atanh(start.correlation / TUNING.strongest_colour), share], -2.0, 2.0)
     found = minimize(
         missed,
         centre,
@@ -416,12 +380,12 @@ def _outliers(part: _Part, size: float, shape: _Shape) -> Mask:
     """(N,) which samples stand out; the largest first, as it draws its neighbours along."""
     struck = np.zeros(len(part.t), dtype=np.bool_)
     left = part
-    while len(left.t) >= 2 * LEAST_SAMPLES:
+    while len(left.t) >= 2 * TUNING.least_samples:
         off = np.abs(_deviations(left, shape)) / size
         peaks = [
             i
-            for i in np.flatnonzero(off > OUTLIER).tolist()
-            if off[i] >= off[max(i - APART, 0) : i + APART + 1].max()
+            for i in np.flatnonzero(off > TUNING.outlier).tolist()
+            if off[i] >= off[max(i - TUNING.shadow, 0) : i + TUNING.shadow + 1].max()
         ]
         if not peaks:
             break

@@ -22,11 +22,11 @@ from slosh_discovery.discover.finding import SeparatingMotion
 from slosh_discovery.discover.problem import liquid_alone
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
-    MAXIMUM_TRAVEL,
     CandidateMotion,
     inputs_of,
     text_of,
 )
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
@@ -40,30 +40,6 @@ REFINEMENT = (0.08, 0.04, 0.02)
 """Steps of the ratio around the best."""
 SIZES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 """Shares of the limit; the largest that keeps the liquid in."""
-GIVE = 10.0
-"""A refit may change a parameter by so many of the steps of `variants_of`."""
-FLOOR = 5e-4
-"""About a sensor's noise [m]: a motion is no better for being less sensitive than this."""
-PER_FAMILY = 3
-"""So many frequencies of each family are looked at closely."""
-LONG_DWELL = 10.0
-"""What changes with time or decays shows in a long dwell [s]."""
-HIGHEST = 0.7
-"""Highest allowed height, in units of the radius, where the rim is not known,"""
-FREEBOARD_SHARE = 0.8
-"""and in units of the freeboard where it is."""
-SAMPLE_RATE = 60.0
-"""Of the heights that are compared [Hz]."""
-ALIKE = 0.005
-"""Models that differ by less of their heights are taken for the same in the linear regime."""
-
-WIDTH_CHANGE = 0.003
-"""Relative change of the container's width: 0.15 % of the natural frequency."""
-DAMPING_CHANGE = 0.03
-"""Relative change of the damping."""
-PARAMETER_CHANGE = 0.03
-"""Change of an effect's parameter, in units of its distance from neutral, at least 0.1 % of the
-bounds' span."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +94,7 @@ def separating_motion(
     """Designs a motion in which two models predict different heights.
 
     It starts and ends at rest after a still part and before a dwell, ‖a‖ stays below the limit,
-    the travel below MAXIMUM_TRAVEL, the liquid below the rim. It turns only if one of the models
+    the travel below `most_travel`, the liquid below the rim. It turns only if one of the models
     has an effect that needs it. Two models that are the same for small waves (a gain on the
     acceleration, a gain on the height) are told apart by large ones: then their nonlinear twins
     are compared, as the real liquid is nonlinear; the description says so.
@@ -146,7 +122,7 @@ def separating_motion(
     )
     best = _search(pair)
     remark = ""
-    if best is None or best.relative < ALIKE:
+    if best is None or best.relative < TUNING.alike:
         twins = replace(
             pair, first=first.spatial().nonlinear(), second=second.spatial().nonlinear()
         )
@@ -183,7 +159,7 @@ def _search(pair: _Pair) -> _Trial | None:
             _largest(pair, CandidateMotion(family, ratio * pair.frequency)) for ratio in RATIOS
         ]
         ranked = sorted((each for each in tried if each is not None), key=_by_difference)
-        found += [_with_remaining(pair, each) for each in ranked[-PER_FAMILY:]]
+        found += [_with_remaining(pair, each) for each in ranked[-TUNING.per_family :]]
     if not found:
         return None
     return _refined(pair, max(found, key=_by_merit))
@@ -196,7 +172,7 @@ def _refined(pair: _Pair, best: _Trial) -> _Trial:
         for sign in (-1.0, 1.0):
             moved = replace(centre, frequency=centre.frequency + sign * step * pair.frequency)
             best = _better(pair, best, moved)
-    return _better(pair, best, replace(best.motion, dwell=LONG_DWELL))
+    return _better(pair, best, replace(best.motion, dwell=TUNING.long_dwell))
 
 
 def _better(pair: _Pair, best: _Trial, motion: CandidateMotion) -> _Trial:
@@ -209,7 +185,7 @@ def _by_difference(trial: _Trial) -> float:
 
 
 def _by_merit(trial: _Trial) -> float:
-    return trial.remaining / math.hypot(FLOOR, trial.sensitivity)
+    return trial.remaining / math.hypot(TUNING.floor, trial.sensitivity)
 
 
 def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
@@ -224,7 +200,7 @@ def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
 
 def _try(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
     inputs = inputs_of(motion)
-    times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / SAMPLE_RATE)
+    times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / TUNING.sample_rate)
     try:
         for model in (pair.first, pair.second):
             # Whether it spills is not a matter of the sensor.
@@ -244,7 +220,7 @@ def _try(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
 
 def _with_remaining(pair: _Pair, trial: _Trial) -> _Trial:
     """The trial with what is left of the difference when one of the models is refitted."""
-    times = np.arange(trial.inputs.t[0], trial.inputs.t[-1], 1.0 / SAMPLE_RATE)
+    times = np.arange(trial.inputs.t[0], trial.inputs.t[-1], 1.0 / TUNING.sample_rate)
     heights = [
         predicted_heights(model, trial.inputs, times, pair.azimuths)
         for model in (pair.first, pair.second)
@@ -260,7 +236,9 @@ def _with_remaining(pair: _Pair, trial: _Trial) -> _Trial:
                 continue
             changes.append((other - own).ravel())
             sensitivity = max(sensitivity, _rms(changes[-1]))
-        refit = optimize.lsq_linear(np.stack(changes, axis=1), difference, (-GIVE, GIVE))
+        refit = optimize.lsq_linear(
+            np.stack(changes, axis=1), difference, (-TUNING.give, TUNING.give)
+        )
         remaining.append(math.sqrt(2.0 * refit.cost / len(difference)))
     return replace(trial, remaining=min(remaining), sensitivity=sensitivity)
 
@@ -269,7 +247,7 @@ def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
     """Rms difference over the present motions [m]; 0 without any."""
     squares = []
     for inputs in present:
-        times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / SAMPLE_RATE)
+        times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / TUNING.sample_rate)
         if len(times) == 0:
             continue
         one, two = (
@@ -282,8 +260,10 @@ def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
 
 def _ceiling(model: Model) -> float:
     freeboard = model.container.freeboard
-    open_height = HIGHEST * min(model.container.reaches)
-    return open_height if freeboard is None else min(open_height, FREEBOARD_SHARE * freeboard)
+    open_height = TUNING.most_height * min(model.container.reaches)
+    return (
+        open_height if freeboard is None else min(open_height, TUNING.freeboard_share * freeboard)
+    )
 
 
 def _needs_rotation(pair: _Pair) -> bool:
@@ -313,19 +293,16 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-__all__ = ["MAXIMUM_TRAVEL", "separating_motion"]
-
-
 def variants_of(model: Model) -> Iterator[Model]:
     """Models with the natural frequency, the damping or one parameter of an effect changed."""
-    wider = model.container.widened(1.0 + WIDTH_CHANGE)
+    wider = model.container.widened(1.0 + TUNING.width_change)
     if model.natural_frequency is None:
         yield replace(model, container=wider)
     else:
         slower = wider.natural_frequency(1) / model.container.natural_frequency(1)
         yield replace(model, natural_frequency=slower * model.natural_frequency)
     damping = model.mode_constants()[0].damping_ratio
-    yield replace(model, damping_ratio=min(damping * (1.0 + DAMPING_CHANGE), 0.99))
+    yield replace(model, damping_ratio=min(damping * (1.0 + TUNING.damping_change), 0.99))
     for use in model.effects:
         for parameter in EFFECTS[use.name].parameters:
             if parameter.choices is not None:
@@ -333,7 +310,7 @@ def variants_of(model: Model) -> Iterator[Model]:
             value = use.parameters[parameter.name]
             span = parameter.upper - parameter.lower
             reference = value - (parameter.neutral or 0.0)
-            step = max(PARAMETER_CHANGE * abs(reference), 0.001 * span)
+            step = max(TUNING.parameter_change * abs(reference), 0.001 * span)
             for moved in (value + step, value - step):
                 try:
                     yield model.with_effect(use.name, **{**use.parameters, parameter.name: moved})

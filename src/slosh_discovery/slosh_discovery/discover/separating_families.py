@@ -12,29 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.constants import GRAVITY
 from slosh_model.simulate import Inputs
-
-STILL = 1.5
-"""Still part before every motion [s]: level and noise are taken from it."""
-SWING = 4.0
-"""How long it swings [s]."""
-RAMP = 1.2
-"""Of which the window rises, and falls [s]."""
-DWELL = 3.0
-"""Dwell after it [s]."""
-STEP = 1.0 / 120.0
-"""Between two input samples [s]."""
-MAXIMUM_TRAVEL = 0.6
-"""Extent of the path [m]."""
-MAXIMUM_TILT = 0.25
-"""[rad]"""
-TILT_SHARE = 0.5
-"""A tilt swings the liquid by gravity: at most so much of the acceleration's limit."""
-YAW = 1.2
-"""Amplitude of the yaw [rad],"""
-MAXIMUM_YAW_RATE = 6.0
-"""with at most this rate [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,13 +92,17 @@ class CandidateMotion:
     family: Family
     frequency: float
     acceleration: float = 1.0
-    dwell: float = DWELL
+    dwell: float = TUNING.family_dwell
 
 
 def inputs_of(motion: CandidateMotion) -> Inputs:
     """The motion's inputs: still part, swing, dwell."""
     family = motion.family
-    t = np.arange(0.0, STILL + SWING + motion.dwell + 0.5 * STEP, STEP)
+    t = np.arange(
+        0.0,
+        TUNING.family_still + TUNING.family_swing + motion.dwell + 0.5 * TUNING.family_step,
+        TUNING.family_step,
+    )
     position, acceleration = np.zeros((len(t), 3)), np.zeros((len(t), 3))
     for swing in family.swings:
         place, _, second = _swing(t, motion, swing.harmonic, swing.shift)
@@ -147,7 +131,7 @@ def text_of(motion: CandidateMotion) -> str:
     if inputs.attitude is not None:
         _, angle, _ = _rotation(inputs.t, motion)
         parts.append(f"turning by ±{math.degrees(float(np.abs(angle).max())):.0f}°")
-    parts.append(f"{SWING:g} s long, then {motion.dwell:g} s at rest")
+    parts.append(f"{TUNING.family_swing:g} s long, then {motion.dwell:g} s at rest")
     return ", ".join(parts)
 
 
@@ -157,7 +141,7 @@ def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) ->
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
     if peak <= 0.0:
         return 0.0
-    return min(motion.acceleration / peak, MAXIMUM_TRAVEL / extent)
+    return min(motion.acceleration / peak, TUNING.most_travel / extent)
 
 
 def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
@@ -165,9 +149,13 @@ def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
     place, first, _ = _swing(t, motion, 1.0, 0.0)
     family = motion.family
     if family.tilt != 0.0:
-        size = min(MAXIMUM_TILT, TILT_SHARE * motion.acceleration / GRAVITY) * family.tilt
+        size = (
+            min(TUNING.most_tilt, TUNING.tilt_share * motion.acceleration / GRAVITY) * family.tilt
+        )
         return 1, size * place, size * first
-    size = min(YAW, MAXIMUM_YAW_RATE / max(float(np.abs(first).max()), 1e-9)) * family.yaw
+    size = (
+        min(TUNING.yaw, TUNING.most_yaw_rate / max(float(np.abs(first).max()), 1e-9)) * family.yaw
+    )
     return 2, size * place, size * first
 
 
@@ -181,12 +169,12 @@ def _swing(
     t: Array, motion: CandidateMotion, harmonic: float, shift: float
 ) -> tuple[Array, Array, Array]:
     """The product w sin(k φ + δ) with its first and second derivative."""
-    since = np.clip(t - STILL, 0.0, SWING)
+    since = np.clip(t - TUNING.family_still, 0.0, TUNING.family_swing)
     low, high = (2.0 * math.pi * each for each in _sweep(motion))
-    rate = low + (high - low) * since / SWING
-    phase = low * since + 0.5 * (high - low) * since**2 / SWING
+    rate = low + (high - low) * since / TUNING.family_swing
+    phase = low * since + 0.5 * (high - low) * since**2 / TUNING.family_swing
     angle, change = harmonic * phase + shift, harmonic * rate
-    bend = harmonic * (high - low) / SWING
+    bend = harmonic * (high - low) / TUNING.family_swing
     s, ds = np.sin(angle), change * np.cos(angle)
     dds = bend * np.cos(angle) - change**2 * s
     w, dw, ddw = _window(since)
@@ -195,10 +183,10 @@ def _swing(
 
 def _window(since: Array) -> tuple[Array, Array, Array]:
     """Rises to 1 within RAMP and falls at the end likewise, with its derivatives."""
-    rise, falling = since / RAMP, (SWING - since) / RAMP
+    rise, falling = since / TUNING.family_ramp, (TUNING.family_swing - since) / TUNING.family_ramp
     x = np.clip(np.minimum(rise, falling), 0.0, 1.0)
     sign = np.where(rise <= falling, 1.0, -1.0)
     w = x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
     dw = 140.0 * x**3 * (1.0 - x) ** 3
     ddw = 420.0 * x**2 * (1.0 - x) ** 2 * (1.0 - 2.0 * x)
-    return w, sign * dw / RAMP, ddw / RAMP**2
+    return w, sign * dw / TUNING.family_ramp, ddw / TUNING.family_ramp**2

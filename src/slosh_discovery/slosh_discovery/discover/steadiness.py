@@ -17,19 +17,13 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_discovery.discover.evidence import (
-    EFFECT_PRIOR,
     log_evidence,
     residual_temperature,
 )
 from slosh_discovery.discover.fitting import Fit
 from slosh_discovery.discover.problem import PreparedMotion
 from slosh_discovery.discover.search import Pool, leftover
-
-TAKEN = 1.0 / 3.0
-"""A change takes away at least this share of what a constant parameter leaves beside noise,"""
-LEAST_CHANGE = 0.1
-"""and is at least so large beside the effect, as root mean squares of what they do to heights;
-less is within what an effect's own equation has wrong."""
+from slosh_discovery.discover.tuning import TUNING
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +83,7 @@ class _Changing:
         spread = self.one.explanation.spreads[self.index]
         information = np.eye(len(self.steps)) + self.information * spread**2 / temperature
         occam = 0.5 * float(np.linalg.slogdet(information)[1])
-        more = 0.5 * self.gain / temperature - occam + math.log(EFFECT_PRIOR)
+        more = 0.5 * self.gain / temperature - occam + math.log(TUNING.effect_prior)
         return log_evidence(self.one, temperature) + more
 
     def change(self) -> Change:
@@ -152,7 +146,9 @@ def _matters(best: _Changing, pool: Pool, motions: Sequence[PreparedMotion]) -> 
     without = pool.find(one.explanation.without(name)) or pool.base
     whole = max(without.chi_square - one.chi_square, 0.0) + best.gain
     beside_noise = max(leftover(one, motions).mean_square, 0.0)
-    return best.gain > max(TAKEN * count * beside_noise, LEAST_CHANGE**2 * whole)
+    return best.gain > max(
+        TUNING.change_taken * count * beside_noise, TUNING.least_change**2 * whole
+    )
 
 
 def _by_motion(motions: Sequence[PreparedMotion]) -> Array:

@@ -25,30 +25,7 @@ from slosh_discovery.discover.noise import removable
 from slosh_discovery.discover.problem import PreparedMotion, claimed_noise, simulate_all
 from slosh_discovery.discover.search import Leftover, Pool, leftover
 from slosh_discovery.discover.steadiness import Change, change_with_time
-
-SURE_ENOUGH = 0.8
-"""An explanation at least this likely is named; below, it is one of several."""
-RIVAL = 0.05
-"""An explanation this likely, relative to the best, is worth telling."""
-CLOSED = 0.5
-"""An explanation that closes less than this share of the removable gap is none."""
-PARTLY = 0.1
-"""One that closes this share still belongs into the model, though more is missing."""
-CONTENDERS = 8
-"""Where none is adequate, so many explanations and their parts predict motions left out."""
-UNSEEN = 0.1
-"""Measured heights that move by less than this share of the expected ones are not the liquid's."""
-NEGLIGIBLE = 0.06
-"""An effect that lowers the mean squared residual by less than this share of the noise's,"""
-NEGLIGIBLE_SHARE = 0.004
-"""or of the removable gap, is not worth a name;"""
-COSMETIC_SHARE = 0.02
-"""where even the best explanation leaves more than noise, below this share of the gap."""
-TRUST = 2.0
-"""Where more than noise is left, however little beside the noise, confidence falls by this times
-the rest's share of the gap in amplitude,"""
-LEAST_TRUST = 0.85
-"""but not below this times the share of the gap that is closed."""
+from slosh_discovery.discover.tuning import TUNING
 
 EFFECT = "frequency_mismatch"
 FACTORS = np.geomspace(0.5, 2.0, 49)
@@ -109,13 +86,15 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     unseen, before = _unseen(base, motions), leftover(base, motions)
     # What sensor and inputs explain needs no other cause, whatever a fit gains.
     worthy = (
-        [base] if unseen or before.adequate else _worthy(pool.ranked(), pool, NEGLIGIBLE_SHARE)
+        [base]
+        if unseen or before.adequate
+        else _worthy(pool.ranked(), pool, TUNING.negligible_share)
     )
     logs = {one.explanation.key: log_evidence(one, temperature) for one in worthy}
     tabled: dict[Key, HeldOut] = {}
     if not leftover(worthy[0], motions).adequate:
-        likeliest = _worthy(worthy, pool, COSMETIC_SHARE)
-        contenders = _worthy(_contenders(likeliest, pool), pool, COSMETIC_SHARE)
+        likeliest = _worthy(worthy, pool, TUNING.cosmetic_share)
+        contenders = _worthy(_contenders(likeliest, pool), pool, TUNING.cosmetic_share)
         tabled = {one.explanation.key: held_out(one, motions) for one in contenders}
         logs = {
             one.explanation.key: -0.5 * tabled[one.explanation.key].chi_square / temperature
@@ -168,7 +147,7 @@ def rejected(judgement: Judgement, base: Fit) -> Judgement:
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
     """The likeliest explanations, their parts, and the base."""
     chosen: dict[Key, Fit] = {pool.base.explanation.key: pool.base}
-    for one in worthy[:CONTENDERS]:
+    for one in worthy[: TUNING.contenders]:
         effects = one.explanation.effects
         for size in range(1, len(effects) + 1):
             for names in itertools.combinations(effects, size):
@@ -194,9 +173,9 @@ def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict,
     """The verdict, and whether the best explanation goes into the model."""
     if not after.adequate:
         closed = 1.0 - after.mean_square / before.mean_square
-        if closed < CLOSED:
-            return Verdict.UNEXPLAINED, closed >= PARTLY
-    return (Verdict.NAMED if likely >= SURE_ENOUGH else Verdict.AMBIGUOUS), True
+        if closed < TUNING.closed:
+            return Verdict.UNEXPLAINED, closed >= TUNING.partly
+    return (Verdict.NAMED if likely >= TUNING.sure_enough else Verdict.AMBIGUOUS), True
 
 
 def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
@@ -208,7 +187,7 @@ def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
     # What chi² per sample is noise, as far as the best fit tells.
     noise = min(one.chi_square for one in pool.fits.values()) / count
     gap = max(pool.base.chi_square / count - noise, 0.0)
-    least = max(NEGLIGIBLE * noise, share * gap) * count
+    least = max(TUNING.negligible * noise, share * gap) * count
 
     def comes_back(one: Fit, simpler: Explanation) -> float:
         known = pool.find(simpler)
@@ -234,7 +213,7 @@ def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
         seen += samples * (found.mean_square - 2.0 * found.mean_square_stddev)
         predicted = _without_mean(heights - motion.laid(motion.in_metres(residual)))
         expected += float(np.nansum(predicted**2))
-    return seen < UNSEEN**2 * expected
+    return seen < TUNING.unseen**2 * expected
 
 
 def _hidden(base: Fit, best: Fit, motions: Sequence[PreparedMotion]) -> bool:
@@ -263,7 +242,7 @@ def trust_in(before: Leftover, after: Leftover) -> float:
     if before.adequate or sure_rest == 0.0:
         return 1.0
     share = min(sure_rest / before.mean_square, 1.0)
-    return float(max(1.0 - TRUST * np.sqrt(share), LEAST_TRUST * (1.0 - share)))
+    return float(max(1.0 - TUNING.trust * np.sqrt(share), TUNING.least_trust * (1.0 - share)))
 
 
 def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
@@ -273,7 +252,11 @@ def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
     found: list[str] = []
     for one, other_share in ranked[1:]:
         effects = set(one.explanation.effects)
-        if other_share >= RIVAL * share and len(effects - others) == 1 and effects >= others:
+        if (
+            other_share >= TUNING.rival * share
+            and len(effects - others) == 1
+            and effects >= others
+        ):
             (rival,) = effects - others
             if rival != name and rival not in found:
                 found.append(rival)

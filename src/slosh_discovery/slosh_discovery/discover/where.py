@@ -19,6 +19,7 @@ from slosh_base.types import Array
 from slosh_discovery.discover.finding import NAN, MotionFinding, WhereRow, WorstMoment
 from slosh_discovery.discover.input_series import InputSeries
 from slosh_discovery.discover.noise import even_grid
+from slosh_discovery.discover.tuning import TUNING
 from slosh_model.model import Model
 from slosh_model.simulate import simulate
 
@@ -26,19 +27,7 @@ Labels = NDArray[np.str_]
 
 QUARTERS = ("first quarter", "second quarter", "third quarter", "last quarter")
 PHASES = ("before the motion", "motion", "dwell")
-AMPLITUDE_BINS = 5
-"""About so many bins up to the highest measured height."""
-SECTORS = 8
-"""Directions: so many sectors of the azimuth."""
-LEAST_WAVE = 0.05
-"""Below this share of the highest predicted height a wave has no direction."""
 STILL_WATER = "no wave predicted"
-BAND = 0.25
-"""Half-width of a band around a characteristic frequency, in units of the first mode's."""
-LOW_BAND = 0.5
-"""Upper end of the band near 0, likewise."""
-WORST_SEPARATION = 0.5
-"""Worst moments are at least this far apart [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +63,7 @@ def where(findings: Sequence[MotionFinding], model: Model) -> tuple[WhereRow, ..
     if not any(np.isfinite(residual.before).any() for residual in residuals):
         return ()
     highest = max(float(np.nanmax(each.finding.motion.peak_heights)) for each in residuals)
-    step = _round_step(max(highest, 1e-6) / AMPLITUDE_BINS)
+    step = _round_step(max(highest, 1e-6) / TUNING.amplitude_bins)
     return (
         *_partition("time", residuals, _time_labels, QUARTERS),
         *_partition("phase", residuals, _phase_labels, PHASES),
@@ -88,7 +77,7 @@ def where(findings: Sequence[MotionFinding], model: Model) -> tuple[WhereRow, ..
             "direction",
             residuals,
             lambda residual: _direction_labels(residual, model),
-            [*(_sector_label(k) for k in range(SECTORS)), STILL_WATER],
+            [*(_sector_label(k) for k in range(TUNING.sectors)), STILL_WATER],
         ),
         *_frequency_rows(residuals, model),
         *_input_rows(residuals, model),
@@ -178,15 +167,17 @@ def _direction_labels(residual: _Residual, model: Model) -> Labels:
     response, _ = simulate(model, inputs)
     x = np.interp(residual.inputs.t, inputs.t, response.sh_x)
     y = np.interp(residual.inputs.t, inputs.t, response.sh_y)
-    sector = np.round(np.arctan2(y, x) / (2.0 * math.pi / SECTORS)).astype(int) % SECTORS
-    names = np.array([_sector_label(k) for k in range(SECTORS)])[sector]
+    sector = (
+        np.round(np.arctan2(y, x) / (2.0 * math.pi / TUNING.sectors)).astype(int) % TUNING.sectors
+    )
+    names = np.array([_sector_label(k) for k in range(TUNING.sectors)])[sector]
     size = np.hypot(x, y)
-    return np.where(size > LEAST_WAVE * float(size.max(initial=0.0)), names, STILL_WATER)
+    return np.where(size > TUNING.least_wave * float(size.max(initial=0.0)), names, STILL_WATER)
 
 
 def _sector_label(k: int) -> str:
     axis = {0: " (+x)", 90: " (+y)", 180: " (−x)", 270: " (−y)"}
-    degrees = k * 360 // SECTORS
+    degrees = k * 360 // TUNING.sectors
     return f"crest at {degrees}°{axis.get(degrees, '')}"
 
 
@@ -195,10 +186,10 @@ def frequency_bands(model: Model) -> tuple[tuple[str, float, float], ...]:
     first = model.mode_frequency(1) / (2.0 * math.pi)
     second = model.mode_frequency(2) / (2.0 * math.pi)
     centres = sorted([(first, "ω₁"), (2.0 * first, "2ω₁"), (second, "ω₂")])
-    edge = LOW_BAND * first
+    edge = TUNING.low_band * first
     bands = [(f"near 0 (below {edge:.1f} Hz)", 0.0, edge)]
     for k, (centre, name) in enumerate(centres):
-        low, high = max(centre - BAND * first, bands[-1][2]), centre + BAND * first
+        low, high = max(centre - TUNING.band * first, bands[-1][2]), centre + TUNING.band * first
         if k + 1 < len(centres):
             high = min(high, 0.5 * (centre + centres[k + 1][0]))
         bands.append((f"near {name} ({low:.1f} … {high:.1f} Hz)", low, high))
@@ -299,7 +290,7 @@ def _worst_of(finding: MotionFinding, count: int) -> list[tuple[float, WorstMome
             float(finding.after_heights[row, column]),
         )
         found.append((float(sizes[row]), moment))
-        free = free & (np.abs(motion.t - motion.t[row]) >= WORST_SEPARATION)
+        free = free & (np.abs(motion.t - motion.t[row]) >= TUNING.worst_separation)
     return found
 
 

@@ -42,7 +42,8 @@ from slosh_discovery.discover.remarks import (
 from slosh_discovery.discover.rounds import Searched, search_in_rounds, with_noise
 from slosh_discovery.discover.search import Progress, leftover
 from slosh_discovery.discover.separate import separating_motion
-from slosh_discovery.discover.verdict import RIVAL, Judgement, judge, rejected
+from slosh_discovery.discover.tuning import TUNING
+from slosh_discovery.discover.verdict import Judgement, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.sound_inputs import sound, sound_fit
@@ -55,10 +56,6 @@ NAN = float("nan")
 
 NO_AGREEMENT = Agreement(rms=math.inf, sigma=NAN, epsilon=NAN, peak=NAN)
 """Of a model that has no finite answer."""
-TABLED = 5
-"""So many explanations are checked on motions left out of their fit."""
-
-MOST_RIVALS = 2
 
 
 def discover(
@@ -306,7 +303,7 @@ def _candidates(
     for rank, (one, share) in enumerate(judgement.ranked):
         explanation = one.explanation
         known = judgement.held_out.get(explanation.key)
-        if known is None and (rank < TABLED or not explanation.effects):
+        if known is None and (rank < TUNING.tabled or not explanation.effects):
             known = held_out(one, motions)
         listed.append(
             Candidate(
@@ -346,10 +343,10 @@ def separating_motions(
     if judgement.verdict is not Verdict.AMBIGUOUS:
         return ()
     best, share = judgement.ranked[0]
-    rivals = [one for one, other in judgement.ranked[1:] if other >= RIVAL * share]
+    rivals = [one for one, other in judgement.ranked[1:] if other >= TUNING.rival * share]
     azimuths = motions[0].azimuths
     found = []
-    for rival in rivals[:MOST_RIVALS]:
+    for rival in rivals[: TUNING.most_rivals]:
         first, second = best.model, rival.model
         try:
             motion = separating_motion(

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from slosh_bag.mcap_files.bag_folder import import_hint
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_discovery.discover.motion import MINIMUM_SAMPLES, MeasuredMotion
+from slosh_discovery.discover.motion import MeasuredMotion
+from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import (
     Heights,
@@ -165,7 +166,7 @@ def _motions(
     for number, part in enumerate(found.parts, start=1):
         motion = _motion_of(f"{name}#{number}", recording, part)
         if motion is None:
-            tell(f"{path}: motion {number} has fewer than {MINIMUM_SAMPLES} measured heights")
+            tell(f"{path}: motion {number} has fewer than {TUNING.least_motion} measured heights")
             continue
         count += 1
         yield motion, _disagreement(recording, part)
@@ -178,7 +179,7 @@ def _motion_of(name: str, recording: Recording, part: Part) -> MeasuredMotion | 
     motion, heights = recording.motion, recording.heights
     rows = slice(*np.searchsorted(motion.stamps, (part.start, part.end + 1)))
     samples = slice(*np.searchsorted(heights.stamps, (part.heights_start, part.end + 1)))
-    if samples.stop - samples.start < MINIMUM_SAMPLES:
+    if samples.stop - samples.start < TUNING.least_motion:
         return None
     origin = int(motion.stamps[0])
     stddev = heights.stddev[samples]

@@ -9,9 +9,8 @@ import numpy as np
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify.result import DwellVibration, FittedMotion
 from slosh_discovery.identify.trials import rise_span
+from slosh_discovery.identify.tuning import TUNING
 from slosh_metrics.surface_metrics import effective_difference, effective_height, line_slopes
-
-LEAST_FRAMES = 5
 
 
 def dwell_vibration(
@@ -29,7 +28,7 @@ def dwell_vibration(
         if motion.profile is None or motion.profile_x is None:
             continue
         dwell = motion.t > rise_span(motion.inputs)[1]
-        if np.count_nonzero(dwell) < LEAST_FRAMES:
+        if np.count_nonzero(dwell) < TUNING.least_frames:
             continue
         t, x, eta = motion.t[dwell], motion.profile_x, motion.profile[dwell]
         simulated = answer.after[dwell, 0] / half_width

@@ -22,26 +22,13 @@ from slosh_base.types import Array
 from slosh_discovery.discover.colour import Colour, Neighbours, estimate_colour
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import neighbours_of
+from slosh_discovery.identify.tuning import TUNING
 from slosh_discovery.identify.whitening import White, driven_by
 
-HUBER = 2.0
-"""Residuals beyond so many standard deviations count by their size; 1 % of the efficiency."""
-TURNS = 3
-"""Of fit and colour."""
 TOLERANCE = 1e-9
 EVALUATIONS = 60
-LAGS = 3
-"""Neighbouring images whose scores count together,"""
-MEMORIES = 3.0
-"""and where a residual keeps its colour so many times as many as it remembers,"""
-MOST_LAGS = 0.1
-"""at most this share of all images."""
 SINGULAR = 1e-12
 """Relative size of eigenvalues of the information that are none."""
-DIFFER = 0.99
-"""Motions differ where their scores scatter more than those of 99 of 100 equal ones would."""
-LEAST_MOTIONS = 5
-"""Scores of fewer motions tell of no scatter between them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +120,7 @@ def fit(problem: Problem, start: Array) -> Estimate:
         driven_by(problem, start),
     )
     bounds = problem.bounds(start)
-    for turn in range(TURNS):
+    for turn in range(TUNING.turns):
         if turn:
             white = _whitening(problem, white, vector, residual)
         if problem.size:
@@ -186,7 +173,7 @@ def _solve(
         bounds=bounds,
         method="trf",
         loss="huber",
-        f_scale=HUBER,
+        f_scale=TUNING.huber,
         x_scale=problem.widths,
         ftol=TOLERANCE,
         xtol=TOLERANCE,
@@ -201,9 +188,11 @@ def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) ->
     white, neighbours, colour = noise.applied(residual), noise.neighbours, noise.colour
     jacobian = problem.derivative(vector)
     scaled = noise.applied(jacobian) * problem.widths
-    inside = np.abs(white) < HUBER
+    inside = np.abs(white) < TUNING.huber
     slopes = scaled.T @ (scaled * inside[:, np.newaxis])
-    scores = _frame_scores(scaled * np.clip(white, -HUBER, HUBER)[:, np.newaxis], neighbours)
+    scores = _frame_scores(
+        scaled * np.clip(white, -TUNING.huber, TUNING.huber)[:, np.newaxis], neighbours
+    )
     frames = len(scores)
     degrees = max(frames - problem.size, 1)
     inverse: Array = np.linalg.pinv(slopes, SINGULAR, True).astype(np.float64)
@@ -235,9 +224,9 @@ def _frame_scores(scores: Array, neighbours: Neighbours) -> Array:
 def _lags(colour: Colour, frames: int) -> int:
     """How many neighbouring images count together."""
     if colour.memory == colour.correlation:
-        return LAGS
-    remembered = MEMORIES / (1.0 - abs(colour.correlation))
-    return max(LAGS, min(round(remembered), round(MOST_LAGS * frames)))
+        return TUNING.lags
+    remembered = TUNING.memories / (1.0 - abs(colour.correlation))
+    return max(TUNING.lags, min(round(remembered), round(TUNING.most_lags * frames)))
 
 
 def _spread(scores: Array, lags: int) -> Array:
@@ -259,7 +248,7 @@ def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array)
     the covariance, the parameters taken together.
     """
     count, motions = len(problem.parameters), len(problem.trials)
-    if motions < LEAST_MOTIONS or not count:
+    if motions < TUNING.least_motions or not count:
         return 1.0
     ends = np.cumsum([len(trial.prepared.t) for trial in problem.trials])[:-1]
     own = np.array([part.sum(axis=0) for part in np.split(scores, ends)])
@@ -268,6 +257,6 @@ def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array)
     square = float(np.einsum("mi,ij,mj->", drawn, expected, drawn)) / count
     degrees = count * (motions - 1)
     ratio = square * motions / (motions - 1)
-    if ratio * degrees < special.chdtri(degrees, 1.0 - DIFFER):
+    if ratio * degrees < special.chdtri(degrees, 1.0 - TUNING.differ):
         return 1.0
     return math.sqrt(ratio)

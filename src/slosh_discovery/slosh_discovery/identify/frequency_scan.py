@@ -15,20 +15,11 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import Trial
+from slosh_discovery.identify.tuning import TUNING
 from slosh_model.parameters import DAMPING, FREQUENCY
 
-SPAN = 1.3
-"""Frequencies up to this factor from the model's are tried."""
-PHASE = 1.0
-"""Between two of them waves part by so much over the record [rad]."""
-FEWEST, MOST = 15, 120
 DAMPINGS = (1.0, 3.0, 8.0)
 """In units of the model's."""
-CLEARLY = 0.8
-"""Another start takes the place of the model's own where it leaves less than this share: what a
-model lacks makes many valleys, hardly deeper than one another."""
-TRIALS = 3
-"""So many motions are enough to tell."""
 
 
 def scanned_start(problem: Problem) -> Array:
@@ -52,7 +43,7 @@ def scanned_start(problem: Problem) -> Array:
     costs = np.sum(np.abs(residuals), axis=0)
     best = int(np.argmin(costs))
     own = reduced.residuals([reduced.start(starts)])[:, 0]
-    if costs[best] > CLEARLY * float(np.sum(np.abs(own))):
+    if costs[best] > TUNING.scan_better * float(np.sum(np.abs(own))):
         return starts
     found: Array = values[best]
     return found
@@ -62,7 +53,7 @@ def _distinct(problem: Problem) -> tuple[Trial, ...]:
     """The longest trials of different operating points, some of them."""
     firsts = {trial.point: trial for trial in reversed(problem.trials)}
     longest = sorted(firsts.values(), key=lambda trial: -float(np.ptp(trial.prepared.t)))
-    return tuple(longest[:TRIALS])
+    return tuple(longest[: TUNING.scan_trials])
 
 
 def _grid(problem: Problem, middle: float) -> Array:
@@ -70,7 +61,7 @@ def _grid(problem: Problem, middle: float) -> Array:
     damping = model.mode_constants()[0].damping_ratio
     record = max(float(np.ptp(trial.prepared.t)) for trial in problem.trials)
     remembered = min(record, 1.0 / max(damping * middle, 1e-6))
-    count = math.ceil(math.log(SPAN**2) * middle * remembered / PHASE)
-    half = min(max(count, FEWEST), MOST) // 2
-    grid: Array = middle * SPAN ** (np.arange(-half, half + 1) / half)
+    count = math.ceil(math.log(TUNING.scan_span**2) * middle * remembered / TUNING.scan_phase)
+    half = min(max(count, TUNING.scan_fewest), TUNING.scan_most) // 2
+    grid: Array = middle * TUNING.scan_span ** (np.arange(-half, half + 1) / half)
     return grid

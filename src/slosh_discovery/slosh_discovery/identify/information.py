@@ -19,22 +19,15 @@ from slosh_discovery.discover.separating_families import (
 )
 from slosh_discovery.identify.fitting import information
 from slosh_discovery.identify.problem import STEP, Problem
+from slosh_discovery.identify.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
 from slosh_model.simulate import Inputs, Response
 
-UNKNOWN = 1.0
-"""A direction whose standard error exceeds what is known without any data is not identified."""
-INVOLVED = 0.3
-"""Share of a direction from which on a parameter belongs to it."""
-ENOUGH = 2.0
-"""The simplest motion, the first of the list, may tell so many times less than the best."""
 FREQUENCIES = (0.4, 0.8, 1.0)
 """Of the motions that are tried, relative to the natural frequency,"""
 ACCELERATIONS = (1.0, 4.0)
 """and their greatest accelerations [m/s²]."""
-SAMPLES = 60.0
-"""Heights a second of a motion that is tried [Hz]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,11 +74,13 @@ def unidentified(
     held: list[tuple[int, tuple[str, ...], float]] = []
     while left:
         values, vectors = np.linalg.eigh(known[np.ix_(left, left)])
-        if values[0] * UNKNOWN**2 >= 1.0:
+        if values[0] * TUNING.unknown**2 >= 1.0:
             break
         shares = np.abs(vectors[:, 0])
         worst = len(left) - 1 - int(np.argmax(shares[::-1] > shares.max() - 1e-3))
-        others = tuple(names[left[i]] for i in np.flatnonzero(shares > INVOLVED) if i != worst)
+        others = tuple(
+            names[left[i]] for i in np.flatnonzero(shares > TUNING.involved) if i != worst
+        )
         error = float(1.0 / np.sqrt(max(values[0], 1e-300)))
         held.append((left[worst], others, error))
         del left[worst]
@@ -116,9 +111,9 @@ def _with_help(
         least = max(float(np.linalg.eigvalsh((known + gained)[part])[0]), 1e-300)
         found.append((float(1.0 / np.sqrt(least)), motion, inputs))
     best = min((entry[0] for entry in found), default=np.inf)
-    if best > UNKNOWN:
+    if best > TUNING.unknown:
         return missing
-    helped, motion, inputs = next(entry for entry in found if entry[0] <= ENOUGH * best)
+    helped, motion, inputs = next(entry for entry in found if entry[0] <= TUNING.enough * best)
     return replace(missing, help=text_of(motion), inputs=inputs, helped=helped)
 
 
@@ -137,7 +132,7 @@ def _candidates(
         if jacobian is not None:
             spacing = float(np.median(np.diff(inputs.t)))
             coloured = (1.0 - colour.memory) / (1.0 + colour.memory)
-            weight = SAMPLES * spacing * coloured / colour.stddev**2
+            weight = TUNING.samples * spacing * coloured / colour.stddev**2
             yield motion, inputs, weight * jacobian.T @ jacobian
 
 

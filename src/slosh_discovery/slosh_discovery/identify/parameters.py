@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from slosh_base.files.nearest import did_you_mean
 from slosh_discovery.discover.explanation import plausible
 from slosh_discovery.errors import SloshDiscoveryError
+from slosh_discovery.identify.tuning import TUNING
 from slosh_model.effects.base import Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
@@ -26,15 +27,6 @@ DEFAULT = (FREQUENCY, DAMPING)
 """What every container has and no formula knows exactly."""
 ALIASES = {"p": "accel_gain.gain", "fill_height": FILL_HEIGHT}
 """TM20's factor p of the acceleration is ω₀²/g times the gain (eq. (10))."""
-FREQUENCY_SPAN = 2.0
-"""A measured frequency lies within this factor of the model's,"""
-FREQUENCY_WIDTH = 0.1
-"""and usually within this share of it."""
-FILL_SPAN = 2.0
-FILL_WIDTH = 0.2
-MOST_DAMPING = 0.9
-DAMPING_WIDTH = 0.02
-"""Damping ratios of liquids on robots differ by so much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,15 +81,19 @@ def fitted_model(model: Model, values: Mapping[str, float]) -> Model | None:
 def _parameter(model: Model, name: str) -> FreeParameter:
     if name == DAMPING:
         start = parameter_value(model, DAMPING)
-        return FreeParameter(name, "1", start, 0.0, MOST_DAMPING, max(DAMPING_WIDTH, start))
+        return FreeParameter(
+            name, "1", start, 0.0, TUNING.most_damping, max(TUNING.damping_width, start)
+        )
     if name == FREQUENCY:
         start = model.mode_frequency(1)
-        low, high = start / FREQUENCY_SPAN, start * FREQUENCY_SPAN
-        return FreeParameter(name, "rad/s", start, low, high, FREQUENCY_WIDTH * start)
+        low, high = start / TUNING.frequency_span, start * TUNING.frequency_span
+        return FreeParameter(name, "rad/s", start, low, high, TUNING.frequency_width * start)
     if name == FILL_HEIGHT:
         start, rim = model.container.fill_height, model.container.rim_height
-        high = min(start * FILL_SPAN, math.inf if rim is None else math.nextafter(rim, 0.0))
-        return FreeParameter(name, "m", start, start / FILL_SPAN, high, FILL_WIDTH * start)
+        high = min(start * TUNING.fill_span, math.inf if rim is None else math.nextafter(rim, 0.0))
+        return FreeParameter(
+            name, "m", start, start / TUNING.fill_span, high, TUNING.fill_width * start
+        )
     return _effect_parameter(model, name)
 
 

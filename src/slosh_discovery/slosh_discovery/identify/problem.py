@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_discovery.discover.fitting import CLOCK_SPAN
 from slosh_discovery.discover.problem import LONGEST_STEP, Answer, PreparedMotion
+from slosh_discovery.discover.tuning import TUNING as DISCOVER
 from slosh_discovery.identify.parameters import FreeParameter, fitted_model
 from slosh_discovery.identify.trials import Trial
+from slosh_discovery.identify.tuning import TUNING
 from slosh_model.batch import wall_heights
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
@@ -24,18 +25,11 @@ from slosh_model.simulate import Inputs, Response, State, simulate
 
 STEP = 1e-4
 """Step of the derivatives, relative to a parameter's width."""
-CLOCK_WIDTH = 0.05
-"""What is known of a clock's offset [s]."""
-STATE_SPAN = 3.0
-"""A decay's first state lies within so many heights of its wave."""
 IMPOSSIBLE = 1.0
 """Residual where a model has no answer [m]."""
 
 IN_LINE = 1e-6
 """Azimuths whose sines differ by less lie on one line through the middle."""
-LEAST_WIDTH = 0.05
-"""Least width of a path that the maximum over the wall tells of, relative to its length: of a
-straight one the width could not be fitted."""
 _STILL = np.zeros(4)
 
 
@@ -91,9 +85,9 @@ class Problem:
         """(V,) lower and upper."""
         reach = self.widths * np.where(np.arange(self.size) < len(self.parameters), 0.0, 1.0)
         for clock in self.clocks:
-            reach[list(clock)] = CLOCK_SPAN
+            reach[list(clock)] = DISCOVER.clock_span
         for state in self.states:
-            reach[list(state)] *= STATE_SPAN
+            reach[list(state)] *= TUNING.state_span
         lower, upper = start - reach, start + reach
         for place, parameter in enumerate(self.parameters):
             lower[place], upper[place] = parameter.lower, parameter.upper
@@ -102,7 +96,7 @@ class Problem:
     @property
     def widths(self) -> Array:
         """(V,) what is known of parameters and nuisances before any data."""
-        widths = np.full(self.size, CLOCK_WIDTH)
+        widths = np.full(self.size, TUNING.clock_width)
         widths[: len(self.parameters)] = [parameter.width for parameter in self.parameters]
         gain = self.model.height_gains()[0]
         for trial, state in zip(self.trials, self.states, strict=True):
@@ -289,7 +283,7 @@ def _guess_from_maximum(prepared: PreparedMotion, model: Model) -> Array:
     mean, cosine, sine = np.linalg.lstsq(columns, squares, rcond=None)[0].tolist()
     wave, phase = math.hypot(cosine, sine), 0.5 * math.atan2(sine, cosine)
     long = math.sqrt(max(mean + wave, 0.0))
-    short = max(math.sqrt(max(mean - wave, 0.0)), LEAST_WIDTH * long)
+    short = max(math.sqrt(max(mean - wave, 0.0)), TUNING.least_width * long)
     place = complex(long * math.cos(phase), -short * math.sin(phase))
     speed = complex(long * math.sin(phase), short * math.cos(phase))
     # Turned so that it begins on the x axis.

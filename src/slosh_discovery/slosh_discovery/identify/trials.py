@@ -15,34 +15,18 @@ from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.colour import Neighbours, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import estimate_noise
-from slosh_discovery.discover.problem import FINE_SPACING, MOST_AZIMUTHS, PreparedMotion
+from slosh_discovery.discover.problem import MOST_AZIMUTHS, PreparedMotion
+from slosh_discovery.discover.tuning import TUNING as DISCOVER
 from slosh_discovery.discover_data.heights import sample_noise
+from slosh_discovery.identify.tuning import TUNING
 from slosh_model.interpolation import columns_at
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
 
-MOVES = 1e-4
-"""A container of less acceleration [m/s²] does not move: the liquid decays freely."""
 ALIKE = 1e-9
 """Inputs that differ by less are the same motion."""
 SPEED_DIGITS = 3
 """A motion's ends are told to a thousandth of its length."""
-REST = 1e-3
-"""A law's rise begins where the acceleration is above this share of its peak,"""
-ACROSS, STOPPED = 0.3, 0.1
-"""A stroke has less than this share of its acceleration across its line, and ends within this
-share of its greatest way and velocity."""
-CLEAR = 4.0
-"""A container moves where its acceleration exceeds so many standard deviations of its noise."""
-REPEATED = 0.1
-"""Accelerations that differ by less than this share are repetitions of one motion."""
-CYCLES, CYCLE_SHARE = 2.0, 0.2
-"""A record of one stroke is no longer than so many cycles; a stroke comes a cycle after the one
-before, within this share of it."""
-DWELL_SHARE = 0.5
-"""A record of a cycle shows at least this share of its dwell."""
-PAUSE, PAUSE_SAMPLES = 0.02, 5
-"""A dwell is longer than this share of the motion, and than so many samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,15 +130,15 @@ def operating_speed(inputs: Inputs, ratio: float) -> float:
 
 def _is_cyclic(inputs: Inputs, start: float, end: float, cycle: float) -> bool:
     """Whether a dwell follows the first rise [s], and then the record's end or another rise."""
-    if inputs.t[-1] - end < DWELL_SHARE * (start + cycle - end):
+    if inputs.t[-1] - end < TUNING.dwell_share * (start + cycle - end):
         return False
-    if inputs.t[-1] - start <= CYCLES * cycle:
+    if inputs.t[-1] - start <= TUNING.cycles * cycle:
         return True
-    later = inputs.t >= start + (1.0 - CYCLE_SHARE) * cycle
+    later = inputs.t >= start + (1.0 - TUNING.cycle_share) * cycle
     following = Inputs(inputs.t[later], inputs.acceleration[later])
     rows = _rise_rows(following)
     return rows is not None and bool(
-        abs(following.t[rows[0]] - start - cycle) <= CYCLE_SHARE * cycle
+        abs(following.t[rows[0]] - start - cycle) <= TUNING.cycle_share * cycle
     )
 
 
@@ -176,13 +160,13 @@ def _is_stroke(inputs: Inputs, first: int, last: int) -> bool:
     rows = slice(max(first - 1, 0), last + 2)
     t, acceleration = inputs.t[rows], inputs.acceleration[rows]
     _, sizes, directions = np.linalg.svd(acceleration, full_matrices=False)
-    if len(sizes) > 1 and sizes[1] > ACROSS * sizes[0]:
+    if len(sizes) > 1 and sizes[1] > TUNING.across * sizes[0]:
         return False
     velocity = _integrated(acceleration @ directions[0], t)
     place = _integrated(velocity, t)
     return bool(
-        abs(place[-1]) > (1.0 - STOPPED) * np.abs(place).max()
-        and abs(velocity[-1]) < STOPPED * np.abs(velocity).max()
+        abs(place[-1]) > (1.0 - TUNING.stopped) * np.abs(place).max()
+        and abs(velocity[-1]) < TUNING.stopped * np.abs(velocity).max()
     )
 
 
@@ -196,12 +180,14 @@ def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
     """First and last row of the first rise; None: the container does not move."""
     size = np.linalg.norm(inputs.acceleration, axis=1)
     peak = float(size.max(initial=0.0))
-    moving = np.flatnonzero(size > max(REST * peak, CLEAR * sample_noise(size)))
-    if peak < MOVES or len(moving) < 2:
+    moving = np.flatnonzero(size > max(TUNING.rest * peak, TUNING.clear * sample_noise(size)))
+    if peak < TUNING.moves or len(moving) < 2:
         return None
     t = inputs.t[moving]
     # In the middle of its rise a law passes through zero, too, but that is soon over.
-    shortest = max(PAUSE_SAMPLES * float(np.median(np.diff(inputs.t))), PAUSE * (t[-1] - t[0]))
+    shortest = max(
+        TUNING.pause_samples * float(np.median(np.diff(inputs.t))), TUNING.pause * (t[-1] - t[0])
+    )
     pauses = np.flatnonzero(np.diff(t) > shortest)
     return int(moving[0]), int(moving[pauses[0] if len(pauses) else -1])
 
@@ -250,7 +236,7 @@ def _repeated(first: Inputs, second: Inputs) -> bool:
     noise = len(first.t) * sum(
         sample_noise(column) ** 2 for one in (first, second) for column in one.acceleration.T
     )
-    return apart - noise < REPEATED**2 * size
+    return apart - noise < TUNING.repeated**2 * size
 
 
 def _centre(inputs: Inputs) -> float:
@@ -270,7 +256,7 @@ def _with_samples(inputs: Inputs, motion: MeasuredMotion) -> Inputs:
 
 def _fine(inputs: Inputs) -> Inputs:
     """The inputs on a grid between whose moments heights can be read."""
-    count = int(np.ceil((inputs.t[-1] - inputs.t[0]) / FINE_SPACING))
+    count = int(np.ceil((inputs.t[-1] - inputs.t[0]) / DISCOVER.fine_spacing))
     grid = np.linspace(inputs.t[0], inputs.t[-1], max(count, 1) + 1)
     dense = len(inputs.t) > count
     return inputs.resampled(inputs.t if dense else np.union1d(inputs.t, grid))
@@ -281,7 +267,9 @@ def _trial(
 ) -> Trial:
     prepared = _prepared(motion, inputs, fine)
     neighbours = neighbours_in(prepared.t, prepared.kept)
-    moving = float(np.linalg.norm(motion.inputs.acceleration, axis=1).max(initial=0.0)) > MOVES
+    moving = (
+        float(np.linalg.norm(motion.inputs.acceleration, axis=1).max(initial=0.0)) > TUNING.moves
+    )
     turning = len(motion.inputs.poses) > 0
     offset = 0.0 if motion.same_clock else first_offset(prepared, model)
     return Trial(prepared, point, offset, not moving and not turning, neighbours)

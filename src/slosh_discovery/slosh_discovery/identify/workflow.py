@@ -34,6 +34,7 @@ from slosh_discovery.identify.result import (
     Strategy,
 )
 from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
+from slosh_discovery.identify.tuning import TUNING
 from slosh_discovery.identify.validity import TOLERANCE, LineLimit, limited, line_limit
 from slosh_discovery.sound_inputs import sound, sound_fit
 from slosh_metrics.metrics import mean_absolute_error, peak_error
@@ -47,8 +48,6 @@ Progress = Callable[[str, float], object]
 RATIO = 0.4
 """TM20's share of a cycle in which the container moves."""
 ALL = "all"
-SURELY = 1e-3
-"""A residual is called more than noise where noise is that unlikely to look so."""
 FACTOR = "p"
 _NO_SPEED = OperatingPoint(ALL, float("nan"), ())
 
@@ -388,7 +387,7 @@ def _noise_alone(estimate: Estimate) -> bool:
         prepared = trial.prepared
         laid = np.full(prepared.kept.shape, np.nan)
         laid[prepared.kept] = _own_part(estimate, trial, white)
-        if whiteness(prepared.t, laid) < SURELY / len(trials):
+        if whiteness(prepared.t, laid) < TUNING.surely / len(trials):
             return False
     return True
 

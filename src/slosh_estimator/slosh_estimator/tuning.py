@@ -1,0 +1,112 @@
+"""The tuning numbers of inputs, estimator and monitor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_base.tuning import number
+from slosh_model.constants import GRAVITY
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorTuning:
+    """What is assumed about sensors, trackers, cameras and liquids.
+
+    Checked on the simulated cell's recordings by `slosh replay bags --check`. The unit
+    "σ" is the sensor's standard deviation.
+    """
+
+    # gate.py
+    strongest: float = number(2000.0, "m/s²", "largest acceleration of a container, 200 g")
+    agreeing: int = number(5, "1", "samples that make a jump a new motion")
+    # imu_input.py
+    angular_filter: float = number(0.01, "s", "time constant of the angular acceleration")
+    gravity_filter: float = number(2.0, "s", "time constant of the mean specific force")
+    too_light: float = number(0.5 * GRAVITY, "m/s²", "mean force of a sensor without gravity")
+    too_heavy: float = number(3.0 * GRAVITY, "m/s²", "mean force of a sensor in another unit")
+    fastest_turn: float = number(200.0, "rad/s", "largest angular velocity, 30 turns a second")
+    # pose_filter.py
+    reach: float = number(1.43, "rad", "half the window in phase of the carried mode, ωH")
+    fastest_mode: float = number(30.0, "rad/s", "carried mode without a model: a cup of 40 mm")
+    phase_step: float = number(0.25, "rad", "largest step between accelerations, ωT")
+    # pose_input.py
+    fastest_move: float = number(20.0, "m/s", "speed above which a tracker jumps")
+    farthest: float = number(1e4, "m", "largest distance of a container from the origin")
+    lengths: tuple[float, float] = number((1e-3, 1e3), "1", "lengths that a quaternion may have")
+    clock_poses: int = number(32, "1", "number of poses that determine the even clock")
+    clock_memory: float = number(0.99, "1", "part of the clock's fit that is kept at each pose")
+    # sampling.py
+    carried: tuple[float, float] = number((0.97, 1.03), "1", "gains of a mode that is carried")
+    first_rate: int = number(4, "1", "intervals that determine the rate at first")
+    restarts: int = number(4, "1", "fewest restarts that are no single gaps")
+    rate_change: int = number(33, "1", "inverse relative change of a rate that is reported")
+    # estimator.py
+    runaway: float = number(5.0, "radius", "displacement at which a sloshing mass is no liquid")
+    still: float = number(0.0005, "m", "largest height of liquid at rest")
+    settled: float = number(3.0, "1/(ζω)", "time after which the initial state is forgotten")
+    # estimate_kernel.py
+    jerk_filter: float = number(0.02, "s", "time constant of the low-pass behind the jerk")
+    # comparison.py
+    patience_ns: int = number(SECOND // 10, "ns", "time that a measurement waits for an estimate")
+    # sight.py
+    highest: float = number(10.0, "m", "largest height that is believed")
+    clocks_apart: float = number(2.0, "s", "distance of stamps at which two clocks differ")
+    clock_stands: float = number(0.8, "s", "time without a step after which a clock stands")
+    # prediction_record.py
+    early_ns: int = number(SECOND // 2, "ns", "time by which a motion may begin early")
+    late: float = number(1.0, "s", "time by which it may begin late")
+    duration_error: float = number(0.5, "s", "error of its duration")
+    duration_share: float = number(0.25, "1", "relative error of a motion's start and duration")
+    # agreement.py
+    told_ns: int = number(2 * SECOND, "ns", "time after its end when a motion is judged")
+    longest_ns: int = number(60 * SECOND, "ns", "time after which a motion is judged in any case")
+    least_compared: int = number(20, "1", "fewest compared images of a judgement")
+    agreement_noise: float = number(3.0, "σ", "error that noise explains")
+    share_of_peak: float = number(0.02, "1", "error that calibration explains, of the peak")
+    agreement_share: float = number(0.05, "1", "error that does not matter, of the watched limit")
+    # azimuth.py
+    least_turn: float = number(math.radians(20.0), "rad", "least error of the azimuth")
+    turn_noise: float = number(3.0, "σ", "the same in its own standard deviation")
+    least_coherence: float = number(0.5, "1", "least common part of two waves' energy")
+    offset_near: float = number(0.04, "s", "largest time offset of a turned wave")
+    offset_far: float = number(0.3, "s", "largest time offset of a wave that is not turned")
+    offset_step: float = number(0.02, "s", "step between time offsets")
+    least_gain: float = number(0.02, "1", "least gain of a turn over an offset")
+    clear_gain: float = number(0.1, "1", "gain above which no offset is named")
+    error_block: float = number(0.5, "s", "time after which errors are independent")
+    least_blocks: int = number(4, "1", "fewest such times")
+    image_gap: float = number(0.15, "s", "largest gap that is interpolated")
+    across: float = number(0.25, "1", "part of the energy in the plane of a side view")
+    # repeated_heights.py
+    repeat_window_ns: int = number(SECOND // 2, "ns", "longest time that is compared")
+    repeat_least_ns: int = number(3 * SECOND // 20, "ns", "shortest time that is compared")
+    in_turn: int = number(3, "1", "most old pictures that come in turn")
+    each: int = number(4, "1", "times that each of them is seen")
+    same: float = number(1.5e-4, "m", "least difference of two pictures' heights")
+    same_noise: float = number(4.0, "σ", "the same in units of the noise")
+    same_most: float = number(6e-4, "m", "largest such difference")
+    repeat_wave: float = number(2e-3, "m", "least wave of an old picture")
+    moves: float = number(3e-3, "m", "change of the expected height of moving liquid")
+    moves_times: float = number(8.0, "1", "the same in units of the difference")
+    # stray_heights.py
+    stray_kept: int = number(12, "1", "number of images that are compared")
+    stray_least: int = number(6, "1", "fewest images that determine the usual change")
+    stray_pause_ns: int = number(SECOND // 5, "ns", "pause after which any change is possible")
+    jump: float = number(2e-3, "m", "least change of a stray height")
+    jump_times: float = number(2.0, "1", "the same in units of the largest change")
+    jump_noise: float = number(8.0, "σ", "the same in units of the noise")
+    lasting: int = number(2, "1", "number of jumps that are no stray")
+    # wave_presence.py
+    judged_ns: int = number(2 * SECOND, "ns", "interval of judgements")
+    presence_longest_ns: int = number(10 * SECOND, "ns", "longest time that is judged together")
+    wave_noise: float = number(5.0, "σ", "the same in units of the noise")
+    least_wave: float = number(1e-3, "m", "least wave that is judged")
+    presence_share: float = number(0.1, "1", "least wave, as part of the watched limit")
+    missing: float = number(0.25, "1", "part of the other side's size at which a wave is missing")
+    nothing: float = number(0.05, "1", "part of the measured wave that is no wave of a model")
+    sustained: float = number(0.97, "1", "part of the last size at which a wave only decays")
+
+
+TUNING = EstimatorTuning()
