@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 
 from slosh_model.interpolation import columns_at
 from slosh_model.simulate import Inputs
+from validation.blind.hidden import LISTED
 
 Array = NDArray[np.float64]
 Random = np.random.Generator
@@ -102,15 +103,19 @@ QUANTA = (0.0, 0.0, 0.0, 0.01, 0.04)
 
 
 def noisy_inputs(index: int) -> Dirt:
-    """An accelerometer with noise; all else is clean. Neighbouring cases differ in everything."""
+    """An accelerometer with noise; all else is clean. Neighbouring cases differ in everything.
+
+    Cases that hide the same effect, one list apart, have another noise, too.
+    """
+    number = index + index // len(LISTED)
     return Dirt(
         correlation=0.0,
         outliers=0.0,
         lost=0.0,
         jitter=0.0,
-        input_rate=RATES[index // len(NOISES) % len(RATES)],
-        input_noise=NOISES[index % len(NOISES)],
-        input_bias=BIASES[index % len(BIASES)],
-        input_quantum=QUANTA[index % len(QUANTA)],
+        input_rate=RATES[number // len(NOISES) % len(RATES)],
+        input_noise=NOISES[number % len(NOISES)],
+        input_bias=BIASES[number % len(BIASES)],
+        input_quantum=QUANTA[number % len(QUANTA)],
         tag="noisy",
     )
