@@ -40,7 +40,8 @@ def workspace(tmp_path_factory):
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "Summary: 12 packages finished" in done.stdout
+    count = len(list((ROOT / "src").glob("*/package.xml")))
+    assert f"Summary: {count} packages finished" in done.stdout
     return folder / "lïnk to it", environment
 
 
