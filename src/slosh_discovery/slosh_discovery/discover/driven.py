@@ -44,48 +44,59 @@ def with_input_noise(
     """
     if noise is None:
         return replace(motion, driven=None, blur=None)
-    start = float(motion.fine.t[0])
-    moments = reading_clock(model).moments(motion.t - clock_offset, start)
+    moments = reading_clock(model).moments(motion.t - clock_offset, float(motion.fine.t[0]))
+    liquid = _liquid_at(motion.fine, model, moments)
     tolerated = (TUNING.small_answer * motion.noise) ** 2
-    read = None
-    parts = []
-    for axis in (X_AXIS, Y_AXIS):
-        modes = model.mode_constants()
+    shaken = _shaken(motion, noise, model, moments, liquid, tolerated)
+    lasting = _lasting(motion, noise, model, moments, liquid)
+    seen = np.max(lasting**2, axis=(0, 1)) > tolerated
+    driven = np.concatenate([shaken, lasting[:, :, seen]], axis=2)
+    if not driven.shape[2]:
+        return replace(motion, driven=None, blur=None)
+    return replace(motion, driven=driven, blur=_blur(motion, liquid, driven))
+
+
+def _shaken(
+    motion: PreparedMotion,
+    noise: InputNoise,
+    model: Model,
+    moments: Array,
+    liquid: Array,
+    tolerated: float,
+) -> Array:
+    """(M, K, R) what white noise does to what is read [m], but for a tolerated variance."""
+    read = read_directions(motion, model, moments, liquid)
+    parts = [np.empty((*read.shape[:2], 0))]
+    modes = model.mode_constants()
+    for axis in (X_AXIS, Y_AXIS) if noise.density > 0.0 else ():
         for mode, gain in zip(modes, model.height_gains(modes, axis), strict=True):
-            if noise.density == 0.0:
-                continue
             own = mode.along(axis)
             factor = (gain * math.sqrt(noise.density)) * answer_columns(
-                moments - start,
+                moments - float(motion.fine.t[0]),
                 own.natural_frequency,
                 own.damping_ratio,
                 tolerated / gain**2 / noise.density,
             )
-            if factor.shape[1]:
-                read = read_directions(motion, model, moments) if read is None else read
-                parts.append(read[:, :, axis, np.newaxis] * factor[:, np.newaxis, :])
-    lasting = _lasting(motion, noise, model, moments)
-    parts.append(lasting[:, :, np.max(lasting**2, axis=(0, 1)) > tolerated])
-    driven = np.concatenate(parts, axis=2)
-    if not driven.shape[2]:
-        return replace(motion, driven=None, blur=None)
-    return replace(motion, driven=driven, blur=_blur(motion, model, moments, driven))
+            parts.append(read[:, :, axis, np.newaxis] * factor[:, np.newaxis, :])
+    return np.concatenate(parts, axis=2)
 
 
-def _lasting(motion: PreparedMotion, noise: InputNoise, model: Model, moments: Array) -> Array:
+def _lasting(
+    motion: PreparedMotion, noise: InputNoise, model: Model, moments: Array, liquid: Array
+) -> Array:
     """(M, K, R) what the constants at rest, which may be biases, do to what is read [m].
 
     Simulated, as they drive a liquid whose frequency changes with the vertical acceleration.
     """
-    inputs = motion.fine
-    without = [
-        replace(inputs, acceleration=inputs.acceleration - constant * np.eye(3)[axis])
-        for axis, constant in zip((X_AXIS, Y_AXIS), noise.constant, strict=True)
-        if constant
-    ]
-    read = _reading(motion, model, moments)
-    felt, *others = (read(_liquid_at(each, model, moments)) for each in (inputs, *without))
-    return np.stack([felt - other for other in others] or [np.empty((*felt.shape, 0))], axis=-1)
+    inputs, read = motion.fine, _reading(motion, model, moments)
+    felt = read(liquid)
+    parts = [np.empty((*felt.shape, 0))]
+    for axis in (X_AXIS, Y_AXIS):
+        if noise.constant[axis]:
+            constant = noise.constant[axis] * np.eye(3)[axis]
+            without = replace(inputs, acceleration=inputs.acceleration - constant)
+            parts.append((felt - read(_liquid_at(without, model, moments)))[..., np.newaxis])
+    return np.concatenate(parts, axis=2)
 
 
 def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
@@ -93,7 +104,7 @@ def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
     return decay, math.sqrt(frequency**2 - decay**2)
 
 
-def _blur(motion: PreparedMotion, model: Model, moments: Array, driven: Array) -> Array | None:
+def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
     """(M, K) variance of a highest point's second-order answer [m²].
 
     A wave of height A that noise moves by δ across rises by δ²/2A, of the variance σ⁴/2A² - and
@@ -102,7 +113,7 @@ def _blur(motion: PreparedMotion, model: Model, moments: Array, driven: Array) -
     if motion.azimuths is not None:
         return None
     variance = np.sum(driven**2, axis=2)
-    wave = np.sum(_liquid_at(motion.fine, model, moments) ** 2, axis=1)[:, np.newaxis]
+    wave = np.sum(liquid**2, axis=1)[:, np.newaxis]
     return np.asarray(variance**2 / np.maximum(2.0 * wave + variance, 1e-300))
 
 
@@ -147,16 +158,16 @@ def answer_covariance(t: Array, other: Array | float, frequency: float, damping:
     return np.asarray((slow - fast) / (4.0 * swing**2))
 
 
-def read_directions(motion: PreparedMotion, model: Model, moments: Array) -> Array:
+def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid: Array) -> Array:
     """(M, K, 2) by how much what is read changes with the liquid's heights, in the modes' axes.
 
     Args:
         motion: the motion.
         model: that is likely.
         moments: (M,) at which the liquid is read [s].
+        liquid: (M, 2) its heights at +x and +y then [m].
     """
-    inputs = motion.fine
-    liquid, read = _liquid_at(inputs, model, moments), _reading(motion, model, moments)
+    inputs, read = motion.fine, _reading(motion, model, moments)
     steps = STEP * np.eye(2)
     slopes = [(read(liquid + step) - read(liquid - step)) / (2.0 * STEP) for step in steps]
     found = np.stack(slopes, axis=2)
