@@ -16,9 +16,8 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_discovery.discover.input_noise import InputNoise
-from slosh_discovery.discover.problem import LONGEST_STEP, PreparedMotion, liquid_alone
+from slosh_discovery.discover.problem import PreparedMotion, heights_of_liquids, liquid_alone
 from slosh_discovery.discover.tuning import TUNING
-from slosh_model.batch import wall_heights
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.interpolation import columns_at
 from slosh_model.measure import measured_heights, reading_clock
@@ -65,10 +64,11 @@ def _shaken(
     tolerated: float,
 ) -> Array:
     """(M, K, R) what white noise does to what is read [m], but for a tolerated variance."""
-    read = read_directions(motion, model, moments, liquid)
-    parts = [np.empty((*read.shape[:2], 0))]
-    modes = model.mode_constants()
-    for axis in (X_AXIS, Y_AXIS) if noise.density > 0.0 else ():
+    parts = [np.empty((*motion.heights.shape, 0))]
+    if noise.density == 0.0:
+        return parts[0]
+    read, modes = read_directions(motion, model, moments, liquid), model.mode_constants()
+    for axis in (X_AXIS, Y_AXIS):
         for mode, gain in zip(modes, model.height_gains(modes, axis), strict=True):
             own = mode.along(axis)
             factor = (gain * math.sqrt(noise.density)) * answer_columns(
@@ -195,5 +195,5 @@ def _reading(motion: PreparedMotion, model: Model, moments: Array) -> Callable[[
 
 def _liquid_at(inputs: Inputs, model: Model, moments: Array) -> Array:
     """(M, 2) the liquid's heights at +x and +y [m]; 0 where the model has no answer."""
-    (heights,) = wall_heights([liquid_alone(model)], [inputs], max_step=LONGEST_STEP, threads=1)
+    (heights,) = heights_of_liquids([liquid_alone(model)], [inputs])
     return np.nan_to_num(columns_at(moments, inputs.t, heights))

@@ -269,18 +269,20 @@ def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer |
     liquids = _liquids([model for model, _ in pairs])
     keys = [(id(liquid), id(given)) for liquid, given in zip(liquids, inputs, strict=True)]
     distinct = dict(zip(keys, zip(liquids, inputs, strict=True), strict=True))
-    # The search runs a fit per thread already.
-    heights = wall_heights(
-        [liquid for liquid, _ in distinct.values()],
-        [given for _, given in distinct.values()],
-        max_step=LONGEST_STEP,
-        threads=1,
+    liquid_heights = heights_of_liquids(
+        [liquid for liquid, _ in distinct.values()], [given for _, given in distinct.values()]
     )
-    rows = dict(zip(distinct, heights, strict=True))
+    rows = dict(zip(distinct, liquid_heights, strict=True))
     return [
         motion.answer(model, given, rows[key])
         for (model, motion), given, key in zip(pairs, inputs, keys, strict=True)
     ]
+
+
+def heights_of_liquids(models: Sequence[Model], inputs: Sequence[Inputs]) -> list[Array]:
+    """The liquid's heights (N, 2) at +x and +y of each model at its inputs [m]."""
+    # The search runs a fit per thread already.
+    return wall_heights(models, inputs, max_step=LONGEST_STEP, threads=1)
 
 
 def _liquids(models: Sequence[Model]) -> list[Model]:

@@ -15,7 +15,7 @@ import numpy as np
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.driven import with_input_noise
 from slosh_discovery.discover.input_noise import InputNoise, estimate_input_noise
-from slosh_discovery.discover.problem import LONGEST_STEP, PreparedMotion, liquid_alone
+from slosh_discovery.discover.problem import PreparedMotion, heights_of_liquids, liquid_alone
 from slosh_discovery.discover.search import Pool, Progress, Search
 from slosh_discovery.discover.sensor_noise import (
     Leftovers,
@@ -25,7 +25,6 @@ from slosh_discovery.discover.sensor_noise import (
     estimate_sensor,
 )
 from slosh_discovery.discover.tuning import TUNING
-from slosh_model.batch import wall_heights
 from slosh_model.model import Model
 
 
@@ -120,13 +119,8 @@ def _moves_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
     """Whether noise is read in the same direction: of a highest point that is the liquid's."""
     if motion.azimuths is not None:
         return True
-    inputs = motion.fine
-    heights, others = wall_heights(
-        [liquid_alone(one), liquid_alone(other)],
-        [inputs, inputs],
-        max_step=LONGEST_STEP,
-        threads=1,
-    )
+    liquids = [liquid_alone(one), liquid_alone(other)]
+    heights, others = heights_of_liquids(liquids, [motion.fine, motion.fine])
     return bool(np.sum((heights - others) ** 2) < TUNING.same_size**2 * np.sum(heights**2))
 
 
