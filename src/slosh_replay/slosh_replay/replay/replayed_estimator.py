@@ -75,7 +75,8 @@ class ReplayedEstimator:
         """Decided inputs become estimates."""
         if not self._inputs:
             return
-        stamps, columns = joined_messages(self._inputs)
+        inputs = joined_messages(self._inputs)
+        stamps, columns = inputs
         matcher = self.setting.matcher
         everything = Decision(len(stamps), np.ones(len(stamps), dtype=bool), [])
         decision = matcher.decide(stamps, final=final) if matcher else everything
@@ -90,9 +91,7 @@ class ReplayedEstimator:
             act()
             start = index
         self._take(stamps, columns, used, start, count)
-        rest = slice(count, None)
-        left = Messages(stamps[rest], {name: c[rest] for name, c in columns.items()})
-        self._inputs = [left] if count < len(stamps) else []
+        self._inputs = [inputs.rows(slice(count, None))] if count < len(stamps) else []
 
     def _due(
         self, stamps: Integers, restarts: Sequence[int]

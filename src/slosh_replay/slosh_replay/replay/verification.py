@@ -275,7 +275,7 @@ class Messages(NamedTuple):
     stamps: Integers
     columns: Columns
 
-    def rows(self, chosen: NDArray[Any]) -> Messages:
+    def rows(self, chosen: NDArray[Any] | slice) -> Messages:
         """Some of them."""
         return Messages(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
