@@ -10,7 +10,7 @@ from slosh_model.model_text import parse_model
 from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm, available
 from slosh_plan.planning.joint_limits import limits_of, read_joint_limits
-from slosh_plan.planning.joint_path import joint_path
+from slosh_plan.planning.joint_path import JointLeg, joint_path
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.plan import plan
 from slosh_plan.planning.waypoints import JointWaypoints
@@ -153,7 +153,11 @@ def test_a_curve_with_velocities_is_the_controllers_own(arm):
     given = JointWaypoints(NAMES[:3], t, ends, rate)
     path = joint_path(arm, limits_of(arm, NAMES[:3]), given.points("it"))
     elbow = np.concatenate(
-        [leg.joint_derivative(np.linspace(0, leg.length, 400), 0)[:, 1] for leg in path.legs]
+        [
+            leg.joint_derivative(np.linspace(0, leg.length, 400), 0)[:, 1]
+            for leg in path.legs
+            if isinstance(leg, JointLeg)
+        ]
     )
     u = np.linspace(0.0, 1.0, 10_001)
     hermite = 0.4 + (u - 2 * u**2 + u**3) + (u**3 - u**2)

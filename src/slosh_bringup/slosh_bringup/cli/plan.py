@@ -163,12 +163,15 @@ def run(arguments: argparse.Namespace) -> int:
 def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
     """What the motion must keep."""
     tilts = arguments.max_tilt, arguments.max_tilt_rate, arguments.max_tilt_acceleration
+    tilt, rate, acceleration = map(math.radians, tilts)
     return PlanLimits(
         arguments.limit,
         RESIDUAL * arguments.limit if arguments.residual is None else arguments.residual,
         arguments.max_acceleration,
         arguments.max_jerk,
-        *(math.radians(tilt) for tilt in tilts),
+        tilt,
+        rate,
+        acceleration,
         joint_velocity=arguments.velocity_scaling,
         joint_acceleration=arguments.acceleration_scaling,
     )

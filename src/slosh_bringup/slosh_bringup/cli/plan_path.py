@@ -16,11 +16,10 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_model import Model
 from slosh_plan.doubts import path_doubts
 from slosh_plan.planning import path as paths
-from slosh_plan.planning.joint_limits import limits_of, read_joint_limits
 from slosh_plan.planning.joint_path import joint_path
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.waypoints import Waypoints
-from slosh_plan.robot_file import read_arm
+from slosh_plan.robot_file import read_robot
 from slosh_plan.tables.joint_table import read_joint_table
 from slosh_plan.tables.path_table import read_path_table
 
@@ -100,10 +99,11 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
     if arguments.path is None:
         raise SloshBringupError("--urdf: give PATH, a table of the robot's joints")
     name = str(arguments.path)
-    arm = read_arm(arguments.urdf, arguments.tool_frame)
+    robot = read_robot(arguments.urdf, arguments.tool_frame, arguments.joint_limits or "")
+    assert robot is not None
+    arm = robot.arm
     given = read_joint_table(arguments.path, arm, table_options(arguments))
-    file = arguments.joint_limits
-    limits = limits_of(arm, given.names, None if file is None else read_joint_limits(file))
+    limits = robot.limits(given.names)
     path = joint_path(
         arm, limits, given.points(name), follows_yaw=model.container.cornered, name=name
     )

@@ -52,9 +52,9 @@ class JointLeg(Leg):
         """(N, C) what a search looks up; see `JointDemands`."""
         motion = Leg.columns(self, s)
         turned = self._liquid_axes(s).reshape(len(s), -1)
-        slopes = [self.joint_derivative(s, order) for order in (1, 2, 3)]
+        slope, bend, change = (self.joint_derivative(s, order) for order in (1, 2, 3))
         torques = None if self.torques is None else self.torque_terms(s)
-        return np.column_stack([motion, turned, joint_columns(*slopes, torques)])
+        return np.column_stack([motion, turned, joint_columns(slope, bend, change, torques)])
 
     def joint_derivative(self, s: Array, order: int) -> Array:
         """(N, J) the joints or their derivative by s."""
@@ -73,8 +73,9 @@ class JointLeg(Leg):
 
     def attitudes(self, s: Array) -> Array:
         """(N, 4) the container's quaternions."""
-        found = np.asarray(self.attitude(np.clip(s, 0.0, self.length)))
-        return found / np.linalg.norm(found, axis=1, keepdims=True)
+        found: Array = np.asarray(self.attitude(np.clip(s, 0.0, self.length)))
+        length: Array = np.linalg.norm(found, axis=1, keepdims=True)
+        return found / length
 
     def _liquid_axes(self, s: Array) -> Array:
         """(N, 3, 3) from the world's axes to the container's, in a round one but for its yaw."""

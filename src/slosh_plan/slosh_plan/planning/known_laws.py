@@ -219,7 +219,7 @@ def _least(make: Make, limits: PlanLimits) -> float:
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
     jerk = float(steps.max()) / motion.step
     joints = {} if motion.joints is None else motion.joints.shares(motion.step)
-    share = {name: used / getattr(limits, name) for name, used in joints.items()}
+    share = {name: used / float(getattr(limits, name)) for name, used in joints.items()}
     return trial * max(
         math.sqrt(max(acceleration / limits.acceleration, share.get("joint_acceleration", 0.0))),
         math.cbrt(max(jerk / limits.jerk, share.get("joint_jerk", 0.0))),

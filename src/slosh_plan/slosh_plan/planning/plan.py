@@ -243,7 +243,7 @@ def check_plan_from(
         state: the liquid when the motion begins.
     """
     motion, limits = answer.found.motion, answer.limits
-    turned = None if attitude is None else np.tile(attitude, (len(motion.t), 1))
+    turned = attitudes(motion, attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
     heights = HeightLimits(limits.height, limits.residual)
     (found,) = predict(

@@ -63,13 +63,12 @@ def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OU
         options.tell(f"{path}: {others}: not in the robot's description, passed over")
     else:
         known[:] = True
-    columns = [
-        None if one is None else one[:, known]
-        for one in (given.position, given.velocity, given.acceleration)
-    ]
-    assert columns[0] is not None
+    velocity, acceleration = (
+        None if one is None else one[:, known] for one in (given.velocity, given.acceleration)
+    )
     names = [name for name, has in zip(given.names, known, strict=True) if has]
-    return arm.motion(given.t, names, columns[0], *columns[1:], name=str(path))
+    position = given.position[:, known]
+    return arm.motion(given.t, names, position, velocity, acceleration, str(path))
 
 
 def write_joint_table(path: Path, motion: PlannedMotion) -> None:
