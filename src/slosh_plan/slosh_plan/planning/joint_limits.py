@@ -47,16 +47,15 @@ class JointLimits:
     jerk: Array
     torque: Array
 
-    def check_positions(self, position: Array, name: str, tolerance: float = 1e-6) -> None:
-        """Raises SloshPlanError where (N, J) positions lie outside; names joint and row."""
+    def check_positions(self, position: Array, where: str, tolerance: float = 1e-6) -> None:
+        """Raises SloshPlanError where (N, J) positions lie outside; names joint and position."""
         outside = np.maximum(self.lower - position, position - self.upper)
         if outside.max() > tolerance:
             row, joint = np.unravel_index(int(np.argmax(outside)), outside.shape)
             degrees = "; are the angles in degrees?" if np.abs(position).max() > 10.0 else ""
             raise SloshPlanError(
-                f"{name}: joint {self.names[joint]!r} = {position[row, joint]:.6g} in point {row} "
-                f"lies outside its limits, {self.lower[joint]:.6g} to {self.upper[joint]:.6g}"
-                f"{degrees}"
+                f"{where}: joint {self.names[joint]!r} reaches {position[row, joint]:.6g}, outside "
+                f"its limits, {self.lower[joint]:.6g} to {self.upper[joint]:.6g}{degrees}"
             )
 
 

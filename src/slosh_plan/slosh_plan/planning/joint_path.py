@@ -22,7 +22,7 @@ from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_demands import JointDemands, joint_columns
 from slosh_plan.planning.joint_limits import JointLimits
 from slosh_plan.planning.limits import JOINT_LIMITS
-from slosh_plan.planning.path import DEGREE, Leg, Path, smooth_path
+from slosh_plan.planning.path import DEGREE, KEPT, Leg, Path, smooth_path
 from slosh_plan.planning.progress import never
 
 POINTS = 1000
@@ -115,6 +115,9 @@ def joint_path(
     arm.check_joints(joints, name)
     path = smooth_path(points, joints, stopped)
     limits.check_positions(np.asarray(points, dtype=np.float64), name)
+    for leg in path.legs:
+        (curve,) = leg.at(np.linspace(0.0, leg.length, POINTS), 0)
+        limits.check_positions(curve, f"{name}: the smooth path between the points", 2.0 * KEPT)
     demands = JointDemands(limits, bool(np.isfinite(limits.torque).any()))
     legs = tuple(_carried(arm, joints, leg, demands, follows_yaw) for leg in path.legs)
     at = np.concatenate([leg.attitudes(np.linspace(0.0, leg.length, POINTS)) for leg in legs])
