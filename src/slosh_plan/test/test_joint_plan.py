@@ -177,10 +177,14 @@ def test_a_table_is_read_as_it_was_written(planned, arm, tmp_path):
 
 
 MISTAKES = {
-    "degrees": (np.degrees(LEVEL), "'shoulder' = 63.0254 .* are the angles in degrees"),
+    "degrees": (np.degrees(LEVEL), "'shoulder' reaches 63.0254, .* are the angles in degrees"),
     "beyond a stop": (
         LEVEL + np.array([2.5, 0, 0, 0]),
-        "'shoulder' = 3.6 in point 2 lies outside",
+        "'shoulder' reaches 3.6, outside",
+    ),
+    "beyond it between the points": (
+        np.array([[2.0, 0, 0, 0], [2.99, 0.5, 0, 0], [2.99, 1, 0, 0], [2.0, 1.5, 0, 0]]),
+        "smooth path between the points: joint 'shoulder' reaches 3.0",
     ),
     "nothing moves": (np.tile(LEVEL[:1], (3, 1)), "has no length"),
     "not finite": (np.where(LEVEL == 0.8, np.nan, LEVEL), "waypoint 1 has elbow = nan"),

@@ -54,8 +54,8 @@ class JointLimits:
             row, joint = np.unravel_index(int(np.argmax(outside)), outside.shape)
             degrees = "; are the angles in degrees?" if np.abs(position).max() > 10.0 else ""
             raise SloshPlanError(
-                f"{where}: joint {self.names[joint]!r} reaches {position[row, joint]:.6g}, outside "
-                f"its limits, {self.lower[joint]:.6g} to {self.upper[joint]:.6g}{degrees}"
+                f"{where}: joint {self.names[joint]!r} reaches {position[row, joint]:.6g}, "
+                f"outside its limits, {self.lower[joint]:.6g} to {self.upper[joint]:.6g}{degrees}"
             )
 
 
