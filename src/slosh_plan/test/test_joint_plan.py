@@ -183,7 +183,7 @@ MISTAKES = {
         "'shoulder' reaches 3.6, outside",
     ),
     "beyond it between the points": (
-        np.array([[2.0, 0, 0, 0], [2.99, 0.5, 0, 0], [2.99, 1, 0, 0], [2.0, 1.5, 0, 0]]),
+        np.array([[2.6, 0, 0, 0], [2.99, 0.5, 0, 0], [2.99, 1, 0, 0], [2.6, 1.5, 0, 0]]),
         "smooth path between the points: joint 'shoulder' reaches 3.0",
     ),
     "nothing moves": (np.tile(LEVEL[:1], (3, 1)), "has no length"),
