@@ -64,7 +64,8 @@ EFFECT = Effect(
         "third order of a standing wave in liquid of finite depth: Tadjbakhsh & Keller, J. Fluid "
         "Mech. 8, 1960; Faltinsen & Timokha 2009, ch. 8; the first mode along each axis by itself"
     ),
-    section=RECTANGULAR,
+    sections=(RECTANGULAR,),
+    instead="there is surface_nonlinearity for a cylinder, none for other shapes",
     parameters=(
         Parameter(
             name="kappa",
