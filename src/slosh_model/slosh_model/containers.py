@@ -18,7 +18,12 @@ from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack, cast
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.bessel import MAXIMUM_MODE, bessel_derivative_root, check_mode
+from slosh_model.bessel import (
+    MAXIMUM_MODE,
+    bessel_derivative_root,
+    check_mode,
+    radial_shape,
+)
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
@@ -204,6 +209,29 @@ class Container(ABC):
     def volume(self) -> float:
         """Of the liquid [m³]; NaN: unknown."""
         return math.nan
+
+    def surface_shape(self, n: int) -> tuple[Array, Array]:
+        """Places along x from the axis to the wall [m], and a mode's height there over the wall's."""
+        places = np.linspace(0.0, self.reaches[X_AXIS], 41)
+        if self.cornered:
+            shape = np.sin(self.root(n) * places / places[-1])
+            return places, shape / shape[-1]
+        return places, radial_shape(n, places / places[-1])
+
+    @property
+    def silhouette(self) -> Array:
+        """(N, 2) the right half of its wall as seen from the side, z from the still surface [m]."""
+        reach, rim = self.reaches[X_AXIS], self.rim_height or 1.3 * self.fill_height
+        floor = -self.fill_height
+        return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
+
+    def wall_facts(self, height: float) -> dict[str, float]:
+        """What a height [m] is on a wall that leans: `along_wall` and `contact_radius` [m].
+
+        With `crest_ratio` and `crest_place` [m] where the surface is highest inside. Empty for a
+        vertical wall.
+        """
+        return {}
 
     @property
     def linear_height(self) -> float:

@@ -111,7 +111,9 @@ class Model:
                 raise SloshModelError(f"effect {name!r} is listed twice", ("effects", index))
             effect = find_effect(name)
             if not effect.fits(self.container.section):
-                instead = effect.instead and f": {effect.instead}"
+                # A cylinder and a rectangle have closed forms, and little to do instead.
+                other = effect.instead and self.container.digest
+                instead = f": {effect.instead}" if other else ""
                 raise SloshModelError(
                     f"effect {name!r} is not for a {self.container.shape}{instead}",
                     ("effects", index),

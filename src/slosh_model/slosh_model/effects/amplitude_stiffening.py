@@ -65,7 +65,7 @@ EFFECT = Effect(
         "Mech. 8, 1960; Faltinsen & Timokha 2009, ch. 8; the first mode along each axis by itself"
     ),
     sections=(RECTANGULAR,),
-    instead="there is surface_nonlinearity for a cylinder, none for other shapes",
+    instead="its models are linear: leave the effect out",
     parameters=(
         Parameter(
             name="kappa",

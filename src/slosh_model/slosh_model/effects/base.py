@@ -113,7 +113,7 @@ class Effect:
         odds: how likely it is before any data, relative to any other effect; a discovery names
             what has small odds only where nothing else is plausible.
         sections: kinds of containers for which it has a meaning (SECTIONS); empty: all.
-        instead: what to do in a container that is none of these, for people.
+        instead: what to do in a container whose modes are computed, for people.
         drive: changes what drives the liquid (INPUT).
         drive_memory: length of its memory.
         modes: replaces the modes before anything else is computed (DYNAMICS, HEIGHT).

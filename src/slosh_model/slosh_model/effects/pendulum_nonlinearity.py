@@ -50,6 +50,6 @@ EFFECT = Effect(
     ),
     source="TM20, eq. (6) with g/l = ω² and d/m_P = 2ζω; along each axis of the container",
     sections=(RECTANGULAR,),
-    instead="there is surface_nonlinearity for a cylinder, none for other shapes",
+    instead="its models are linear: leave the effect out",
     term=_term,
 )

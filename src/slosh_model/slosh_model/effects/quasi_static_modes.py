@@ -24,7 +24,11 @@ EFFECT = Effect(
         r"under a constant acceleration the surface is a plane, $\eta = -R\,\ddot s_0/g$, of "
         r"which mode $n$ bears $2/(\xi_n^2 - 1)$: Faltinsen & Timokha 2009, ch. 5"
     ),
-    sections=(ROUND, REVOLVED, PRISMATIC),  # the plane of a rectangle's one mode leaves nothing out
+    sections=(
+        ROUND,
+        REVOLVED,
+        PRISMATIC,
+    ),  # the plane of a rectangle's one mode leaves nothing out
     parameters=(
         Parameter(
             name="kappa",

@@ -46,7 +46,7 @@ EFFECT = Effect(
     ),
     source="DL22, eqs. (5)-(11), (19), (24), (30); Bauer 1966",
     sections=(ROUND,),
-    instead="its models are linear: leave the effect out, and keep below the height that is flagged",
+    instead="its models are linear: leave the effect out",
     parameters=(
         Parameter(
             name="alpha",

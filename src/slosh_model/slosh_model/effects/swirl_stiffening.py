@@ -31,7 +31,7 @@ EFFECT = Effect(
         "liquid"
     ),
     sections=(ROUND,),
-    instead="its models are linear: leave the effect out, and keep below the height that is flagged",
+    instead="its models are linear: leave the effect out",
     parameters=(
         Parameter(
             name="gamma",

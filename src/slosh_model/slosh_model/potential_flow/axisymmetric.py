@@ -114,6 +114,7 @@ def region(profile: Sequence[Piece], level: float) -> tuple[list[Side], Size, fl
 def _size(sides: Sequence[Side], width: float) -> Size:
     """Fine at the surface and where the wall bends, finer at sharp corners and narrow places."""
     base = width / TUNING.surface_parts
+    annular = all(side.name != "axis" for side in sides)
     places, sizes = [], []
     t = np.linspace(0.0, 1.0, 65)
     for side in sides:
@@ -123,13 +124,17 @@ def _size(sides: Sequence[Side], width: float) -> Size:
             # Waves die out with depth; the gap to the surface bounds the size near the contact.
             depth = np.maximum(-at[:, 1], 0.0)
             own = np.maximum(base + TUNING.growth * depth, base)
-            own = np.minimum(own, TUNING.bend * bending(at))
+            own = np.minimum(own, np.maximum(TUNING.bend * bending(at), TUNING.deep_bend * depth))
+            if annular:
+                own = np.minimum(own, TUNING.core * at[:, 0])
             own = np.minimum(own, np.maximum(TUNING.gap * depth, TUNING.narrowest * base))
         if side.name != "axis":
             places.append(at)
             sizes.append(own)
     for place, share in sharp_corners(sides):
         places.append(place[None])
+        # What is wrong there reaches the surface as the wave reaches down, e^(-ξ depth) at most.
+        share = min(share * np.exp(-TUNING.fading * place[1]), 1.0)
         sizes.append(np.array([share * (base - TUNING.growth * place[1])]))
     return graded(np.vstack(places), np.concatenate(sizes))
 

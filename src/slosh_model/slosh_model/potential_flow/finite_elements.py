@@ -25,8 +25,8 @@ from slosh_model.shapes.contour import Piece
 
 HOW_TO_GET = (
     "the modes of this container are not computed yet, and that needs scikit-fem, which is not "
-    "installed (pip install -r requirements/modes.txt); or let `slosh modes MODEL --write` put "
-    "them into the model file where it is"
+    "installed (pip install -r requirements/modes.txt); or let `slosh modes MODEL -o OUT.yaml` write "
+    "its modes into a model file where it is"
 )
 INTEGRATED = 6
 """Degree to which integrals are exact: r³ times two gradients of second-order elements."""
@@ -94,9 +94,7 @@ def scaled(piece: Piece, origin: Array, scale: float) -> Piece:
     return Piece(lambda t: (piece.at(t) - origin) / scale)
 
 
-def lowest(
-    stiffness: Any, mass: Any, count: int, *, below: float = 0.0
-) -> tuple[Array, Array]:
+def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tuple[Array, Array]:
     """The lowest eigenvalues of K x = λ M x, and their vectors as columns.
 
     Args:

@@ -227,7 +227,10 @@ def divided(mesh: Triangles, sides: Sequence[Side]) -> Triangles:
         [np.column_stack([mesh.edge[:, 0], between]), np.column_stack([between, mesh.edge[:, 1]])]
     )
     shares = np.vstack(
-        [np.column_stack([mesh.shares[:, 0], halves]), np.column_stack([halves, mesh.shares[:, 1]])]
+        [
+            np.column_stack([mesh.shares[:, 0], halves]),
+            np.column_stack([halves, mesh.shares[:, 1]]),
+        ]
     )
     points = np.vstack([mesh.points, middles])
     return Triangles(points, corners, edge, np.tile(mesh.side, 2), shares)

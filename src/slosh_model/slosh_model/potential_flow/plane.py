@@ -208,9 +208,7 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
         stiffness[free][:, free], mass[free][:, free], offset[free], spread, count
     )
     around = fem.Functional(lambda w: w["f"] ** 2)
-    slope = fem.Functional(
-        lambda w: (w.n[0] * w["f"].grad[1] - w.n[1] * w["f"].grad[0]) ** 2
-    )
+    slope = fem.Functional(lambda w: (w.n[0] * w["f"].grad[1] - w.n[1] * w["f"].grad[0]) ** 2)
     on_wall = wall.get_dofs(mesh.boundaries["wall"]).flatten()
     rows, crests, place = [], [], -1
     for n in range(count):
@@ -268,7 +266,10 @@ def _merged(
     )
     squares = [offsets[group] ** 2 for group in groups]
     sums = np.array([square.sum() for square in squares])
-    weights = [offsets[group] / max(np.sqrt(total), 1e-300) for group, total in zip(groups, sums, strict=True)]
+    weights = [
+        offsets[group] / max(np.sqrt(total), 1e-300)
+        for group, total in zip(groups, sums, strict=True)
+    ]
     merged = np.array([(values[g] * w * w).sum() for g, w in zip(groups, weights, strict=True)])
     columns = np.column_stack([vectors[:, g] @ w for g, w in zip(groups, weights, strict=True)])
     return merged, columns, sums / spread

@@ -122,9 +122,7 @@ def checked_points(points: object, key: str, least: int) -> Points:
     if not isinstance(points, (tuple, list)):
         raise SloshModelError(f"{key} must be a list of pairs [m], or the name of a .csv file")
     if not least <= len(points) <= MOST_POINTS:
-        raise SloshModelError(
-            f"{key} has {len(points)} points, must have {least} … {MOST_POINTS}"
-        )
+        raise SloshModelError(f"{key} has {len(points)} points, must have {least} … {MOST_POINTS}")
     found: list[Point] = []
     for index, pair in enumerate(points):
         found.append(_pair(pair, f"{key}[{index}]"))

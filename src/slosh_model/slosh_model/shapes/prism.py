@@ -92,6 +92,11 @@ class PrismaticContainer(SolvedContainer):
 
         return prism_modes(self.contour, self.fill_height, count)
 
+    def surface_shape(self, n: int) -> tuple[Array, Array]:
+        """A straight line: the shape along x is not kept."""
+        places = np.linspace(0.0, self.reaches[0], 2)
+        return places, places / places[-1]
+
     @property
     def size(self) -> float:
         """Its extent along x [m]."""
@@ -198,7 +203,9 @@ class Tray(PrismaticContainer):
         x, y = 0.5 * self.width - r, 0.5 * self.depth - r
         corners = ((x, y), (-x, y), (-x, -y), (x, -y))
         found: list[Piece] = []
-        for k, (centre, following) in enumerate(zip(corners, (*corners[1:], corners[0]), strict=True)):
+        for k, (centre, following) in enumerate(
+            zip(corners, (*corners[1:], corners[0]), strict=True)
+        ):
             turned = arc(centre, (r, r), k * _QUARTER, (k + 1) * _QUARTER)
             away = (r * math.cos((k + 1) * _QUARTER), r * math.sin((k + 1) * _QUARTER))
             start = (centre[0] + away[0], centre[1] + away[1])

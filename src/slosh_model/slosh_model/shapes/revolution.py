@@ -18,8 +18,11 @@ from slosh_model.shapes.contour import (
     through,
     wetted,
 )
-from slosh_model.shapes.mode_numbers import ModeNumbers
-from slosh_model.shapes.solved import SolvedContainer
+from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
+from slosh_model.shapes.solved import SolvedContainer, solved_modes
+
+INSIDE = 1.001
+"""Largest height over the surface, of that at the wall, from which the crest is inside."""
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -133,6 +136,32 @@ class RevolvedContainer(SolvedContainer):
         last = int(beyond[0])
         return float(np.interp(height, high[max(last - 1, 0) : last + 1],
                                along[max(last - 1, 0) : last + 1]))  # fmt: skip
+
+    def surface_shape(self, n: int) -> tuple[Array, Array]:
+        """Places from the axis, or a core, to the wall [m], and a mode's height there."""
+        rows = (
+            self.numbers(n).surface
+            or solved_modes(self, LEAST if n <= LEAST else MOST)[n - 1].surface
+        )
+        places, heights = np.array(rows).T
+        return places, heights
+
+    @property
+    def silhouette(self) -> Array:
+        """(N, 2) its contour, z from the still surface [m]."""
+        return np.vstack([piece.fine() for piece in self.contour]) - [0.0, self.level]
+
+    def wall_facts(self, height: float) -> dict[str, float]:
+        """The same height along the wall, the contact line's radius there, a crest inside."""
+        facts = {}
+        if self.widening != 0.0:
+            facts = {
+                "along_wall": self.along_wall(height), "contact_radius": self.wall_at(height)
+            }  # fmt: skip
+        ratio, place = self.crest(1)
+        if ratio > INSIDE:
+            facts |= {"crest_ratio": ratio, "crest_place": place}
+        return facts
 
     @property
     def _above(self) -> list[Piece]:

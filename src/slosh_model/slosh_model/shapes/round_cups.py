@@ -141,7 +141,9 @@ class Ellipsoid(RoundCup):
     @property
     def contour(self) -> tuple[Piece, ...]:
         """Half an ellipse."""
-        return (arc((0.0, self.semi_height), (self.radius, self.semi_height), -_QUARTER, _QUARTER),)
+        return (
+            arc((0.0, self.semi_height), (self.radius, self.semi_height), -_QUARTER, _QUARTER),
+        )
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

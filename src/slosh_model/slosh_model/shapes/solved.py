@@ -20,8 +20,8 @@ from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
 
 _GIVEN = ("rim_height", "table")
 """Fields on which the modes do not depend."""
-STEEP = 0.2
-"""Height of a wave, times ω²/g, from which it is no linear one: its crest is a tenth higher than
+STEEP = 0.3
+"""Height of a wave, times ω²/g, from which it is no linear one: its crest is 15 % higher than
 its trough is deep (second order of a standing wave: Faltinsen & Timokha 2009, ch. 8)."""
 WIDENING = 0.1
 """Relative change of the surface's radius by a wave on a sloped wall, from which it is none."""
