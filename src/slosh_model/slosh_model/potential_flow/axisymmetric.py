@@ -124,7 +124,9 @@ def _size(sides: Sequence[Side], width: float) -> Size:
             # Waves die out with depth; the gap to the surface bounds the size near the contact.
             depth = np.maximum(-at[:, 1], 0.0)
             own = np.maximum(base + TUNING.growth * depth, base)
-            own = np.minimum(own, np.maximum(TUNING.bend * bending(at), TUNING.deep_bend * depth))
+            if not side.piece.straight:
+                bend = np.maximum(TUNING.bend * bending(at), TUNING.deep_bend * depth)
+                own = np.minimum(own, bend)
             if annular:
                 own = np.minimum(own, TUNING.core * at[:, 0])
             own = np.minimum(own, np.maximum(TUNING.gap * depth, TUNING.narrowest * base))

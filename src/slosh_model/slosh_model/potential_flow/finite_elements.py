@@ -91,7 +91,7 @@ def bases(mesh: Any, *parts: str) -> list[Any]:
 
 def scaled(piece: Piece, origin: Array, scale: float) -> Piece:
     """A piece in lengths of a scale from an origin."""
-    return Piece(lambda t: (piece.at(t) - origin) / scale)
+    return replace(piece, at=lambda t: (piece.at(t) - origin) / scale)
 
 
 def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -124,7 +125,7 @@ def _quarter(half: Sequence[Side]) -> list[Side]:
 
 
 def _swapped(piece: Piece) -> Piece:
-    return Piece(lambda t: piece.at(t)[:, ::-1])
+    return replace(piece, at=lambda t: piece.at(t)[:, ::-1])
 
 
 def _family(
@@ -181,7 +182,12 @@ def _size(sides: Sequence[Side]) -> Size:
     extent = everything.max(axis=0) - everything.min(axis=0)
     base = float(min(extent.max() / TUNING.outline_parts, extent.min() / TUNING.narrow_parts))
     places = [everything]
-    sizes = [np.minimum(base, TUNING.bend * bending(at)) for at in edge]
+    sizes = [
+        np.full(len(t), base)
+        if side.piece.straight
+        else np.minimum(base, TUNING.bend * bending(at))
+        for side, at in zip(sides, edge, strict=True)
+    ]
     for place, share in sharp_corners(sides):
         places.append(place[None])
         sizes.append(np.array([share * base]))

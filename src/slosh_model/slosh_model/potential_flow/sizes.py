@@ -34,7 +34,10 @@ def sharp_corners(sides: Sequence[Side]) -> list[tuple[Array, float]]:
         back, ahead = one.piece.one(0.999) - place, other.piece.one(0.001) - place
         turn = math.atan2(float(ahead[0] * back[1] - ahead[1] * back[0]), float(ahead @ back))
         beyond = turn % math.tau - TUNING.sharp_corner
-        # Where one side goes on as the other ends there is no corner.
-        if beyond > 0.0 and abs(turn % math.tau - math.pi) > TUNING.joint:
-            found.append((place, TUNING.at_corner / 10.0 ** (beyond / TUNING.corner_decade)))
+        # Where one side goes on nearly as the other ends there is hardly a corner.
+        bent = min(abs(turn % math.tau - math.pi) / TUNING.clear_corner, 1.0)
+        if beyond > 0.0:
+            share = (TUNING.at_corner / 10.0 ** (beyond / TUNING.corner_decade)) ** bent
+            if share < 1.0 - TUNING.at_corner:
+                found.append((place, share))
     return found

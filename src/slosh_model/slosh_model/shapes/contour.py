@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -23,6 +24,8 @@ MOST_POINTS = 500
 """Of a profile or an outline; more is a photograph's noise."""
 SIZES = (2e-3, 3.0)
 """Width and height of a container [m]: outside, the unit is probably not the metre."""
+_MOST_STRAIGHT = 80
+"""Points that straight lines connect; more are a curve's."""
 _CORNER, _SMOOTH_CORNER = math.radians(20.0), math.radians(60.0)
 """A turn by more is a corner, of a line of points and of a smooth curve."""
 _HALVINGS = 50
@@ -35,13 +38,15 @@ class Piece:
 
     Attributes:
         at: (N,) shares of the way along it, 0 … 1, to (N, 2) places [m].
+        straight: whether it is a line.
     """
 
     at: Callable[[Array], Array]
+    straight: bool = False
 
     def part(self, start: float, end: float) -> Piece:
         """The piece between two shares of its way; backwards where the end lies before."""
-        return Piece(lambda t: self.at(start + (end - start) * np.asarray(t)))
+        return replace(self, at=lambda t: self.at(start + (end - start) * np.asarray(t)))
 
     def one(self, t: float) -> Array:
         """(2,) the place at one share."""
@@ -71,7 +76,7 @@ class Piece:
 def line(start: Point, end: Point) -> Piece:
     """A straight piece."""
     a, b = np.array(start), np.array(end)
-    return Piece(lambda t: a + np.asarray(t)[:, None] * (b - a))
+    return Piece(lambda t: a + np.asarray(t)[:, None] * (b - a), straight=True)
 
 
 def arc(centre: Point, radii: Point, start: float, end: float) -> Piece:
@@ -90,26 +95,26 @@ def through(points: Sequence[Point], *, smooth: bool) -> tuple[Piece, ...]:
 
     Args:
         points: two or more, no two in succession the same.
-        smooth: whether a curve connects them (a cubic spline), not straight lines.
+        smooth: whether a curve connects them (a cubic spline), not straight lines. So many that
+            they are a curve's own points are taken as such between the corners.
     """
+    if not smooth and len(points) <= _MOST_STRAIGHT:
+        return tuple(line(a, b) for a, b in pairwise(points))
     places = np.array(points, dtype=np.float64)
     steps = np.diff(places, axis=0)
     turns = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
     limit = _SMOOTH_CORNER if smooth else _CORNER
     corners = [0, *(np.flatnonzero(np.abs(turns) > limit) + 1).tolist(), len(places) - 1]
-    return tuple(
-        _through(places[first : last + 1], smooth=smooth)
-        for first, last in zip(corners[:-1], corners[1:], strict=True)
-    )
+    return tuple(_curve(places[first : last + 1]) for first, last in pairwise(corners))
 
 
-def _through(places: Array, *, smooth: bool) -> Piece:
+def _curve(places: Array) -> Piece:
+    if len(places) == 2:
+        return line(tuple(places[0].tolist()), tuple(places[1].tolist()))
     lengths = np.hypot(*np.diff(places, axis=0).T)
     s = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
-    if smooth and len(places) > 2:
-        spline = scipy.interpolate.CubicSpline(s, places)
-        return Piece(lambda t: np.asarray(spline(np.asarray(t))))
-    return Piece(lambda t: np.column_stack([np.interp(t, s, column) for column in places.T]))
+    spline = scipy.interpolate.CubicSpline(s, places)
+    return Piece(lambda t: np.asarray(spline(np.asarray(t))))
 
 
 def checked_points(points: object, key: str, least: int) -> Points:

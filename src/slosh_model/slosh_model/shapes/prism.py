@@ -159,7 +159,7 @@ class Prism(PrismaticContainer):
         """Counter-clockwise, its centre in the origin."""
         pieces = self._as_given
         area, centre = area_and_centre(pieces)
-        moved = [Piece(lambda t, p=piece: p.at(t) - centre) for piece in pieces]  # type: ignore[misc]
+        moved = [_moved(piece, centre) for piece in pieces]
         if area > 0.0:
             return tuple(moved)
         return tuple(piece.part(1.0, 0.0) for piece in reversed(moved))
@@ -219,6 +219,10 @@ class Tray(PrismaticContainer):
             self, width=factor * self.width, depth=factor * self.depth,
             corner_radius=factor * self.corner_radius,
         )  # fmt: skip
+
+
+def _moved(piece: Piece, centre: Array) -> Piece:
+    return replace(piece, at=lambda t: piece.at(t) - centre)
 
 
 def area_and_centre(pieces: tuple[Piece, ...]) -> tuple[float, Array]:

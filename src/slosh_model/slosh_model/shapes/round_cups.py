@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Any, ClassVar, Self, cast
 
 from slosh_model.checks import within
@@ -250,7 +251,7 @@ class Bottle(RoundCup):
 
 
 def _along(*points: Point) -> tuple[Piece, ...]:
-    return tuple(line(a, b) for a, b in zip(points[:-1], points[1:], strict=True))
+    return tuple(line(a, b) for a, b in pairwise(points))
 
 
 def _foot(radius: float, foot: float) -> tuple[Piece, Piece]:
