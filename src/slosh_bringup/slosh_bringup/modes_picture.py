@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import matplotlib as mpl
@@ -74,7 +75,7 @@ def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
 
 def fill_below(axes: Axes, wall: Array) -> None:
     """Colours what lies below the still surface within a wall (N, 2), its right half [mm]."""
-    fine = np.vstack([np.linspace(a, b, 50) for a, b in zip(wall[:-1], wall[1:], strict=True)])
+    fine = np.vstack([np.linspace(a, b, 50) for a, b in itertools.pairwise(wall)])
     above = np.flatnonzero(fine[:, 1] >= 0.0)
     first = above[above > np.argmin(fine[:, 1])]
     wet = fine[: first[0]] if len(first) else fine

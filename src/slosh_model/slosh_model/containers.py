@@ -456,7 +456,7 @@ class Rectangle(Container):
 
     @property
     def volume(self) -> float:
-        """w d h [m³]."""
+        """W d h [m³]."""
         return self.width * self.depth * self.fill_height
 
     @property

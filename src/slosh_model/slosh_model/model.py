@@ -222,7 +222,8 @@ class Model:
 
     def nonlinear(self) -> Model:
         """The NL twin; its parameters as they stand, or the defaults. The model itself where its
-        container has none."""
+        container has none.
+        """
         nonlinear = self.container.nonlinear_effect
         return self if not nonlinear or self.has(nonlinear) else self.with_effect(nonlinear)
 

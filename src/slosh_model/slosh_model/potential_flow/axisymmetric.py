@@ -31,8 +31,8 @@ from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_model.potential_flow.finite_elements import (
     bases,
-    limit,
     library,
+    limit,
     lowest,
     refined,
     scaled,

@@ -9,6 +9,7 @@ integrals over z in closed form; for straight walls the bulk's damping is 2νk²
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -99,7 +100,7 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
     parts: list[Piece] = []
     for piece in pieces:
         cuts = [0.0, *piece.shares_at(0.0, 1), 1.0]
-        for start, end in zip(cuts[:-1], cuts[1:], strict=True):
+        for start, end in itertools.pairwise(cuts):
             if end - start > 1e-9:
                 parts.append(piece.part(start, end))
     above = [bool(part.one(0.5)[1] > 0.0) for part in parts]
