@@ -14,13 +14,12 @@ import math
 import sys
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import with_tools  # noqa: F401
-from matplotlib.figure import Figure
 from result_tables import fill
 
 from slosh_bringup.modes_picture import draw_mode
+from slosh_bringup.simulate.chart import new_picture
 from slosh_model import Inputs, Model, simulate
 from slosh_model.constants import GRAVITY
 from slosh_model.mode_table import mode_table
@@ -126,17 +125,13 @@ HEAD = (
 
 def draw(path: Path) -> None:
     """All containers with their first mode."""
-    style = {"svg.hashsalt": "slosh", "svg.fonttype": "none", "font.size": 7.0}
-    with mpl.rc_context(style):
-        figure = Figure(figsize=(9.0, 7.2), layout="constrained")
+    with new_picture(path, (9.6, 7.6)) as figure:
         places = figure.subplots(3, 4).flat
         for axes, (name, container) in zip(places, CONTAINERS.items(), strict=True):
-            model = Model(container)
-            first = mode_table(model, 1)[0]
-            draw_mode(axes, model, first)
-            axes.set_title(f"{name}, {first.natural_frequency / math.tau:.2f} Hz", fontsize=8.0)
+            first = mode_table(Model(container), 1)[0]
+            draw_mode(axes, Model(container), first)
+            axes.set_title(f"{name}, {first.natural_frequency / math.tau:.2f} Hz", fontsize=9.0)
             axes.set_xlabel("")
-        figure.savefig(path, format="svg", metadata={"Date": None})
 
 
 def main() -> int:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from slosh_base.files import NewFile
 from slosh_base.types import Array
+from slosh_bringup.simulate.chart import new_picture
 from slosh_model.mode_table import ModeRow
 from slosh_model.model import Model
+from slosh_model.shapes.revolution import cut_above
 
 _MM = 1e3
 _LIQUID, _WALL = "#cfe5f5", "#333333"
@@ -33,17 +32,12 @@ def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> 
         OSError: the file cannot be written.
     """
     rows = tuple(row for row in rows if row.axis == "x")
-    with mpl.rc_context({"svg.hashsalt": "slosh"}):
-        figure = Figure(figsize=(3.0 * len(rows), 4.6), layout="constrained")
+    with new_picture(path, (3.0 * len(rows), 4.6)) as figure:
         axes = figure.subplots(1, len(rows), sharex=True, sharey=True, squeeze=False)[0]
         for one, row in zip(axes, rows, strict=True):
             draw_mode(one, model, row)
         axes[0].set_ylabel("height above the still surface [mm]")
         figure.suptitle(model.container.described)
-        with NewFile(path) as new, new.open() as stream:
-            kind = path.suffix[1:]
-            metadata = {"Date": None} if kind == "svg" else {}
-            figure.savefig(stream, format=kind, metadata=metadata, dpi=110)
 
 
 def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
@@ -75,12 +69,9 @@ def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
 
 def fill_below(axes: Axes, wall: Array) -> None:
     """Colours what lies below the still surface within a wall (N, 2), its right half [mm]."""
-    fine = np.vstack([np.linspace(a, b, 50) for a, b in itertools.pairwise(wall)])
-    above = np.flatnonzero(fine[:, 1] >= 0.0)
-    first = above[above > np.argmin(fine[:, 1])]
-    wet = fine[: first[0]] if len(first) else fine
-    wet = wet[wet[:, 1] <= 0.0]
-    inner = wet[0, 0] if wet[0, 0] > 1e-6 else 0.0
-    right = np.vstack([[inner, 0.0], wet, [wet[-1, 0], 0.0]])
+    wet = cut_above(wall, 0.0)
+    first = int(np.flatnonzero(wet[:, 1] <= 0.0)[0])
+    inner = wet[first, 0] if first else 0.0
+    right = np.vstack([[inner, 0.0], wet[first:]])
     for side in (1.0, -1.0):
         axes.fill(side * right[:, 0], right[:, 1], color=_LIQUID, linewidth=0.0)

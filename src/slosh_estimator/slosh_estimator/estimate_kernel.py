@@ -58,7 +58,7 @@ CHECKS = np.dtype(
         ("acceleration", np.float64),
         ("jerk", np.float64),
         ("freeboard", np.float64),  # height of the rim above the still surface [m]
-        # Where the linear model is the only one, the height beyond which it fails [m]; else infinite.
+        # Where the linear model is the only one: height beyond which it fails [m]; else infinite.
         ("linear_height", np.float64),
         ("runaway", np.float64),  # a mass farther out is no liquid any more [m]
         ("reads", np.float64),  # not 0 where the models have effects on the measurement

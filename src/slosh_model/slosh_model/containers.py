@@ -2,8 +2,8 @@
 
 Those here are upright, of constant cross-section and symmetric about their x and their y axis.
 Their antisymmetric waves n = 1, 2, … along an axis have the wave number ξₙ/R, with R from the axis
-to the wall and roots ξₙ that are those of the cross-section's shape. Those whose modes have no such
-closed form are in `slosh_model.shapes`.
+to the wall and roots ξₙ that are those of the cross-section's shape. Those whose modes have no
+such closed form are in `slosh_model.shapes`.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ class Container(ABC):
         return math.nan
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Places along x from the axis to the wall [m], and a mode's height there over the wall's."""
+        """Places along x from the axis to the wall [m], and a mode's height there."""
         places = np.linspace(0.0, self.reaches[X_AXIS], 41)
         if self.cornered:
             shape = np.sin(self.root(n) * places / places[-1])
@@ -220,7 +220,7 @@ class Container(ABC):
 
     @property
     def silhouette(self) -> Array:
-        """(N, 2) the right half of its wall as seen from the side, z from the still surface [m]."""
+        """(N, 2) its wall's right half from the side, z from the still surface [m]."""
         reach, rim = self.reaches[X_AXIS], self.rim_height or 1.3 * self.fill_height
         floor = -self.fill_height
         return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
@@ -235,7 +235,7 @@ class Container(ABC):
 
     @property
     def linear_height(self) -> float:
-        """Height from which its only model, the linear one, fails [m]; infinite where it has two."""
+        """Height from which its only model, the linear one, fails [m]; else infinite."""
         return math.inf
 
     @property

@@ -1,4 +1,4 @@
-"""The modes of a model's container as a table: what moves, how fast, how high, with which force."""
+"""The modes of a model's container as a table: what moves, how fast, how high, how strongly."""
 
 from __future__ import annotations
 

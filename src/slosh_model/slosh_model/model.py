@@ -221,8 +221,9 @@ class Model:
         return self.without_effect(self.container.nonlinear_effect)
 
     def nonlinear(self) -> Model:
-        """The NL twin; its parameters as they stand, or the defaults. The model itself where its
-        container has none.
+        """The NL twin; its parameters as they stand, or the defaults.
+
+        The model itself where its container has none.
         """
         nonlinear = self.container.nonlinear_effect
         return self if not nonlinear or self.has(nonlinear) else self.with_effect(nonlinear)

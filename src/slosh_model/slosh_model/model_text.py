@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, cast
@@ -177,7 +177,10 @@ def _container(section: Mapping[str, Any], folder: Path) -> Container:
     for item in keys:
         if item.default is MISSING and item.name not in section:
             raise SloshModelError(f"key 'container.{item.name}' is missing", ("container",))
-    read = {"points": lambda value, path: points_of(value, path, folder), "flag": _flag}
+    read: dict[Any, Callable[[Any, KeyPath], Any]] = {
+        "points": lambda value, path: points_of(value, path, folder),
+        "flag": _flag,
+    }
     made: Any = kind
     values = {
         item.name: read.get(item.metadata.get("kind"), _number)(

@@ -11,13 +11,13 @@ from typing import Any
 
 from slosh_base.files import check_apart
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
 
-PICTURES = (".png", ".svg")
 EPILOG = """For a container by its contour (shape: revolution, prism, frustum, ...) the modes are
 computed once, which needs scikit-fem, and kept. With -o they are written into a model file, which
 then is read without it.
@@ -56,8 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_apart([arguments.output, arguments.plot], [arguments.model])
     if not 1 <= arguments.count <= MAXIMUM_MODE:
         raise SloshBringupError(f"--count {arguments.count}: must be 1 … {MAXIMUM_MODE}")
-    if arguments.plot is not None and arguments.plot.suffix not in PICTURES:
-        raise SloshBringupError(f"{arguments.plot}: a picture is {' or '.join(PICTURES)}")
+    check_picture(arguments.plot)
     model = read_model(arguments.model)
     rows = mode_table(model, arguments.count)
     if arguments.plot is not None:
@@ -95,14 +94,14 @@ def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
         "axis mode  frequency  damping     mass  share  height  static  pendulum  position"
         "   force  crest",
     ]
-    for row in rows:
-        lines.append(
-            f"{row.axis:>4} {row.number:>4} {row.natural_frequency / math.tau:>7.4f} Hz"
-            f"  {row.damping_ratio:.5f} {row.mass:>8.4f}  {100.0 * row.mass_ratio:>4.1f} %"
-            f" {row.height_per_displacement:>7.4f}  {100.0 * row.static_share:>4.1f} %"
-            f"  {1e3 * row.pendulum_length:>5.1f} mm {1e3 * row.mass_height:>6.1f} mm"
-            f" {row.force_per_displacement:>7.2f} {row.crest_ratio:>6.3f}"
-        )
+    lines += [
+        f"{row.axis:>4} {row.number:>4} {row.natural_frequency / math.tau:>7.4f} Hz"
+        f"  {row.damping_ratio:.5f} {row.mass:>8.4f}  {100.0 * row.mass_ratio:>4.1f} %"
+        f" {row.height_per_displacement:>7.4f}  {100.0 * row.static_share:>4.1f} %"
+        f"  {1e3 * row.pendulum_length:>5.1f} mm {1e3 * row.mass_height:>6.1f} mm"
+        f" {row.force_per_displacement:>7.2f} {row.crest_ratio:>6.3f}"
+        for row in rows
+    ]
     return "\n".join([*lines, *_remarks(model, rows)])
 
 

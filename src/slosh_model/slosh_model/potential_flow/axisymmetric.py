@@ -1,13 +1,14 @@
-"""Waves once around a body of revolution: the linear eigenproblem with the free surface's own value.
+"""Waves once around a body of revolution: the linear eigenproblem of the free surface.
 
-The potential φ(r, z) cos θ of the liquid obeys Laplace's equation, no flow crosses the wall, and at
-the still surface ∂φ/∂z = λφ with λ = ω²/g (Faltinsen & Timokha, *Sloshing*, 2009, ch. 4). With
+The potential φ(r, z) cos θ of the liquid obeys Laplace's equation, no flow crosses the wall, and
+at the still surface ∂φ/∂z = λφ with λ = ω²/g (Faltinsen & Timokha, *Sloshing*, 2009, ch. 4). With
 φ = r u, which makes u regular on the axis, the weak form for all v is
 
     ∫ [(u + r u_r)(v + r v_r) + r² u_z v_z + u v] r dA = λ ∫ r³ u v dr,
 
-on the left over the meridian's half of the liquid, on the right over its surface. From a mode, with
-f = φ at the surface, N = π∫ f² r dr, X = π∫ f r² dr and the liquid's volume V follow (ibid., ch. 5)
+on the left over the meridian's half of the liquid, on the right over its surface. From a mode,
+with f = φ at the surface, N = π∫ f² r dr, X = π∫ f r² dr and the liquid's volume V, follow (ibid.,
+ch. 5)
 
     mass share λX²/(NV),  height per displacement λX f/N,  static share X f(R)/(N R),
 

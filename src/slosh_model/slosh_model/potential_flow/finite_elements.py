@@ -25,8 +25,8 @@ from slosh_model.shapes.contour import Piece
 
 HOW_TO_GET = (
     "the modes of this container are not computed yet, and that needs scikit-fem, which is not "
-    "installed (pip install -r requirements/modes.txt); or let `slosh modes MODEL -o OUT.yaml` write "
-    "its modes into a model file where it is"
+    "installed (pip install -r requirements/modes.txt); or let `slosh modes MODEL -o OUT.yaml` "
+    "write its modes into a model file where it is"
 )
 INTEGRATED = 6
 """Degree to which integrals are exact: r³ times two gradients of second-order elements."""
@@ -78,15 +78,14 @@ def bases(mesh: Any, *parts: str) -> list[Any]:
     mapping = mesh.mapping()
     # Its own tolerance is below the rounding of triangles that are small beside their distance.
     mapping.invF = partial(mapping.invF, newton_tol=_PLACED)
-    found = [fem.CellBasis(mesh, fem.ElementTriP2(), mapping=mapping, intorder=INTEGRATED)]
-    for part in parts:
-        found.append(
-            fem.FacetBasis(
-                mesh, fem.ElementTriP2(), mapping=mapping, intorder=INTEGRATED,
-                facets=mesh.boundaries[part],
-            )
-        )  # fmt: skip
-    return found
+    shared = {"mapping": mapping, "intorder": INTEGRATED}
+    return [
+        fem.CellBasis(mesh, fem.ElementTriP2(), **shared),
+        *(
+            fem.FacetBasis(mesh, fem.ElementTriP2(), facets=mesh.boundaries[part], **shared)
+            for part in parts
+        ),
+    ]
 
 
 def scaled(piece: Piece, origin: Array, scale: float) -> Piece:
@@ -160,4 +159,5 @@ def limit(numbers: Sequence[Array]) -> Array:
 
 
 def _extrapolated(coarse: Array, fine: Array) -> Array:
-    return fine + (fine - coarse) / (2.0**ORDER - 1.0)
+    limit: Array = fine + (fine - coarse) / (2.0**ORDER - 1.0)
+    return limit

@@ -172,7 +172,8 @@ def _inside(points: Array, edge: Array) -> Integers:
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     flat = np.abs(area) < 1e-9 * ((u * u).sum(axis=1) + (v * v).sum(axis=1))
     found[area < 0.0] = found[area < 0.0][:, ::-1]
-    return found[~flat & _within(at.mean(axis=1), edge)]
+    kept: Integers = found[~flat & _within(at.mean(axis=1), edge)]
+    return kept
 
 
 def _within(places: Array, edge: Array) -> BoolArray:

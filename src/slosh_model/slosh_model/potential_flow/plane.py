@@ -3,8 +3,9 @@
 φ = F(x, y) cosh k(z + h) / cosh kh with ΔF + k²F = 0 in the outline and ∂F/∂n = 0 on it, thus
 ω² = gk tanh kh (Lamb 1932, § 257). An outline with an axis of symmetry has modes that an
 acceleration along this axis drives, even across it, and modes that one across it drives, odd:
-half of it is computed for each, of one with two axes a quarter. Masses, heights and damping are those of `axisymmetric`, with the
-integrals over z in closed form; for straight walls the bulk's damping is 2νk²/ω.
+half of it is computed for each, of one with two axes a quarter. Masses, heights and damping are
+those of `axisymmetric`, with the integrals over z in closed form; for straight walls the bulk's
+damping is 2νk²/ω.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from slosh_model.shapes.mode_numbers import ModeNumbers
 ALONG_AXIS, ACROSS_AXIS = "axis", "axis across"
 """Sides on the axis of symmetry, which is x, and on the one across it where there is one."""
 SQUARE, NORM, OFFSET, HEIGHT, ALONG, AROUND = range(6)
-"""Numbers of a mode: k², ∫F², ∫xF over what is computed, F where heights are given, ∮F_s² and ∮F²."""
+"""Of a mode: k², ∫F² and ∫xF over what is computed, F where heights are given, ∮F_s², ∮F²."""
 _DRIVEN = 1e-6
 """Share of a mode in a straight surface below which no acceleration drives it."""
 _SAME = 2e-3

@@ -50,7 +50,8 @@ class Piece:
 
     def one(self, t: float) -> Array:
         """(2,) the place at one share."""
-        return self.at(np.array([t]))[0]
+        place: Array = self.at(np.array([t]))[0]
+        return place
 
     def fine(self) -> Array:
         """(N, 2) places close to each other along it."""

@@ -148,8 +148,11 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def silhouette(self) -> Array:
-        """(N, 2) its contour, z from the still surface [m]."""
-        return np.vstack([piece.fine() for piece in self.contour]) - [0.0, self.level]
+        """(N, 2) its contour up to the rim, z from the still surface [m]."""
+        ends = (np.linspace(0.0, 1.0, 2 if piece.straight else 65) for piece in self.contour)
+        places = np.vstack([piece.at(t) for piece, t in zip(self.contour, ends, strict=True)])
+        rim = self.floor + (self.rim_height or self.top)
+        return cut_above(places, rim) - [0.0, self.level]
 
     def wall_facts(self, height: float) -> dict[str, float]:
         """The same height along the wall, the contact line's radius there, a crest inside."""
@@ -214,3 +217,14 @@ class Revolution(RevolvedContainer):
     def widened(self, factor: float) -> Self:
         """The same with all radii larger."""
         return replace(self, profile=tuple((factor * r, z) for r, z in self.profile))
+
+
+def cut_above(places: Array, height: float) -> Array:
+    """Places that follow each other, from the first up to where they rise above a height."""
+    above = np.flatnonzero(places[:, 1] > height)
+    above = above[above > np.argmin(places[:, 1])]
+    if not len(above):
+        return places
+    low, high = places[above[0] - 1], places[above[0]]
+    share = (height - low[1]) / (high[1] - low[1])
+    return np.vstack([places[: above[0]], low + share * (high - low)])

@@ -23,6 +23,8 @@ _GIVEN = ("rim_height", "table")
 STEEP = 0.3
 """Height of a wave, times ω²/g, from which it is no linear one: its crest is 15 % higher than
 its trough is deep (second order of a standing wave: Faltinsen & Timokha 2009, ch. 8)."""
+SHALLOW = 0.2
+"""And of the liquid's depth: beyond, crests run faster than troughs."""
 WIDENING = 0.1
 """Relative change of the surface's radius by a wave on a sloped wall, from which it is none."""
 
@@ -101,22 +103,25 @@ class SolvedContainer(Container):
             raise SloshModelError(
                 f"modes = {n}: of a {self.shape} 1 … {MOST} are computed", ("modes",)
             )
-        found = self._along(self.table.rows, axis) if self._has_own else ()
+        found = self._along(self._own, axis)
         if n > len(found):
             found = self._along(solved_modes(self, LEAST if n <= LEAST else MOST), axis)
         return found[n - 1]
 
     def with_table(self, count: int) -> Self:
         """The same, with at least so many of its modes known."""
-        if self._has_own and len(self._along(self.table.rows, X_AXIS)) >= count:
+        if len(self._along(self._own, X_AXIS)) >= count:
             return self
         rows = solved_modes(self, LEAST if count <= LEAST else MOST)
         table = ModeTable(self.digest, tuple(replace(row, surface=()) for row in rows))
         return cast(Self, replace(cast(Any, self), table=table))
 
     @property
-    def _has_own(self) -> bool:
-        return self.table is not None and self.table.digest == self.digest
+    def _own(self) -> tuple[ModeNumbers, ...]:
+        """The modes that it brings along; empty where they were those of other dimensions."""
+        if self.table is None or self.table.digest != self.digest:
+            return ()
+        return self.table.rows
 
     def _along(self, rows: tuple[ModeNumbers, ...], axis: int) -> tuple[ModeNumbers, ...]:
         along = tuple(row for row in rows if row.axis == axis)
@@ -167,10 +172,14 @@ class SolvedContainer(Container):
 
     @property
     def linear_height(self) -> float:
-        """Height from which a wave in it is no linear one [m]: too steep, or the wall too slanted."""
+        """Height from which a wave in it is no linear one [m]: steep, or on a slanted wall."""
         steep = STEEP * GRAVITY / self.natural_frequency(1) ** 2
         slope = abs(self.widening)
-        return min(steep, WIDENING * self.reaches[0] / slope if slope > 0.0 else math.inf)
+        return min(
+            steep,
+            SHALLOW * self.fill_height,
+            WIDENING * self.reaches[0] / slope if slope > 0.0 else math.inf,
+        )
 
 
 @lru_cache(maxsize=256)
