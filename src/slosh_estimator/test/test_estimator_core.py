@@ -315,7 +315,8 @@ container:
   {shape: frustum, bottom_radius: 0.028, top_radius: 0.04, height: 0.09, fill_height: 0.06}
 modes:
 - {axis: x, natural_frequency: 21.6, reach: 0.036, mass_ratio: 0.32,
-  height_per_displacement: 1.49, mass_height: -0.03, crest_ratio: 1.0, crest_place: 0.036, layer_damping: 7.0, bulk_damping: 200.0}
+  height_per_displacement: 1.49, mass_height: -0.03, crest_ratio: 1.0, crest_place: 0.036,
+  layer_damping: 7.0, bulk_damping: 200.0}
 effects: [{name: vertical_acceleration}]
 """
 

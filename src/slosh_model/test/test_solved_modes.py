@@ -385,6 +385,11 @@ def test_a_profile_in_a_file(tmp_path):
         Model.load(tmp_path / "model.yaml")
 
 
+def test_a_profile_from_the_rim_to_the_floor_is_the_same():
+    points = ((0.0, 0.0), (0.028, 0.0), (0.04, 0.09))
+    assert revolved(points[::-1], fill_height=0.06) == revolved(points, fill_height=0.06)
+
+
 @pytest.mark.parametrize(
     ("container", "refusal"),
     [

@@ -199,6 +199,8 @@ class Revolution(RevolvedContainer):
     def _check_profile(self) -> None:
         key = "container.profile"
         points = checked_points(self.profile, key, 2)
+        if points[-1][0] == 0.0 < points[0][0] and points[0][1] > points[-1][1]:
+            points = points[::-1]  # from the rim to the floor's centre
         object.__setattr__(self, "profile", points)
         for index, (r, _) in enumerate(points):
             if r < 0.0:
@@ -207,6 +209,11 @@ class Revolution(RevolvedContainer):
                     "container, from the axis to the rim",
                     ("container", "profile", index),
                 )
+        if min(float(piece.fine()[:, 0].min()) for piece in self.contour) < -1e-9:
+            raise SloshModelError(
+                f"{key}: the smooth curve crosses the axis; give more points near it",
+                ("container", "profile"),
+            )
         check_simple(self.contour, key, closed=False)
 
     @property
