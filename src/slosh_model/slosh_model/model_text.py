@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, cast
@@ -177,15 +177,9 @@ def _container(section: Mapping[str, Any], folder: Path) -> Container:
     for item in keys:
         if item.default is MISSING and item.name not in section:
             raise SloshModelError(f"key 'container.{item.name}' is missing", ("container",))
-    read: dict[Any, Callable[[Any, KeyPath], Any]] = {
-        "points": lambda value, path: points_of(value, path, folder),
-        "flag": _flag,
-    }
     made: Any = kind
     values = {
-        item.name: read.get(item.metadata.get("kind"), _number)(
-            section[item.name], ("container", item.name)
-        )
+        item.name: _dimension(section[item.name], item, folder)
         for item in keys
         if item.name in section
     }
@@ -194,6 +188,14 @@ def _container(section: Mapping[str, Any], folder: Path) -> Container:
     except SloshModelError as error:
         raise SloshModelError(str(error), error.keys or ("container",)) from None
     return container
+
+
+def _dimension(value: Any, item: Any, folder: Path) -> Any:
+    """A value of a container: a number, points or a flag, as its field says."""
+    path, kind = ("container", item.name), item.metadata.get("kind")
+    if kind == "points":
+        return points_of(value, path, folder)
+    return _flag(value, path) if kind == "flag" else _number(value, path)
 
 
 def _flag(value: Any, path: KeyPath) -> bool:
