@@ -44,9 +44,9 @@ class RevolvedContainer(SolvedContainer):
                 f"{top:g} m",
                 ("container", "fill_height"),
             )
-        if self.rim_height is None:
+        if self.rim_height is None and not self.open_ended:
             object.__setattr__(self, "rim_height", top)
-        elif self.rim_height > top * (1.0 + 1e-9):
+        elif self.rim_height is not None and self.rim_height > top * (1.0 + 1e-9):
             raise SloshModelError(
                 f"container.rim_height = {self.rim_height:g} m lies above the contour's end at "
                 f"{top:g} m",
@@ -57,6 +57,11 @@ class RevolvedContainer(SolvedContainer):
 
     def _check_profile(self) -> None:
         """Raises SloshModelError where dimensions are impossible."""
+
+    @property
+    def open_ended(self) -> bool:
+        """Whether its contour ends somewhere above the liquid, not at the rim."""
+        return False
 
     @property
     def level(self) -> float:

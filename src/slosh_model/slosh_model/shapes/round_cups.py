@@ -25,9 +25,9 @@ class RoundCup(RevolvedContainer):
 
     def _check_profile(self) -> None:
         for item in fields(cast(Any, self)):
-            if item.name not in ("fill_height", "rim_height", "table"):
-                name = f"container.{item.name}"
-                within(name, getattr(self, item.name), "m", *DIMENSIONS)
+            value = getattr(self, item.name)
+            if item.name not in ("fill_height", "rim_height", "table") and value is not None:
+                within(f"container.{item.name}", value, "m", *DIMENSIONS)
         self._check_lengths()
 
     def _check_lengths(self) -> None:
@@ -154,7 +154,7 @@ class Beaker(RoundCup):
     Attributes:
         radius: inner radius [m].
         foot_radius: of the rounding between floor and wall [m].
-        height: of the rim above the floor [m].
+        height: of the rim above the floor [m]; None: unknown.
     """
 
     shape: ClassVar[str] = "beaker"
@@ -162,18 +162,24 @@ class Beaker(RoundCup):
 
     radius: float
     foot_radius: float
-    height: float
+    height: float | None = None
 
     def _check_lengths(self) -> None:
         self._below("foot_radius", "radius")
-        self._below("foot_radius", "height")
+        if self.height is not None:
+            self._below("foot_radius", "height")
+
+    @property
+    def open_ended(self) -> bool:
+        """Where its rim is unknown."""
+        return self.height is None
 
     @property
     def contour(self) -> tuple[Piece, ...]:
         """Floor, foot and wall."""
-        return (*_foot(self.radius, self.foot_radius), line(
-            (self.radius, self.foot_radius), (self.radius, self.height)
-        ))  # fmt: skip
+        end = self.height or max(self.fill_height, self.rim_height or 0.0) + 2.0 * self.radius
+        wall = line((self.radius, self.foot_radius), (self.radius, end))
+        return (*_foot(self.radius, self.foot_radius), wall)
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
