@@ -30,8 +30,8 @@ class PotentialFlowTuning:
     fading: float = number(1.8, "1/R", "fading of a wave with depth, for corners far below")
     core: float = number(0.5, "1", "size at a core, per distance from the axis")
     # plane.py
-    outline_parts: float = number(13.0, "1", "first triangles across an outline")
-    narrow_parts: float = number(5.0, "1", "and across its narrower extent")
+    outline_parts: float = number(15.0, "1", "first triangles across an outline")
+    narrow_parts: float = number(10.0, "1", "and across its narrower extent")
     asymmetry: float = number(1e-4, "1", "distance of a symmetric outline from its mirror image")
 
 
