@@ -45,6 +45,8 @@ def test_a_cylinder_has_its_closed_forms(model, capsys):
     for n, row in enumerate(facts["modes"], start=1):
         assert set(row) >= KEYS
         assert row["natural_frequency"] == pytest.approx(cup.natural_frequency(n), rel=1e-12)
+        assert row["surface"][0] == [0.0, 0.0]
+        assert row["surface"][-1] == pytest.approx([0.05, row["height_per_displacement"]])
         assert row["mass"] == pytest.approx(cup.mass_ratio(n) * cup.volume * 998.2, rel=1e-12)
         force = row["mass"] * row["natural_frequency"] ** 2
         assert row["force_per_displacement"] == pytest.approx(force, rel=1e-12)

@@ -2,15 +2,16 @@
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slosh_model import Inputs, Model, SloshModelError, simulate
+from slosh_model import Inputs, Model, SloshModelError, simulate, wall_heights
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder, Rectangle
+from slosh_model.containers import _SHAPES, Cylinder, Rectangle
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.potential_flow import axisymmetric, cache, finite_elements
@@ -27,8 +28,10 @@ from slosh_model.shapes import (
     Sphere,
     Tray,
 )
-from slosh_model.shapes.contour import Piece, line
+from slosh_model.shapes.contour import Piece, arc, line
+from slosh_model.shapes.round_cups import RoundCup
 from slosh_model.shapes.solved import SolvedContainer, solved_modes
+from slosh_model.surface import rectangle_surface, surface_height
 
 pytestmark = pytest.mark.skipif(
     not finite_elements.available(), reason="scikit-fem is not installed"
@@ -233,6 +236,39 @@ def test_the_modes_share_static_tilt_and_mass(container):
     assert sum(masses) < 1.0
 
 
+@pytest.mark.first(3)
+@pytest.mark.parametrize("container", SHAPES, ids=lambda one: f"{one.shape} {one.size:.3g}")
+def test_masses_and_frequencies_add_up_to_the_surface(container):
+    """Σ m g/ω² = ρ∫x²dS: what a tilt lifts is the same, as modes and as a plane."""
+    lifted = sum(
+        container.mass_ratio(n) * container.volume * GRAVITY / container.natural_frequency(n) ** 2
+        for n in (1, 2, 3)
+    )
+    if hasattr(container, "top"):
+        inner = 0.01 if container.shape == "revolution" else 0.0
+        exact = math.pi * (container.size**4 - inner**4) / 4.0
+    else:
+        exact = second_moment(container.contour)
+    assert 0.97 * exact < lifted < exact
+
+
+def second_moment(pieces):
+    """∫x²dA by Green's theorem."""
+    a = np.vstack([piece.at(np.linspace(0.0, 1.0, 501)[:-1]) for piece in pieces])
+    b = np.roll(a, -1, axis=0)
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    squares = a[:, 0] ** 2 + a[:, 0] * b[:, 0] + b[:, 0] ** 2
+    return float((cross * squares).sum() / 12.0)
+
+
+def test_a_container_twice_as_large_is_slower_by_the_root_of_two():
+    large = Frustum(bottom_radius=0.056, top_radius=0.08, height=0.18, fill_height=0.12)
+    for n in (1, 2, 3):
+        ratio = CUP.natural_frequency(n) / large.natural_frequency(n)
+        assert ratio == pytest.approx(math.sqrt(2.0), rel=1e-9)
+        assert large.mass_ratio(n) == pytest.approx(CUP.mass_ratio(n), rel=1e-9)
+
+
 def test_every_direction_of_a_hexagon_is_alike():
     assert not HEXAGON.cornered
     assert HALF_ROUND.cornered
@@ -296,6 +332,48 @@ def test_free_waves_keep_their_energy():
     x, vx = response.modal[200:, 0, 0], response.modal[200:, 0, 2]
     energy = vx**2 + (HEXAGON.natural_frequency(1) * x) ** 2
     assert np.ptp(energy) < 1e-6 * energy.mean()
+
+
+def test_many_motions_at_once_have_the_heights_of_each():
+    t = np.arange(0.0, 1.0, 0.004)
+    motion = Inputs(t, np.column_stack([np.sin(9.0 * t), np.cos(7.0 * t) - 1.0, 0.0 * t]))
+    models = [Model(one).spatial() for one in (Cylinder(R, 0.07), CUP, SHAPES[8])]
+    for model, found in zip(models, wall_heights(models, [motion] * 3), strict=True):
+        response, _ = simulate(model, motion)
+        expected = np.column_stack([response.sh_x, response.sh_y])
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_closed_forms_of_the_surface_are_refused():
+    for of in (lambda m: surface_height(m, np.zeros((1, 4)), 1.0, 0.0),
+               lambda m: rectangle_surface(m, np.zeros((1, 4)), 0.0)):  # fmt: skip
+        with pytest.raises(SloshModelError, match="no closed form of the surface of a tray"):
+            of(Model(SHAPES[8]))
+
+
+def test_a_shape_by_one_class():
+    """As CONTRIBUTING has it: lengths and a contour."""
+
+    @dataclass(frozen=True, kw_only=True, repr=False)
+    class Goblet(RoundCup):
+        shape: ClassVar[str] = "goblet"
+        radius: float
+
+        @property
+        def contour(self):
+            return arc((0.0, self.radius), (self.radius, self.radius), -math.pi / 2, 0.0), line(
+                (self.radius, self.radius), (self.radius, 3.0 * self.radius)
+            )
+
+    try:
+        model = parse_model("container: {shape: goblet, radius: 0.04, fill_height: 0.05}")
+        assert model.container.freeboard == pytest.approx(0.07)
+        assert model.natural_frequency_hz == pytest.approx(
+            Model(Cylinder(0.04, 0.045)).natural_frequency_hz, rel=0.03
+        )
+        assert parse_model(format_model(model)) == model
+    finally:
+        del _SHAPES["goblet"]
 
 
 @pytest.mark.parametrize(

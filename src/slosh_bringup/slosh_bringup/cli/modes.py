@@ -9,15 +9,20 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from slosh_base.files import check_apart
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.bessel import MAXIMUM_MODE
+from slosh_model.containers import PRISMATIC
+from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
 
+SURFACE_PLACES = 21
 EPILOG = """For a container by its contour (shape: revolution, prism, frustum, ...) the modes are
 computed once, which needs scikit-fem, and kept. With -o they are written into a model file, which
 then is read without it.
@@ -79,8 +84,25 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
         "liquid_mass": _known(container.volume * model.liquid.density),
         "freeboard": container.freeboard,
         "linear_height": _known(container.linear_height),
-        "modes": [{name: _known(value) for name, value in asdict(row).items()} for row in rows],
-    }
+        "modes": [
+            {**{name: _known(value) for name, value in asdict(row).items()},
+             "surface": _surface(model, row)}
+            for row in rows
+        ],
+    }  # fmt: skip
+
+
+def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
+    """Places along x [m] and heights there per displacement; None: not known of this mode."""
+    if row.axis != "x" or model.container.section == PRISMATIC:
+        return None
+    try:
+        places, heights = model.container.surface_shape(row.number)
+    except SloshModelError:  # a file has the numbers alone, and nothing here computes the shape
+        return None
+    inside = np.linspace(places[0], places[-1], SURFACE_PLACES)
+    shape = row.height_per_displacement * np.interp(inside, places, heights)
+    return np.column_stack([inside, shape]).tolist()
 
 
 def _known(value: Any) -> Any:

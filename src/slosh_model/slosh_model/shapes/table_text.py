@@ -92,7 +92,7 @@ def with_solved(
             if key in document:
                 raise SloshModelError(f"{key} belongs to a list of modes; here is none", (key,))
         return container, (rows, (MODES,))
-    if not isinstance(container, SolvedContainer):
+    if not container.digest:
         raise SloshModelError(
             f"modes must be a number: those of a {container.shape} have closed forms", (MODES,)
         )
