@@ -102,7 +102,7 @@ def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
         return None
     inside = np.linspace(places[0], places[-1], SURFACE_PLACES)
     shape = row.height_per_displacement * np.interp(inside, places, heights)
-    return np.column_stack([inside, shape]).tolist()
+    return [[float(x), float(h)] for x, h in zip(inside, shape, strict=True)]
 
 
 def _known(value: Any) -> Any:
