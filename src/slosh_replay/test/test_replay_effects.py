@@ -60,7 +60,7 @@ def sigma(result, model: Model) -> float:
 
 def test_every_effect_is_tried() -> None:
     assert set(ADDED) | NONLINEAR | OF_RECTANGLES == set(EFFECTS)
-    assert all(EFFECTS[name].section == "rectangular" for name in OF_RECTANGLES)
+    assert all(EFFECTS[name].sections == ("rectangular",) for name in OF_RECTANGLES)
 
 
 @pytest.mark.first(8)
