@@ -9,21 +9,32 @@ from typing import Any, NamedTuple
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
+from slosh_estimator.transform_poses import TransformPoses
+from slosh_msgs_py.topics import DRIVING
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
-MESSAGE_TYPES: Mapping[str, str] = {
-    ACCEL: "geometry_msgs/msg/AccelStamped",
-    IMU: "sensor_msgs/msg/Imu",
-    POSE: "geometry_msgs/msg/PoseStamped",
-}
+JOINTS, ODOMETRY, TWIST, TRANSFORMS = "joints", "odometry", "twist", "tf"
+MESSAGE_TYPES: Mapping[str, str] = {kind: row.type for kind, row in DRIVING.items()}
 """Kinds of input and the type of their messages; the first that is there is taken."""
+TOPIC_NAMES: Mapping[str, str] = {kind: row.name for kind, row in DRIVING.items()}
+"""Kinds of input and the topic that they come on."""
+POSES = (POSE, JOINTS, TRANSFORMS)
+"""Kinds whose messages become poses."""
+WINDOWED = (*POSES, ODOMETRY, TWIST)
+"""Kinds that are differentiated in a sliding window: their estimates come later than they do."""
+ROBOT = "urdf"
+"""Under this name the text of the robot's description is kept with the settings."""
 POSE_WINDOW = 0.0
 """A window that is chosen."""
 
+_NOUNS = {POSE: "poses", JOINTS: "joint states", TRANSFORMS: "transforms"}
 AnyInput = AccelInput | ImuInput | PoseInput
+PoseSource = JointPoses | TransformPoses
 
 
 class InputSettings(NamedTuple):
@@ -42,6 +53,8 @@ class InputSettings(NamedTuple):
             before there were checks: frames and mountings of accelerations and poses, and the
             doubts, are as they were then.
         any_world: whether poses in any frame are taken: where nobody could set its name.
+        urdf: text of the robot's description, for joints.
+        tool_frame: link of the robot that is the container, or carries it.
     """
 
     kind: str | None = None
@@ -52,6 +65,8 @@ class InputSettings(NamedTuple):
     modes: Modes = ()
     checks: bool | None = True
     any_world: bool = False
+    urdf: str = ""
+    tool_frame: str = ""
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -79,7 +94,21 @@ class InputSettings(NamedTuple):
             parameters["pose_window"],
             (parameters["world_frame"], parameters["container_frame"]),
             checks=parameters.get("check_input"),
+            tool_frame=parameters.get("tool_frame", ""),
         )
+
+    def poses(self, kind: str) -> PoseSource | None:
+        """What turns messages of a kind into poses; None: they are poses, or need none.
+
+        Raises:
+            SloshEstimatorError: the robot's description does not fit.
+        """
+        world, container = self.frames
+        if kind == TRANSFORMS:
+            return TransformPoses(world, container)
+        if kind == JOINTS:
+            return JointPoses(Robot(self.urdf, self.tool_frame or container, world))
+        return None
 
     def reader(self, kind: str) -> AnyInput:
         """What turns messages of a kind into samples."""
@@ -97,4 +126,7 @@ class InputSettings(NamedTuple):
         if kind == ACCEL:
             return AccelInput(self.gate, self.frames, mount, self.checks)
         world = None if old else self.frames[0]
-        return PoseInput(self.gate, self.pose_window, mount, world, self.any_world, self.checks)
+        return PoseInput(
+            self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
+            self.checks, _NOUNS[kind],
+        )  # fmt: skip

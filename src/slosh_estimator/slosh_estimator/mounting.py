@@ -82,6 +82,30 @@ class ToolPose:
         ), (x, y, z, w)
 
 
+def composed(
+    outer: tuple[Vector, Quaternion], inner: tuple[Vector, Quaternion]
+) -> tuple[Vector, Quaternion]:
+    """The pose of what stands at `inner` in a frame that stands at `outer`.
+
+    Args:
+        outer, inner: position [m] and quaternion x, y, z, w, of any length but zero.
+    """
+    (x, y, z, w), (bx, by, bz, bw), (rx, ry, rz) = outer[1], inner[1], inner[0]
+    size = x * x + y * y + z * z + w * w
+    scale = 2.0 / size if size else 0.0
+    tx, ty, tz = y * rz - z * ry, z * rx - x * rz, x * ry - y * rx
+    return (
+        outer[0][0] + rx + scale * (w * tx + y * tz - z * ty),
+        outer[0][1] + ry + scale * (w * ty + z * tx - x * tz),
+        outer[0][2] + rz + scale * (w * tz + x * ty - y * tx),
+    ), (
+        w * bx + x * bw + y * bz - z * by,
+        w * by - x * bz + y * bw + z * bx,
+        w * bz + x * by - y * bx + z * bw,
+        w * bw - x * bx - y * by - z * bz,
+    )
+
+
 def _sensor_from_container(transform: SensorTransform) -> Quaternion:
     """Sensor ← container, the conjugate of Rz(yaw) Ry(pitch) Rx(roll), as x, y, z, w."""
     cr, sr = math.cos(0.5 * transform.roll), math.sin(0.5 * transform.roll)

@@ -25,7 +25,6 @@ from slosh_estimator.pose_filter import (
     PoseFilter,
     even_times,
     second_derivative,
-    terms_of,
     turning,
 )
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
@@ -52,6 +51,7 @@ class PoseInput(CheckedInput):
             none; None: all are taken.
         any_frame: whether poses in other frames are taken, too, and that is told.
         checks: see `InputSettings`.
+        noun: what comes, in the plural, for what is told of its rate.
 
     Attributes:
         gate: judges the poses.
@@ -72,6 +72,7 @@ class PoseInput(CheckedInput):
         frame: str | None = None,
         any_frame: bool = False,
         checks: bool | None = None,
+        noun: str = "poses",
     ) -> None:
         mount = transform or SensorTransform()
         super().__init__(PoseCheck(mount.matrix), checks)
@@ -88,7 +89,7 @@ class PoseInput(CheckedInput):
             raise SloshEstimatorError(f"window = {window!r} s must be 0.0 or a positive duration")
         self.gate = SampleGate(settings)
         remedy = "set pose_window to 0.0" if window else "use the input accel or imu"
-        self.sampling = Sampling("poses", self._gain, remedy)
+        self.sampling = Sampling(noun, self._gain, remedy)
         self.jumps = 0
         self._count, self._seconds = count, 0.0 if count else float(window)
         self._poses = _Poses()
@@ -296,7 +297,7 @@ class PoseInput(CheckedInput):
         attitudes = np.ascontiguousarray(values[first:end, 3:])
         terms, shift = CUBIC, 0.0
         if not self._count:
-            terms = terms_of(len(tau))
+            terms = self._filter.terms(len(tau))
             tau, shift = self._put_in_time(first, end, tau, positions)
         found = []
         for offset_ns in (0,) if self._count else self._offsets():

@@ -29,6 +29,7 @@ class EstimatorTuning:
     fastest_turn: float = number(200.0, "rad/s", "largest angular velocity, 30 turns a second")
     # pose_filter.py
     reach: float = number(1.43, "rad", "half the window in phase of the carried mode, ωH")
+    velocity_reach: float = number(1.27, "rad", "the same where velocities are differentiated")
     fastest_mode: float = number(30.0, "rad/s", "carried mode without a model: a cup of 40 mm")
     phase_step: float = number(0.25, "rad", "largest step between accelerations, ωT")
     # pose_input.py
@@ -37,6 +38,19 @@ class EstimatorTuning:
     lengths: tuple[float, float] = number((1e-3, 1e3), "1", "lengths that a quaternion may have")
     clock_poses: int = number(32, "1", "number of poses that determine the even clock")
     clock_memory: float = number(0.99, "1", "part of the clock's fit that is kept at each pose")
+    # aligned.py
+    moved: float = number(1e-6, "rad, m", "change of a joint or a transform that moves")
+    slower: float = number(1.5, "1", "ratio of intervals at which a slower stream leads")
+    kept_states: int = number(256, "1", "values of a stream that are kept")
+    set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
+    # joint_poses.py, transform_poses.py
+    first_states: int = number(50, "1", "messages after which what is missing is told")
+    still_ns: int = number(30 * SECOND, "ns", "time after which a chain that stands is told")
+    beyond_limits: float = number(1.0, "rad, m", "distance to a joint's limits that is no error")
+    # joint_velocities.py
+    stretch_ns: int = number(SECOND // 5, "ns", "time over which velocities are compared")
+    compared: float = number(0.01, "rad, m", "motion over which velocities are compared")
+    agreeing_velocity: float = number(0.05, "1", "relative error of velocities that agree")
     # sampling.py
     carried: tuple[float, float] = number((0.97, 1.03), "1", "gains of a mode that is carried")
     first_rate: int = number(4, "1", "intervals that determine the rate at first")

@@ -31,6 +31,7 @@ from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.interpolation import columns_at
 from slosh_replay.recording.heights import HeightCollector, Measurements
+from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
 from slosh_replay.recording.motion import FRAME, AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
@@ -107,9 +108,14 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     takers[sources.surface] = (measured.fields, measured.add)
     if sources.comparison is not None:
         takers[sources.comparison] = (_COMPARISON_FIELDS, compared.add)
-    for block in reader.blocks(list(takers)):
+    blocks = InputBlocks(reader, sources, how)
+    for block in reader.blocks([sources.input, *takers]):
+        if block.topic == sources.input:
+            container.add(blocks.columns(block))
+            continue
         names, take = takers[block.topic]
         take(reader.columns(block, names))
+    blocks.check()
     heights, left_out = usable_heights(measured.measurements())
     if not len(heights.stamps):
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
@@ -133,8 +139,8 @@ class _Container:
         self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
 
     def takers(self, topics: Mapping[str, TopicInfo]) -> dict[str, Taker]:
-        """Who takes which of a bag's topics."""
-        found: dict[str, Taker] = {self._topic: (self._moved.fields, self._moved.add)}
+        """Who takes which of a bag's topics beside the input."""
+        found: dict[str, Taker] = {}
         if self._kind != "accel":
             return found
         beside: dict[str, Taker] = {
@@ -146,6 +152,10 @@ class _Container:
             if topic in topics and topics[topic].message_type == MESSAGE_TYPES[name]:
                 found[topic] = taker
         return found
+
+    def add(self, columns: Columns) -> None:
+        """Takes messages of the input that follow each other."""
+        self._moved.add(columns)
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:

@@ -14,7 +14,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import DROPPED, GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.inputs import InputSettings
+from slosh_estimator.inputs import POSE, POSES, ROBOT, InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import Modes, gap_sentence, modes_of
 from slosh_metrics.input_checks.input_faults import MIXED_INPUT
@@ -56,13 +56,22 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     """
     started = first(starts, "estimator")
     if started is not None:
-        settings = settings_of(started, InputSettings.from_parameters)
-        return settings._replace(modes=_modes(started))
+        return settings_of_start(started)._replace(modes=_modes(started))
     # Nobody could tell the world's frame: poses are taken as they come, and that is told.
     if TABLE_COLUMNS in facts:
         unbounded = GateSettings(max_jump=math.inf, confirms=False)
         return InputSettings(gate=unbounded, any_world=True)
     return InputSettings(any_world=True)
+
+
+def settings_of_start(start: NodeStart) -> InputSettings:
+    """How an estimator that started so reads its input.
+
+    Raises:
+        SloshBagError: a parameter is missing or cannot be.
+    """
+    found = settings_of(start, InputSettings.from_parameters)
+    return found._replace(urdf=start.files.get(ROBOT, ""))
 
 
 def _modes(start: NodeStart) -> Modes:
@@ -71,14 +80,19 @@ def _modes(start: NodeStart) -> Modes:
 
 def fields(kind: str) -> tuple[str, ...]:
     """The fields of a kind's message that `InputReader.samples` needs."""
-    return (*STAMP, _FRAME, *_FIELDS[kind])
+    return (*STAMP, _FRAME, *_FIELDS[_columns_of(kind)])
+
+
+def _columns_of(kind: str) -> str:
+    """The kind whose columns are read: joint states and transforms are poses by then."""
+    return POSE if kind in POSES else kind
 
 
 class InputReader:
     """Turns columns of messages into samples, by the node's own adapters.
 
     Args:
-        kind: 'accel', 'imu' or 'pose'.
+        kind: of the input, see `slosh_estimator.inputs`.
         settings: of the node.
         chosen: whether only messages come that the node used.
 
@@ -201,7 +215,7 @@ class InputReader:
             rows: indices of those to take, in order.
         """
         adapter = self._adapter
-        values = np.column_stack([columns[name][rows] for name in _FIELDS[self.kind]])
+        values = np.column_stack([columns[name][rows] for name in _FIELDS[_columns_of(self.kind)]])
         if isinstance(adapter, AccelInput):
             samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
             self._slow = adapter.sampling.sentence() or self._slow

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_estimator.inputs import MESSAGE_TYPES
+from slosh_estimator.inputs import MESSAGE_TYPES, TOPIC_NAMES
 from slosh_msgs_py import topics
 from slosh_replay.recording import settings, states
 from slosh_replay.recording.settings import NodeStart
@@ -25,7 +25,7 @@ class Sources(NamedTuple):
     """Topics of a bag that a replay reads, and what they say about it.
 
     Attributes:
-        kind: of the input: 'accel', 'imu' or 'pose'.
+        kind: of the input, see `slosh_estimator.inputs`.
         topics: finds all topics of the cell.
         input, surface: topics.
         estimate, comparison: topics of what was recorded live; None: there is none.
@@ -83,7 +83,8 @@ def find_sources(
         kind = started.parameters.get("input")
     wanted = list(MESSAGE_TYPES) if kind is None else [kind]
     for name in wanted:
-        topic = found.topic(name, MESSAGE_TYPES.get(name, ""))
+        last = TOPIC_NAMES.get(name, name).strip("/")
+        topic = found.topic(last, MESSAGE_TYPES.get(name, ""))
         if topic is not None:
             found.settle(topic)
             return Sources(

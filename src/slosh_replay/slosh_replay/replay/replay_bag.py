@@ -19,7 +19,7 @@ from slosh_bag.recorder import SEVERAL
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator import SOURCES
-from slosh_estimator.inputs import InputSettings
+from slosh_estimator.inputs import WINDOWED, InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
@@ -40,6 +40,7 @@ from slosh_replay.recording.facts import (
 from slosh_replay.recording.heights import WAVE_FIELDS, measurements
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
+from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.recording.states import RecordedState, states_of
 from slosh_replay.replay.conclusion import Origin, conclude
@@ -97,6 +98,10 @@ def replay_bag(
     sources, several = _estimators(reader, sources)
     sources = _unmixed(sources)
     sources = sources._replace(starts=_heard_starts(reader, sources))
+    recorded_kind = started_kind(sources)
+    if recorded_kind not in (None, sources.kind):
+        # What was estimated of another input is not expected again.
+        sources = sources._replace(estimate=None, comparison=None, state=None)
     mixed = mixed_topics(sources.facts)
     if not 1 <= estimator <= max(several, 1):
         raise SloshBagError(f"{path}: estimator {estimator} of {several}: there is no such one")
@@ -115,7 +120,7 @@ def replay_bag(
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
-    if sources.estimate and sources.kind != "pose":
+    if sources.estimate and sources.kind not in WINDOWED:
         matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
     input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
     setting = Setting(
@@ -133,24 +138,32 @@ def replay_bag(
         outputs=outputs or Outputs(),
     )
     unrelated = clocks_unrelated(sources.facts)
+    blocks = InputBlocks(reader, sources, how)
     one = OneEstimator(estimator) if sources.estimate in mixed else None
     with Series(4) as series:
         stream = ReplayStream(
             str(path), nodes, setting, series, verifiers=verifiers, unrelated=unrelated
         )
-        for chunk in feed(reader, sources, heard):
+        for chunk in feed(reader, sources, heard, blocks):
             for batch in chunk:
                 _hand_over(batch, sources, heard, stream, one)
             stream.advance()
+        blocks.check()
         stream.advance(final=True)
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
-    said = [*_unfelt(path, sources, used), *input_reader.ignored_tilt(used)]
+    said = [*_unfelt(path, sources, used), *input_reader.ignored_tilt(used), blocks.trouble()]
     if several > 1:
         said.append(
             f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
         )
     told = [f"{path}: {line}" for line in said if line]
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+
+
+def started_kind(sources: Sources) -> str | None:
+    """The input of the recorded estimator; None: the recording does not tell."""
+    started = settings.first(sources.starts, "estimator")
+    return started.parameters.get("input") if started is not None else None
 
 
 def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
@@ -264,7 +277,7 @@ class TopicBatch(NamedTuple):
 
 
 def feed(
-    reader: BagReader, sources: Sources, heard: Mapping[str, Topic]
+    reader: BagReader, sources: Sources, heard: Mapping[str, Topic], inputs_of: InputBlocks
 ) -> Iterator[list[TopicBatch]]:
     """The messages that a replay reads, chunk by chunk in the order of the recording.
 
@@ -272,19 +285,23 @@ def feed(
         reader: of the bag.
         sources: what to read.
         heard: further topics that nodes read or give, by their full names.
+        inputs_of: reads the input.
     """
     wanted = {full: (*STAMP, *topic.fields) for full, topic in heard.items()}
-    wanted[sources.input] = inputs.fields(sources.kind)
     if sources.surface is not None:
         wanted[sources.surface] = WAVE_FIELDS
     read = ColumnReader(reader.typestore_of)
-    topics = [*wanted, *([sources.state] if sources.state else [])]
+    topics = [sources.input, *wanted, *([sources.state] if sources.state else [])]
     for blocks in by_chunk(reader.blocks(topics)):
         yield [
             TopicBatch(block.topic, {}, int(block.log_ns[-1]), states_of(reader, block))
             if block.topic == sources.state
             else TopicBatch(
-                block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
+                block.topic,
+                inputs_of.columns(block)
+                if block.topic == sources.input
+                else read.columns(block, wanted[block.topic]),
+                int(block.log_ns[-1]),
             )
             for block in blocks
         ]

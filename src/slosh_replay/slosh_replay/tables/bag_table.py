@@ -8,7 +8,7 @@ height stays at its own moment. Where the stamps coincide nothing is interpolate
 |---|---|---|---|
 | accel | as published | the imu's orientation | the imu's angular velocity |
 | imu | Rz(ψ) f - g ẑ, with gravity's share along a tilted floor | the yaw ψ alone | the imu's |
-| pose | second derivative of the position | the pose's orientation | from the orientations |
+| pose, joints, tf | second derivative of the position | the pose's orientation | from the orientations |
 
 For accel the imu counts only where it is in the container's frame, beside an accel in the
 world's, and has a sample at every stamp of accel: as in the bag of a table.
@@ -34,6 +34,7 @@ from slosh_base.types import Array
 from slosh_estimator.inputs import IMU, InputSettings
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
+from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.inputs import recorded_inputs
 from slosh_replay.recording.motion import AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
@@ -58,7 +59,7 @@ class TableSettings:
     """How a table is made of a bag.
 
     Attributes:
-        kind: accel, imu or pose; None: what the recorded estimator read, or the first of them
+        kind: of the input; None: what the recorded estimator read, or the first of them
             that the bag holds.
         measured: topic of the measured heights; 'none': without; None: free_surface, if any.
         absolute: t is the stamp; otherwise it counts from the first row, or in the bag of a
@@ -120,17 +121,22 @@ def read_bag_table(
         )
     collector = MotionCollector(sources.kind, how)
     beside, heights = AttitudeCollector(how.frames[1]), TableHeights(columns)
-    takers: dict[str, _Taker] = {sources.input: (collector.fields, collector.add)}
+    blocks = InputBlocks(reader, sources, how)
+    takers: dict[str, _Taker] = {}
     if sources.kind == "accel":
         takers |= _beside(topics, sources.input, IMU, IMU_TYPE, (beside.fields, beside.add))
     if surface:
         takers[surface] = (heights.surfaces.fields, heights.surfaces.add)
     if surface and chosen.measured is None:
         takers |= _beside(topics, surface, HEIGHTS, HEIGHTS_TYPE, (None, heights.add_walls))
-    for block in reader.blocks(list(takers)):
-        names, take = takers[block.topic]
-        take(reader.columns(block, names) if names else _decoded(reader, block))
+    for block in reader.blocks([sources.input, *takers]):
+        if block.topic == sources.input:
+            collector.add(blocks.columns(block))
+        else:
+            names, take = takers[block.topic]
+            take(reader.columns(block, names) if names else _decoded(reader, block))
         progress(len(block))
+    blocks.check()
     motion = collector.motion(path, sources.input)
     if sources.kind == "accel" and collector.in_world:
         motion = beside.added_to(motion)
@@ -145,7 +151,8 @@ def read_bag_table(
         placed.eta_azimuth,
         placed.eta,
     )
-    notes = (*reader.warnings, *collector.notes(), *placed.notes)
+    told = [blocks.trouble()] if blocks.trouble() else []
+    notes = (*reader.warnings, *told, *collector.notes(), *placed.notes)
     return BagTable(table, origin, sources.input, surface, notes)
 
 

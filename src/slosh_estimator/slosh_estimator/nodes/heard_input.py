@@ -1,0 +1,176 @@
+"""The estimator's input over ROS: its topics, and what turns their messages into samples."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.inputs import MESSAGE_TYPES, TOPIC_NAMES, AnyInput, InputSettings
+from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.nodes.estimator_messages import imu_sample
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.sample import Sample
+from slosh_estimator.timed_pose import TimedPose
+from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import find_type
+from slosh_msgs_py.node.rivals import Rivals
+from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_msgs_py.topics import Publishers
+
+Answer = Callable[..., None]
+"""Takes the stamp of an input [ns] and the samples that it made known."""
+
+
+class HeardInput:
+    """Subscribes to an input.
+
+    Args:
+        node: the node.
+        kind: of the input.
+        settings: how it is read.
+        now: the time [ns].
+        answer: is called with each message's stamp and samples.
+
+    Attributes:
+        source: what turns messages into samples.
+        poses: what turns them into poses before; None: nothing needs to.
+        rivalled: whether `rivals` found other publishers.
+
+    Raises:
+        SloshEstimatorError: the robot's description does not fit, or the messages' type is not
+            installed.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: str,
+        settings: InputSettings,
+        now: Callable[[], int],
+        answer: Answer,
+    ) -> None:
+        self._node, self._kind, self._now, self._answer = node, kind, now, answer
+        self._world = settings.frames[0]
+        self.source: AnyInput = settings.reader(kind)
+        self.poses = settings.poses(kind)
+        row = topics.DRIVING[kind]
+        self.rivalled = False
+        self._is_shared = row.publishers is Publishers.MANY
+        self._speakers = SpeakerWatch()
+        self._rivals = Rivals(node, row.name, row.type)
+        take = {
+            "accel": self._on_accel, "imu": self._on_imu, "pose": self._on_pose,
+            "joints": self._on_joints, "tf": partial(self._on_transforms, fixed=False),
+        }[kind]  # fmt: skip
+        self._listen(row.name, take)
+        if isinstance(self.poses, TransformPoses):
+            kind_of = message_class(row.type)
+            fixed = partial(self._on_transforms, fixed=True)
+            node.create_subscription(kind_of, topics.TF_STATIC, fixed, qos.EVENT)
+
+    @property
+    def contested(self) -> bool:
+        """Whether several publishers speak where one may, as of the newest message."""
+        return self._speakers.contested
+
+    def rivals(self) -> str:
+        """Who speaks beside the one that may, in a line; empty: nobody."""
+        if self._is_shared:
+            return ""
+        found = self._rivals.look()
+        self.rivalled = bool(found)
+        if self.contested and not found:
+            name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
+            return f"a second publisher on {name}: stop one of them"
+        return found
+
+    def trouble(self) -> str:
+        """Why no pose follows from the messages, in a line; empty: it does."""
+        return self.poses.trouble() if self.poses is not None else ""
+
+    def facts(self) -> dict[str, str]:
+        """For the diagnostics."""
+        return self.poses.facts() if self.poses is not None else {}
+
+    def _listen(self, topic: str, callback: Callable[[Any], None]) -> None:
+        kind = message_class(MESSAGE_TYPES[self._kind])
+
+        def heard(message: Any, info: Mapping[str, Any]) -> None:
+            number = info.get("publication_sequence_number")
+            arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
+            self._speakers.take(number, arrival or time.time_ns(), matched)
+            callback(message)
+
+        # Several publishers may speak of different joints or transforms.
+        take = callback if self._is_shared else WithInfo(heard)
+        subscription = self._node.create_subscription(kind, topic, take, qos.STREAM_IN)
+
+    def _on_accel(self, message: Any) -> None:
+        assert isinstance(self.source, AccelInput)
+        a, header = message.accel.linear, message.header
+        stamp = to_nanoseconds(header.stamp)
+        found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
+        self._answer(stamp, found)
+
+    def _on_imu(self, message: Any) -> None:
+        assert isinstance(self.source, ImuInput)
+        stamp, force, rate = imu_sample(message)
+        self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
+
+    def _on_pose(self, message: Any) -> None:
+        p, q = message.pose.position, message.pose.orientation
+        stamp = to_nanoseconds(message.header.stamp)
+        pose = TimedPose(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+        self._on_poses([pose], message.header.frame_id)
+
+    def _on_joints(self, message: Any) -> None:
+        assert isinstance(self.poses, JointPoses)
+        stamp = to_nanoseconds(message.header.stamp)
+        found = self.poses.take(stamp, message.name, message.position, message.velocity)
+        self._on_poses(found, self._world)
+
+    def _on_transforms(self, message: Any, *, fixed: bool) -> None:
+        assert isinstance(self.poses, TransformPoses)
+        found = self.poses.take(map(_transform, message.transforms), fixed=fixed)
+        self._on_poses(found, self._world)
+
+    def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
+        assert isinstance(self.source, PoseInput)
+        for stamp, position, quaternion in poses:
+            found: list[Sample] = self.source.update(
+                stamp, position, quaternion, self._now(), frame
+            )
+            self._answer(stamp, *found)
+
+
+def message_class(name: str) -> Any:
+    """The class of a message type.
+
+    Raises:
+        SloshEstimatorError: it is not installed.
+    """
+    try:
+        return find_type(name)
+    except (ImportError, AttributeError):
+        package = name.partition("/")[0]
+        raise SloshEstimatorError(
+            f"messages of {name} are not installed here; install the ROS package {package} "
+            f"(apt install ros-jazzy-{package.replace('_', '-')})"
+        ) from None
+
+
+def _transform(message: Any) -> Transform:
+    place, turn = message.transform.translation, message.transform.rotation
+    return Transform(
+        message.header.frame_id, message.child_frame_id, to_nanoseconds(message.header.stamp),
+        (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w),
+    )  # fmt: skip

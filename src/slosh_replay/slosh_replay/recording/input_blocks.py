@@ -1,0 +1,136 @@
+"""The blocks of a bag's input as columns of `recording.inputs.fields`, whatever its messages are.
+
+Joint states and transforms become poses here, by what the node itself uses, and are columns of
+poses from here on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.columns.cdr_columns import ColumnReader
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import MessageBlock
+from slosh_bag.reader import BagReader, messages_of, stamp_ns
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.inputs import JOINTS, POSE, TRANSFORMS, InputSettings
+from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.timed_pose import TimedPose
+from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_msgs_py import topics
+from slosh_replay.recording.inputs import fields
+from slosh_replay.recording.sources import Sources
+
+Columns = Mapping[str, NDArray[Any]]
+
+
+class InputBlocks:
+    """Reads an input's blocks.
+
+    Args:
+        reader: of the bag.
+        sources: its topics.
+        how: the input is read.
+
+    Raises:
+        SloshBagError: joints without a robot's description, or with one that does not fit.
+    """
+
+    def __init__(self, reader: BagReader, sources: Sources, how: InputSettings) -> None:
+        self._reader = reader
+        self._columns = ColumnReader(reader.typestore_of)
+        self._fields = fields(sources.kind)
+        self._world = how.frames[0]
+        self._count = 0
+        if sources.kind == JOINTS and not how.urdf:
+            how = how._replace(urdf=_description(reader, sources))
+        try:
+            self._poses = how.poses(sources.kind)
+        except SloshEstimatorError as error:
+            raise SloshBagError(f"{reader.path}: {sources.input}: {error}") from None
+        if sources.kind == TRANSFORMS:
+            for message in _latched(reader, sources, topics.TF_STATIC):
+                self._transforms(message, fixed=True)
+
+    def columns(self, block: MessageBlock) -> Columns:
+        """The values of a block of the input.
+
+        Raises:
+            SloshBagError: a message is not of its type.
+        """
+        if self._poses is None:
+            return self._columns.columns(block, self._fields)
+        found: list[TimedPose] = []
+        for message in messages_of(block):
+            decoded = self._reader.decode(message)
+            if isinstance(self._poses, JointPoses):
+                found += self._poses.take(
+                    stamp_ns(decoded), decoded.name, decoded.position.tolist(),
+                    decoded.velocity.tolist(),
+                )
+            else:
+                found += self._transforms(decoded)
+        self._count += len(found)
+        return _pose_columns(found, self._world)
+
+    def trouble(self) -> str:
+        """Why messages told no pose, or a wrong one; empty: nothing is known to be wrong."""
+        return self._poses.trouble() if self._poses is not None else ""
+
+    def check(self) -> None:
+        """Is asked when all has come.
+
+        Raises:
+            SloshBagError: no pose came out of the messages.
+        """
+        if self._poses is not None and not self._count:
+            reason = self.trouble() or "no pose of the container follows from the messages"
+            raise SloshBagError(f"{self._reader.path}: {reason}")
+
+    def _transforms(self, message: Any, *, fixed: bool = False) -> list[TimedPose]:
+        assert isinstance(self._poses, TransformPoses)
+        return self._poses.take(map(_transform, message.transforms), fixed=fixed)
+
+
+def _pose_columns(poses: list[TimedPose], frame: str) -> dict[str, NDArray[Any]]:
+    stamps = np.array([pose.stamp_ns for pose in poses], dtype=np.int64)
+    values = np.array([(*p.position, *p.quaternion) for p in poses], np.float64).reshape(-1, 7)
+    seconds, nanoseconds, name, *numbers = fields(POSE)
+    found: dict[str, NDArray[Any]] = {
+        seconds: stamps // SECOND,
+        nanoseconds: stamps % SECOND,
+        name: np.full(len(poses), frame, dtype=object),
+    }
+    return found | dict(zip(numbers, values.T, strict=True))
+
+
+def _transform(message: Any) -> Transform:
+    place, turn = message.transform.translation, message.transform.rotation
+    return Transform(
+        message.header.frame_id, message.child_frame_id, stamp_ns(message),
+        (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w),
+    )  # fmt: skip
+
+
+def _latched(reader: BagReader, sources: Sources, name: str) -> Iterator[Any]:
+    """The decoded messages of a topic with few."""
+    row = next(row for row in topics.TOPICS if row.name == name)
+    topic = sources.topics.topic(name.strip("/"), row.type)
+    for block in reader.look_up([topic]) if topic else ():
+        for message in messages_of(block):
+            yield reader.decode(message)
+
+
+def _description(reader: BagReader, sources: Sources) -> str:
+    text = next((str(one.data) for one in _latched(reader, sources, topics.ROBOT_DESCRIPTION)), "")
+    if not text:
+        raise SloshBagError(
+            f"{reader.path}: holds joint states in {sources.input} and no robot description; give "
+            "it with --urdf FILE --tool-frame LINK"
+        )
+    return text
