@@ -170,6 +170,8 @@ def test_a_joint_that_nobody_publishes_is_told(tmp_path: Path, domain: int) -> N
             message = JointState(name=["rail", "elbow"], position=[0.0, 0.1])
             message.header.stamp = to_time(time.time_ns())
             driver.states[0].publish(message)
-            return "the joint states lack shoulder, wrist" in driver.health.get("estimator", " ")[0]
+            return (
+                "the joint states lack shoulder, wrist" in driver.health.get("estimator", " ")[0]
+            )
 
         driver.until(told, "what is missing")

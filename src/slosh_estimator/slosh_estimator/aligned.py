@@ -128,7 +128,7 @@ class _Stream:
             self.moved = any(abs(one - first) > TUNING.moved for one, first in pairs)
 
     def at(self, stamp_ns: int, mix: Mix) -> Values:
-        """The values at a stamp; the nearest one outside all, empty where it has moved since."""
+        """The values at a stamp; the newest ones behind all, empty before the first."""
         after = self._kept[-1]
         if stamp_ns >= after[0]:
             return after[1]
@@ -139,4 +139,4 @@ class _Stream:
                 share = (stamp_ns - before[0]) / (after[0] - before[0])
                 return mix(before[1], after[1], share)
             after = before
-        return () if self.moved else after[1]
+        return ()

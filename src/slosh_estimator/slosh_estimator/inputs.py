@@ -15,6 +15,7 @@ from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
 from slosh_estimator.transform_poses import TransformPoses
+from slosh_estimator.velocity_input import VelocityInput
 from slosh_msgs_py.topics import DRIVING
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
@@ -25,14 +26,19 @@ TOPIC_NAMES: Mapping[str, str] = {kind: row.name for kind, row in DRIVING.items(
 """Kinds of input and the topic that they come on."""
 POSES = (POSE, JOINTS, TRANSFORMS)
 """Kinds whose messages become poses."""
-WINDOWED = (*POSES, ODOMETRY, TWIST)
-"""Kinds that are differentiated in a sliding window: their estimates come later than they do."""
 ROBOT = "urdf"
 """Under this name the text of the robot's description is kept with the settings."""
 POSE_WINDOW = 0.0
 """A window that is chosen."""
 
-_NOUNS = {POSE: "poses", JOINTS: "joint states", TRANSFORMS: "transforms"}
+VELOCITIES = (ODOMETRY, TWIST)
+"""Kinds whose messages tell velocities."""
+WINDOWED = (*POSES, *VELOCITIES)
+"""Kinds that are differentiated in a sliding window: their estimates come later than they do."""
+_NOUNS = {
+    POSE: "poses", JOINTS: "joint states", TRANSFORMS: "transforms", ODOMETRY: "odometry messages",
+    TWIST: "velocities",
+}  # fmt: skip
 AnyInput = AccelInput | ImuInput | PoseInput
 PoseSource = JointPoses | TransformPoses
 
@@ -125,8 +131,34 @@ class InputSettings(NamedTuple):
         mount = SensorTransform() if old else self.transform
         if kind == ACCEL:
             return AccelInput(self.gate, self.frames, mount, self.checks)
+        if kind in VELOCITIES:
+            return VelocityInput(
+                self.gate, self.pose_window, mount, self.frames, self.checks, _NOUNS[kind]
+            )
         world = None if old else self.frames[0]
         return PoseInput(
             self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
             self.checks, _NOUNS[kind],
         )  # fmt: skip
+
+
+class WantedInput(NamedTuple):
+    """What somebody says of the input of a recording, in place of what it tells itself.
+
+    Attributes:
+        kind: one of MESSAGE_TYPES; None: as recorded.
+        urdf: text of the robot's description; empty: as recorded.
+        tool_frame: link of the robot; empty: as recorded.
+    """
+
+    kind: str | None = None
+    urdf: str = ""
+    tool_frame: str = ""
+
+    def over(self, recorded: InputSettings) -> InputSettings:
+        """How the input is read."""
+        return recorded._replace(
+            kind=self.kind or recorded.kind,
+            urdf=self.urdf or recorded.urdf,
+            tool_frame=self.tool_frame or recorded.tool_frame,
+        )

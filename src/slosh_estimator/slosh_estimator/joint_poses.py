@@ -83,7 +83,7 @@ class JointPoses:
         ]
 
     def trouble(self) -> str:
-        """Why there are no poses, or wrong ones, in a line; empty: nothing is known to be wrong."""
+        """Why there are no poses, or wrong ones, in a line; empty: not known."""
         missing = [joint for joint in self._robot.carrying if joint not in self._owners]
         if missing and self._states >= TUNING.first_states:
             came = ", ".join(self._seen) or "no joint"

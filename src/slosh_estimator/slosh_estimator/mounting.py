@@ -52,7 +52,7 @@ class ToolPose:
 
     def __init__(self, transform: SensorTransform) -> None:
         self._is_container = not transform.turns and not any(transform.to_origin)
-        self._turn = _sensor_from_container(transform)
+        self._turn = sensor_from_container(transform)
         self._to_origin = transform.to_origin
 
     def container(self, position: Vector, quaternion: Quaternion) -> tuple[Vector, Quaternion]:
@@ -106,7 +106,18 @@ def composed(
     )
 
 
-def _sensor_from_container(transform: SensorTransform) -> Quaternion:
+def rotated(quaternion: Quaternion, vector: Vector) -> Vector:
+    """A vector in the axes of a frame, from its components in those that stand at an attitude.
+
+    Args:
+        quaternion: x, y, z, w, of any length but zero.
+        vector: in the axes that stand so.
+    """
+    nowhere: Vector = (0.0, 0.0, 0.0)
+    return composed((nowhere, quaternion), (vector, (0.0, 0.0, 0.0, 1.0)))[0]
+
+
+def sensor_from_container(transform: SensorTransform) -> Quaternion:
     """Sensor ← container, the conjugate of Rz(yaw) Ry(pitch) Rx(roll), as x, y, z, w."""
     cr, sr = math.cos(0.5 * transform.roll), math.sin(0.5 * transform.roll)
     cp, sp = math.cos(0.5 * transform.pitch), math.sin(0.5 * transform.pitch)

@@ -24,6 +24,7 @@ from slosh_estimator.pose_filter import (
     FEWEST,
     PoseFilter,
     even_times,
+    first_derivative,
     second_derivative,
     turning,
 )
@@ -63,6 +64,10 @@ class PoseInput(CheckedInput):
     """
 
     check: PoseCheck
+    ORDER = 2
+    """Of the derivative of the vectors that come."""
+    LARGEST = TUNING.farthest
+    """Size up to which a vector is possible."""
 
     def __init__(
         self,
@@ -95,11 +100,12 @@ class PoseInput(CheckedInput):
         self._poses = _Poses()
         self._at = count // 2  # the next centre
         self._restarted = True
-        self._filter = PoseFilter.of((), self._seconds)
+        self._filter = PoseFilter.of((), self._seconds, self.ORDER)
         self._modes: Modes = ()
         self._interval_ns = self._reach_ns = self._wait_ns = 0
         self._misfit = 0.0, 0.0
-        self._second_derivative, self._turning = second_derivative.load(), turning.load()
+        derivative = second_derivative if self.ORDER == 2 else first_derivative
+        self._derivative, self._turning = derivative.load(), turning.load()
         self._even_times = even_times.load()
 
     def update(
@@ -123,13 +129,15 @@ class PoseInput(CheckedInput):
         """
         if frame != self._frame and self._strange(frame):
             return []
-        fault = fault_of(position, TUNING.farthest) or _fault_of_attitude(quaternion)
+        fault = fault_of(position, self.LARGEST) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return []
         position, quaternion = self._tool.container(position, quaternion)
         restarted = verdict is SampleVerdict.RESTART
-        doubtful = self.check.add(stamp_ns, position, quaternion, restarted=restarted)
+        doubtful = self.check.add(
+            stamp_ns, self._place_of(stamp_ns, position), quaternion, restarted=restarted
+        )
         doubtful = doubtful and self.flags
         jumped = verdict is SampleVerdict.USE and self._jumped(stamp_ns, position)
         self.jumps += jumped
@@ -235,6 +243,10 @@ class PoseInput(CheckedInput):
         self.gate.refuse(SampleVerdict.WRONG_FRAME)
         return True
 
+    def _place_of(self, stamp_ns: int, vector: Vector) -> Vector:
+        """The place [m] that the check looks at."""
+        return vector
+
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
         if not len(self._poses):
             return False
@@ -242,7 +254,9 @@ class PoseInput(CheckedInput):
         return math.dist(position, self._poses.newest_position) > TUNING.fastest_move * seconds
 
     def _gain(self, frequency: float, interval: float) -> float:
-        return PoseFilter.of(self.sampling.modes, self._seconds).gain(frequency, interval)
+        return PoseFilter.of(self.sampling.modes, self._seconds, self.ORDER).gain(
+            frequency, interval
+        )
 
     def _fixed_window(self) -> tuple[int, int] | None:
         """The first and behind the last pose about the next centre; None: not yet complete."""
@@ -282,7 +296,7 @@ class PoseInput(CheckedInput):
         if sampling.interval_ns == self._interval_ns and sampling.modes is self._modes:
             return
         self._interval_ns, self._modes = sampling.interval_ns, sampling.modes
-        self._filter = PoseFilter.of(self._modes, self._seconds)
+        self._filter = PoseFilter.of(self._modes, self._seconds, self.ORDER)
         side = self._filter.side(sampling.seconds) if self._interval_ns else 0
         # A pose at the edge of the window is in it in spite of jitter.
         self._reach_ns = (2 * side + 1) * self._interval_ns // 2
@@ -302,7 +316,7 @@ class PoseInput(CheckedInput):
         found = []
         for offset_ns in (0,) if self._count else self._offsets():
             offset = shift + offset_ns * SECONDS_PER_NS
-            ax, ay, az = self._second_derivative(tau, positions, terms, offset)
+            ax, ay, az = self._derivative(tau, positions, terms, offset)
             pose = self._turning(tau, attitudes, terms, offset)
             attitude = pose[:4] if offset else values[self._at, 3:].tolist()
             restarted, self._restarted = self._restarted, False

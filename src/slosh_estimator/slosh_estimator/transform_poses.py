@@ -71,10 +71,12 @@ class TransformPoses:
                 self._streams.add(child, one.stamp_ns, (*one.position, *one.quaternion))
                 fed = True
         self._count += not fixed
-        return [self._pose(row.stamp_ns, row.values) for row in self._streams.rows()] if fed else []
+        return (
+            [self._pose(row.stamp_ns, row.values) for row in self._streams.rows()] if fed else []
+        )
 
     def trouble(self) -> str:
-        """Why there are no poses, or wrong ones, in a line; empty: nothing is known to be wrong."""
+        """Why there are no poses, or wrong ones, in a line; empty: not known."""
         if self._count < TUNING.first_states:
             return ""
         if not self._chain:
@@ -125,7 +127,9 @@ class TransformPoses:
         quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
         for child in self._chain:  # from the container outwards
             fixed = self._fixed.get(child)
-            x, y, z, *turn = values[child] if fixed is None else (*fixed.position, *fixed.quaternion)
+            x, y, z, *turn = (
+                values[child] if fixed is None else (*fixed.position, *fixed.quaternion)
+            )
             position, quaternion = composed(((x, y, z), tuple(turn)), (position, quaternion))
         return TimedPose(stamp_ns, position, quaternion)
 

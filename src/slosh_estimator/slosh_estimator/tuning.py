@@ -41,7 +41,7 @@ class EstimatorTuning:
     # aligned.py
     moved: float = number(1e-6, "rad, m", "change of a joint or a transform that moves")
     slower: float = number(1.5, "1", "ratio of intervals at which a slower stream leads")
-    kept_states: int = number(256, "1", "values of a stream that are kept")
+    kept_states: int = number(1024, "1", "values of a stream that are kept")
     set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
     # joint_poses.py, transform_poses.py
     first_states: int = number(50, "1", "messages after which what is missing is told")

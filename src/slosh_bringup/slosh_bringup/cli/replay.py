@@ -16,6 +16,7 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
@@ -31,8 +32,6 @@ from slosh_bringup.replay.task import (
     replay_task,
     unique_names,
 )
-from slosh_estimator.inputs import JOINTS, MESSAGE_TYPES, InputSettings
-from slosh_estimator.robot import read_urdf
 from slosh_model.model_text import read_model
 from slosh_replay.manifest import NAME, Expectation, read_manifest, write_manifest
 from slosh_replay.replay.result import Judged, ModelAccuracy
@@ -63,19 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--estimator", type=int, default=1, metavar="N",
         help="which estimator, where several were mixed on one topic; 1 gave the first estimate",
     )  # fmt: skip
-    parser.add_argument(
-        "--input", choices=list(MESSAGE_TYPES),
-        help="topic that drives the models (default: that of the recorded estimator, or the first "
-        "of these that the bag holds)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--urdf", type=Path, metavar="FILE",
-        help="robot description for the input joints (default: recorded /robot_description)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--tool-frame", metavar="LINK",
-        help="link of the robot that is the container (default: container)",
-    )
+    add_input_options(parser)
     parser.add_argument(
         "-o", "--output", type=Path,
         help="folder for results: a page, the figures and a bag of outputs for each bag, and "
@@ -139,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
 def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> list[Task]:
     """What is to be replayed, and what it must give."""
     tasks = []
-    given = input_settings(arguments)
+    given = wanted_input(arguments)
     for bag, name in zip(stated, unique_names([bag.path for bag in stated]), strict=True):
         expected = bag.expected
         model = arguments.model or (expected.model if expected else None)
@@ -155,22 +142,6 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
         # A cluster's workers have working directories of their own.
         tasks.append(task.absolute() if arguments.scheduler else task)
     return tasks
-
-
-def input_settings(arguments: argparse.Namespace) -> InputSettings | None:
-    """How the inputs are read; None: as the recorded estimators did.
-
-    Raises:
-        SloshEstimatorError: the robot's description does not fit.
-    """
-    kind, urdf, tool = arguments.input, arguments.urdf, arguments.tool_frame
-    if kind is None and urdf is None and tool is None:
-        return None
-    text = "" if urdf is None else read_urdf(urdf)
-    given = InputSettings(kind or JOINTS, any_world=True, urdf=text, tool_frame=tool or "")
-    if text:  # a mistake in it is told once, not once per bag
-        given.poses(JOINTS)
-    return given
 
 
 def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Path | None) -> None:

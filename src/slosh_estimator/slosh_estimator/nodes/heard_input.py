@@ -14,11 +14,13 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import MESSAGE_TYPES, TOPIC_NAMES, AnyInput, InputSettings
 from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.mounting import Quaternion
 from slosh_estimator.nodes.estimator_messages import imu_sample
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_estimator.velocity_input import Twist, VelocityInput
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import find_type
 from slosh_msgs_py.node.rivals import Rivals
@@ -70,6 +72,7 @@ class HeardInput:
         take = {
             "accel": self._on_accel, "imu": self._on_imu, "pose": self._on_pose,
             "joints": self._on_joints, "tf": partial(self._on_transforms, fixed=False),
+            "odometry": self._on_odometry, "twist": self._on_twist,
         }[kind]  # fmt: skip
         self._listen(row.name, take)
         if isinstance(self.poses, TransformPoses):
@@ -131,6 +134,22 @@ class HeardInput:
         stamp = to_nanoseconds(message.header.stamp)
         pose = TimedPose(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
         self._on_poses([pose], message.header.frame_id)
+
+    def _on_odometry(self, message: Any) -> None:
+        q = message.pose.pose.orientation
+        self._on_velocity(message, message.twist.twist, (q.x, q.y, q.z, q.w))
+
+    def _on_twist(self, message: Any) -> None:
+        self._on_velocity(message, message.twist, None, message.header.frame_id)
+
+    def _on_velocity(
+        self, message: Any, twist: Any, attitude: Quaternion | None, frame: str = ""
+    ) -> None:
+        assert isinstance(self.source, VelocityInput)
+        v, w = twist.linear, twist.angular
+        stamp = to_nanoseconds(message.header.stamp)
+        found = Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), attitude, frame)
+        self._answer(stamp, *self.source.update_twist(found, self._now()))
 
     def _on_joints(self, message: Any) -> None:
         assert isinstance(self.poses, JointPoses)

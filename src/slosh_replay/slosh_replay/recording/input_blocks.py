@@ -70,7 +70,9 @@ class InputBlocks:
             decoded = self._reader.decode(message)
             if isinstance(self._poses, JointPoses):
                 found += self._poses.take(
-                    stamp_ns(decoded), decoded.name, decoded.position.tolist(),
+                    stamp_ns(decoded),
+                    decoded.name,
+                    decoded.position.tolist(),
                     decoded.velocity.tolist(),
                 )
             else:

@@ -17,6 +17,7 @@ from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import POSE, POSES, ROBOT, InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import Modes, gap_sentence, modes_of
+from slosh_estimator.velocity_input import Twist, VelocityInput
 from slosh_metrics.input_checks.input_faults import MIXED_INPUT
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.indices import QW, QX, QY, QZ
@@ -36,6 +37,11 @@ _FIELDS = {
         "pose.position.x", "pose.position.y", "pose.position.z", "pose.orientation.x",
         "pose.orientation.y", "pose.orientation.z", "pose.orientation.w",
     ),
+    "odometry": (
+        *(f"twist.twist.{what}.{axis}" for what in ("linear", "angular") for axis in "xyz"),
+        *(f"pose.pose.orientation.{axis}" for axis in "xyzw"),
+    ),
+    "twist": (*(f"twist.{what}.{axis}" for what in ("linear", "angular") for axis in "xyz"),),
 }  # fmt: skip
 _FRAME = "header.frame_id"
 MIXED = 0.05
@@ -227,6 +233,8 @@ class InputReader:
                 sample = adapter.update(stamp, *_imu(row))
                 if sample is not None:
                     found.append(sample)
+            elif isinstance(adapter, VelocityInput):
+                found += adapter.update_twist(_twist(stamp, row, frame))
             else:
                 found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
         self._slow = adapter.sampling.sentence() or self._slow
@@ -247,6 +255,16 @@ class InputReader:
             return []
         text = ignored_text(model, self._tilted)
         return [text] if text else []
+
+
+def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
+    """Odometry tells the attitude, and its twist is in the axes of the frame that moves."""
+    vx, vy, vz, wx, wy, wz, *turn = row
+    linear, angular = (vx, vy, vz), (wx, wy, wz)
+    if not turn:
+        return Twist(stamp_ns, linear, angular, None, frame)
+    x, y, z, w = turn
+    return Twist(stamp_ns, linear, angular, (x, y, z, w))
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:

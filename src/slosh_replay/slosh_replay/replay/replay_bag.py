@@ -19,7 +19,7 @@ from slosh_bag.recorder import SEVERAL
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator import SOURCES
-from slosh_estimator.inputs import WINDOWED, InputSettings
+from slosh_estimator.inputs import WINDOWED, InputSettings, WantedInput
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
@@ -38,9 +38,9 @@ from slosh_replay.recording.facts import (
     shared_topics_line,
 )
 from slosh_replay.recording.heights import WAVE_FIELDS, measurements
+from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
-from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.recording.states import RecordedState, states_of
 from slosh_replay.replay.conclusion import Origin, conclude
@@ -64,7 +64,7 @@ def replay_bag(
     path: str | Path | RecordedRun,
     model: Model | None = None,
     monitor: MonitorSettings | None = None,
-    given: InputSettings | None = None,
+    given: InputSettings | WantedInput | None = None,
     outputs: Outputs | None = None,
     cell: str | None = None,
     estimator: int = 1,
@@ -82,7 +82,8 @@ def replay_bag(
         model: to replay with; None: the one that the estimator had when it was recorded, or water
             in the container that the bag's metadata gives.
         monitor: limits that are watched; None: those of the recorded monitor.
-        given: how the input is read; None: as the recorded estimator did.
+        given: how the input is read, or in what other than by the recorded estimator; None: as
+            by that.
         outputs: receives estimates, comparisons and events as they come.
         cell: namespace of the topics; None: the bag's only or first cell.
         estimator: which, from 1, where several were mixed on one topic; by their first estimates.
@@ -111,7 +112,7 @@ def replay_bag(
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
-    how = given or inputs.recorded_inputs(sources.starts, sources.facts)
+    how = _settings(given, sources)
     watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
@@ -133,7 +134,7 @@ def replay_bag(
         known=KnownState(verifiers.get(ESTIMATE)) if sources.state else None,
         counter=None if sources.state or matcher is None or mixed else KnownState(None),
         changes=_changes(sources, used, follow=model is None),
-        follows_input=given is None,
+        follows_input=not isinstance(given, InputSettings),
         starts=sources.starts,
         outputs=outputs or Outputs(),
     )
@@ -158,6 +159,14 @@ def replay_bag(
         )
     told = [f"{path}: {line}" for line in said if line]
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+
+
+def _settings(given: InputSettings | WantedInput | None, sources: Sources) -> InputSettings:
+    """How the input is read."""
+    if isinstance(given, InputSettings):
+        return given
+    recorded = inputs.recorded_inputs(sources.starts, sources.facts)
+    return recorded if given is None else given.over(recorded)
 
 
 def started_kind(sources: Sources) -> str | None:

@@ -8,7 +8,7 @@ height stays at its own moment. Where the stamps coincide nothing is interpolate
 |---|---|---|---|
 | accel | as published | the imu's orientation | the imu's angular velocity |
 | imu | Rz(ψ) f - g ẑ, with gravity's share along a tilted floor | the yaw ψ alone | the imu's |
-| pose, joints, tf | second derivative of the position | the pose's orientation | from the orientations |
+| pose, joints, tf | second derivative of the position | the pose's | from orientations |
 
 For accel the imu counts only where it is in the container's frame, beside an accel in the
 world's, and has a sample at every stamp of accel: as in the bag of a table.
@@ -31,7 +31,7 @@ from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.inputs import IMU, InputSettings
+from slosh_estimator.inputs import IMU, InputSettings, WantedInput
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
 from slosh_replay.recording.input_blocks import InputBlocks
@@ -65,12 +65,14 @@ class TableSettings:
         absolute: t is the stamp; otherwise it counts from the first row, or in the bag of a
             table from that table's own origin.
         inputs: how the input is read; None: as the recorded estimator did.
+        wanted: what somebody says of it in addition; None: nothing.
     """
 
     kind: str | None = None
     measured: str | None = None
     absolute: bool = False
     inputs: InputSettings | None = None
+    wanted: WantedInput | None = None
 
 
 class BagTable(NamedTuple):
@@ -111,6 +113,7 @@ def read_bag_table(
     reader = BagReader(path)
     sources = find_sources(path, reader, chosen.kind)
     how = chosen.inputs or recorded_inputs(sources.starts, sources.facts)
+    how = chosen.wanted.over(how) if chosen.wanted is not None else how
     topics, facts = reader.topics(), sources.facts
     columns = facts.get(TABLE_COLUMNS, "").split(",") if chosen.measured is None else []
     surface = _surface(path, topics, chosen.measured, sources, MSH in columns)
