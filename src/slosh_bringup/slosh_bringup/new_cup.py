@@ -134,7 +134,8 @@ def _drives(cup: NewCup) -> str:
     """The lines of a cell file about the robot."""
     if cup.urdf is None:
         return "# input: joints\n# urdf: robot.urdf\n# tool_frame: tool0\n"
-    return f"input: joints\nurdf: {json.dumps(str(cup.urdf.absolute()))}\ntool_frame: {json.dumps(cup.tool_frame)}\n"
+    urdf, tool = json.dumps(str(cup.urdf.absolute())), json.dumps(cup.tool_frame)
+    return f"input: joints\nurdf: {urdf}\ntool_frame: {tool}\n"
 
 
 def _camera(cup: NewCup, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""Velocities of a frame that carries the container (nav_msgs/Odometry, geometry_msgs/TwistStamped).
+"""Velocities of a frame that carries the container (Odometry, TwistStamped).
 
 They are differentiated once, by the same window as poses. The velocity of the container's origin
 is v + ω × r, in the world's axes. Odometry tells the attitude; where a twist alone is known the
