@@ -2,11 +2,13 @@
 
     tools/run python tools/stand_in.py camera MODEL.yaml [-o DIR]
     tools/run python tools/stand_in.py robot MODEL.yaml MOTION.csv
+    tools/run python tools/stand_in.py joints
 
 `camera` draws what a camera of 640 x 480 pixels sees: a chessboard (DIR/pictures), the cup of the
 model with its liquid at rest (DIR/still.png), and a wave in it (DIR/footage). `robot` publishes
 the motion and the camera's images of the cup over ROS 2, as soon as a cell listens. The cup is
 round and has no wall to speak of; its liquid is damped a little more than the formula says.
+`joints` publishes the joint states of examples/robot.urdf in motion, as soon as a cell listens.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import math
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -45,6 +48,7 @@ DISTANCE, DOWN = 8.4, math.radians(10.0)  # of the camera from the cup, in radii
 WAVE, FREQUENCY, DECAY = 0.15, 3.0, 0.4  # its height in radii, Hz, 1/s
 IMAGES, RATE = 90, 60.0
 MORE_DAMPING = 1.25
+LISTENERS, PLAYED = 2, 12.0  # estimator and recorder; s
 
 
 class StandInError(ValueError):
@@ -59,6 +63,9 @@ def main(words: Sequence[str] | None = None) -> int:
     camera.set_defaults(run=lambda given: draw(view_of(read_model(given.model)), given.output))
     robot = parts.add_parser("robot", help="a motion and the camera's images over ROS 2")
     robot.set_defaults(run=lambda given: play(read_model(given.model), given.motion))
+    parts.add_parser("joints", help="joint states over ROS 2").set_defaults(
+        run=lambda given: play_joints()
+    )
     for part in (camera, robot):
         part.add_argument("model", type=Path, metavar="MODEL.yaml", help="of the cup")
     camera.add_argument(
@@ -147,6 +154,33 @@ def play(model: Model, motion: Path) -> None:
         done = subprocess.run(command, env=node_environment(), check=False)
     if done.returncode != 0:
         raise StandInError("the motion was not played")
+    print("robot: the motion is over", flush=True)
+
+
+def play_joints() -> None:
+    """Publishes the joints of an arm at 250 Hz to a cell that listens, for some seconds."""
+    import rclpy
+    from sensor_msgs.msg import JointState
+
+    from slosh_msgs_py import qos
+    from slosh_msgs_py.stamps import to_time
+    from slosh_testing.rail_robot import JOINTS, swung
+
+    rclpy.init()
+    node = rclpy.create_node("driver")
+    publisher = node.create_publisher(JointState, "/joint_states", qos.STREAM_OUT)
+    begun = 0.0
+    while not begun or time.monotonic() < begun + PLAYED:
+        if not begun and publisher.get_subscription_count() >= LISTENERS:
+            begun = time.monotonic()
+        # To and fro, with a rest before and behind each stroke.
+        t = (time.monotonic() - begun) % 6.0 - 0.5 if begun else 0.0
+        message = JointState(name=list(JOINTS), position=swung(min(t, 5.0 - t)).tolist())
+        message.header.stamp = to_time(time.time_ns())
+        publisher.publish(message)
+        time.sleep(0.004)
+    node.destroy_node()
+    rclpy.shutdown()
     print("robot: the motion is over", flush=True)
 
 

@@ -3,31 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
 UPPER, FORE, CUP = 0.5, 0.4, 0.1
 JOINTS = ("rail", "shoulder", "elbow", "wrist")
-RAIL_URDF = f"""<robot name="rail_robot">
-  <link name="world"/><link name="carriage"/><link name="upper"/><link name="fore"/>
-  <link name="hand"/><link name="cup"/><link name="jaw"/><link name="other_jaw"/>
-  <joint name="rail" type="prismatic"><parent link="world"/><child link="carriage"/>
-    <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="3"/></joint>
-  <joint name="shoulder" type="revolute"><parent link="carriage"/><child link="upper"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="9"/></joint>
-  <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/>
-    <origin xyz="{UPPER} 0 0"/><axis xyz="0 0 1"/></joint>
-  <joint name="wrist" type="revolute"><parent link="fore"/><child link="hand"/>
-    <origin xyz="{FORE} 0 0"/><axis xyz="1 0 0"/>
-    <limit lower="-2" upper="2" effort="1" velocity="9"/></joint>
-  <joint name="grip" type="fixed"><parent link="hand"/><child link="cup"/>
-    <origin xyz="0 0 {CUP}"/></joint>
-  <joint name="jaw" type="prismatic"><parent link="hand"/><child link="jaw"/>
-    <axis xyz="0 1 0"/><limit lower="0" upper="0.1" effort="1" velocity="1"/></joint>
-  <joint name="other_jaw" type="prismatic"><parent link="hand"/><child link="other_jaw"/>
-    <axis xyz="0 1 0"/><limit lower="-0.1" upper="0" effort="1" velocity="1"/>
-    <mimic joint="jaw" multiplier="-1"/></joint>
-</robot>"""
+RAIL_URDF = (Path(__file__).parents[3] / "examples" / "robot.urdf").read_text(encoding="utf-8")
 
 
 def cup_position(rail, shoulder, elbow, wrist=0.0):
