@@ -61,6 +61,8 @@ class InputSettings(NamedTuple):
         any_world: whether poses in any frame are taken: where nobody could set its name.
         urdf: text of the robot's description, for joints.
         tool_frame: link of the robot that is the container, or carries it.
+        smoothing: half of the differentiating window [s], which chooses the polynomial's degree,
+            too; 0.0: as pose_window.
     """
 
     kind: str | None = None
@@ -73,6 +75,7 @@ class InputSettings(NamedTuple):
     any_world: bool = False
     urdf: str = ""
     tool_frame: str = ""
+    smoothing: float = 0.0
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -101,6 +104,7 @@ class InputSettings(NamedTuple):
             (parameters["world_frame"], parameters["container_frame"]),
             checks=parameters.get("check_input"),
             tool_frame=parameters.get("tool_frame", ""),
+            smoothing=parameters.get("smoothing", 0.0),
         )
 
     def poses(self, kind: str) -> PoseSource | None:
@@ -133,12 +137,13 @@ class InputSettings(NamedTuple):
             return AccelInput(self.gate, self.frames, mount, self.checks)
         if kind in VELOCITIES:
             return VelocityInput(
-                self.gate, self.pose_window, mount, self.frames, self.checks, _NOUNS[kind]
-            )
+                self.gate, self.pose_window, mount, self.frames, self.checks, _NOUNS[kind],
+                self.smoothing,
+            )  # fmt: skip
         world = None if old else self.frames[0]
         return PoseInput(
             self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
-            self.checks, _NOUNS[kind],
+            self.checks, _NOUNS[kind], self.smoothing,
         )  # fmt: skip
 
 

@@ -29,8 +29,8 @@ FEWEST, MOST = 2, 100
 """Poses on each side of the centre; more than the second make nothing better but cost time."""
 _MOST_PARTS = 9
 _QUINTIC, _QUARTIC = 6, 5
-CUBIC = 4
-"""Terms of the polynomials of old recordings."""
+CUBIC, LINEAR = 4, 2
+"""Terms of the polynomials of old recordings, and of a straight line."""
 
 
 class PoseFilter(NamedTuple):
@@ -40,11 +40,13 @@ class PoseFilter(NamedTuple):
         fastest: highest natural frequency [rad/s].
         reach: of the window on both sides [s].
         order: of the derivative that is taken: 2 of poses, 1 of velocities.
+        most: terms of the polynomial; 0: six for poses, four for velocities.
     """
 
     fastest: float
     reach: float
     order: int = 2
+    most: int = 0
 
     @classmethod
     def of(cls, modes: Modes, window: float, order: int = 2) -> PoseFilter:
@@ -59,8 +61,27 @@ class PoseFilter(NamedTuple):
         longest = TUNING.reach if order == 2 else TUNING.velocity_reach
         return cls(fastest, 0.5 * window if window > 0.0 else longest / fastest, order)
 
+    @classmethod
+    def smoothing(cls, modes: Modes, delay: float, order: int = 2) -> PoseFilter:
+        """The filter with a delay: the polynomial of the lowest degree that carries the modes.
+
+        A higher degree carries them over a longer window, which averages more noise.
+
+        Args:
+            modes: to be carried; none: of a small cup.
+            delay: half of the window [s].
+            order: of the derivative.
+        """
+        plain = cls.of(modes, 2.0 * delay, order)
+        phase = plain.fastest * plain.reach
+        reaches = TUNING.pose_reaches if order == 2 else TUNING.velocity_reaches
+        higher = sum(phase > reach for reach in reaches)
+        return plain._replace(most=(CUBIC if order == 2 else LINEAR) + 2 * higher)
+
     def terms(self, count: int) -> int:
         """Terms of the polynomial that is fitted to so many values."""
+        if self.most and count > self.most + 1:
+            return self.most
         if self.order == 1:
             return CUBIC
         return _QUINTIC if count > 2 * FEWEST + 2 else _QUARTIC

@@ -53,6 +53,7 @@ class PoseInput(CheckedInput):
         any_frame: whether poses in other frames are taken, too, and that is told.
         checks: see `InputSettings`.
         noun: what comes, in the plural, for what is told of its rate.
+        smoothing: half of the window [s], and by that the polynomial's degree; 0.0: as `window`.
 
     Attributes:
         gate: judges the poses.
@@ -78,6 +79,7 @@ class PoseInput(CheckedInput):
         any_frame: bool = False,
         checks: bool | None = None,
         noun: str = "poses",
+        smoothing: float = 0.0,
     ) -> None:
         mount = transform or SensorTransform()
         super().__init__(PoseCheck(mount.matrix), checks)
@@ -93,14 +95,16 @@ class PoseInput(CheckedInput):
         if not 0.0 <= window < math.inf:
             raise SloshEstimatorError(f"window = {window!r} s must be 0.0 or a positive duration")
         self.gate = SampleGate(settings)
-        remedy = "set pose_window to 0.0" if window else "use the input accel or imu"
+        given = "smoothing" if smoothing else "pose_window" if window else ""
+        remedy = f"set {given} to 0.0" if given else "use the input accel or imu"
         self.sampling = Sampling(noun, self._gain, remedy)
         self.jumps = 0
         self._count, self._seconds = count, 0.0 if count else float(window)
         self._poses = _Poses()
         self._at = count // 2  # the next centre
         self._restarted = True
-        self._filter = PoseFilter.of((), self._seconds, self.ORDER)
+        self._smoothing = smoothing
+        self._filter = self._filter_of(())
         self._modes: Modes = ()
         self._interval_ns = self._reach_ns = self._wait_ns = 0
         self._misfit = 0.0, 0.0
@@ -254,9 +258,12 @@ class PoseInput(CheckedInput):
         return math.dist(position, self._poses.newest_position) > TUNING.fastest_move * seconds
 
     def _gain(self, frequency: float, interval: float) -> float:
-        return PoseFilter.of(self.sampling.modes, self._seconds, self.ORDER).gain(
-            frequency, interval
-        )
+        return self._filter_of(self.sampling.modes).gain(frequency, interval)
+
+    def _filter_of(self, modes: Modes) -> PoseFilter:
+        if self._smoothing:
+            return PoseFilter.smoothing(modes, self._smoothing, self.ORDER)
+        return PoseFilter.of(modes, self._seconds, self.ORDER)
 
     def _fixed_window(self) -> tuple[int, int] | None:
         """The first and behind the last pose about the next centre; None: not yet complete."""
@@ -296,7 +303,7 @@ class PoseInput(CheckedInput):
         if sampling.interval_ns == self._interval_ns and sampling.modes is self._modes:
             return
         self._interval_ns, self._modes = sampling.interval_ns, sampling.modes
-        self._filter = PoseFilter.of(self._modes, self._seconds, self.ORDER)
+        self._filter = self._filter_of(self._modes)
         side = self._filter.side(sampling.seconds) if self._interval_ns else 0
         # A pose at the edge of the window is in it in spite of jitter.
         self._reach_ns = (2 * side + 1) * self._interval_ns // 2

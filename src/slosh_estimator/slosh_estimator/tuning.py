@@ -30,6 +30,8 @@ class EstimatorTuning:
     # pose_filter.py
     reach: float = number(1.43, "rad", "half the window in phase of the carried mode, ωH")
     velocity_reach: float = number(1.27, "rad", "the same where velocities are differentiated")
+    pose_reaches: tuple[float, ...] = number((0.26, 1.43), "rad", "the same, of degrees 3 and 5")
+    velocity_reaches: tuple[float, ...] = number((0.22, 1.27), "rad", "the same, of 1 and 3")
     fastest_mode: float = number(30.0, "rad/s", "carried mode without a model: a cup of 40 mm")
     phase_step: float = number(0.25, "rad", "largest step between accelerations, ωT")
     # pose_input.py

@@ -59,6 +59,7 @@ class VelocityInput(PoseInput):
             the axes of the frame that moves, too; see `update_twist`.
         checks: see `InputSettings`.
         noun: what comes, in the plural.
+        smoothing: see `PoseInput`.
     """
 
     ORDER = 1
@@ -72,8 +73,9 @@ class VelocityInput(PoseInput):
         frames: tuple[str, str] = ("world", "container"),
         checks: bool | None = True,
         noun: str = "velocities",
+        smoothing: float = 0.0,
     ) -> None:
-        super().__init__(settings, window, None, None, True, checks, noun)
+        super().__init__(settings, window, None, None, True, checks, noun, smoothing)
         mount = transform or SensorTransform()
         turn = sensor_from_container(mount)
         self._held = rotated(turn, mount.to_origin), turn  # where the container stands in it

@@ -106,6 +106,11 @@ PARAMETERS = (
         "length of the window in which poses are differentiated [s]; estimates are delayed by "
         "half of it; 0.0: the longest window that preserves the model's modes", (0.0, 2.0),
     ),
+    ParameterSpec(
+        "smoothing", 0.0,
+        "delay of what is differentiated [s], half of the window; longer is less noisy; it also "
+        "chooses the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
+    ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
