@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
@@ -41,7 +42,8 @@ class Maker:
         self.definitions = Definitions()
         for kind in (
             "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry",
-            "geometry_msgs/msg/TwistStamped", "std_msgs/msg/String",
+            "geometry_msgs/msg/TwistStamped", "std_msgs/msg/String", "sensor_msgs/msg/Imu",
+            "geometry_msgs/msg/PoseStamped",
         ):  # fmt: skip
             self.definitions.hash(kind)
         self._types = self.definitions.typestore.types
@@ -105,6 +107,46 @@ class Maker:
             message = self._types[kind](self.header(t, "world"), self.twist(t))
             yield "/robot/twist", kind, BEGIN + round(t * 1e9), message
 
+    def poses(self) -> Iterator[Message]:
+        """Of the cup in the frame of the robot's base, which stands turned in the world."""
+        kind, half = "geometry_msgs/msg/PoseStamped", 0.35
+        transform = self._types["geometry_msgs/msg/Transform"](
+            self.vector(1.0, 2.0, 0.0), self.turn(0.0, 0.0, np.sin(half), np.cos(half))
+        )
+        link = self._types["geometry_msgs/msg/TransformStamped"](
+            self.header(0.0, "world"), "base", transform
+        )
+        fixed = "tf2_msgs/msg/TFMessage"
+        yield "/tf_static", fixed, BEGIN, self._types[fixed]([link])
+        c, s = np.cos(2 * half), np.sin(2 * half)
+        for t in TIMES.tolist():
+            x, y, z = (cup_position(*swung(t)) - (1.0, 2.0, 0.0)).tolist()
+            place = self.vector(c * x + s * y, c * y - s * x, z, "Point")
+            pose = self._types["geometry_msgs/msg/Pose"](place, self.turn(0.0, 0.0, 0.0, 1.0))
+            message = self._types[kind](self.header(t, "base"), pose)
+            yield "/slosh/pose", kind, BEGIN + round(t * 1e9), message
+
+    def imu(self) -> Iterator[Message]:
+        """A sensor on the cup, upside down and turned, as the fixed transforms say."""
+        kind, half = "sensor_msgs/msg/Imu", 0.35
+        # Container <- sensor: a half turn about x, then 0.7 rad about z.
+        turn = self.turn(np.cos(half), np.sin(half), 0.0, 0.0)
+        transform = self._types["geometry_msgs/msg/Transform"](self.vector(0.0, 0.0, 0.1), turn)
+        link = self._types["geometry_msgs/msg/TransformStamped"](
+            self.header(0.0, "container"), "imu_link", transform
+        )
+        fixed = "tf2_msgs/msg/TFMessage"
+        yield "/tf_static", fixed, BEGIN, self._types[fixed]([link])
+        none = np.zeros(9)
+        felt = acceleration(TIMES) + np.array([0.0, 0.0, 9.81])
+        rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
+        for t, force in zip(TIMES.tolist(), rotation.inv().apply(felt).tolist(), strict=True):
+            message = self._types[kind](
+                self.header(t, "imu_link"), self.turn(0.0, 0.0, 0.0, 1.0), none,
+                self.vector(0.0, 0.0, 0.0), none, self.vector(*force), none,
+            )  # fmt: skip
+            yield "/imu/data/imu", kind, BEGIN + round(t * 1e9), message
+
     def odometry(self) -> Iterator[Message]:
         kind, none = "nav_msgs/msg/Odometry", np.zeros(36)
         for t in TIMES.tolist():
@@ -148,6 +190,8 @@ ROBOTS = [
     (Maker.transforms, "tf", "/tf"),
     (Maker.odometry, "odometry", "/odom"),
     (Maker.twists, "twist", "/robot/twist"),
+    (Maker.poses, "pose", "/slosh/pose"),
+    (Maker.imu, "imu", "/imu/data/imu"),
 ]  # fmt: skip
 
 

@@ -18,7 +18,6 @@ import math
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,6 +37,7 @@ from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
+from slosh_testing.joint_driver import play_joints
 
 CAMERA = BoardCamera((640, 480), (1000.0, 1000.0), (319.5, 239.5), (0.0, 0.0, 0.0, 0.0, 0.0))
 COLUMNS, ROWS, SQUARE = 9, 6, 0.025
@@ -48,7 +48,6 @@ DISTANCE, DOWN = 8.4, math.radians(10.0)  # of the camera from the cup, in radii
 WAVE, FREQUENCY, DECAY = 0.15, 3.0, 0.4  # its height in radii, Hz, 1/s
 IMAGES, RATE = 90, 60.0
 MORE_DAMPING = 1.25
-LISTENERS, PLAYED = 2, 12.0  # estimator and recorder; s
 
 
 class StandInError(ValueError):
@@ -64,7 +63,7 @@ def main(words: Sequence[str] | None = None) -> int:
     robot = parts.add_parser("robot", help="a motion and the camera's images over ROS 2")
     robot.set_defaults(run=lambda given: play(read_model(given.model), given.motion))
     parts.add_parser("joints", help="joint states over ROS 2").set_defaults(
-        run=lambda given: play_joints()
+        run=lambda given: play_joints("robot: the motion is over")
     )
     for part in (camera, robot):
         part.add_argument("model", type=Path, metavar="MODEL.yaml", help="of the cup")
@@ -154,33 +153,6 @@ def play(model: Model, motion: Path) -> None:
         done = subprocess.run(command, env=node_environment(), check=False)
     if done.returncode != 0:
         raise StandInError("the motion was not played")
-    print("robot: the motion is over", flush=True)
-
-
-def play_joints() -> None:
-    """Publishes the joints of an arm at 250 Hz to a cell that listens, for some seconds."""
-    import rclpy
-    from sensor_msgs.msg import JointState
-
-    from slosh_msgs_py import qos
-    from slosh_msgs_py.stamps import to_time
-    from slosh_testing.rail_robot import JOINTS, swung
-
-    rclpy.init()
-    node = rclpy.create_node("driver")
-    publisher = node.create_publisher(JointState, "/joint_states", qos.STREAM_OUT)
-    begun = 0.0
-    while not begun or time.monotonic() < begun + PLAYED:
-        if not begun and publisher.get_subscription_count() >= LISTENERS:
-            begun = time.monotonic()
-        # To and fro, with a rest before and behind each stroke.
-        t = (time.monotonic() - begun) % 6.0 - 0.5 if begun else 0.0
-        message = JointState(name=list(JOINTS), position=swung(min(t, 5.0 - t)).tolist())
-        message.header.stamp = to_time(time.time_ns())
-        publisher.publish(message)
-        time.sleep(0.004)
-    node.destroy_node()
-    rclpy.shutdown()
     print("robot: the motion is over", flush=True)
 
 

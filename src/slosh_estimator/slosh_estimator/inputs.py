@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.mounting import SensorTransform
+from slosh_estimator.mounting import Base, SensorTransform
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
@@ -28,9 +29,13 @@ POSES = (POSE, JOINTS, TRANSFORMS)
 """Kinds whose messages become poses."""
 ROBOT = "urdf"
 """Under this name the text of the robot's description is kept with the settings."""
+BASE = "pose_base"
+"""Under this name the settings hold the frame of poses, and where it stands in the world."""
 POSE_WINDOW = 0.0
 """A window that is chosen."""
 
+MOUNTED = (ACCEL, IMU, POSE)
+"""Kinds whose frame may be anywhere on the robot."""
 VELOCITIES = (ODOMETRY, TWIST)
 """Kinds whose messages tell velocities."""
 WINDOWED = (*POSES, *VELOCITIES)
@@ -63,6 +68,7 @@ class InputSettings(NamedTuple):
         tool_frame: link of the robot that is the container, or carries it.
         smoothing: half of the differentiating window [s], which chooses the polynomial's degree,
             too; 0.0: as pose_window.
+        base: another frame of poses, where it stands in the world; None: there is none.
     """
 
     kind: str | None = None
@@ -76,6 +82,7 @@ class InputSettings(NamedTuple):
     urdf: str = ""
     tool_frame: str = ""
     smoothing: float = 0.0
+    base: Base | None = None
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -105,7 +112,43 @@ class InputSettings(NamedTuple):
             checks=parameters.get("check_input"),
             tool_frame=parameters.get("tool_frame", ""),
             smoothing=parameters.get("smoothing", 0.0),
+            base=_base(parameters.get(BASE)),
         )
+
+    def mounted(self, kind: str, frame: str, fixed: FixedFrames) -> dict[str, Any] | None:
+        """The parameters that fixed transforms give for an input in a frame.
+
+        Args:
+            kind: of the input.
+            frame: of its messages.
+            fixed: frames that stand still in each other.
+
+        Returns:
+            None: nothing connects the frame. Empty: the parameters say how it is mounted, or the
+            frame needs no mounting.
+        """
+        world, container = self.frames
+        if frame.lstrip("/") in ("", world, container) or self.transform != SensorTransform():
+            return {}
+        if kind == POSE:
+            pose = fixed.pose(world, frame)
+            return None if pose is None else {BASE: [frame, *pose[0], *pose[1]]}
+        mount = fixed.mounting(container, frame) if kind in (ACCEL, IMU) else SensorTransform()
+        if mount is None:
+            return None
+        own = {"world_frame": frame} if kind == ACCEL else {}
+        turn = [mount.roll, mount.pitch, mount.yaw]
+        return {"sensor_rotation": turn, "sensor_to_origin": list(mount.to_origin), **own}
+
+    def with_mounting(self, parameters: Mapping[str, Any]) -> InputSettings:
+        """The same with parameters as `mounted` gives them."""
+        if BASE in parameters:
+            return self._replace(base=_base(parameters[BASE]))
+        roll, pitch, yaw = parameters["sensor_rotation"]
+        x, y, z = parameters["sensor_to_origin"]
+        world = parameters.get("world_frame", self.frames[0])
+        transform = SensorTransform(roll, pitch, yaw, (x, y, z))
+        return self._replace(transform=transform, frames=(world, self.frames[1]))
 
     def poses(self, kind: str) -> PoseSource | None:
         """What turns messages of a kind into poses; None: they are poses, or need none.
@@ -143,8 +186,16 @@ class InputSettings(NamedTuple):
         world = None if old else self.frames[0]
         return PoseInput(
             self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
-            self.checks, _NOUNS[kind], self.smoothing,
+            self.checks, _NOUNS[kind], self.smoothing, self.base,
         )  # fmt: skip
+
+
+def _base(told: Sequence[Any] | None) -> Base | None:
+    """The base that a node's settings tell: its name, position and quaternion."""
+    if told is None:
+        return None
+    frame, px, py, pz, x, y, z, w = told
+    return Base(str(frame), ((px, py, pz), (x, y, z, w)))
 
 
 class WantedInput(NamedTuple):

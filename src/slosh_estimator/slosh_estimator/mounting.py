@@ -4,11 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.rotation import Matrix, Vector, matrix_from_rpy
 
 Quaternion = tuple[float, float, float, float]
+
+
+class Base(NamedTuple):
+    """A frame that stands still in the world.
+
+    Attributes:
+        frame: its name.
+        pose: position [m] and quaternion x, y, z, w in the world.
+    """
+
+    frame: str
+    pose: tuple[Vector, Quaternion]
 
 
 @dataclass(frozen=True, slots=True)

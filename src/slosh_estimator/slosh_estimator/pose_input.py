@@ -18,7 +18,7 @@ from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict, fault_of
-from slosh_estimator.mounting import SensorTransform, ToolPose
+from slosh_estimator.mounting import Base, SensorTransform, ToolPose, composed
 from slosh_estimator.pose_filter import (
     CUBIC,
     FEWEST,
@@ -54,6 +54,7 @@ class PoseInput(CheckedInput):
         checks: see `InputSettings`.
         noun: what comes, in the plural, for what is told of its rate.
         smoothing: half of the window [s], and by that the polynomial's degree; 0.0: as `window`.
+        base: another frame in which poses come, and where it stands in the world; None: none.
 
     Attributes:
         gate: judges the poses.
@@ -80,6 +81,7 @@ class PoseInput(CheckedInput):
         checks: bool | None = None,
         noun: str = "poses",
         smoothing: float = 0.0,
+        base: Base | None = None,
     ) -> None:
         mount = transform or SensorTransform()
         super().__init__(PoseCheck(mount.matrix), checks)
@@ -103,7 +105,7 @@ class PoseInput(CheckedInput):
         self._poses = _Poses()
         self._at = count // 2  # the next centre
         self._restarted = True
-        self._smoothing = smoothing
+        self._smoothing, self._base = smoothing, base
         self._filter = self._filter_of(())
         self._modes: Modes = ()
         self._interval_ns = self._reach_ns = self._wait_ns = 0
@@ -131,7 +133,9 @@ class PoseInput(CheckedInput):
             now_ns: the time of arrival [ns].
             frame: in which the pose is given.
         """
-        if frame != self._frame and self._strange(frame):
+        if self._base is not None and frame == self._base.frame:
+            position, quaternion = composed(self._base.pose, (position, quaternion))
+        elif frame != self._frame and self._strange(frame):
             return []
         fault = fault_of(position, self.LARGEST) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)

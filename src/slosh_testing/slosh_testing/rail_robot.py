@@ -9,7 +9,9 @@ import numpy as np
 
 UPPER, FORE, CUP = 0.5, 0.4, 0.1
 JOINTS = ("rail", "shoulder", "elbow", "wrist")
-RAIL_URDF = (Path(__file__).parents[3] / "examples" / "robot.urdf").read_text(encoding="utf-8")
+RAIL_URDF = (Path(__file__).resolve().parents[3] / "examples" / "robot.urdf").read_text(
+    encoding="utf-8"
+)
 
 
 def cup_position(rail, shoulder, elbow, wrist=0.0):

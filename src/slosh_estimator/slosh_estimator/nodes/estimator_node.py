@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import ChainMap
+from collections.abc import Mapping
 from functools import partial
 from threading import Event
 from typing import Any
@@ -136,8 +138,10 @@ class EstimatorNode(PreparedNode):
         self._reading.header.frame_id = values["container_frame"]
         self._kind = values["input"]
         names = (TOPIC_NAMES[self._kind], topics.ESTIMATE)
+        self._given: dict[str, Any] = {}  # by fixed transforms
+        self._known = ChainMap(self._given, values)
         self._settings = SettingsPublisher(
-            self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, names
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), self._known, names
         )
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
         self._readings = self.create_publisher(
@@ -204,18 +208,30 @@ class EstimatorNode(PreparedNode):
     def begin(self) -> None:
         """Listens from now on."""
         self._set_names()
-        self._input = self._subscribe()
+        self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._announce_start()
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
-    def _subscribe(self) -> AnyInput:
+    @property
+    def _input(self) -> AnyInput:
+        return self._heard.source
+
+    def _subscribe(self) -> None:
         name = TOPIC_NAMES[self._kind]
         self._input_health = InputHealth(self, name, MESSAGE_TYPES[self._kind])
         how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
-        self._heard = HeardInput(self, self._kind, how, self._now, self._answer)
-        return self._heard.source
+        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
+
+    def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
+        """Takes what fixed transforms say of the mounting; nothing was used before."""
+        self._given.update(parameters)
+        told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
+        self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
+        self._announce_start()
+        modes = modes_of(self._estimator.model)
+        return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.

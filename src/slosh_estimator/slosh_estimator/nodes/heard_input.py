@@ -11,8 +11,15 @@ from rclpy.node import Node
 
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.inputs import MESSAGE_TYPES, TOPIC_NAMES, AnyInput, InputSettings
+from slosh_estimator.inputs import (
+    MESSAGE_TYPES,
+    MOUNTED,
+    TOPIC_NAMES,
+    AnyInput,
+    InputSettings,
+)
 from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.mounting import Quaternion
 from slosh_estimator.nodes.estimator_messages import imu_sample
@@ -28,6 +35,9 @@ from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_msgs_py.topics import Publishers
 
+PATIENCE = 2.0
+"""So long fixed transforms are waited for, where somebody publishes them [s]."""
+TF_TYPE = topics.DRIVING["tf"].type
 Answer = Callable[..., None]
 """Takes the stamp of an input [ns] and the samples that it made known."""
 
@@ -41,6 +51,7 @@ class HeardInput:
         settings: how it is read.
         now: the time [ns].
         answer: is called with each message's stamp and samples.
+        mounted: is told the parameters that fixed transforms give, before the first sample.
 
     Attributes:
         source: what turns messages into samples.
@@ -59,8 +70,12 @@ class HeardInput:
         settings: InputSettings,
         now: Callable[[], int],
         answer: Answer,
+        mounted: Callable[[Mapping[str, Any]], InputSettings],
     ) -> None:
         self._node, self._kind, self._now, self._answer = node, kind, now, answer
+        self._settings, self._mounted = settings, mounted
+        self._fixed, self._first = FixedFrames(), 0.0
+        self._decided, self._unconnected = kind not in MOUNTED, ""
         self._world = settings.frames[0]
         self.source: AnyInput = settings.reader(kind)
         self.poses = settings.poses(kind)
@@ -75,10 +90,42 @@ class HeardInput:
             "odometry": self._on_odometry, "twist": self._on_twist,
         }[kind]  # fmt: skip
         self._listen(row.name, take)
+        if not self._decided:
+            self._hear_fixed()
         if isinstance(self.poses, TransformPoses):
             kind_of = message_class(row.type)
             fixed = partial(self._on_transforms, fixed=True)
             node.create_subscription(kind_of, topics.TF_STATIC, fixed, qos.EVENT)
+
+    def _hear_fixed(self) -> None:
+        """Hears how frames are fixed to each other, where their messages are installed."""
+        try:
+            kind = message_class(TF_TYPE)
+        except SloshEstimatorError:
+            self._decided = True
+            return
+        self._node.create_subscription(
+            kind,
+            topics.TF_STATIC,
+            lambda message: self._fixed.take(map(_transform, message.transforms)),
+            qos.EVENT,
+        )
+
+    def _is_mounted(self, frame: str) -> bool:
+        """Whether it is known how what comes in a frame is mounted; a while is waited for that."""
+        if self._decided:
+            return True
+        found = self._settings.mounted(self._kind, frame, self._fixed)
+        self._first = self._first or time.monotonic()
+        speaks = self._node.count_publishers(topics.TF_STATIC) > 0
+        if found is None and speaks and time.monotonic() - self._first < PATIENCE:
+            return False
+        self._decided = True
+        if found:
+            self.source = self._mounted(found).reader(self._kind)
+        elif found is None and speaks:
+            self._unconnected = frame
+        return True
 
     @property
     def contested(self) -> bool:
@@ -102,7 +149,10 @@ class HeardInput:
 
     def facts(self) -> dict[str, str]:
         """For the diagnostics."""
-        return self.poses.facts() if self.poses is not None else {}
+        told = {} if self.poses is None else self.poses.facts()
+        if self._unconnected:
+            told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"
+        return told
 
     def _listen(self, topic: str, callback: Callable[[Any], None]) -> None:
         kind = message_class(MESSAGE_TYPES[self._kind])
@@ -118,18 +168,24 @@ class HeardInput:
         subscription = self._node.create_subscription(kind, topic, take, qos.STREAM_IN)
 
     def _on_accel(self, message: Any) -> None:
-        assert isinstance(self.source, AccelInput)
         a, header = message.accel.linear, message.header
+        if not self._is_mounted(header.frame_id):
+            return
+        assert isinstance(self.source, AccelInput)
         stamp = to_nanoseconds(header.stamp)
         found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
         self._answer(stamp, found)
 
     def _on_imu(self, message: Any) -> None:
+        if not self._is_mounted(message.header.frame_id):
+            return
         assert isinstance(self.source, ImuInput)
         stamp, force, rate = imu_sample(message)
         self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
 
     def _on_pose(self, message: Any) -> None:
+        if not self._is_mounted(message.header.frame_id):
+            return
         p, q = message.pose.position, message.pose.orientation
         stamp = to_nanoseconds(message.header.stamp)
         pose = TimedPose(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))

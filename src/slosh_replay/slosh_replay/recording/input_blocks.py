@@ -18,15 +18,18 @@ from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, messages_of, stamp_ns
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.inputs import JOINTS, POSE, TRANSFORMS, InputSettings
+from slosh_estimator.fixed_frames import FixedFrames
+from slosh_estimator.inputs import JOINTS, MOUNTED, POSE, TRANSFORMS, InputSettings
 from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
 from slosh_msgs_py import topics
 from slosh_replay.recording.inputs import fields
+from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
 
 Columns = Mapping[str, NDArray[Any]]
+_FRAME = "header.frame_id"
 
 
 class InputBlocks:
@@ -97,6 +100,29 @@ class InputBlocks:
     def _transforms(self, message: Any, *, fixed: bool = False) -> list[TimedPose]:
         assert isinstance(self._poses, TransformPoses)
         return self._poses.take(map(_transform, message.transforms), fixed=fixed)
+
+
+def mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
+    """How the input is read with what the bag's fixed transforms say of its frame.
+
+    A recorded estimator has told what it took from them.
+
+    Args:
+        reader: of the bag.
+        sources: its topics.
+        how: the input is read without them.
+    """
+    if sources.kind not in MOUNTED or first(sources.starts, "estimator") is not None:
+        return how
+    fixed = FixedFrames()
+    for message in _latched(reader, sources, topics.TF_STATIC):
+        fixed.take(map(_transform, message.transforms))
+    block = next(iter(reader.blocks([sources.input])), None)
+    if block is None:
+        return how
+    frame = str(reader.columns(block, [_FRAME])[_FRAME][0])
+    found = how.mounted(sources.kind, frame, fixed)
+    return how.with_mounting(found) if found else how
 
 
 def _pose_columns(poses: list[TimedPose], frame: str) -> dict[str, NDArray[Any]]:

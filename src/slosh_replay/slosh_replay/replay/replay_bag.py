@@ -38,7 +38,7 @@ from slosh_replay.recording.facts import (
     shared_topics_line,
 )
 from slosh_replay.recording.heights import WAVE_FIELDS, measurements
-from slosh_replay.recording.input_blocks import InputBlocks
+from slosh_replay.recording.input_blocks import InputBlocks, mounted
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
@@ -112,7 +112,7 @@ def replay_bag(
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
-    how = _settings(given, sources)
+    how = mounted(reader, sources, _settings(given, sources))
     watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):

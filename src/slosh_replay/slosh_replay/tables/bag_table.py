@@ -34,7 +34,7 @@ from slosh_base.types import Array
 from slosh_estimator.inputs import IMU, InputSettings, WantedInput
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.input_blocks import InputBlocks
+from slosh_replay.recording.input_blocks import InputBlocks, mounted
 from slosh_replay.recording.inputs import recorded_inputs
 from slosh_replay.recording.motion import AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
@@ -114,6 +114,7 @@ def read_bag_table(
     sources = find_sources(path, reader, chosen.kind)
     how = chosen.inputs or recorded_inputs(sources.starts, sources.facts)
     how = chosen.wanted.over(how) if chosen.wanted is not None else how
+    how = mounted(reader, sources, how)
     topics, facts = reader.topics(), sources.facts
     columns = facts.get(TABLE_COLUMNS, "").split(",") if chosen.measured is None else []
     surface = _surface(path, topics, chosen.measured, sources, MSH in columns)
