@@ -25,9 +25,11 @@ from slosh_base.types import Array
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
+from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.sampling import modes_of
-from slosh_estimator.velocity_input import Twist
+from slosh_estimator.velocity_input import Twist, VelocityInput
 from slosh_testing.rail_robot import FORE, JOINTS, RAIL_URDF, UPPER, cup_position, quaternion
 from slosh_testing.random_moves import AFTER, MODEL, moves
 
@@ -96,6 +98,7 @@ def motion(seed: int) -> Motion:
 def by_poses(robot: Motion, sampled: Sampled, t: Array) -> Iterator[Sample]:
     """Samples of a tracker's poses."""
     reader = settings("pose").reader("pose")
+    assert isinstance(reader, PoseInput)
     q = robot.joints(t)
     places = sampled.rounded(cup_position(*q.T))
     for at, place, row in zip(t.tolist(), places.tolist(), q.tolist(), strict=True):
@@ -106,6 +109,8 @@ def by_joints(robot: Motion, sampled: Sampled, t: Array) -> Iterator[Sample]:
     """Samples of joint states; encoders resolve as much as the cup's place needs."""
     how = settings("joints")._replace(urdf=RAIL_URDF, tool_frame="cup")
     reader, poses = how.reader("joints"), how.poses("joints")
+    assert isinstance(reader, PoseInput)
+    assert isinstance(poses, JointPoses)
     q = sampled.rounded(robot.joints(t), 1.0 / REACH)
     for at, row in zip(t.tolist(), q.tolist(), strict=True):
         for pose in poses.take(round(at * 1e9), JOINTS, row):
@@ -115,6 +120,7 @@ def by_joints(robot: Motion, sampled: Sampled, t: Array) -> Iterator[Sample]:
 def by_velocities(robot: Motion, sampled: Sampled, t: Array, kind: str) -> Iterator[Sample]:
     """Samples of odometry or twists; velocities resolve as positions do in WINDOW."""
     reader, q = settings(kind).reader(kind), robot.joints(t)
+    assert isinstance(reader, VelocityInput)
     before, after = (robot.joints(t + k * STEP) for k in (-1, 1))
     linear = (cup_position(*after.T) - cup_position(*before.T)) / (2 * STEP)
     rate = (after - before)[:, 1:3].sum(axis=1) / (2 * STEP)
@@ -131,7 +137,8 @@ def by_velocities(robot: Motion, sampled: Sampled, t: Array, kind: str) -> Itera
             yield from reader.update_twist(Twist(stamp, tuple(v), turning, None, "world"))
 
 
-INPUTS: dict[str, Callable[[Motion, Sampled, Array], Iterator[Sample]]] = {
+Made = Callable[[Motion, Sampled, Array], Iterator[Sample]]
+INPUTS: dict[str, Made] = {
     "pose": by_poses,
     "joints": by_joints,
     "odometry": lambda robot, sampled, t: by_velocities(robot, sampled, t, "odometry"),
@@ -144,7 +151,7 @@ def settings(kind: str) -> InputSettings:
     return InputSettings(kind, GateSettings(max_gap=0.2, confirms=False), modes=modes_of(MODEL))
 
 
-def error(robot: Motion, sampled: Sampled, made: Callable, seed: int) -> float:
+def error(robot: Motion, sampled: Sampled, made: Made, seed: int) -> float:
     """The rms of the height's error, relative to the peak."""
     samples = list(made(robot, sampled, sampled.times(robot.end, seed)))
     found = Estimator(MODEL).update_many(Samples.of(samples))

@@ -8,8 +8,8 @@ stream, or with the same stamps, nothing is interpolated at all.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable, Mapping, Set
-from typing import NamedTuple
+from collections.abc import Callable, Hashable, Set
+from typing import Generic, TypeVar
 
 from slosh_estimator.tuning import TUNING
 
@@ -18,14 +18,10 @@ Mix = Callable[[Values, Values, float], Values]
 """Between two values, at a share of the way."""
 
 
-class Row(NamedTuple):
-    """What all streams say at a moment: its stamp [ns] and the values by stream."""
-
-    stamp_ns: int
-    values: Mapping[Hashable, Values]
+Key = TypeVar("Key", bound=Hashable)
 
 
-class AlignedStreams:
+class AlignedStreams(Generic[Key]):
     """Takes values of streams, gives rows of all of them.
 
     Args:
@@ -35,11 +31,11 @@ class AlignedStreams:
 
     def __init__(self, mix: Mix, is_complete: Callable[[], bool]) -> None:
         self._mix, self._is_complete = mix, is_complete
-        self._streams: dict[Hashable, _Stream] = {}
+        self._streams: dict[Key, _Stream] = {}
         self._leader: _Stream | None = None
 
     @property
-    def keys(self) -> Set[Hashable]:
+    def keys(self) -> Set[Key]:
         """The streams that have come."""
         return self._streams.keys()
 
@@ -53,7 +49,7 @@ class AlignedStreams:
         self._streams.clear()
         self._leader = None
 
-    def add(self, key: Hashable, stamp_ns: int, values: Values) -> None:
+    def add(self, key: Key, stamp_ns: int, values: Values) -> None:
         """Takes a stream's values at a stamp [ns]; one that comes too late is left out."""
         stream = self._streams.get(key)
         if stream is None:
@@ -63,8 +59,8 @@ class AlignedStreams:
             stream = self._streams[key] = _Stream(values)
         stream.take(stamp_ns, values)
 
-    def rows(self) -> list[Row]:
-        """The rows that are complete now, in order."""
+    def rows(self) -> list[tuple[int, dict[Key, Values]]]:
+        """Stamps [ns] and the values of all streams then, as far as they are complete now."""
         if not self._is_complete():
             return []
         leader = self._choose()
@@ -78,7 +74,7 @@ class AlignedStreams:
             leader.waiting.popleft()
             at = {key: stream.at(stamp_ns, self._mix) for key, stream in others}
             if all(at.values()):
-                found.append(Row(stamp_ns, {own: values, **at}))
+                found.append((stamp_ns, {own: values, **at}))
         for _, stream in others:
             stream.waiting.clear()
         return found

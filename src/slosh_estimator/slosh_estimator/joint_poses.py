@@ -35,7 +35,9 @@ class JointPoses:
         self._robot = robot
         self._layouts: dict[tuple[str, ...], _Layout] = {}
         self._owners: dict[str, tuple[str, ...]] = {}
-        self._streams = AlignedStreams(_between, self._is_complete)
+        self._streams: AlignedStreams[tuple[str, ...]] = AlignedStreams(
+            _between, self._is_complete
+        )
         self._seen: dict[str, None] = {}
         self._states = 0
         self._wrong = self._twice = ""
@@ -72,14 +74,14 @@ class JointPoses:
         self._streams.add(joints, stamp_ns, values)
         return [
             self._posed(
-                row.stamp_ns,
+                at_ns,
                 {
                     joint: value
-                    for own, at in row.values.items()
-                    for joint, value in zip(own, at, strict=True)  # type: ignore[call-overload]
+                    for own, at in found.items()
+                    for joint, value in zip(own, at, strict=True)
                 },
             )
-            for row in self._streams.rows()
+            for at_ns, found in self._streams.rows()
         ]
 
     def trouble(self) -> str:

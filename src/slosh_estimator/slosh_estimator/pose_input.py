@@ -259,7 +259,9 @@ class PoseInput(CheckedInput):
         if not len(self._poses):
             return False
         seconds = (stamp_ns - self._poses.newest_ns) * SECONDS_PER_NS
-        return math.dist(position, self._poses.newest_position) > TUNING.fastest_move * seconds
+        # What a coarse position steps by is no speed where two stamps lie close together.
+        farthest = TUNING.fastest_move * seconds + TUNING.pose_step
+        return math.dist(position, self._poses.newest_position) > farthest
 
     def _gain(self, frequency: float, interval: float) -> float:
         return self._filter_of(self.sampling.modes).gain(frequency, interval)

@@ -45,7 +45,7 @@ class TransformPoses:
         self._parents: dict[str, str] = {}
         self._fixed: dict[str, Transform] = {}
         self._chain: tuple[str, ...] = ()
-        self._streams = AlignedStreams(_between, self._is_complete)
+        self._streams: AlignedStreams[str] = AlignedStreams(_between, self._is_complete)
         self._count = 0
         self._since_ns = 0
         self._newest_ns = 0
@@ -71,9 +71,7 @@ class TransformPoses:
                 self._streams.add(child, one.stamp_ns, (*one.position, *one.quaternion))
                 fed = True
         self._count += not fixed
-        return (
-            [self._pose(row.stamp_ns, row.values) for row in self._streams.rows()] if fed else []
-        )
+        return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
     def trouble(self) -> str:
         """Why there are no poses, or wrong ones, in a line; empty: not known."""
@@ -127,10 +125,12 @@ class TransformPoses:
         quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
         for child in self._chain:  # from the container outwards
             fixed = self._fixed.get(child)
-            x, y, z, *turn = (
-                values[child] if fixed is None else (*fixed.position, *fixed.quaternion)
-            )
-            position, quaternion = composed(((x, y, z), tuple(turn)), (position, quaternion))
+            if fixed is not None:
+                outer = fixed.position, fixed.quaternion
+            else:
+                x, y, z, qx, qy, qz, qw = values[child]
+                outer = (x, y, z), (qx, qy, qz, qw)
+            position, quaternion = composed(outer, (position, quaternion))
         return TimedPose(stamp_ns, position, quaternion)
 
 

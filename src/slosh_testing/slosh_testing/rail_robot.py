@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ RAIL_URDF = (Path(__file__).resolve().parents[3] / "examples" / "robot.urdf").re
 )
 
 
-def cup_position(rail, shoulder, elbow, wrist=0.0):
+def cup_position(rail: Any, shoulder: Any, elbow: Any, wrist: Any = 0.0) -> Any:
     """Where the cup stands for positions of the joints [m]; arrays give (N, 3)."""
     toward = shoulder + elbow
     side, up = -CUP * np.sin(wrist), CUP * np.cos(wrist)
@@ -28,14 +29,14 @@ def cup_position(rail, shoulder, elbow, wrist=0.0):
     )
 
 
-def swung(t, seconds: float = 2.0):
+def swung(t: Any, seconds: float = 2.0) -> Any:
     """(N, 4) positions of JOINTS at times t [s]: at rest before 0 and behind `seconds`."""
     x = np.clip(np.asarray(t) / seconds, 0.0, 1.0)
     ease = x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
     return np.stack([0.5 * ease, 0.9 * ease - 0.4, 0.3 - 1.2 * ease, 0.0 * ease], axis=-1)
 
 
-def acceleration(t, step: float = 1e-4):
+def acceleration(t: Any, step: float = 1e-4) -> Any:
     """(N, 3) of the cup [m/s²], by differences of the kinematics."""
     places = [cup_position(*swung(np.asarray(t) + k * step).T) for k in (-1, 0, 1)]
     return (places[0] - 2.0 * places[1] + places[2]) / step**2

@@ -97,10 +97,10 @@ def export_motion(arguments: argparse.Namespace) -> int:
         raise SloshBringupError(f"{output}: a motion table must be named {' or '.join(SUFFIXES)}")
     check_apart([output], files_of(arguments.bag))
     check_targets([output], overwrite=arguments.overwrite)
-    given = wanted_input(arguments)
+    wanted = wanted_input(arguments)
     settings = TableSettings(
-        kind=None if given is None else given.kind, measured=arguments.measured,
-        absolute=arguments.absolute, wanted=given,
+        kind=None if wanted is None else wanted.kind, measured=arguments.measured,
+        absolute=arguments.absolute, wanted=wanted,
     )  # fmt: skip
     with Progress("export", None, Unit("messages")) as progress:
         given = read_bag_table(arguments.bag, settings, progress.add)

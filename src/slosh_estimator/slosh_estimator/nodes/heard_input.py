@@ -84,12 +84,12 @@ class HeardInput:
         self._is_shared = row.publishers is Publishers.MANY
         self._speakers = SpeakerWatch()
         self._rivals = Rivals(node, row.name, row.type)
-        take = {
+        takers: dict[str, Callable[[Any], None]] = {
             "accel": self._on_accel, "imu": self._on_imu, "pose": self._on_pose,
             "joints": self._on_joints, "tf": partial(self._on_transforms, fixed=False),
             "odometry": self._on_odometry, "twist": self._on_twist,
-        }[kind]  # fmt: skip
-        self._listen(row.name, take)
+        }  # fmt: skip
+        self._listen(row.name, takers[kind])
         if not self._decided:
             self._hear_fixed()
         if isinstance(self.poses, TransformPoses):
