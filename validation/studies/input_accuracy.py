@@ -36,7 +36,7 @@ from slosh_testing.random_moves import AFTER, MODEL, moves
 PAGE = ROOT / "docs" / "robot.md"
 RATES, RESOLUTIONS, JITTERS = (125, 250, 500, 1000), (0.02, 0.1, 1.0), (0.0, 1.0, 4.0)
 """Hz, mm, ms."""
-REACH, STEP, WINDOW = UPPER + FORE, 1e-4, 0.01
+REACH, STEP, WINDOW = UPPER + FORE, 1e-4, 0.1
 """Of the arm [m]; of differences [s]; in which a driver derives velocities from positions [s]."""
 HEAD = "| input | Hz | resolution [mm] | no jitter | 1 ms | 4 ms |\n|---|--:|--:|--:|--:|--:|"
 

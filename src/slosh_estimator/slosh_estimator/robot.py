@@ -24,7 +24,8 @@ HOW_TO_GET = (
 )
 LONGEST = 10_000_000
 """Bytes of a description; a robot with its cell has some hundred kilobytes."""
-_XACRO = "http://www.ros.org/wiki/xacro"
+_XACRO = "<xacro:"
+"""Begins an element of it; expanded files still name its namespace."""
 
 
 def available() -> bool:

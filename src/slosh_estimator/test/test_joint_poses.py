@@ -206,6 +206,13 @@ def test_xacro_without_its_package(tmp_path, monkeypatch):
         read_urdf(path)
 
 
+def test_an_expanded_description_that_names_xacro_is_read_as_it_is(tmp_path):
+    path = tmp_path / "robot.urdf"
+    text = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="cup"/></robot>'
+    path.write_text(text)
+    assert read_urdf(path) == text
+
+
 def test_without_pinocchio_one_line_says_how_to_get_it(monkeypatch):
     monkeypatch.setattr("slosh_estimator.robot.available", lambda: False)
     with pytest.raises(SloshEstimatorError, match=r"pip install -r requirements/joints\.txt"):

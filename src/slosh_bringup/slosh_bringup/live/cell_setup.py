@@ -111,11 +111,11 @@ def _reading(source: YamlDocument) -> dict[str, str]:
             continue
         value = source.value[key]
         if not isinstance(value, str):
-            raise SloshBringupError(f"{source.at(key)}: {key} = {shown(value)} must be a text")
+            raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be a text")
         found[key] = str(_file(source, key)) if key == "urdf" else value
     if "input" in found and found["input"] not in topics.DRIVING:
         raise SloshBringupError(
-            f"{source.at('input')}: input = {shown(found['input'])} must be "
+            f"{source.at('input')} = {shown(found['input'])} must be "
             f"{', '.join(topics.DRIVING)}"
         )
     return found
