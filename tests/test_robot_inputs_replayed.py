@@ -10,10 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
+from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
+from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
 from slosh_tables.motion_table import read_motion_table
 from slosh_testing.rail_robot import (
@@ -231,6 +233,15 @@ def test_a_bag_with_joints_and_without_a_description_says_what_to_give(tmp_path,
     assert main([*words, *robot, "--tool-frame", "spoon"]) == 2
     assert "no link 'spoon' (it has world" in capsys.readouterr().err
     assert main([*words, *robot, "--tool-frame", "cup"]) == 0
+
+
+def test_transforms_are_taken_before_joints_that_nobody_describes(tmp_path):
+    def both(maker: Maker) -> Iterator[Message]:
+        yield from (one for one in maker.joints() if one[0] == "/joint_states")
+        yield from maker.transforms()
+
+    bag = write(tmp_path / "bag", both)
+    assert find_sources(bag, BagReader(bag)).kind == "tf"
 
 
 def test_a_chain_that_is_not_in_the_bag_is_told(tmp_path, capsys):

@@ -18,6 +18,7 @@ from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict, fault_of
+from slosh_estimator.kept_poses import NUMBERS, KeptPoses
 from slosh_estimator.mounting import Base, SensorTransform, ToolPose, composed
 from slosh_estimator.pose_filter import (
     CUBIC,
@@ -36,8 +37,6 @@ from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.input_checks import PoseCheck
 
 MINIMUM_WINDOW = 2 * FEWEST + 1
-_NUMBERS = 7
-"""Of a pose: position and quaternion."""
 
 
 class PoseInput(CheckedInput):
@@ -102,7 +101,7 @@ class PoseInput(CheckedInput):
         self.sampling = Sampling(noun, self._gain, remedy)
         self.jumps = 0
         self._count, self._seconds = count, 0.0 if count else float(window)
-        self._poses = _Poses()
+        self._poses = KeptPoses()
         self._at = count // 2  # the next centre
         self._restarted = True
         self._smoothing, self._base = smoothing, base
@@ -192,12 +191,12 @@ class PoseInput(CheckedInput):
         """
         memory = self.take_up_check(stamp_ns, memory)
         if self._count:
-            self._poses.fill(stamp_ns, remembered(memory, (_NUMBERS + 1) * self._count))
+            self._poses.fill(stamp_ns, remembered(memory, (NUMBERS + 1) * self._count))
             self._at = self._count // 2 + 1
         else:
             begin = 3 + MEMORY
             rows = len(memory) - begin
-            if rows < (_NUMBERS + 1) * MINIMUM_WINDOW or rows % (_NUMBERS + 1):
+            if rows < (NUMBERS + 1) * MINIMUM_WINDOW or rows % (NUMBERS + 1):
                 raise SloshEstimatorError(
                     f"saved state of a pose input with {len(memory)} values: wrong number"
                 )
@@ -377,72 +376,6 @@ class PoseInput(CheckedInput):
             (centre - before) * k // parts if k < 0 else (after - centre) * k // parts
             for k in range(-side, side + 1)
         ]
-
-
-class _Poses:
-    """The poses of a window, as columns.
-
-    Attributes:
-        stamps: (N,) [ns].
-        values: (N, 7) position [m] and quaternion x, y, z, w.
-    """
-
-    def __init__(self) -> None:
-        self._all_stamps = np.zeros(64, dtype=np.int64)
-        self._all_values = np.zeros((64, _NUMBERS))
-        self.clear()
-
-    def __len__(self) -> int:
-        return self._size
-
-    @property
-    def newest_ns(self) -> int:
-        """Stamp of the newest one [ns]."""
-        return int(self._all_stamps[self._size - 1])
-
-    @property
-    def newest_position(self) -> Vector:
-        """Position of the newest one [m]."""
-        x, y, z = self._all_values[self._size - 1, :3].tolist()
-        return x, y, z
-
-    def clear(self) -> None:
-        """Forgets all."""
-        self._resize(0)
-
-    def append(self, stamp_ns: int, values: tuple[float, ...]) -> None:
-        """Takes one more."""
-        if self._size == len(self._all_stamps):
-            self._all_stamps = np.concatenate([self._all_stamps, self._all_stamps])
-            self._all_values = np.concatenate([self._all_values, self._all_values])
-        self._all_stamps[self._size], self._all_values[self._size] = stamp_ns, values
-        self._resize(self._size + 1)
-
-    def forget(self, count: int) -> int:
-        """Drops the oldest ones; returns how many."""
-        if count <= 0:
-            return 0
-        rest = self._size - count
-        self._all_stamps[:rest] = self._all_stamps[count : self._size]
-        self._all_values[:rest] = self._all_values[count : self._size]
-        self._resize(rest)
-        return count
-
-    def rows(self, first: int) -> list[float]:
-        """From one on: stamp before the newest one's [ns], position, quaternion; in a row."""
-        back = (self.stamps[first:] - self.stamps[-1:]).astype(np.float64)
-        table: list[float] = np.column_stack([back, self.values[first:]]).ravel().tolist()
-        return table
-
-    def fill(self, newest_ns: int, rows: Sequence[float]) -> None:
-        """Takes what `rows` of others gave, with the stamp of their newest one [ns]."""
-        self.clear()
-        for back, *values in np.reshape(rows, (-1, _NUMBERS + 1)).tolist():
-            self.append(newest_ns + round(back), tuple(values))
-
-    def _resize(self, size: int) -> None:
-        self._size = size
-        self.stamps, self.values = self._all_stamps[:size], self._all_values[:size]
 
 
 def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> SampleVerdict | None:

@@ -115,8 +115,7 @@ def _reading(source: YamlDocument) -> dict[str, str]:
         found[key] = str(_file(source, key)) if key == "urdf" else value
     if "input" in found and found["input"] not in topics.DRIVING:
         raise SloshBringupError(
-            f"{source.at('input')} = {shown(found['input'])} must be "
-            f"{', '.join(topics.DRIVING)}"
+            f"{source.at('input')} = {shown(found['input'])} must be {', '.join(topics.DRIVING)}"
         )
     return found
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_estimator.inputs import MESSAGE_TYPES, TOPIC_NAMES
+from slosh_estimator.inputs import JOINTS, MESSAGE_TYPES, TOPIC_NAMES
 from slosh_msgs_py import topics
 from slosh_replay.recording import settings, states
 from slosh_replay.recording.settings import NodeStart
@@ -82,6 +82,9 @@ def find_sources(
     if kind is None and started is not None:
         kind = started.parameters.get("input")
     wanted = list(MESSAGE_TYPES) if kind is None else [kind]
+    if kind is None and found.topic("robot_description", _TYPES[topics.ROBOT_DESCRIPTION]) is None:
+        # Joints tell nothing without the robot's description.
+        wanted.sort(key=lambda name: name == JOINTS)
     for name in wanted:
         last = TOPIC_NAMES.get(name, name).strip("/")
         topic = found.topic(last, MESSAGE_TYPES.get(name, ""))
