@@ -175,3 +175,22 @@ def test_a_joint_that_nobody_publishes_is_told(tmp_path: Path, domain: int) -> N
             )
 
         driver.until(told, "what is missing")
+
+
+def test_two_publishers_of_the_same_joints_are_told(tmp_path: Path, domain: int) -> None:
+    (tmp_path / "robot.urdf").write_text(RAIL_URDF)
+    with cell(tmp_path, domain, urdf=str(tmp_path / "robot.urdf")) as driver:
+        driver.until(
+            lambda: all(one.get_subscription_count() for one in driver.states), "a reader"
+        )
+
+        def told() -> bool:
+            now = time.time_ns()
+            for late, publisher in enumerate(driver.states):
+                message = JointState(name=list(JOINTS), position=[0.0, 0.1, 0.2, 0.3])
+                message.header.stamp = to_time(now - 30_000_000 * late)
+                publisher.publish(message)
+            said = driver.health.get("estimator", " ")[0]
+            return "2 publishers on /joint_states for 1 set of joints: stop one" in said
+
+        driver.until(told, "the second publisher")

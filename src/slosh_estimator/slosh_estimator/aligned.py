@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Hashable, Set
 from typing import Generic, TypeVar
 
+from slosh_estimator.sample import SECONDS_PER_NS
 from slosh_estimator.tuning import TUNING
 
 Values = tuple[float, ...]
@@ -43,6 +44,15 @@ class AlignedStreams(Generic[Key]):
     def moved(self) -> bool:
         """Whether anything has moved."""
         return any(stream.moved for stream in self._streams.values())
+
+    def silent(self) -> tuple[Key, float] | None:
+        """The stream that is farthest behind the others, and by how much [s]; None: none is."""
+        if not self._streams:
+            return None
+        key, stream = min(self._streams.items(), key=lambda item: item[1].newest_ns)
+        behind = max(one.newest_ns for one in self._streams.values()) - stream.newest_ns
+        late = behind > TUNING.silent_ns + TUNING.silent_intervals * stream.interval_ns
+        return (key, behind * SECONDS_PER_NS) if stream.moved and late else None
 
     def forget(self) -> None:
         """Forgets all."""

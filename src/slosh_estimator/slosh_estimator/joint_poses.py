@@ -93,7 +93,15 @@ class JointPoses:
                 f"the joint states lack {', '.join(missing)}, on which the container depends; "
                 f"they hold {came:.200}"
             )
+        silent = self._streams.silent()
+        if silent is not None:
+            return f"no joint states of {', '.join(silent[0])} for {silent[1]:.1f} s"
         return self._wrong or self._twice or self._robot.beyond
+
+    @property
+    def groups(self) -> int:
+        """How many publishers tell joints, as far as the names beside each other show."""
+        return len(self._layouts)
 
     def facts(self) -> dict[str, str]:
         """For the diagnostics."""

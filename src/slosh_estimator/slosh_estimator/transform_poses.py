@@ -83,6 +83,9 @@ class TransformPoses:
                 f"{self._container!r} {self._ends()}; set world_frame and container_frame to "
                 "frames of one tree"
             )
+        silent = self._streams.silent()
+        if silent is not None:
+            return f"no transform of {silent[0]!r} for {silent[1]:.1f} s"
         still = self._newest_ns - self._since_ns
         if not self._streams.moved and still > TUNING.still_ns:
             return (

@@ -46,6 +46,8 @@ class EstimatorTuning:
     slower: float = number(1.5, "1", "ratio of intervals at which a slower stream leads")
     kept_states: int = number(1024, "1", "values of a stream that are kept")
     set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
+    silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")
+    silent_intervals: float = number(3.0, "1", "the same in its own intervals, in addition")
     # joint_poses.py, transform_poses.py
     first_states: int = number(50, "1", "messages after which what is missing is told")
     still_ns: int = number(30 * SECOND, "ns", "time after which a chain that stands is told")

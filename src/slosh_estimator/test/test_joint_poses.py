@@ -228,6 +228,16 @@ def test_whether_velocities_agree_is_told(factor, told):
     assert poses.facts()["joint velocities"].startswith(f"not used; they {told}")
 
 
+def test_a_driver_that_falls_silent_is_named():
+    poses = JointPoses(Robot(RAIL_URDF, "cup", "world"))
+    for k in range(400):
+        poses.take(BEGIN + 10 * k * MS, JOINTS[1:], [0.001 * k, 0.0, 0.0])
+        if k < 200:
+            assert poses.trouble() == ""
+            poses.take(BEGIN + 10 * k * MS, ("rail",), [0.001 * k])
+    assert poses.trouble() == "no joint states of rail for 2.0 s"
+
+
 def test_a_clock_that_is_set_back_begins_anew():
     poses = JointPoses(Robot(RAIL_URDF, "cup", "world"))
     halves = (("rail",), JOINTS[1:])

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
+from slosh_estimator.gate import SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import (
     MESSAGE_TYPES,
@@ -35,6 +36,8 @@ from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_msgs_py.topics import Publishers
 
+MIXED = 10
+"""One publisher stamps no such share of its messages, one in so many, before the one ahead."""
 PATIENCE = 2.0
 """So long fixed transforms are waited for, where somebody publishes them [s]."""
 TF_TYPE = topics.DRIVING["tf"].type
@@ -135,13 +138,24 @@ class HeardInput:
     def rivals(self) -> str:
         """Who speaks beside the one that may, in a line; empty: nobody."""
         if self._is_shared:
-            return ""
+            return self._too_many()
         found = self._rivals.look()
         self.rivalled = bool(found)
         if self.contested and not found:
             name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
             return f"a second publisher on {name}: stop one of them"
         return found
+
+    def _too_many(self) -> str:
+        """Whether two publishers tell the same joints, in a line; empty: nothing speaks for it."""
+        if not isinstance(self.poses, JointPoses):
+            return ""
+        name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
+        count, gate = self._node.count_publishers(name), self.source.gate
+        mixed = gate.counts[SampleVerdict.DISORDERED] + gate.counts[SampleVerdict.REPEATED]
+        if count <= self.poses.groups or MIXED * mixed <= gate.used:
+            return ""
+        return f"{count} publishers on {name} for {self.poses.groups} set of joints: stop one"
 
     def trouble(self) -> str:
         """Why no pose follows from the messages, in a line; empty: it does."""
