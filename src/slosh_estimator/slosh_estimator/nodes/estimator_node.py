@@ -343,7 +343,7 @@ class EstimatorNode(PreparedNode):
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
             **self._heard.facts(),
-            **self._input_health.facts(gate),
+            **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
         }

@@ -60,6 +60,7 @@ class HeardInput:
         source: what turns messages into samples.
         poses: what turns them into poses before; None: nothing needs to.
         rivalled: whether `rivals` found other publishers.
+        count: messages so far, of use or not.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit, or the messages' type is not
@@ -83,7 +84,7 @@ class HeardInput:
         self.source: AnyInput = settings.reader(kind)
         self.poses = settings.poses(kind)
         row = topics.DRIVING[kind]
-        self.rivalled = False
+        self.rivalled, self.count = False, 0
         self._is_shared = row.publishers is Publishers.MANY
         self._speakers = SpeakerWatch()
         self._rivals = Rivals(node, row.name, row.type)
@@ -171,14 +172,19 @@ class HeardInput:
     def _listen(self, topic: str, callback: Callable[[Any], None]) -> None:
         kind = message_class(MESSAGE_TYPES[self._kind])
 
+        def shared(message: Any) -> None:
+            self.count += 1
+            callback(message)
+
         def heard(message: Any, info: Mapping[str, Any]) -> None:
+            self.count += 1
             number = info.get("publication_sequence_number")
             arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
             self._speakers.take(number, arrival or time.time_ns(), matched)
             callback(message)
 
         # Several publishers may speak of different joints or transforms.
-        take = callback if self._is_shared else WithInfo(heard)
+        take = shared if self._is_shared else WithInfo(heard)
         subscription = self._node.create_subscription(kind, topic, take, qos.STREAM_IN)
 
     def _on_accel(self, message: Any) -> None:
