@@ -111,7 +111,7 @@ def test_every_pair_in_both_orders(first: str, second: str, tmp_path: Path) -> N
 
 @pytest.mark.long
 @pytest.mark.timeout(4 * PATIENCE)
-@pytest.mark.parametrize("turn", range(len(WORKS)))
+@pytest.mark.parametrize("turn", [0, 2])
 @pytest.mark.parametrize("backwards", [False, True])
 def test_all_of_them_in_turn(turn: int, backwards: bool, tmp_path: Path) -> None:
     works = (*WORKS[turn:], *WORKS[:turn])

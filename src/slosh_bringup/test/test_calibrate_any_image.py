@@ -155,8 +155,8 @@ def test_some_images(number, pictures, tmp_path, capsys):
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("first", range(1000, 1500, 50))
-def test_five_hundred_images(first, pictures, tmp_path, capsys):
+@pytest.mark.parametrize("first", range(1000, 1150, 50))
+def test_many_images(first, pictures, tmp_path, capsys):
     codes = [attempt(number, pictures, tmp_path, capsys) for number in range(first, first + 50)]
     # Plain pictures of a cup are among them: it is not that all are refused.
     assert set(codes) == {0, 2}
@@ -171,10 +171,10 @@ def test_a_photograph_of_a_person_is_no_container(number, tmp_path, capsys):
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("first", range(2000, 2100, 50))
-def test_a_hundred_parts_of_a_photograph(first, tmp_path, capsys):
+@pytest.mark.parametrize("first", [2000, 2060])
+def test_parts_of_a_photograph(first, tmp_path, capsys):
     """One of them, 2063, passes for a container, with warnings that nothing will be measured."""
-    numbers = range(first, first + 50)
+    numbers = range(first, first + 10)
     codes = {n: attempt(n, (), tmp_path, capsys, (photograph,)) for n in numbers}
     assert [number for number, code in codes.items() if code == 0] in ([], [2063])
 
