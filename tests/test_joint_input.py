@@ -135,7 +135,7 @@ def test_joints_of_two_drivers_live_and_replayed(tmp_path: Path, domain: int) ->
     bag = tmp_path / "bag"
     recorder = NodeProcess("recorder", (), {"output": str(bag)})
     with cell(tmp_path, domain, recorder) as driver:
-        waiting = "waits for the robot's description on /robot_description"
+        waiting = "not ready, waiting: no robot description on /robot_description yet"
         driver.until(
             lambda: waiting in driver.health.get("estimator", ("",))[0], "the node to wait"
         )

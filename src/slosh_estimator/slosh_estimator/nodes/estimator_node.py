@@ -161,7 +161,7 @@ class EstimatorNode(PreparedNode):
         if self._kind in WINDOWED:
             load_telling(progress, "slosh_estimator.pose_input")
         if self._kind == JOINTS:
-            self._await_the_robot(progress)
+            self._await_the_robot()
         self._estimator = Estimator(
             self._felt(self._model), at_rest=self._values["starts_at_rest"]
         )
@@ -181,13 +181,13 @@ class EstimatorNode(PreparedNode):
 
         self.create_subscription(String, topics.ROBOT_DESCRIPTION, described, qos.EVENT)
 
-    def _await_the_robot(self, progress: Progress) -> None:
+    def _await_the_robot(self) -> None:
         topic = self.resolve_topic_name(topics.ROBOT_DESCRIPTION)
         if not self._described.is_set():
-            text = f"waits for the robot's description on {topic}; or set urdf to its file"
+            text = f"no robot description on {topic} yet; or set urdf to its file"
             if not self._patient:
                 raise SloshEstimatorError(f"input joints: {text}")
-            progress(text)
+            self.waits(text)
             self._described.wait()
         self._robot(topic)
 
