@@ -100,7 +100,7 @@ def export_motion(arguments: argparse.Namespace) -> int:
     wanted = wanted_input(arguments)
     settings = TableSettings(
         kind=None if wanted is None else wanted.kind, measured=arguments.measured,
-        absolute=arguments.absolute, wanted=wanted,
+        absolute=arguments.absolute, inputs=wanted,
     )  # fmt: skip
     with Progress("export", None, Unit("messages")) as progress:
         given = read_bag_table(arguments.bag, settings, progress.add)

@@ -31,8 +31,8 @@ from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.interpolation import columns_at
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.input_blocks import InputBlocks, mounted
-from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_replay.recording.input_blocks import InputBlocks, reading
+from slosh_replay.recording.inputs import STAMP, stamps_of
 from slosh_replay.recording.motion import FRAME, AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
 
@@ -101,7 +101,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     """
     if sources.surface is None:
         raise SloshBagError(f"{path}: holds no measured heights (free_surface)")
-    how = mounted(reader, sources, recorded_inputs(sources.starts, sources.facts))
+    how = reading(reader, sources)
     container = _Container(sources, how)
     measured, compared = HeightCollector(), _Comparisons()
     takers = container.takers(reader.topics())

@@ -19,12 +19,12 @@ from slosh_bag.reader import BagReader, messages_of, stamp_ns
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
-from slosh_estimator.inputs import JOINTS, MOUNTED, POSE, TRANSFORMS, InputSettings
+from slosh_estimator.inputs import JOINTS, MOUNTED, POSE, TRANSFORMS, InputSettings, WantedInput
 from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
 from slosh_msgs_py import topics
-from slosh_replay.recording.inputs import fields
+from slosh_replay.recording.inputs import fields, recorded_inputs
 from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
 
@@ -102,15 +102,29 @@ class InputBlocks:
         return self._poses.take(map(_transform, message.transforms), fixed=fixed)
 
 
-def mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
-    """How the input is read with what the bag's fixed transforms say of its frame.
-
-    A recorded estimator has told what it took from them.
+def reading(
+    reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None = None
+) -> InputSettings:
+    """How the input of a bag is read.
 
     Args:
         reader: of the bag.
         sources: its topics.
-        how: the input is read without them.
+        given: how it is read, or in what other than by the recorded estimator; None: as by that.
+
+    Raises:
+        SloshBagError: a recorded parameter is missing or cannot be.
+    """
+    if isinstance(given, InputSettings):
+        return _mounted(reader, sources, given)
+    recorded = recorded_inputs(sources.starts, sources.facts)
+    return _mounted(reader, sources, recorded if given is None else given.over(recorded))
+
+
+def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
+    """With what the bag's fixed transforms say of the input's frame.
+
+    A recorded estimator has told what it took from them.
     """
     if sources.kind not in MOUNTED or first(sources.starts, "estimator") is not None:
         return how

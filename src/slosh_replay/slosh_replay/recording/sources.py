@@ -44,6 +44,13 @@ class Sources(NamedTuple):
     facts: Mapping[str, str]
     state: str | None = None
 
+    def without_answers_to_others(self) -> Sources:
+        """The same without what was recorded of another input, which is not expected again."""
+        started = settings.first(self.starts, "estimator")
+        if started is None or started.parameters.get("input", self.kind) == self.kind:
+            return self
+        return self._replace(estimate=None, comparison=None, state=None)
+
 
 def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[NodeStart]:
     """The starts of a cell's nodes, in the order of the recording; empty: the bag does not tell.

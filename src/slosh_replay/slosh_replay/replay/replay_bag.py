@@ -27,7 +27,7 @@ from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
 from slosh_msgs_py.topics import COMPARISON, ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording import inputs, settings
+from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
     TABLE_COLUMNS,
     TABLE_ORIGIN,
@@ -38,7 +38,7 @@ from slosh_replay.recording.facts import (
     shared_topics_line,
 )
 from slosh_replay.recording.heights import WAVE_FIELDS, measurements
-from slosh_replay.recording.input_blocks import InputBlocks, mounted
+from slosh_replay.recording.input_blocks import InputBlocks, reading
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
@@ -99,10 +99,7 @@ def replay_bag(
     sources, several = _estimators(reader, sources)
     sources = _unmixed(sources)
     sources = sources._replace(starts=_heard_starts(reader, sources))
-    recorded_kind = started_kind(sources)
-    if recorded_kind not in (None, sources.kind):
-        # What was estimated of another input is not expected again.
-        sources = sources._replace(estimate=None, comparison=None, state=None)
+    sources = sources.without_answers_to_others()
     mixed = mixed_topics(sources.facts)
     if not 1 <= estimator <= max(several, 1):
         raise SloshBagError(f"{path}: estimator {estimator} of {several}: there is no such one")
@@ -112,7 +109,7 @@ def replay_bag(
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
-    how = mounted(reader, sources, _settings(given, sources))
+    how = reading(reader, sources, given)
     watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
@@ -159,20 +156,6 @@ def replay_bag(
         )
     told = [f"{path}: {line}" for line in said if line]
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
-
-
-def _settings(given: InputSettings | WantedInput | None, sources: Sources) -> InputSettings:
-    """How the input is read."""
-    if isinstance(given, InputSettings):
-        return given
-    recorded = inputs.recorded_inputs(sources.starts, sources.facts)
-    return recorded if given is None else given.over(recorded)
-
-
-def started_kind(sources: Sources) -> str | None:
-    """The input of the recorded estimator; None: the recording does not tell."""
-    started = settings.first(sources.starts, "estimator")
-    return started.parameters.get("input") if started is not None else None
 
 
 def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:

@@ -34,8 +34,7 @@ from slosh_base.types import Array
 from slosh_estimator.inputs import IMU, InputSettings, WantedInput
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.input_blocks import InputBlocks, mounted
-from slosh_replay.recording.inputs import recorded_inputs
+from slosh_replay.recording.input_blocks import InputBlocks, reading
 from slosh_replay.recording.motion import AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.tables.table_bag import (
@@ -64,15 +63,14 @@ class TableSettings:
         measured: topic of the measured heights; 'none': without; None: free_surface, if any.
         absolute: t is the stamp; otherwise it counts from the first row, or in the bag of a
             table from that table's own origin.
-        inputs: how the input is read; None: as the recorded estimator did.
-        wanted: what somebody says of it in addition; None: nothing.
+        inputs: how the input is read, or in what other than by the recorded estimator; None: as
+            by that.
     """
 
     kind: str | None = None
     measured: str | None = None
     absolute: bool = False
-    inputs: InputSettings | None = None
-    wanted: WantedInput | None = None
+    inputs: InputSettings | WantedInput | None = None
 
 
 class BagTable(NamedTuple):
@@ -112,9 +110,7 @@ def read_bag_table(
     chosen = settings or TableSettings()
     reader = BagReader(path)
     sources = find_sources(path, reader, chosen.kind)
-    how = chosen.inputs or recorded_inputs(sources.starts, sources.facts)
-    how = chosen.wanted.over(how) if chosen.wanted is not None else how
-    how = mounted(reader, sources, how)
+    how = reading(reader, sources, chosen.inputs)
     topics, facts = reader.topics(), sources.facts
     columns = facts.get(TABLE_COLUMNS, "").split(",") if chosen.measured is None else []
     surface = _surface(path, topics, chosen.measured, sources, MSH in columns)
