@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -171,6 +171,27 @@ def test_an_imu_is_mounted_as_the_fixed_transforms_say(tmp_path: Path, domain: i
             return message
 
         found = robot.play(Imu, topics.IMU, made)
+    check(found, tmp_path)
+
+
+def test_poses_in_a_frame_that_moves(tmp_path: Path, domain: int) -> None:
+    """The tracker rides on the carriage, whose own motion counts."""
+    kind = pytest.importorskip("tf2_msgs.msg").TFMessage
+    with cell(tmp_path, domain, input="pose") as robot:
+        transforms = robot.node.create_publisher(kind, topics.TF, qos.STREAM_OUT)
+
+        def made(t: float, stamp: Any) -> Any:
+            rail, *angles = swung(t).tolist()
+            carriage = link("world", "carriage", (0.0, rail, 0.0), STRAIGHT, stamp)
+            transforms.publish(kind(transforms=[carriage]))
+            message = PoseStamped()
+            message.header.stamp, message.header.frame_id = stamp, "carriage"
+            p, q = message.pose.position, message.pose.orientation
+            p.x, p.y, p.z = cup_position(0.0, *angles).tolist()
+            q.x, q.y, q.z, q.w = quaternion(*angles)
+            return message
+
+        found = robot.play(PoseStamped, topics.POSE, made)
     check(found, tmp_path)
 
 

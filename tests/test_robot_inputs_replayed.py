@@ -128,6 +128,25 @@ class Maker:
             message = self._types[kind](self.header(t, "base"), pose)
             yield "/slosh/pose", kind, BEGIN + round(t * 1e9), message
 
+    def riding(self) -> Iterator[Message]:
+        """Poses of the cup in the frame of the carriage, which moves."""
+        kind, tree = "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
+        straight = self.turn(0.0, 0.0, 0.0, 1.0)
+        for t in TIMES.tolist():
+            rail, *angles = swung(t).tolist()
+            transform = self._types["geometry_msgs/msg/Transform"](
+                self.vector(0.0, rail, 0.0), straight
+            )
+            link = self._types["geometry_msgs/msg/TransformStamped"](
+                self.header(t, "world"), "carriage", transform
+            )
+            stamp = BEGIN + round(t * 1e9)
+            yield "/tf", tree, stamp, self._types[tree]([link])
+            place = self.vector(*cup_position(0.0, *angles).tolist(), "Point")
+            pose = self._types["geometry_msgs/msg/Pose"](place, straight)
+            message = self._types[kind](self.header(t, "carriage"), pose)
+            yield "/slosh/pose", kind, stamp, message
+
     def imu(self) -> Iterator[Message]:
         """A sensor on the cup, upside down and turned, as the fixed transforms say."""
         kind, half = "sensor_msgs/msg/Imu", 0.35
@@ -193,6 +212,7 @@ ROBOTS = [
     (Maker.odometry, "odometry", "/odom"),
     (Maker.twists, "twist", "/robot/twist"),
     (Maker.poses, "pose", "/slosh/pose"),
+    (Maker.riding, "pose", "/slosh/pose"),
     (Maker.imu, "imu", "/imu/data/imu"),
 ]  # fmt: skip
 

@@ -24,6 +24,11 @@ class FixedFrames:
         for one in transforms:
             self._parents[one.child.lstrip("/")] = one
 
+    @property
+    def links(self) -> list[Transform]:
+        """All that was taken."""
+        return list(self._parents.values())
+
     def pose(self, frame: str, of: str) -> Pose | None:
         """Where a frame stands in another one.
 

@@ -29,6 +29,10 @@ POSES = (POSE, JOINTS, TRANSFORMS)
 """Kinds whose messages become poses."""
 ROBOT = "urdf"
 """Under this name the text of the robot's description is kept with the settings."""
+POSED = "the pose"
+"""Name of the frame that a pose tells, where its own frame moves: no frame is called so."""
+CHAINED = "pose_chained"
+"""Under this name the settings say that the frame of poses moves in the world."""
 BASE = "pose_base"
 """Under this name the settings hold the frame of poses, and where it stands in the world."""
 POSE_WINDOW = 0.0
@@ -69,6 +73,7 @@ class InputSettings(NamedTuple):
         smoothing: half of the differentiating window [s], which chooses the polynomial's degree,
             too; 0.0: as pose_window.
         base: another frame of poses, where it stands in the world; None: there is none.
+        chained: whether the frame of poses moves in the world, as transforms say.
     """
 
     kind: str | None = None
@@ -83,6 +88,7 @@ class InputSettings(NamedTuple):
     tool_frame: str = ""
     smoothing: float = 0.0
     base: Base | None = None
+    chained: bool = False
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -113,15 +119,19 @@ class InputSettings(NamedTuple):
             tool_frame=parameters.get("tool_frame", ""),
             smoothing=parameters.get("smoothing", 0.0),
             base=_base(parameters.get(BASE)),
+            chained=parameters.get(CHAINED, False),
         )
 
-    def mounted(self, kind: str, frame: str, fixed: FixedFrames) -> dict[str, Any] | None:
-        """The parameters that fixed transforms give for an input in a frame.
+    def mounted(
+        self, kind: str, frame: str, fixed: FixedFrames, *, moving: bool = False
+    ) -> dict[str, Any] | None:
+        """The parameters that transforms give for an input in a frame.
 
         Args:
             kind: of the input.
             frame: of its messages.
             fixed: frames that stand still in each other.
+            moving: whether there are frames that move, in which poses may be.
 
         Returns:
             None: nothing connects the frame. Empty: the parameters say how it is mounted, or the
@@ -132,7 +142,9 @@ class InputSettings(NamedTuple):
             return {}
         if kind == POSE:
             pose = fixed.pose(world, frame)
-            return None if pose is None else {BASE: [frame, *pose[0], *pose[1]]}
+            if pose is None:
+                return {CHAINED: True} if moving else None
+            return {BASE: [frame, *pose[0], *pose[1]]}
         mount = fixed.mounting(container, frame) if kind in (ACCEL, IMU) else SensorTransform()
         if mount is None:
             return None
@@ -142,6 +154,8 @@ class InputSettings(NamedTuple):
 
     def with_mounting(self, parameters: Mapping[str, Any]) -> InputSettings:
         """The same with parameters as `mounted` gives them."""
+        if CHAINED in parameters:
+            return self._replace(chained=True)
         if BASE in parameters:
             return self._replace(base=_base(parameters[BASE]))
         roll, pitch, yaw = parameters["sensor_rotation"]
@@ -159,6 +173,8 @@ class InputSettings(NamedTuple):
         world, container = self.frames
         if kind == TRANSFORMS:
             return TransformPoses(world, container)
+        if kind == POSE and self.chained:
+            return TransformPoses(world, POSED)
         if kind == JOINTS:
             return JointPoses(Robot(self.urdf, self.tool_frame or container, world))
         return None

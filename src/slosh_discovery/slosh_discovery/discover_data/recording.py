@@ -31,7 +31,7 @@ from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.interpolation import columns_at
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.input_blocks import InputBlocks, reading
+from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.inputs import STAMP, stamps_of
 from slosh_replay.recording.motion import FRAME, AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
@@ -109,12 +109,14 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     if sources.comparison is not None:
         takers[sources.comparison] = (_COMPARISON_FIELDS, compared.add)
     blocks = InputBlocks(reader, sources, how)
-    for block in reader.blocks([sources.input, *takers]):
-        if block.topic == sources.input:
-            container.add(blocks.columns(block))
-            continue
-        names, take = takers[block.topic]
-        take(reader.columns(block, names))
+    for chunk in by_chunk(reader.blocks([*blocks.topics, *takers])):
+        own = [block for block in chunk if block.topic in blocks.topics]
+        if own:
+            container.add(blocks.columns(own))
+        for block in chunk:
+            if block.topic in takers:
+                names, take = takers[block.topic]
+                take(reader.columns(block, names))
     blocks.check()
     heights, left_out = usable_heights(measured.measurements())
     if not len(heights.stamps):

@@ -17,6 +17,7 @@ from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import (
     MESSAGE_TYPES,
     MOUNTED,
+    POSED,
     TOPIC_NAMES,
     AnyInput,
     InputSettings,
@@ -108,12 +109,20 @@ class HeardInput:
         except SloshEstimatorError:
             self._decided = True
             return
-        self._node.create_subscription(
-            kind,
-            topics.TF_STATIC,
-            lambda message: self._fixed.take(map(_transform, message.transforms)),
-            qos.EVENT,
-        )
+        self._node.create_subscription(kind, topics.TF_STATIC, self._on_fixed, qos.EVENT)
+
+    def _on_fixed(self, message: Any) -> None:
+        links = [_transform(one) for one in message.transforms]
+        self._fixed.take(links)
+        if isinstance(self.poses, TransformPoses):
+            self.poses.take(links, fixed=True)
+
+    def _hear_moving(self) -> None:
+        """Hears how the frame of poses moves, from now on."""
+        if isinstance(self.poses, TransformPoses):
+            self.poses.take(self._fixed.links, fixed=True)
+            take = partial(self._on_transforms, fixed=False)
+            self._node.create_subscription(message_class(TF_TYPE), topics.TF, take, qos.STREAM_IN)
 
     def _is_mounted(self, frame: str) -> bool:
         """Whether it is known how what comes in a frame is mounted; a while is waited for that."""
@@ -121,12 +130,17 @@ class HeardInput:
             return True
         found = self._settings.mounted(self._kind, frame, self._fixed)
         self._first = self._first or time.monotonic()
+        moving = self._node.count_publishers(topics.TF) > 0
         speaks = self._node.count_publishers(topics.TF_STATIC) > 0
         if found is None and speaks and time.monotonic() - self._first < PATIENCE:
             return False
         self._decided = True
+        if found is None:
+            found = self._settings.mounted(self._kind, frame, self._fixed, moving=moving)
         if found:
-            self.source = self._mounted(found).reader(self._kind)
+            how = self._mounted(found)
+            self.source, self.poses = how.reader(self._kind), how.poses(self._kind)
+            self._hear_moving()
         elif found is None and speaks:
             self._unconnected = frame
         return True
@@ -208,8 +222,12 @@ class HeardInput:
             return
         p, q = message.pose.position, message.pose.orientation
         stamp = to_nanoseconds(message.header.stamp)
-        pose = TimedPose(stamp, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
-        self._on_poses([pose], message.header.frame_id)
+        place, turn, frame = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), message.header.frame_id
+        if isinstance(self.poses, TransformPoses):
+            found = self.poses.take([Transform(frame, POSED, stamp, place, turn)])
+            self._on_poses(found, self._world)
+        else:
+            self._on_poses([TimedPose(stamp, place, turn)], frame)
 
     def _on_odometry(self, message: Any) -> None:
         q = message.pose.pose.orientation

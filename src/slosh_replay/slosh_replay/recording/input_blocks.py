@@ -6,7 +6,7 @@ poses from here on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from slosh_bag.reader import BagReader, messages_of, stamp_ns
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
-from slosh_estimator.inputs import JOINTS, MOUNTED, POSE, TRANSFORMS, InputSettings, WantedInput
+from slosh_estimator.inputs import JOINTS, MOUNTED, POSE, POSED, InputSettings, WantedInput
 from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
@@ -40,6 +40,9 @@ class InputBlocks:
         sources: its topics.
         how: the input is read.
 
+    Attributes:
+        topics: whose blocks it reads.
+
     Raises:
         SloshBagError: joints without a robot's description, or with one that does not fit.
     """
@@ -56,32 +59,47 @@ class InputBlocks:
             self._poses = how.poses(sources.kind)
         except SloshEstimatorError as error:
             raise SloshBagError(f"{reader.path}: {sources.input}: {error}") from None
-        if sources.kind == TRANSFORMS:
+        self.topics: tuple[str, ...] = (sources.input,)
+        if sources.kind == POSE and isinstance(self._poses, TransformPoses):
+            self.topics += (sources.topics.topic("tf", _row(topics.TF).type) or "",)
+        if isinstance(self._poses, TransformPoses):
             for message in _latched(reader, sources, topics.TF_STATIC):
-                self._transforms(message, fixed=True)
+                self._poses.take(map(_transform, message.transforms), fixed=True)
 
-    def columns(self, block: MessageBlock) -> Columns:
-        """The values of a block of the input.
+    def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
+        """The values of the input's blocks of a chunk.
+
+        Args:
+            blocks: of `topics`, at least one.
 
         Raises:
             SloshBagError: a message is not of its type.
         """
         if self._poses is None:
-            return self._columns.columns(block, self._fields)
+            return self._columns.columns(blocks[0], self._fields)
         found: list[TimedPose] = []
-        for message in messages_of(block):
-            decoded = self._reader.decode(message)
-            if isinstance(self._poses, JointPoses):
-                found += self._poses.take(
-                    stamp_ns(decoded),
-                    decoded.name,
-                    decoded.position.tolist(),
-                    decoded.velocity.tolist(),
-                )
-            else:
-                found += self._transforms(decoded)
+        messages = [message for block in blocks for message in messages_of(block)]
+        if len(blocks) > 1:  # in the order in which the node heard them
+            messages.sort(key=lambda message: message.log_ns)
+        for message in messages:
+            found += self._taken(self._reader.decode(message))
         self._count += len(found)
         return _pose_columns(found, self._world)
+
+    def _taken(self, message: Any) -> list[TimedPose]:
+        """The poses that a message makes known."""
+        if isinstance(self._poses, JointPoses):
+            positions, velocities = message.position.tolist(), message.velocity.tolist()
+            return self._poses.take(stamp_ns(message), message.name, positions, velocities)
+        assert isinstance(self._poses, TransformPoses)
+        if hasattr(message, "transforms"):
+            return self._poses.take(map(_transform, message.transforms))
+        p, q = message.pose.position, message.pose.orientation
+        link = Transform(
+            message.header.frame_id, POSED, stamp_ns(message), (p.x, p.y, p.z),
+            (q.x, q.y, q.z, q.w),
+        )  # fmt: skip
+        return self._poses.take([link])
 
     def trouble(self) -> str:
         """Why messages told no pose, or a wrong one; empty: nothing is known to be wrong."""
@@ -96,10 +114,6 @@ class InputBlocks:
         if self._poses is not None and not self._count:
             reason = self.trouble() or "no pose of the container follows from the messages"
             raise SloshBagError(f"{self._reader.path}: {reason}")
-
-    def _transforms(self, message: Any, *, fixed: bool = False) -> list[TimedPose]:
-        assert isinstance(self._poses, TransformPoses)
-        return self._poses.take(map(_transform, message.transforms), fixed=fixed)
 
 
 def reading(
@@ -135,7 +149,8 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
     if block is None:
         return how
     frame = str(reader.columns(block, [_FRAME])[_FRAME][0])
-    found = how.mounted(sources.kind, frame, fixed)
+    moving = sources.topics.topic("tf", _row(topics.TF).type) is not None
+    found = how.mounted(sources.kind, frame, fixed, moving=moving)
     return how.with_mounting(found) if found else how
 
 
@@ -159,9 +174,25 @@ def _transform(message: Any) -> Transform:
     )  # fmt: skip
 
 
+def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
+    """The blocks of each chunk together: within one, whole topics follow each other."""
+    chunk: list[MessageBlock] = []
+    for block in blocks:
+        if chunk and block.buffer.base is not chunk[0].buffer.base:
+            yield chunk
+            chunk = []
+        chunk.append(block)
+    if chunk:
+        yield chunk
+
+
+def _row(name: str) -> topics.Topic:
+    return next(row for row in topics.TOPICS if row.name == name)
+
+
 def _latched(reader: BagReader, sources: Sources, name: str) -> Iterator[Any]:
     """The decoded messages of a topic with few."""
-    row = next(row for row in topics.TOPICS if row.name == name)
+    row = _row(name)
     topic = sources.topics.topic(name.strip("/"), row.type)
     for block in reader.look_up([topic]) if topic else ():
         for message in messages_of(block):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import SEVERAL
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
@@ -38,7 +37,7 @@ from slosh_replay.recording.facts import (
     shared_topics_line,
 )
 from slosh_replay.recording.heights import WAVE_FIELDS, measurements
-from slosh_replay.recording.input_blocks import InputBlocks, reading
+from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
@@ -283,32 +282,22 @@ def feed(
     if sources.surface is not None:
         wanted[sources.surface] = WAVE_FIELDS
     read = ColumnReader(reader.typestore_of)
-    topics = [sources.input, *wanted, *([sources.state] if sources.state else [])]
+    topics = [*inputs_of.topics, *wanted, *([sources.state] if sources.state else [])]
     for blocks in by_chunk(reader.blocks(topics)):
-        yield [
+        own = [block for block in blocks if block.topic in inputs_of.topics]
+        batches = [
             TopicBatch(block.topic, {}, int(block.log_ns[-1]), states_of(reader, block))
             if block.topic == sources.state
             else TopicBatch(
-                block.topic,
-                inputs_of.columns(block)
-                if block.topic == sources.input
-                else read.columns(block, wanted[block.topic]),
-                int(block.log_ns[-1]),
+                block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
             )
             for block in blocks
+            if block.topic not in inputs_of.topics
         ]
-
-
-def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
-    """The blocks of each chunk together: within one, whole topics follow each other."""
-    chunk: list[MessageBlock] = []
-    for block in blocks:
-        if chunk and block.buffer.base is not chunk[0].buffer.base:
-            yield chunk
-            chunk = []
-        chunk.append(block)
-    if chunk:
-        yield chunk
+        if own:
+            last_ns = max(int(block.log_ns[-1]) for block in own)
+            batches.insert(0, TopicBatch(sources.input, inputs_of.columns(own), last_ns))
+        yield batches
 
 
 def _heard(sources: Sources, nodes: Sequence[Node]) -> dict[str, Topic]:

@@ -34,7 +34,7 @@ from slosh_base.types import Array
 from slosh_estimator.inputs import IMU, InputSettings, WantedInput
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.input_blocks import InputBlocks, reading
+from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.motion import AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.tables.table_bag import (
@@ -129,13 +129,15 @@ def read_bag_table(
         takers[surface] = (heights.surfaces.fields, heights.surfaces.add)
     if surface and chosen.measured is None:
         takers |= _beside(topics, surface, HEIGHTS, HEIGHTS_TYPE, (None, heights.add_walls))
-    for block in reader.blocks([sources.input, *takers]):
-        if block.topic == sources.input:
-            collector.add(blocks.columns(block))
-        else:
-            names, take = takers[block.topic]
-            take(reader.columns(block, names) if names else _decoded(reader, block))
-        progress(len(block))
+    for chunk in by_chunk(reader.blocks([*blocks.topics, *takers])):
+        own = [block for block in chunk if block.topic in blocks.topics]
+        if own:
+            collector.add(blocks.columns(own))
+        for block in chunk:
+            if block.topic in takers:
+                names, take = takers[block.topic]
+                take(reader.columns(block, names) if names else _decoded(reader, block))
+            progress(len(block))
     blocks.check()
     motion = collector.motion(path, sources.input)
     if sources.kind == "accel" and collector.in_world:
