@@ -219,7 +219,7 @@ def excess(arm: Arm, answer: Plan, limits: PlanLimits) -> float:
     acceleration = np.zeros_like(place)
     acceleration[1:-1] = np.diff(place, 2, axis=0) / step**2
     rest = 2000
-    t = step * np.arange(len(place) + rest)
+    t = step * np.arange(len(place) + rest, dtype=np.float64)
     inputs = Inputs(
         t, np.concatenate([acceleration, np.zeros((rest, 3))]),
         np.concatenate([turned, np.tile(turned[-1], (rest, 1))]),

@@ -12,7 +12,6 @@ from slosh_bag.interchange.bag_contents import BagTopic, bag_contents, parse_off
 from slosh_bag.nodes.player_thread import BATCH_LENGTH, BATCHES, ReadAhead
 from slosh_bag.playing.play_plan import (
     PlayRequest,
-    is_input,
     make_plan,
     offered_qos,
     refusal,
@@ -268,10 +267,13 @@ def test_topics_are_chosen(bag):
 
 
 def test_inputs_and_names_do_not_depend_on_the_namespace(bag):
-    for topic in ("/accel", "/a/b/imu", "/camera/camera_info", "/x/camera/image_raw/compressed"):
-        assert is_input(topic)
+    for topic in (
+        "/accel", "/a/b/imu", "/camera/camera_info", "/x/camera/image_raw/compressed",
+        "/joint_states", "/tf", "/robot_description",
+    ):  # fmt: skip
+        assert topics.is_input(topic)
     for topic in ("/slosh/estimate", "/slosh/cell/truth", "/slosh/acceleration", "/diagnostics"):
-        assert not is_input(topic)
+        assert not topics.is_input(topic)
     assert renamed("/slosh/camera/image_raw/compressed", "test") == (
         "/test/camera/image_raw/compressed"
     )
