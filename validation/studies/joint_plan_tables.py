@@ -172,12 +172,8 @@ def random_path(hand: Kinematics, seed: int) -> tuple[Array, bool]:
             return np.array(found), leans
 
 
-def toppra_time(arm: Arm, limits: JointLimits, points: Array) -> float:
-    """The shortest time along the path for the joints' limits but the jerk's [s]."""
-    return sum(_leg_time(arm, limits, leg) for leg in joint_path(arm, limits, points).legs)
-
-
-def _leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
+def leg_time(arm: Arm, limits: JointLimits, leg: Leg) -> float:
+    """The shortest time along a leg for the joints' limits but the jerk's, by toppra [s]."""
     ta: Any = importlib.import_module("toppra")
     ta.setup_logging("ERROR")
     assert isinstance(leg, JointLeg)
@@ -243,12 +239,14 @@ def measure(name: str, seed: int) -> Row:
     points, leans = random_path(Kinematics(text, machine.joints), seed)
     height = HEIGHTS[seed // 2 % len(HEIGHTS)]
     limits = PlanLimits(height, RESIDUAL * height)
-    bound, missing = toppra_time(arm, joint_limits, points), float("nan")
+    missing = float("nan")
     try:
-        answer = plan(MODEL, joint_path(arm, joint_limits, points), limits)
+        path = joint_path(arm, joint_limits, points)
+        bound = sum(leg_time(arm, joint_limits, leg) for leg in path.legs)
+        answer = plan(MODEL, path, limits)
     except SloshPlanError as error:
         return Row(
-            name, seed, height, leans, missing, "", missing, bound, missing, missing, str(error)
+            name, seed, height, leans, missing, "", missing, missing, missing, missing, str(error)
         )
     return Row(
         name, seed, height, leans, answer.found.motion.duration, answer.method,
