@@ -4,7 +4,6 @@ import pytest
 
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
 
 
@@ -45,18 +44,3 @@ def test_a_camera_pushed_after_the_still_image_is_noticed(make_scene):
     pushed = detector.measure(1, rolled(image, 2.0))
     assert pushed.flags == Flag.NOT_FOUND
     assert np.isnan(pushed.msh)
-
-
-def test_a_turned_still_image_asks_for_a_calibration(make_scene):
-    scene = make_scene()
-    detector = FreeSurfaceDetector(scene.calibration())
-    with pytest.raises(SloshCameraError, match=r"turned by -?2\.0 degrees.*calibrate"):
-        detector.learn_still(rolled(scene.with_sides(scene.draw()), 2.0))
-
-
-def test_sides_outside_the_image_are_not_looked_for(make_scene):
-    scene = make_scene(distance=0.2, focal=1400.0)
-    edges = ContainerEdges(scene.calibration().view)
-    image = rolled(scene.draw(), 3.0)
-    assert edges.turn(image) == 0.0
-    assert not edges.turned(image, 0.0)

@@ -153,16 +153,6 @@ def test_a_rear_peak_that_is_partly_hidden_is_flagged_or_less_sure(
         assert abs(result.msh - 0.02) < 4.0 * result.msh_stddev
 
 
-@CAMERAS
-def test_half_of_the_line_is_too_little(make_scene, camera):
-    scene = make_scene(noise=2.0, **camera)
-    image = scene.draw(0.02, -1.6)
-    image[:, 240:400] = 128
-    result = FreeSurfaceDetector(scene.calibration()).measure(0, image)
-    assert Flag.NOT_FOUND in result.flags or Flag.OCCLUDED in result.flags
-    assert np.isnan(result.msh) or result.fitted_msh == pytest.approx(0.02, abs=1.0 * MM)
-
-
 # Light and blur.
 
 
@@ -175,20 +165,6 @@ def test_an_over_exposed_background_is_flagged_and_still_measured(
     result = FreeSurfaceDetector(scene.calibration()).measure(0, scene.draw(0.02, azimuth))
     assert result.flags == flag
     assert result.msh == pytest.approx(0.02, abs=0.4 * MM)
-
-
-@pytest.mark.parametrize("azimuth", [-1.6, 1.5, 0.0])
-def test_the_more_blur_the_less_is_claimed(make_scene, azimuth):
-    scene = make_scene(noise=2.0, **PITCHED)
-    detector = FreeSurfaceDetector(scene.calibration())
-    image = scene.draw(0.02, azimuth)
-    found = [
-        detector.measure(0, cv2.GaussianBlur(image, (0, 0), blur) if blur else image)
-        for blur in (0.0, 1.0, 2.0, 3.0, 5.0)
-    ]
-    assert [bool(result.flags & Flag.BLURRED) for result in found] == [False] * 2 + [True] * 3
-    assert np.all(np.diff([result.msh_stddev for result in found]) > 0.0)
-    assert found[-1].msh == pytest.approx(0.02, abs=2.0 * MM)
 
 
 # Pictures without a surface.
@@ -302,17 +278,6 @@ def test_both_lines_tell_how_liquid_at_rest_leans_against_the_calibration(make_s
     assert wave.msh == pytest.approx(0.01, abs=0.15 * MM)
 
 
-def test_what_a_front_line_reads_at_rest_is_not_taken_for_a_wave(make_scene, make_wave):
-    # From the height of the still level; the same unevenness in each image.
-    scene = make_scene(camera_height=0.0)
-    uneven = make_wave(azimuth=-np.pi / 2, double=-0.3 * MM)
-    detector = FreeSurfaceDetector(scene.calibration())
-    plain = detector.measure(0, scene.draw_wave(uneven))
-    detector.learn_still(scene.draw_wave(uneven))
-    assert detector.measure(0, scene.draw_wave(uneven)).msh < 0.05 * MM
-    assert plain.msh > 0.4 * MM
-
-
 def test_a_label_that_ends_near_the_line_is_not_in_the_zero(make_scene):
     scene = make_scene(camera_height=0.12)
     still, wave = scene.draw(), scene.draw(0.01, np.pi / 2)
@@ -324,15 +289,6 @@ def test_a_label_that_ends_near_the_line_is_not_in_the_zero(make_scene):
     assert abs(detector.still_offset) < 0.12 * MM
     assert detector.measure(0, still).msh < 0.15 * MM
     assert detector.measure(1, wave).msh == pytest.approx(0.01, abs=0.2 * MM)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_texture_is_no_liquid_at_rest(make_scene, seed):
-    detector = FreeSurfaceDetector(make_scene().calibration())
-    with pytest.raises(SloshCameraError, match="still image: ") as refusal:
-        detector.learn_still(texture(seed))
-    assert "\n" not in str(refusal.value)
-    assert detector.still_offset == 0.0
 
 
 def test_a_still_image_is_read_the_same_whatever_was_learnt_before(make_scene):

@@ -20,12 +20,11 @@ from board_scene import (
 )
 
 from slosh_camera.calibrate.board import Board
-from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
 from slosh_camera.intrinsics.sheet import as_pdf, as_svg, sheet_of
-from slosh_camera.intrinsics.solve import format_camera, solve_intrinsics
-from slosh_camera.intrinsics.views import Chessboard, corners_of, find_views, parse_target
+from slosh_camera.intrinsics.solve import solve_intrinsics
+from slosh_camera.intrinsics.views import Chessboard, corners_of, find_views
 
 BOARD = Chessboard(8, 5, 0.02)
 CHARUCO = Board(True, 8, 5, 0.02, 0.015)
@@ -169,13 +168,6 @@ def test_printed_markers_are_opencvs(board):
     assert np.mean(page != theirs) < 0.02
 
 
-def test_the_file_is_read_back(fit, tmp_path):
-    path = tmp_path / "ost.yaml"
-    path.write_text(format_camera(fit.camera, "left"))
-    known = read_known_camera(path)
-    assert (known.camera, known.name, dict(known.container)) == (fit.camera, "left", {})
-
-
 @pytest.mark.long
 def test_pictures_that_tell_nothing_new_are_left_out_with_the_reason(pictures):
     images = [*pictures[:6], pictures[2], np.full_like(pictures[0], 120), bent()]
@@ -242,23 +234,6 @@ def test_a_board_that_is_not_there_is_refused(pictures):
         find_views(named([np.full_like(pictures[0], 120)]), BOARD)
     with pytest.raises(SloshCameraError, match=r"a board of 8x5 is: inner corners are counted"):
         find_views(named(pictures[:1]), Chessboard(9, 6, 0.02))
-
-
-@pytest.mark.parametrize(
-    ("text", "square", "match"),
-    [
-        ("9x6", None, "square: is needed"),
-        ("9x6", 25.0, r"square: 25 m: did you mean 0\.025 \(25 mm\)\?"),
-        ("9x6", -1.0, "square: -1 m, must be positive"),
-        ("2x6", 0.02, "both must be 3 to 50"),
-        ("board", 0.02, "'board' is not COLSxROWS or charuco:"),
-        ("charuco:7x5:0.02:0.015", 0.02, "square: is for chessboards"),
-        ("charuco:7x5:0.02", None, "is not charuco:COLS"),
-    ],
-)
-def test_bad_boards(text, square, match):
-    with pytest.raises(SloshCameraError, match=match):
-        parse_target(text, square)
 
 
 def test_a_board_that_no_sheet_holds_is_refused():

@@ -128,13 +128,6 @@ def test_what_hides_one_side_leaves_the_other(edges, columns):
     assert not learnt.missing(image)
 
 
-def test_where_the_picture_is_cut_off_nothing_is_missed(edges):
-    learnt, image = edges
-    assert not learnt.missing(np.full_like(image, 255))
-    assert not learnt.missing(np.zeros_like(image))
-    assert learnt.missing(np.full_like(image, 128))
-
-
 def test_without_a_still_image_nothing_is_missed(make_scene):
     scene = make_scene()
     edges = edges_of(scene)

@@ -50,27 +50,6 @@ def test_shapes_are_bessel_functions(shape):
     np.testing.assert_allclose(found, expected, atol=ABS)
 
 
-def test_the_level_is_the_same_everywhere():
-    x, y, _ = disc()
-    assert np.all(shapes_at(x, y)[:, Shape.LEVEL] == 1.0)
-
-
-@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
-def test_crests_at_the_wall_have_height_1(shape):
-    around = wall_shapes(np.arange(0.0, 360.0, 1.0) * np.pi / 180.0)[:, shape]
-    assert np.max(around) == pytest.approx(1.0, abs=ABS)
-
-
-def test_crests_are_where_their_names_say():
-    at_x, at_y, half_way = wall_shapes([0.0, 0.5 * np.pi, 0.25 * np.pi])
-    for shape in (Shape.FIRST_X, Shape.SECOND_X, Shape.MEAN, Shape.DOUBLE_X):
-        assert at_x[shape] == pytest.approx(1.0, abs=ABS)
-    for shape in (Shape.FIRST_Y, Shape.SECOND_Y, Shape.MEAN):
-        assert at_y[shape] == pytest.approx(1.0, abs=ABS)
-    assert at_y[Shape.DOUBLE_X] == pytest.approx(-1.0, abs=ABS)
-    assert half_way[Shape.DOUBLE_Y] == pytest.approx(1.0, abs=ABS)
-
-
 @pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
 def test_no_liquid_flows_through_the_wall(shape):
     # The potential has the surface's shape: no flow through the wall is no slope towards it.
@@ -126,11 +105,3 @@ def test_compiled_shapes_are_the_same_over_the_disc(rho, angle):
 def test_compiled_shapes_are_the_same_on_the_wall(angle):
     compiled = silhouette.wall_shapes_of(np.array([angle]))
     np.testing.assert_allclose(compiled, wall_shapes(angle), atol=1e-9)
-
-
-@settings(deadline=None, derandomize=True)
-@given(st.floats(1.0, 1.001))
-def test_points_just_outside_the_wall_are_continued(rho):
-    # Rays meet the wall with rounding; a place a hair outside must not jump.
-    compiled = silhouette.shapes_of(np.array([[rho, 0.0, 0.0]]))
-    np.testing.assert_allclose(compiled, shapes_at(rho, 0.0), atol=5e-5)

@@ -48,28 +48,3 @@ def test_between_two_sides_it_goes_over_from_one_to_the_other():
     assert found[0] == pytest.approx(0.1, abs=0.01)
     assert found[-1] == pytest.approx(1.0)
     assert np.all(np.diff(found) > 0.0)
-
-
-def test_what_is_lighter_than_the_background_is_background():
-    assert Backdrop(grid(), (WIDE, HIGH)).reduced(room(table=255), TONE) == pytest.approx(1.0)
-
-
-def test_a_speck_beside_the_container_is_not_behind_it():
-    image = room(table=200)
-    backdrop = Backdrop(grid(), (WIDE, HIGH))
-    for column in range(0, 100, 12):
-        spotted = image.copy()
-        spotted[:, column : column + 4] = 30
-        assert backdrop.reduced(spotted, TONE) == pytest.approx(1.0)
-
-
-def test_where_nothing_beside_it_is_in_the_image_the_background_is_as_light_everywhere():
-    filling = Backdrop(grid(2.0, WIDE - 3.0), (WIDE, HIGH))
-    assert filling.reduced(room(), TONE) == pytest.approx(1.0)
-
-
-def test_colour_and_grey_agree():
-    colour = Tone(np.full(3, 30.0), np.full(3, 200.0), np.full(3, 1.0 / 510.0), 0.01)
-    backdrop = Backdrop(grid(), (WIDE, HIGH))
-    three = backdrop.reduced(np.repeat(room()[..., np.newaxis], 3, axis=2), colour)
-    assert three == pytest.approx(backdrop.reduced(room(), TONE), abs=1e-6)

@@ -6,7 +6,6 @@ import pytest
 from side_view_scene import Liquid, Look, Setup, draw, still
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.images.seams import SeamFinder
 from slosh_camera.measurement import Flag
 from slosh_camera.rectangle.detector import SideViewDetector
 
@@ -40,23 +39,6 @@ def test_no_torn_image_is_measured_wrong_without_a_flag(make_scene, height, azim
                 flagged += found.flags != Flag.NONE
     assert wrong > 3
     assert flagged == wrong
-
-
-def test_a_seam_is_sharper_than_any_edge_that_a_lens_draws():
-    ramp = np.linspace(60.0, 20.0, 200)
-    rows = np.arange(120)[:, np.newaxis]
-
-    def image(line, seed=1):
-        return exposed(np.where(rows < line, 200, 50).astype(np.uint8), seed)
-
-    finder = SeamFinder((0, 0, 200, 120))
-    finder.learn(image(np.full(200, 70.0)))
-    columns = np.arange(200.0)
-    whole = image(ramp)
-    assert not finder.is_torn(finder.steps(whole), (columns, ramp))
-    for row in (30, 45):
-        torn = np.vstack((whole[:row], image(ramp + 12.0, 2)[row:]))
-        assert finder.is_torn(finder.steps(torn), (columns, ramp))
 
 
 @pytest.mark.first(1)
