@@ -43,12 +43,6 @@ def test_no_more_is_unpacked_than_is_let_in(monkeypatch, name):
         unpack(kind, stored)
 
 
-@pytest.mark.parametrize("name", [name for name in PACKED if name])
-def test_what_is_cut_off_is_not_taken_for_the_whole(name):
-    with pytest.raises(UnpackingError):
-        unpack(name.split(" ")[0], PACKED[name][:-3], len(CONTENT))
-
-
 def nested(levels):
     parts = [f"{'=' * 80}\nMSG: a/T{n}\nT{n + 1} x\n" for n in range(levels - 1)]
     return f"T0 x\n{''.join(parts)}{'=' * 80}\nMSG: a/T{levels - 1}\nint8 x\n"
@@ -98,10 +92,3 @@ def test_text_is_read_up_to_its_bounds(monkeypatch, tmp_path, ending):
         with pytest.raises(SloshFileError, match=f"{path.name}: has more than {bound - 1} "):
             read()
         monkeypatch.setattr(texts, name, bound)
-
-
-def test_a_line_is_measured_across_what_is_read_at_a_time(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_bytes(b"c" * (texts.LONGEST_LINE + 1))
-    with pytest.raises(SloshFileError, match="bytes in a line"), bounded_text(path, "") as text:
-        text.read()

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 
-from slosh_bag.columns.cdr_columns import ColumnReader, columns, write_messages
+from slosh_bag.columns.cdr_columns import columns, write_messages
 from slosh_bag.columns.cdr_layout import layout_of
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
@@ -249,26 +249,6 @@ def test_wanted_columns_alone_and_arrays_whole():
     assert found["linear.model"].tolist() == ["LL"] * 3
 
 
-def test_layouts_that_take_turns_are_put_together():
-    block = block_of(ESTIMATE, estimates([1, 3, 0, 3, 1]))
-    found = columns(block, STORE)
-    assert found["flags"].tolist() == [1, 3, 0, 3, 1]
-    assert found["linear.model"].tolist() == ["L", "LLL", "", "LLL", "L"]
-    third = found["linear.modal_position[2]"]
-    assert third[[1, 3]].tolist() == [3.0, 3.0]
-    assert np.isnan(third[[0, 2, 4]]).all()
-    whole = columns(block, STORE, ["linear.modal_position"])["linear.modal_position"]
-    assert whole.shape == (5, 3)
-    assert np.isnan(whole[0]).tolist() == [False, True, True]
-
-
-def test_a_column_that_no_message_has_is_there_all_the_same():
-    block = block_of(ESTIMATE, estimates([0, 0]))
-    found = columns(block, STORE, ["linear.modal_position[4]", "flags"])
-    assert np.isnan(found["linear.modal_position[4]"]).all()
-    assert found["flags"].tolist() == [0, 0]
-
-
 def test_missing_whole_numbers_are_masked_not_zero():
     name = "diagnostic_msgs/msg/DiagnosticArray"
     status = STORE.types["diagnostic_msgs/msg/DiagnosticStatus"]
@@ -324,37 +304,6 @@ def test_damaged_messages_are_refused_where_rosbags_refuses_them(name, seed):
         assert_same(columns(block_of(name, [bytes(whole)]), STORE), [decoded])
 
 
-def test_one_wrong_message_among_many_is_named():
-    data = estimates([2] * 6)
-    data[4] = data[4][:-9]
-    with pytest.raises(SloshBagError, match=r"/t at 4 ns: no slosh_msgs/msg/SloshEstimate"):
-        columns(block_of(ESTIMATE, data), STORE)
-
-
-def test_a_string_without_its_end_is_refused_in_any_row():
-    data = [bytearray(part) for part in estimates([2] * 3)]
-    at = data[2].index(b"LL\x00") + 2
-    data[2][at] = 0x41
-    with pytest.raises(SloshBagError, match="at 2 ns"):
-        columns(block_of(ESTIMATE, [bytes(part) for part in data]), STORE)
-
-
-@pytest.mark.parametrize("place", [-4, -500, 10**6, 2**62])
-def test_places_outside_the_buffer_are_not_read(place):
-    block = block_of(ESTIMATE, estimates([2, 2]))
-    block.start[1] = place
-    with pytest.raises(SloshBagError):
-        columns(block, STORE)
-
-
-def test_layouts_are_remembered():
-    asked = []
-    reader = ColumnReader(lambda name: asked.append(name) or STORE)
-    for _ in range(3):
-        reader.columns(block_of(ESTIMATE, estimates([2, 1, 2])))
-    assert len(asked) == 2
-
-
 @pytest.mark.parametrize(
     ("values", "match"),
     [
@@ -374,12 +323,6 @@ def test_what_does_not_fit_a_field_is_not_written(values, match):
     layout = layout_of(STORE, ESTIMATE, template)
     with pytest.raises(SloshBagError, match=match):
         write_messages(layout, template, values)
-
-
-def test_a_template_of_another_layout_is_refused():
-    layout = layout_of(STORE, ESTIMATE, estimates([2])[0])
-    with pytest.raises(SloshBagError, match="template"):
-        write_messages(layout, estimates([1])[0], {"jerk": np.zeros(1)})
 
 
 def test_a_sequence_that_says_to_be_endless_is_refused_at_once():

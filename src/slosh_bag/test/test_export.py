@@ -1,7 +1,6 @@
 """Exported tables hold every value of the messages, to the last bit."""
 
 import csv
-import gzip
 import json
 import math
 import struct
@@ -196,22 +195,6 @@ def test_csv_and_parquet_hold_every_value_to_the_bit(kind, data):
                 assert same(want, {name: parsed(got[name], value) for name, value in want.items()})
 
 
-def test_rows_of_many_batches_keep_their_order(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(export, "BATCH_ROWS", 7)
-    string = TYPES["std_msgs/msg/String"]
-    reader = write(
-        tmp_path / "bag", [string(str(k)) for k in range(50)], kind="std_msgs/msg/String"
-    )
-    exported(reader, tmp_path / "a.csv.gz")
-    with gzip.open(tmp_path / "a.csv.gz", "rt") as file:
-        assert [int(row["data"]) for row in csv.DictReader(file)] == list(range(50))
-    exported(reader, tmp_path / "a.parquet")
-    table = pq.read_table(tmp_path / "a.parquet")
-    assert table.column("data").to_pylist() == [str(k) for k in range(50)]
-    assert table.schema.metadata[b"topic"] == b"/odd"
-    assert table.schema.metadata[b"type"] == b"std_msgs/msg/String"
-
-
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_rows_come_in_the_order_of_their_times(tmp_path: Path, suffix: str, monkeypatch):
     monkeypatch.setattr(export, "BATCH_ROWS", 2)
@@ -229,27 +212,6 @@ def test_rows_come_in_the_order_of_their_times(tmp_path: Path, suffix: str, monk
     else:
         words = pq.read_table(tmp_path / "a.parquet").column("data").to_pylist()
     assert words == ["1", "2", "5", "6", "7", "8"]
-
-
-def image(size: int):
-    header = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](1, 2), "camera")
-    return TYPES["sensor_msgs/msg/Image"](
-        header, 1, size, "mono8", 0, size, np.arange(size, dtype=np.uint8)
-    )
-
-
-def test_images_are_bytes_in_parquet_and_left_out_of_csv(tmp_path: Path):
-    messages = [image(size) for size in (3, 200, 5000)]
-    reader = write(tmp_path / "bag", messages, kind="sensor_msgs/msg/Image")
-    exported(reader, tmp_path / "a.parquet")
-    data = pq.read_table(tmp_path / "a.parquet").column("data").to_pylist()
-    assert data == [message.data.tobytes() for message in messages]
-    told = exported(reader, tmp_path / "a.csv")
-    with (tmp_path / "a.csv").open(newline="") as file:
-        cells = [row["data"] for row in csv.DictReader(file)]
-    assert cells == ["[0, 1, 2]", json.dumps(list(range(200))), ""]
-    (note,) = told.notes
-    assert "1 cells of data are empty: more than 1024 bytes" in note
 
 
 def test_a_folder_gets_a_file_for_each_topic(tmp_path: Path):
@@ -308,22 +270,6 @@ def test_no_text_is_a_formula(tmp_path: Path, text: str, cell: str):
 def strings(tmp_path: Path) -> BagReader:
     messages = [TYPES["std_msgs/msg/String"]("x")] * 3
     return write(tmp_path / "bag", messages, "/a/words", "std_msgs/msg/String")
-
-
-def test_names_may_be_short_and_wrong_ones_are_told(strings: BagReader, tmp_path: Path):
-    for name in ("/a/words", "a/words", "words"):
-        assert list(export_targets(strings.path, strings, [name], tmp_path)) == ["/a/words"]
-    with pytest.raises(SloshBagError, match="has no topic 'wods'; its topics: /a/words"):
-        export_targets(strings.path, strings, ["wods"], tmp_path)
-
-
-def test_existing_files_stay(strings: BagReader, tmp_path: Path):
-    (tmp_path / "a.csv").write_text("precious")
-    targets = export_targets(strings.path, strings, [], tmp_path / "a.csv")
-    with pytest.raises(SloshBagError, match="exists already"):
-        export_topics(strings, targets)
-    assert (tmp_path / "a.csv").read_text() == "precious"
-    assert export_topics(strings, targets, overwrite=True).rows == {tmp_path / "a.csv": 3}
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])

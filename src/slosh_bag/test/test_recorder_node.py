@@ -12,21 +12,17 @@ from geometry_msgs.msg import AccelStamped
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_node import RecorderNode
-from slosh_bag.nodes.topic_input import Publisher, Received, matching, wanted
+from slosh_bag.nodes.topic_input import Publisher, Received, wanted
 from slosh_bag.reader import BagReader
-from slosh_bag.recorded_topics import TopicChoice
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos
-from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.readiness import RECORDED
 from slosh_replay.recording.facts import shared_topics_line
@@ -169,11 +165,6 @@ def test_it_tells_at_once_whose_settings_it_has(graph):
     graph.until(lambda: "camera, monitor" in told())
 
 
-def test_one_that_leaves_settings_out_promises_none(graph):
-    graph.record(exclude="settings$")
-    assert RECORDED not in graph.recorder._facts()
-
-
 def test_a_later_publisher_that_offers_less_is_recorded_too(graph):
     graph.record()
     first = graph.publisher(Header, "header")
@@ -287,11 +278,6 @@ def test_a_bag_is_split_as_the_parameters_say(graph):
     assert len(list(graph.folder.glob("bag_?.mcap"))) == 2
 
 
-def test_a_split_that_is_none_is_refused(graph):
-    with pytest.raises(SloshMessageError, match=r"max_bag_size = -1 must lie in \[0, "):
-        graph.record(max_bag_size=-1)
-
-
 class Cell:
     """A cell in a namespace of its own, its camera and its input under other names."""
 
@@ -342,74 +328,6 @@ def test_by_default_a_cells_own_topics_and_its_inputs_are_recorded(graph, cell):
     cell.close()
     graph.recorder._discover()
     assert robot.topic_name in cell.recorded()
-
-
-def test_a_pattern_adds_topics(graph, cell):
-    other = graph.silent_publisher(Header, "plc/state")
-    cell.record()
-    graph.until(lambda: cell.settings.topic_name in cell.recorded())
-    assert other.topic_name not in cell.recorded()
-    graph.recorder._choice = TopicChoice(cell.namespace, "/plc/")
-    graph.until(lambda: {other.topic_name, cell.settings.topic_name} <= cell.recorded())
-
-
-def test_raw_images_are_recorded_where_there_are_no_compressed_ones(graph, cell):
-    raw = cell.node.create_publisher(Image, "camera/image_raw", qos.IMAGE_OUT)
-    cell.record()
-    graph.until(lambda: raw.topic_name in cell.recorded())
-    graph.until(lambda: raw.get_subscription_count() == 1)
-    raw.publish(Image(width=3))
-    graph.until(lambda: graph.recorded("cell/camera/image_raw") == 1)
-    # Compressed ones come later.
-    small = cell.node.create_publisher(CompressedImage, f"{raw.topic_name}/compressed", 10)
-    graph.until(lambda: small.topic_name in cell.recorded())
-    assert raw.topic_name not in cell.recorded()
-    reason = f"{raw.topic_name}: {small.topic_name} is recorded, with the same images"
-    assert reason in graph.recorder._facts()["left out"]
-    graph.until(lambda: raw.get_subscription_count() == 0)
-    # And go again.
-    cell.node.destroy_publisher(small)
-    graph.until(lambda: raw.get_subscription_count() == 1)
-    raw.publish(Image(width=4))
-    graph.until(lambda: graph.recorded("cell/camera/image_raw") == 2)
-    recorded, contents = graph.finish()
-    images = [topic == raw.topic_name for topic in (m.topic for m in recorded)]
-    widths = [content.width for content, own in zip(contents, images, strict=True) if own]
-    assert widths == [3, 4]
-
-
-def test_only_what_was_asked_for_is_recorded(graph):
-    graph.record(topics=f"^{graph.prefix}/asked", exclude="secret")
-    secret = graph.silent_publisher(Header, "asked/secret")
-    other = graph.silent_publisher(Header, "other")
-    wanted = graph.publisher(Header, "asked/header")
-    for publisher in (secret, other, wanted):
-        publisher.publish(Header(frame_id="x"))
-    graph.until(lambda: graph.recorded("asked/header") == 1)
-    recorded, _ = graph.finish()
-    assert [message.topic for message in recorded] == [wanted.topic_name]
-    assert secret.get_subscription_count() == other.get_subscription_count() == 0
-
-
-def test_a_pattern_that_is_none_is_named(graph):
-    with pytest.raises(SloshBagError, match=r"parameter topics = '\['"):
-        graph.record(topics="[")
-
-
-@pytest.mark.parametrize(
-    ("offered", "reliability", "durability"),
-    [
-        ([qos.STREAM_OUT], Reliability.RELIABLE, Durability.VOLATILE),
-        ([qos.EVENT], Reliability.RELIABLE, Durability.TRANSIENT_LOCAL),
-        ([qos.EVENT, qos.STREAM_OUT], Reliability.RELIABLE, Durability.VOLATILE),
-        ([qos.EVENT, BEST_EFFORT], Reliability.BEST_EFFORT, Durability.VOLATILE),
-        ([], Reliability.BEST_EFFORT, Durability.VOLATILE),
-    ],
-)
-def test_the_most_that_all_publishers_offer_is_asked_for(offered, reliability, durability):
-    profile = matching(offered)
-    assert (profile.reliability, profile.durability) == (reliability, durability)
-    assert profile.depth >= 1000
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
 from rosbags.interfaces import (
     Qos,
@@ -132,21 +131,6 @@ def test_what_cannot_be_converted_costs_its_topic_alone(ros1: Path, tmp_path: Pa
     assert not (tmp_path / "none").exists()
 
 
-def test_the_layout_is_that_of_our_bags(ros1: Path, tmp_path: Path):
-    bag = import_rosbag(ros1, tmp_path / "new").bag
-    with next(bag.glob("*.mcap")).open("rb") as stream:
-        reader = make_reader(stream)
-        assert reader.get_header().profile == "ros2"
-        summary = reader.get_summary()
-    assert all(chunk.compression == "zstd" for chunk in summary.chunk_indexes)
-    assert all(chunk.message_index_offsets for chunk in summary.chunk_indexes)
-    information = yaml.safe_load((bag / "metadata.yaml").read_text())
-    assert information["rosbag2_bagfile_information"]["version"] == 9
-    (latched,) = [c for c in summary.channels.values() if c.topic == "/mixed"]
-    (qos,) = yaml.safe_load(latched.metadata["offered_qos_profiles"])
-    assert qos["durability"] == "transient_local"
-
-
 @pytest.mark.parametrize(
     ("plugin", "compression"),
     [
@@ -167,15 +151,6 @@ def test_rosbag2_values_come_bit_for_bit(tmp_path: Path, plugin, compression):
     assert (qos["reliability"], qos["durability"], qos["depth"]) == (
         "best_effort", "transient_local", 5,
     )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("plugin", "suffix"), [(StoragePlugin.SQLITE3, ".db3"), (StoragePlugin.MCAP, ".mcap")]
-)
-def test_a_file_alone_is_enough(tmp_path: Path, plugin, suffix: str):
-    (file,) = write_ros2(tmp_path / "rosbag2", plugin).glob(f"*{suffix}")
-    told = import_rosbag(file, tmp_path / "new")
-    assert accelerations(told.bag, "/arm/accel") == [bits(x) for x in VALUES]
 
 
 @pytest.mark.parametrize(
@@ -206,29 +181,6 @@ def test_a_known_type_of_another_definition_is_converted(tmp_path: Path, text, f
     (message,) = [reader.decode(m) for m in reader.messages()]
     assert (message.x, message.y, message.z) == (1.0, y, 3.0)
     assert notes is None or told.notes == notes
-
-
-def test_installed_types_come_without_a_definition_in_the_file(tmp_path: Path):
-    """As rosbag2 wrote SQLite files before ROS 2 Iron."""
-    folder = write_ros2(tmp_path / "rosbag2")
-    (file,) = folder.glob("*.db3")
-    with sqlite3.connect(file) as database:
-        database.execute("DELETE FROM message_definitions")
-    told = import_rosbag(folder, tmp_path / "new")
-    assert accelerations(told.bag, "/arm/accel") == [bits(x) for x in VALUES]
-
-
-def test_names_are_checked(ros1: Path, tmp_path: Path):
-    for wanted, expected in (
-        ({"topics": ["/arm/acel"]}, "no topic '/arm/acel'; its topics: /arm/accel,"),
-        ({"rename": {"/arm/acel": "/x"}}, "no topic '/arm/acel'; its topics: /arm/accel,"),
-        ({"rename": {"/arm/accel": "x y"}}, "'x y' is not a topic name"),
-        ({"rename": {"/arm/accel": "/silent"}}, "/arm/accel and /silent would both become"),
-    ):
-        with pytest.raises(SloshBagError, match=expected) as caught:
-            import_rosbag(ros1, tmp_path / "new", **wanted)
-        assert "\n" not in str(caught.value)
-    assert not (tmp_path / "new").exists()
 
 
 def test_what_is_no_bag_is_named(tmp_path: Path):
@@ -286,30 +238,6 @@ def edited(folder: Path, change) -> Path:
     return folder
 
 
-def other_qos(information) -> None:
-    for topic in information["topics_with_message_count"]:
-        noted = {"reliability": "best_effort", "durability": "volatile", "history": "keep_last"}
-        topic["topic_metadata"]["offered_qos_profiles"] = [noted]  # without the other keys
-
-
-def no_storage(information) -> None:
-    information["storage_identifier"] = ""
-
-
-def no_topics(information) -> None:
-    information["topics_with_message_count"] = []
-
-
-@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
-@pytest.mark.parametrize("change", [other_qos, no_storage, no_topics])
-def test_messages_come_whatever_metadata_says_of_them(tmp_path: Path, plugin, change):
-    """QoS edited by hand (rosbag2#656), a bag re-indexed (rosbag2#2175), topics that were lost."""
-    folder = write_ros2(tmp_path / "rosbag2", plugin)
-    count = total(import_rosbag(folder, tmp_path / "before"))
-    told = import_rosbag(edited(folder, change), tmp_path / "after")
-    assert (total(told), told.lost) == (count, ())
-
-
 def test_fewer_messages_than_the_bag_counts_are_told(tmp_path: Path):
     folder = write_ros2(tmp_path / "rosbag2")
     (folder / "rosbag2_1.db3").write_bytes(next(folder.glob("*.db3")).read_bytes())
@@ -360,12 +288,6 @@ def test_messages_of_other_encodings_are_left_out_in_one_line(tmp_path: Path):
         writer.finish()
     with pytest.raises(SloshBagError, match="/pose: left out: messages in 'protobuf': only"):
         import_rosbag(tmp_path / "a.mcap", tmp_path / "new")
-
-
-def test_a_folder_of_a_folder_with_a_bag_is_that_bag(tmp_path: Path):
-    (tmp_path / "all").mkdir()
-    folder = write_ros2(tmp_path / "all" / "rosbag2")
-    assert find_rosbags(tmp_path / "all") == [folder]
 
 
 def test_a_folder_of_ros1_bags_is_all_of_them(ros1: Path, tmp_path: Path):

@@ -1,6 +1,5 @@
 """From files to a finding's report: which motions are fitted, which images are shown."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,10 +18,7 @@ from slosh_discovery.discovering import (
     check_size,
     grouped,
     next_commands,
-    part,
-    recorded_model,
     tell_ignored_tilt,
-    unique_names,
     write_results,
 )
 from slosh_discovery.discovery_report import DiscoveryReport
@@ -69,27 +65,6 @@ def test_the_worst_moments_images_are_those_of_their_stamps(day):
     assert len(set(asked[0][1].values())) == 2
 
 
-def test_a_name_that_two_bags_share_brings_no_image(day, tmp_path):
-    copy = tmp_path / day.name
-    shutil.copytree(day, copy)
-    moment = WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01)
-    assert worst_frames([day, copy], [moment], pytest.fail) == ()
-
-
-def test_motions_of_one_name_are_told_apart():
-    motions = tuple(example_motion(name, 1) for name in ("run#1", "run#2", "run#1"))
-    fit, holdout = unique_names(motions[:2], motions[2:])
-    assert [motion.name for motion in fit] == ["run#1 (1)", "run#2"]
-    assert [motion.name for motion in holdout] == ["run#1 (2)"]
-
-
-def test_every_motion_is_either_fitted_or_held_out():
-    motions = tuple(example_motion(f"run {number}", number) for number in range(9))
-    fit, holdout = part(motions)
-    assert len(fit) == 6
-    assert holdout == motions[2::3]
-
-
 def test_a_search_that_takes_long_is_told_and_one_without_an_end_refused():
     told = []
     one = example_motion("run", 1)
@@ -100,11 +75,6 @@ def test_a_search_that_takes_long_is_told_and_one_without_an_end_refused():
     assert "the search takes minutes" in told[0]
     with pytest.raises(SloshDiscoveryError, match=f"more than {MOST}: 100 heights a second"):
         check_size([one] * (MOST // len(one.t) + 1), told.append)
-
-
-def test_a_table_tells_no_model(tmp_path):
-    with pytest.raises(SloshDiscoveryError, match="give one"):
-        recorded_model(tmp_path / "run_1.csv")
 
 
 def test_a_pattern_puts_motions_into_groups_by_their_name_or_by_what_they_were_read_from():
@@ -124,16 +94,6 @@ def test_a_motion_of_no_group_or_of_two_is_one_clear_error(name, path, which):
     groups = {"first": ("LE_*",), "second": ("runs/october",)}
     with pytest.raises(SloshDiscoveryError, match=f"motion {name} matches {which}; .*--group"):
         grouped(example_motion(name, 1), Path(path), groups)
-
-
-def test_of_each_group_every_third_motion_is_held_out():
-    motions = tuple(
-        replace(example_motion(f"run {number}", number), group=group)
-        for number, group in enumerate("aababbab")
-    )
-    fit, holdout = part(motions)
-    assert [motion.name for motion in holdout] == ["run 3", "run 5"]
-    assert len(fit) == 6
 
 
 def test_each_group_gets_its_model_file_and_the_command_that_loads_it(tmp_path):

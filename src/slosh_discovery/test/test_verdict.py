@@ -21,17 +21,6 @@ def test_a_name_that_explains_only_part_of_a_small_gap_is_not_certain():
     assert trust_in(GAP, rest) < 0.9
 
 
-def test_the_same_rest_of_a_large_gap_matters_little():
-    gap = Leftover(mean_square=400.0, stddev=0.5)
-    assert trust_in(gap, Leftover(mean_square=TUNING.adequate**2, stddev=0.005)) > 0.95
-
-
-def test_where_nothing_is_missing_nothing_is_left_unexplained():
-    """A base that is adequate leaves all of its own gap."""
-    base = Leftover(mean_square=0.9 * TUNING.adequate**2, stddev=0.005)
-    assert trust_in(base, base) == 1.0
-
-
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
 def test_the_more_of_a_gap_is_left_the_less_is_sure(share):
     """Down to a share of what is closed: half of a gap explained is something."""

@@ -8,7 +8,6 @@ from cylinder_waves import CylinderWaves, frequency_shifts
 from scipy.integrate import quad
 from scipy.special import jnp_zeros, jv
 
-from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
 from slosh_model.effects import bound_modes
 from slosh_model.measure import measured_heights
@@ -30,12 +29,6 @@ def test_potential_flow_of_the_first_order_is_the_linear_model_with_curved_modes
     expected = simulate(model, Inputs(TIMES, push))[0].modal[:, 0, 0]
     gain = model.mode_constants()[0].curved_gain
     assert found == pytest.approx(gain * expected, abs=1e-6 * np.abs(found).max() + 1e-7)
-
-
-def test_planar_waves_soften_from_the_depth_that_the_literature_gives():
-    """h/R = 0.506 (Lukovsky 1990; Faltinsen, Lukovsky & Timokha 2016); round ones stiffen."""
-    assert frequency_shifts(0.49)[0] > 0.0 > frequency_shifts(0.52)[0]
-    assert all(frequency_shifts(depth)[1] > 0.0 for depth in (0.4, 1.0, 1.4, 3.0))
 
 
 @pytest.mark.parametrize("m", [0, 2])
@@ -81,20 +74,6 @@ def test_bound_modes_are_those_of_the_second_order(fill):
         size = np.abs(expected).max()
         assert size > 4e-6
         assert np.abs(found - expected).max() < 0.01 * size
-
-
-def test_the_maximum_is_that_over_the_whole_wall():
-    """Also where mean and double wave are as large as the first mode."""
-    turn = np.random.default_rng(3)
-    slow = np.stack([np.interp(TIMES, TIMES[::40], turn.normal(0.0, 0.012, 25)) for _ in "xy"])
-    liquid = Response(TIMES, slow[0], slow[1], np.zeros((len(TIMES), 1, 4)))
-    model = Model(Cylinder(RADIUS, 0.07)).with_effect("bound_modes", kappa=3.0)
-    fine = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-    expected = measured_heights(model, liquid, fine).max(axis=1)
-    found = measured_heights(model, liquid)[:, 0]
-    assert found == pytest.approx(expected, abs=3e-5)  # as fine as the places are
-    assert (found > expected - 1e-9).all()
-    assert np.abs(found - liquid.msh).max() > 0.005
 
 
 # swirl_stiffening
@@ -151,24 +130,6 @@ def test_its_default_opens_the_gap_between_planar_and_round_waves(depth):
 # quasi_static_modes
 
 
-def settled(model, lift=0.0):
-    """Height at +x in the end of a push that grows slowly and then lasts."""
-    t = np.arange(0.0, 8.0, 0.01)
-    push = np.zeros((len(t), 3))
-    push[:, 0] = -0.2 * np.minimum(t / 4.0, 1.0)
-    push[:, 2] = lift
-    return simulate(model, Inputs(t, push))[0].sh_x[-1]
-
-
-@pytest.mark.parametrize("lift", [0.0, 3.0])
-@pytest.mark.parametrize("modes", [1, 3])
-def test_a_lasting_push_tilts_a_plane(modes, lift):
-    model = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.1, modes=modes).nonlinear().spatial()
-    plane = RADIUS * 0.2 / (GRAVITY + lift)
-    assert settled(model.with_effect("quasi_static_modes"), lift) == pytest.approx(plane, rel=2e-3)
-    assert settled(model, lift) < 0.95 * plane
-
-
 def test_static_share_stands_for_many_modes():
     inputs = Inputs(TIMES, np.column_stack([0.2 * PUSH, np.zeros(len(TIMES))]))
     one = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02).nonlinear()
@@ -182,20 +143,3 @@ def test_static_share_stands_for_many_modes():
 
 
 # surface_tension
-
-
-def test_surface_tension_adds_its_pull_to_gravitys():
-    """ω² = (g k + σ k³/ρ) tanh kh (Faltinsen & Timokha 2009)."""
-    tension = 7.3e-5
-    cup = Cylinder(RADIUS, 0.07)
-    model = Model(cup, modes=2).with_effect("surface_tension")
-    for mode, root in zip(model.mode_constants(), jnp_zeros(1, 2), strict=True):
-        k = root / RADIUS
-        expected = math.sqrt((GRAVITY * k + tension * k**3) * math.tanh(k * 0.07))
-        assert mode.natural_frequency == pytest.approx(expected, rel=1e-12)
-    flow = CylinderWaves(RADIUS, 0.07, tension=tension)
-    first = flow.frequency[flow.place(1, 1)]
-    assert model.mode_constants()[0].natural_frequency == pytest.approx(first, rel=1e-12)
-    # Heights per displacement are gravity's.
-    assert model.height_gains() == Model(cup, modes=2).height_gains()
-    assert model.mode_constants()[0].natural_frequency == pytest.approx(18.99, abs=0.01)

@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from example_effects import STRENGTHS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,7 +13,6 @@ from slosh_model.constants import GRAVITY
 from slosh_model.containers import SHAPES, X_AXIS, Y_AXIS, Cylinder, Rectangle
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
-from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import Model
 from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.self_test import example_parameters
@@ -77,17 +75,6 @@ def test_sloshing_masses_and_the_one_that_stays_are_all_the_liquid(width, depth,
         fixed = np.sum(8.0 / (odd * np.pi) ** 2 * np.tanh(reach) / reach)
         moving = sum(tank.mass_ratio(n, axis) for n in range(1, 200))
         assert moving + fixed == pytest.approx(1.0, abs=1e-4)
-
-
-@given(dimensions, dimensions, dimensions)
-def test_a_displaced_mass_is_the_displaced_liquid(width, depth, fill):
-    """Its moment is that of the wave: m x = ρ d ∫ η x dx."""
-    tank = Rectangle(width, depth, fill)
-    x = np.linspace(-width / 2.0, width / 2.0, 4001)
-    for n in (1, 2, 3):
-        shape = np.sin(tank.root(n) * 2.0 * x / width) / math.sin(tank.root(n))
-        moment = np.trapezoid(tank.curved_gain(n) * shape * x, x) / (width * fill)
-        assert moment == pytest.approx(tank.mass_ratio(n), rel=1e-4)
 
 
 def test_the_first_mode_bears_eight_over_pi_squared_of_a_static_tilt_and_all_together_all():
@@ -239,19 +226,6 @@ def test_a_yawing_tank_takes_its_waves_along(integrated, motion, same):
 # ---- limits and symmetries
 
 
-@pytest.mark.parametrize("name", MODELS)
-def test_rest_stays_rest(name):
-    response = run(MODELS[name][0], lambda t: np.zeros((len(t), 3)))
-    assert not response.modal.any()
-
-
-def test_small_pendulums_are_m1():
-    small = lambda t: 1e-3 * push(t)  # noqa: E731
-    linear, pendulous = run(M1, small), run(M1.nonlinear(), small)
-    gap = np.max(np.abs(pendulous.msh - linear.msh))
-    assert 0.0 < gap < 1e-6 * np.max(linear.msh)
-
-
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 @settings(max_examples=20, deadline=None)
 def test_a_static_tilt_stands_at_half_the_width_times_a_over_g(ax, ay):
@@ -300,27 +274,7 @@ def test_without_damping_energy_stays(model):
     assert np.ptp(energy) < 1e-6 * energy[0]
 
 
-@pytest.mark.parametrize("model", [M1.spatial(), M1.spatial().nonlinear()], ids=["M1", "pendulum"])
-def test_in_free_fall_nothing_pulls_the_surface_back(model):
-    undamped, t = dataclasses.replace(model, damping_ratio=0.0), np.arange(0.0, 0.3, 0.001)
-    start = State(0.0, np.array([[0.002, 0.0, 0.01, 0.0]]), np.array([0.0, 0.0, -GRAVITY, 0.0]))
-    modal = simulate(undamped, Inputs(t, constant(0.0, 0.0, -GRAVITY)(t)), start)[0].modal
-    assert modal[:, 0, 0] == pytest.approx(0.002 + 0.01 * t, abs=1e-12)
-
-
 # ---- heights on the wall
-
-
-@pytest.mark.long
-def test_the_highest_place_of_a_plane_is_a_corner():
-    response = run(M1)
-    turns = np.linspace(-np.pi, np.pi, 3601)
-    corners = np.arctan2([0.0225, 0.0225, -0.0225, -0.0225], [0.03, -0.03, 0.03, -0.03])
-    rows = np.arange(0, len(T), 500)[1:]
-    around = measured_heights(M1, response, np.concatenate([turns, corners]))[rows]
-    assert around.max(axis=1) == pytest.approx(response.msh[rows], rel=1e-12)
-    where = np.concatenate([turns, corners])[around.argmax(axis=1)]
-    assert where == pytest.approx(response.azimuth[rows], abs=1e-9)
 
 
 def test_along_one_axis_the_whole_side_is_highest():
@@ -349,18 +303,6 @@ def test_every_effect_that_fits_gives_the_same_bits_three_ways(effect, motion):
     assert np.array_equal([simulator.step(step, *row) for row in inputs.acceleration], expected)
     for heights in wall_heights([model] * 9, inputs):
         assert heights.tobytes() == expected.tobytes()
-
-
-@pytest.mark.parametrize("effect", fitting(), ids=lambda effect: effect.name)
-def test_every_effect_that_fits_does_something(effect, motion):
-    full = motion().inputs()
-    inputs = Inputs(
-        full.t[::10], full.acceleration[::10], full.attitude[::10], full.angular_velocity[::10]
-    )
-    model = M1.with_effect(effect.name, **STRENGTHS[effect.name])
-    times = np.arange(0.0, 2.0, 1.0 / 60.0)
-    gap = predicted_heights(model, inputs, times) - predicted_heights(M1, inputs, times)
-    assert np.max(np.abs(gap)) > 1e-4
 
 
 def test_loss_of_liquid_is_that_of_both_axes(integrated, same):
