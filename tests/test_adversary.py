@@ -1,7 +1,6 @@
 """Whatever others send: the cell does not lie, does not fall and tells what is wrong."""
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped, PoseStamped
-from sensor_msgs.msg import Image, Imu
+from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 from slosh_base.files.plain_text import LONGEST
@@ -154,16 +153,6 @@ class TestBlind:
         assert abs(apart) < 1_000_000_000
         rough.until(lambda: rough.comparisons[-1].state != BLIND, "sight again")
 
-    @pytest.mark.long
-    def test_a_second_camera(self, calm: Robot) -> None:
-        with closing(Robot("stranger", topics.ACCEL, "/calm")) as other:
-            other.sees()
-            calm.until(lambda: is_blind(calm, "2 publishers on"), "names")
-        _, said = calm.health["monitor"]
-        assert "/calm/free_surface: " in said
-        assert "/calm/robot" in said
-        assert "/calm/stranger" in said
-
     @pytest.mark.first(1)
     @pytest.mark.parametrize("frame", ["", "nowhere", "\x1b[31m\n" * 30_000])
     def test_a_frame_that_nobody_knows(self, calm: Robot, frame: str) -> None:
@@ -235,10 +224,6 @@ class TestUnknown:
         assert all(one.flags & SETTLING for one in from_now_on(rough, 50))
         rough.until(lambda: rough.comparisons[-1].state == BLIND, "blindness")
 
-    def test_a_reset_at_rest(self, calm: Robot) -> None:
-        assert calm.call(Trigger, "reset").success
-        assert not any(one.flags & SETTLING for one in from_now_on(calm, 50))
-
     def test_a_spike(self, calm: Robot) -> None:
         before = calm.new_estimate()
         calm.sample(ax=200.0)
@@ -299,32 +284,6 @@ class TestNoFall:
         calm.until(lambda: calm.estimates[-1].samples_dropped > before.samples_dropped, "drops")
         worst = max(estimate.nonlinear.msh for estimate in from_now_on(calm, 20))
         assert worst < 1e-6
-
-    def test_paths_that_are_no_models(self, calm: Robot, tmp_path: Path) -> None:
-        os.mkfifo(tmp_path / "pipe")
-        secret = tmp_path / "secret"
-        secret.write_text("root:x:0:0:root:/root:/bin/sh\nkey: hunter2\n")
-        for path in map(str, ("/dev/zero", "/dev/stdin", tmp_path / "pipe", tmp_path, secret)):
-            answer = calm.call(LoadModel, topics.LOAD_MODEL, path=path)
-            assert not answer.success
-            assert answer.message.startswith(path)
-            assert "root:x" not in answer.message
-            assert "hunter2" not in answer.message
-        calm.new_estimate()
-
-    @pytest.mark.first(1)
-    @pytest.mark.parametrize("rate", [1.7e308, 1e300, math.inf, math.nan])
-    def test_a_strange_turn(self, inertial: Robot, rate: float) -> None:
-        message = Imu()
-        message.linear_acceleration.z = GRAVITY
-        message.angular_velocity.z = rate
-        for _ in range(5):
-            message.header.stamp = to_time(time.time_ns())
-            inertial.inputs[topics.IMU].publish(message)
-            inertial.for_seconds(0.05)
-        estimate = inertial.new_estimate()
-        assert estimate.yaw == 0.0
-        assert math.isfinite(estimate.nonlinear.msh)
 
     @pytest.mark.long
     def test_a_strange_pose(self, tmp_path: Path, domain: int) -> None:

@@ -162,22 +162,3 @@ def test_a_slow_input_is_named_with_a_remedy(tmp_path: Path, domain: int) -> Non
         "accelerations arrive at 25 Hz: the gain at mode 1 (3.4 Hz) is 0.94, and the estimate is "
         "too low; publish at 40 Hz or more, or use a faster sensor"
     )
-
-
-@pytest.mark.long
-def test_poses_that_are_all_gaps_are_named(tmp_path: Path, domain: int) -> None:
-    """At 19 Hz each interval is longer than max_gap: there is no estimate."""
-    with estimator(tmp_path, domain, PoseStamped, topics.POSE) as listener:
-        begin, sent = time.time_ns(), 0
-
-        def named() -> bool:
-            nonlocal sent
-            message = pose((0.0, 0.0, 0.0))
-            message.header.stamp = to_time(begin + 52_000_000 * sent)
-            listener.publisher.publish(message)
-            sent += 1
-            return listener.health[0] == ERROR and "max_gap" in listener.health[1]
-
-        listener.until(named, "the cause")
-    assert listener.estimates == []
-    assert listener.health[1].startswith("samples arrive every 52 ms, but max_gap is 50 ms")

@@ -97,18 +97,6 @@ def test_no_bag_at_all_is_a_report_too(tmp_path):
     assert json.loads((tmp_path / RESULT).read_text())["nothing_because"] == list(found.reasons)
 
 
-def test_a_run_that_never_began_has_one_reason(tmp_path):
-    found, *_ = results(
-        tmp_path, live_bag("accel", "estimate", "free_surface"), ("monitor refused",), began=False
-    )
-    assert found.reasons == ("monitor refused",)
-
-
-def test_no_part_of_a_report_is_left(tmp_path):
-    results(tmp_path, live_bag("free_surface"))
-    assert {path.name for path in tmp_path.iterdir()} == {"bag", REPORT, RESULT}
-
-
 def test_a_recording_is_walked_over_twice(monkeypatch):
     """Once for what was said live, once to replay it; settings and images are looked up."""
     walks = []

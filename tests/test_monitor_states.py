@@ -74,20 +74,6 @@ def test_a_monitor_that_hears_nothing_says_so_at_least_twice_a_second(
 
 
 @pytest.mark.long
-def test_both_sides_fall_silent(tmp_path: Path, domain: int) -> None:
-    with nodes_and_robot(tmp_path, domain, namespace="/fallen") as (_, robot):
-        robot.until(lambda: robot.comparisons[-1].state == OK, "the state OK")
-        robot.until(lambda: robot.comparisons[-1].estimate_stale, "silence", speak=False)
-        heard = len(robot.comparisons)
-        seconds = by_report(robot, 4)
-        assert [len(second) >= 2 for second in seconds] == [True] * 3
-        newest = robot.comparisons[heard - 1].header.stamp
-        assert {one.state for one in robot.comparisons[heard:]} == {STALE}
-        assert robot.comparisons[-1].header.stamp == newest  # that of the last word of a side
-        robot.until(lambda: robot.comparisons[-1].state == OK, "the state OK again")
-
-
-@pytest.mark.long
 def test_a_simulated_clock_that_stands_is_never_ok(tmp_path: Path, domain: int) -> None:
     with monitor_alone(
         tmp_path, domain, "/standing",

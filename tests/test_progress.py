@@ -20,7 +20,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli import progress as module
 from slosh_bringup.cli.main import main
-from slosh_bringup.cli.progress import SECONDS, Progress, Unit, bar_line, progress_bar
+from slosh_bringup.cli.progress import SECONDS, Progress, Unit, progress_bar
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_tables.motion_table import MotionTable, write_motion_table
@@ -164,20 +164,6 @@ def test_json_is_all_of_standard_output(inputs, tmp_path, capfd, name):
     assert json.loads(capfd.readouterr().out)
 
 
-@pytest.mark.long
-def test_a_demos_log_is_short(tmp_path):
-    command = [sys.executable, "-m", "slosh_bringup.cli", "demo", "--motion", "l", "-o", "out"]
-    with (tmp_path / "log").open("w") as log:
-        subprocess.run(command, cwd=tmp_path, stdout=log, stderr=log, timeout=200, check=True)
-    lines = (tmp_path / "log").read_text().splitlines()
-    told = [line for line in lines if line.startswith("motion l: ")]
-    assert told[0] == "motion l: 0%, 0.0/9.5 s"
-    assert told[-1] == "motion l: 100%, 9.5/9.5 s"
-    assert len(told) <= LONGEST_LOG
-    assert sum(map(len, told)) < 1000
-    assert sum(map(len, lines)) < 3000  # with what is in force, and the figures
-
-
 # --- when lines come, by a clock of the test's own ---------------------------------------------
 
 
@@ -212,14 +198,6 @@ def test_ten_seconds_and_ten_percent_pass_between_two_lines(clock, told):
     assert lines[-1] == "work: 100%, 3600.0/3600.0 s"
 
 
-def test_a_fast_one_says_little(clock, told):
-    with Progress("work", 1e6, Unit("rows"), delay=0.0) as progress:
-        for tick in range(1000):
-            clock.now = 0.009 * tick
-            progress.add(1000.0)
-    assert told() == ["work: 0%, 0/1000000 rows", "work: 100%, 1000000/1000000 rows"]
-
-
 @pytest.mark.parametrize(
     ("step", "lines"),
     [(0.3, ["work: 40%, 4/10 rows", "work: 100%, 10/10 rows"]), (0.09, [])],
@@ -244,18 +222,6 @@ def test_without_a_known_end_lines_become_rarer(clock, told):
     assert lines[-1] == f"recording: {day} s"
 
 
-def test_a_new_stage_is_told_at_once(told):
-    with module.share_bar("discover") as tell:
-        tell("single effects", 0.05)
-        tell("single effects", 0.06)
-        tell("comparing", 0.9)
-        tell("done", 1.0)
-    assert told() == [
-        "discover: 0%", "discover: single effects: 5%", "discover: comparing: 90%",
-        "discover: done: 100%",
-    ]  # fmt: skip
-
-
 def test_what_fails_or_is_stopped_is_not_told_as_done(told):
     def fail():
         with progress_bar("motion", 10.0) as tell:
@@ -273,19 +239,3 @@ def test_what_fails_or_is_stopped_is_not_told_as_done(told):
     assert told() == [
         begun, begun, "motion: 31%, 3.1/10.0 s", begun, "motion: 100%, 10.0/10.0 s"
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("columns", "shape"),
-    [
-        (80, r"play day_001\.mcap:  50%\|.{30}\| 6\.7/13\.4 s"),
-        (45, r"play day_001\.mcap:  50%\|.{9}\| 6\.7/13\.4 s"),
-        (36, r"play day_001\.mcap:  50% 6\.7/13\.4 s"),
-        (30, r"play day_00\.\.:  50% 6\.7/13\.4 s"),
-        (15, r" 50% 6\.7/13\.4 s"),
-    ],
-)
-def test_on_a_narrow_terminal_the_bar_gives_way_first_then_the_title(columns, shape):
-    line = bar_line("play day_001.mcap", 0.5, [" 50%", "6.7/13.4 s"], columns)
-    assert re.fullmatch(shape, line)
-    assert disp_len(line) <= columns

@@ -1,16 +1,14 @@
 """A cell begins when its nodes are ready, and says who is not."""
 
-import contextlib
 import json
 import os
 import signal
-import threading
 import time
 
 import pytest
 
 from slosh_bag.reader import BagReader
-from slosh_testing.live_processes import PATIENCE, alive, live_process
+from slosh_testing.live_processes import PATIENCE, live_process
 
 pytestmark = pytest.mark.long
 COMPILATION = 300.0
@@ -45,50 +43,6 @@ def test_a_demo_without_compiled_code_waits_for_it_and_misses_nothing(tmp_path):
         assert log.count("compiling") == 1
     # Where it is no terminal each line is kept, and 32 functions are compiled by five nodes.
     assert len(said.partition("ready: recording")[0].splitlines()) <= 20
-
-
-@contextlib.contextmanager
-def slowed(pids, share):
-    """Lets processes run for a share of the time alone, as a machine does that is too slow."""
-    stop = threading.Event()
-
-    def pause():
-        while not stop.is_set():
-            for number, seconds in ((signal.SIGSTOP, 1.0 - share), (signal.SIGCONT, share)):
-                for pid in pids:
-                    with contextlib.suppress(ProcessLookupError):
-                        os.kill(pid, number)
-                stop.wait(seconds)
-
-    thread = threading.Thread(target=pause)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-        for pid in pids:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
-
-
-@pytest.mark.timeout(2 * PATIENCE)
-def test_a_machine_that_is_too_slow_is_told_with_figures(tmp_path):
-    folder = tmp_path / "out" / "latest"
-    words = ("demo", "--motion", "l", "-o", str(folder.parent))
-    with live_process(*words, output=tmp_path / "words") as running:
-        nodes = running.wait_for_nodes(5)
-        running.wait_for(lambda: "ready: recording" in running.said, "the nodes")
-        slow = [nodes[name] for name in ("estimator", "camera")]
-        with slowed(slow, 0.1):
-            running.wait_for(lambda: not alive(nodes["cell"]), "the motion's end")
-        running.end()
-        said = running.said
-    assert "this machine is too slow for the demonstration: " in said
-    assert " samples were late or lost" in said
-    assert " images were not measured" in said
-    assert "share no finite moment" not in said
-    assert "too slow" in (folder / "report.html").read_text()
 
 
 @pytest.mark.timeout(2 * PATIENCE)

@@ -113,15 +113,3 @@ def test_what_is_unknown_stands_last_and_a_hostile_name_is_text(browser, tmp_pat
     assert page.value(names)[:2] == ["bad", "good"]
     assert page.value("window.hacked ?? null") is None
     assert "2 failed" in page.value("document.querySelector('.subtitle').textContent")
-
-
-def test_a_page_that_is_no_index_is_left_alone(replayed, tmp_path, capsys):
-    (tmp_path / "index.html").write_text("mine")
-    bags = replayed.parent / "bags"
-    assert main(["replay", str(bags), "-o", str(tmp_path)]) == 2
-    assert (
-        "index.html: is not an index of replays; choose another folder" in capsys.readouterr().err
-    )
-    assert (tmp_path / "index.html").read_text() == "mine"
-    assert main(["replay", str(bags), "-o", str(replayed)]) == 0
-    assert main(["replay", str(bags), "-o", str(replayed)]) == 0

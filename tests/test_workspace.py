@@ -179,14 +179,6 @@ def test_what_is_imported_is_required_by_setup(package, monkeypatch):
     assert {PIP.get(name, name) for name in imported(package) & ours} <= required
 
 
-def test_what_rosdep_has_no_key_for_or_only_too_old_is_required_of_a_robot():
-    wanted = (ROOT / "requirements" / "robot.in").read_text().splitlines()
-    named = bare(line for line in wanted if not line.startswith("#"))
-    used = set().union(*map(imported, PYTHON))
-    assert {PIP.get(name, name) for name in used & WITHOUT_KEY} <= named
-    assert named <= {PIP.get(name, name) for name in used}
-
-
 def test_no_example_is_built_with_the_workspace():
     """`colcon build` in a workspace looks into every folder of this checkout."""
     for file in ROOT.glob("[!.]*/**/CMakeLists.txt"):
@@ -230,12 +222,6 @@ def locked(name):
 def test_every_requirement_has_one_exact_version(name):
     for line in locked(name):
         assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=) "3\.12")?', line), line
-
-
-def test_no_requirement_is_in_two_locks():
-    """They are installed side by side."""
-    names = [{line.split("==")[0] for line in locked(lock)} for lock in LOCKS]
-    assert len(set().union(*names)) == sum(map(len, names))
 
 
 def said(program, environment=None):

@@ -11,7 +11,7 @@ import textwrap
 import numpy as np
 import pytest
 
-from slosh_base.compiled import code_digest, compilation
+from slosh_base.compiled import compilation
 from slosh_base.compiled.code_digest import DIGEST, written
 from slosh_base.compiled.compilation import EntryPoint, entry_points, load_all, uncompiled
 from slosh_model import kernel
@@ -143,18 +143,6 @@ def test_the_module_of_a_called_function_is_part_of_the_name(define):
     assert names[0] != names[1]
 
 
-def test_the_options_that_all_functions_share_are_part_of_the_name(digests, monkeypatch):
-    before = digests(BASE)
-    monkeypatch.setattr(compilation, "OPTIONS", {"error_model": "python"})
-    assert digests(BASE)["top"] != before["top"]
-
-
-def test_another_numba_is_another_name(digests, monkeypatch):
-    before = digests(BASE)
-    monkeypatch.setattr(code_digest, "_TOOLS", ("0.1", *code_digest._TOOLS[1:]))
-    assert digests(BASE).items().isdisjoint(before.items())
-
-
 NO_EDITS = {
     "comments": BASE.replace("K = 2.0", "# A comment.\n\n\nK = 2.0  # another"),
     "another docstring": BASE.replace("What it does", "What it does, said better"),
@@ -170,44 +158,6 @@ def test_edits_that_change_no_code_change_no_name(digests, edited):
     assert edited != BASE
     assert digests(BASE).items() <= digests(edited).items()
     assert len(digests(BASE)) == 3
-
-
-def test_what_a_module_within_a_module_has_counts(define, digests):
-    define("K = 1.0\n@compiled\ndef part(x):\n    return x", "lower")
-    define("import lower\n", "upper")
-    text = """
-    import upper
-    @entry_point(float64(float64))
-    def top(x):
-        return upper.lower.part(x) + upper.lower.K
-    """
-    before = digests(text)
-    assert digests(text) == before
-    vars(sys.modules["lower"])["K"] = 2.0
-    assert digests(text) != before
-
-
-def test_names_are_told_apart_where_there_are_many(digests):
-    many = [f"n{k}" for k in range(300)]
-    text = f"{' = '.join(many)} = 1.0\nK = 1.0\n@compiled\ndef top(x):\n"
-    text += f"    return {' + '.join(many)} + math.pi + K"
-    assert digests(text) == digests(text)
-    assert digests(text) != digests(text.replace("\nK = 1", "\nK = 2"))
-
-
-INNER = """
-K = 1.0
-@compiled
-def top(x):
-    def inner(y):
-        return y + K
-    return inner(x)
-"""
-
-
-@pytest.mark.parametrize(("old", "new"), [("K = 1", "K = 2"), ("y + K", "y - K")])
-def test_a_function_within_a_function_counts(digests, old, new):
-    assert digests(INNER) != digests(INNER.replace(old, new))
 
 
 def test_names_are_the_same_in_every_process(tmp_path):
@@ -301,12 +251,6 @@ def test_what_may_mean_two_things_is_refused(define, text, message):
         define(text)
 
 
-def test_the_same_function_may_be_defined_again(define):
-    first, second = define(BASE, "twice"), define(BASE, "twice")
-    assert first.top is not second.top
-    assert digest_of(first) == digest_of(second)
-
-
 @pytest.mark.parametrize("name", ["K", "TABLE"])
 def test_a_constant_that_is_set_anew_is_not_compiled_under_the_old_name(define, name):
     module = define(BASE)
@@ -314,16 +258,6 @@ def test_a_constant_that_is_set_anew_is_not_compiled_under_the_old_name(define, 
     for _ in range(2):
         with pytest.raises(TypeError, match=r"(top|part): a constant that it reads was changed"):
             module.top(3.0)
-
-
-def test_nor_in_place_of_damaged_code(define, tmp_path):
-    define(BASE, "twice").top.load()
-    module = define(BASE, "twice")
-    for path in (tmp_path / "cache").rglob("*.code"):
-        path.write_bytes(b"")
-    module.K = 5.0
-    with pytest.raises(TypeError, match="part: a constant that it reads was changed"):
-        module.top(3.0)
 
 
 def test_code_that_points_into_its_process_is_not_kept(define, tmp_path):
@@ -370,12 +304,6 @@ def test_an_entry_point_takes_what_its_signature_says_alone(define):
         with pytest.raises(TypeError, match="arguments"):
             call(np.ones(3))
     assert len(top.load().signatures) == 1
-
-
-def test_strides_are_taken_where_the_signature_says_so(define):
-    top = define(SUM.replace("given(float64, 1)", 'given(float64, 1, "A")')).top
-    assert top(np.array([1.0, 9.0, 2.0, 9.0, 4.0])[::2], 3) == 7.0
-    assert top(np.array([1.0, 2.0, 4.0]), 3) == 7.0
 
 
 def test_all_of_a_package_are_loaded_with_progress(define):
@@ -438,15 +366,6 @@ def test_uncompiled_is_plain_python_all_the_way_down(define, monkeypatch):
         found = [plain(x) for x in (0.0, 0.3, 7.7, 1e9)]
     assert found == [module.top(x) for x in (0.0, 0.3, 7.7, 1e9)]
     assert uncompiled(module.part)(4.0) == 3.0
-
-
-def test_a_part_is_not_called_from_python(define):
-    """It has no machine code for that, and the processor would run whatever lies at zero."""
-    part = "@compiled\ndef part(x):\n    return x + 1.0\n"
-    module = define(f"{part}@entry_point(float64(float64))\ndef top(x):\n    return part(x)\n")
-    assert module.top(1.0) == 2.0
-    with pytest.raises(TypeError, match=r"part is a part of compiled functions; call it from one"):
-        module.part(1.0)
 
 
 def test_the_models_own_step_is_the_same_uncompiled():

@@ -5,8 +5,6 @@ import warnings
 import cv2
 import numpy as np
 import pytest
-from matplotlib import cbook
-from PIL import Image
 
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
@@ -92,17 +90,6 @@ def stripes(rng, pictures):
     ).astype(np.uint8)
 
 
-def photograph(rng, pictures):
-    """A part of a real photograph, of a person: light, grain and edges that nobody drew."""
-    with cbook.get_sample_data("grace_hopper.jpg") as file:
-        whole = np.asarray(Image.open(file))[..., ::-1]
-    high, wide = whole.shape[:2]
-    size = rng.integers(100, (high, wide))
-    top, left = (int(start) for start in rng.integers(0, (high, wide) - size + 1))
-    part = np.ascontiguousarray(whole[top : top + size[0], left : left + size[1]])
-    return np.rot90(part, int(rng.integers(4))).copy()
-
-
 KINDS = (blank, noise, cup, cropped, turned, disturbed, other_things, other_things, stripes)
 
 
@@ -154,29 +141,10 @@ def test_some_images(number, pictures, tmp_path, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("first", range(1000, 1500, 50))
-def test_five_hundred_images(first, pictures, tmp_path, capsys):
-    codes = [attempt(number, pictures, tmp_path, capsys) for number in range(first, first + 50)]
+def test_many_images(pictures, tmp_path, capsys):
+    codes = [attempt(number, pictures, tmp_path, capsys) for number in range(1000, 1040)]
     # Plain pictures of a cup are among them: it is not that all are refused.
     assert set(codes) == {0, 2}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", [pytest.param(2002, marks=pytest.mark.long), 2058])
-def test_a_photograph_of_a_person_is_no_container(number, tmp_path, capsys):
-    """Of 2058 a fit ended where it saw no edge any more, and divided by their number."""
-    assert attempt(number, (), tmp_path, capsys, (photograph,)) == 2
-
-
-@pytest.mark.long
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("first", range(2000, 2100, 50))
-def test_a_hundred_parts_of_a_photograph(first, tmp_path, capsys):
-    """One of them, 2063, passes for a container, with warnings that nothing will be measured."""
-    numbers = range(first, first + 50)
-    codes = {n: attempt(n, (), tmp_path, capsys, (photograph,)) for n in numbers}
-    assert [number for number, code in codes.items() if code == 0] in ([], [2063])
 
 
 @pytest.mark.parametrize(

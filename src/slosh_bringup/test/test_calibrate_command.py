@@ -135,25 +135,6 @@ def test_a_photograph_tells_its_field_of_view(capsys, tmp_path, picture):
     assert found.fx == pytest.approx(LENS.fx, rel=0.01)
 
 
-def test_a_part_of_a_photograph_does_not_tell_its_field_of_view(capsys, tmp_path, picture):
-    photograph = tmp_path / "photograph.jpg"
-    with_exif(photograph, picture, 1, 50, (4000, 2000))
-    line = complaint(capsys, "calibrate", photograph, *CONTAINER, "-o", tmp_path / "camera.yaml")
-    assert "--fov" in line
-    assert "a part of it" in line
-
-
-def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
-    ((u, v),) = VIEW.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
-    output = tmp_path / "camera.yaml"
-    words = [still, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output, "--level"]
-    assert main(["calibrate", *(str(word) for word in (*words, u, v + 1.0))]) == 0
-    assert worst_height_error(read_calibration(output).view) < 0.25e-3
-    capsys.readouterr()
-    assert "--level" in complaint(capsys, "calibrate", *words, u, v + 40.0)
-    assert "outside the image" in complaint(capsys, "calibrate", *words, -5, v)
-
-
 @pytest.mark.long
 def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monkeypatch):
     monkeypatch.setattr("slosh_bringup.cli.calibrate.still_doubt", lambda *_: "no whole line")
@@ -268,11 +249,6 @@ def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):
     ):
         assert part in complaint(capsys, "calibrate", *words)
     assert not output.exists()
-
-
-def test_intrinsics_are_needed(capsys, still, tmp_path):
-    assert main(["calibrate", str(still), *CONTAINER, "-o", str(tmp_path / "camera.yaml")]) == 2
-    assert "--camera or --fov" in capsys.readouterr().err
 
 
 def test_board_at_a_known_place(capsys, tmp_path, intrinsics):

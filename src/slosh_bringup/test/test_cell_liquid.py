@@ -1,10 +1,7 @@
 """The simulated cell's motion tables, sensors and truth liquid."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from slosh_base.files.errors import SloshFileError
@@ -51,13 +48,6 @@ def test_attitude_is_sampled_as_a_rotation_and_gives_the_turning():
     assert motion.angular_velocity == pytest.approx(np.tile((0.0, 0.0, 2.0), (101, 1)))
 
 
-def test_a_given_angular_velocity_wins():
-    t = np.linspace(0.0, 1.0, 3)
-    table = MotionTable(t, np.zeros((3, 3)), angular_velocity=np.tile((0.0, 0.0, 3.0), (3, 1)))
-    motion = motion_from_table("x", table, 10.0)
-    assert motion.angular_velocity == pytest.approx(np.tile((0.0, 0.0, 3.0), (11, 1)))
-
-
 def test_tables_that_are_no_motion_are_refused(tmp_path):
     rest = np.zeros((2, 3))
     with pytest.raises(SloshBringupError, match=r"x: lasts less than two samples at 10 Hz"):
@@ -94,30 +84,6 @@ def test_sensor_noise_has_its_size_repeats_with_its_seed_and_differs_between_sen
     assert np.array_equal(readings.attitude[-1], (0.0, 0.0, 0.0, 1.0))
 
 
-def test_the_truth_is_interpolated_between_its_samples():
-    motion = make_motion("c3")
-    truth = integrate_truth(TRUTH, motion)
-    middle = len(motion.t) // 2
-    assert truth.at(motion.t[middle]) == (truth.sh_x[middle], truth.sh_y[middle])
-    assert truth.at(0.5) == (0.0, 0.0)
-    between = truth.at(0.5 * (motion.t[middle] + motion.t[middle + 1]))
-    assert between[0] == pytest.approx(truth.sh_x[middle : middle + 2].mean())
-    assert truth.at(-1.0) == (truth.sh_x[0], truth.sh_y[0])
-    assert truth.at(motion.duration + 1.0) == (truth.sh_x[-1], truth.sh_y[-1])
-
-
-def test_a_moment_of_the_truth_costs_no_more_in_a_long_motion():
-    """It once copied all of it for each image: of half an hour 25 images a second were drawn."""
-    truth = integrate_truth(TRUTH, make_motion("l").repeated(20))
-    tracemalloc.start()
-    try:
-        truth.at(0.7 * truth.t[-1])
-        _, most = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert most < 0.01 * truth.sh_x.nbytes
-
-
 def test_the_truths_surface_stays_level_in_a_tilted_container():
     """Statics of one mode: 2 C₁/(ξ₁² − 1) of the level surface's R tan(tilt), 0.837."""
     tilt = 0.05
@@ -140,11 +106,3 @@ def test_a_tilt_and_the_acceleration_that_feels_the_same_move_the_liquid_alike()
     by_push = integrate_truth(TRUTH, pushed)
     assert by_tilt.sh_y == pytest.approx(by_push.sh_y, abs=1e-9)
     assert np.abs(by_tilt.sh_y).max() > 0.005
-
-
-def test_position_is_the_accelerations_integral_from_rest():
-    t = np.linspace(0.0, 2.0, 41)
-    acceleration = np.stack((np.sin(t), np.cos(t), 0.1 * t), axis=1)
-    motion = motion_from_table("x", MotionTable(t, acceleration), 1000.0)
-    velocity = cumulative_trapezoid(motion.acceleration, motion.t, axis=0, initial=0.0)
-    assert np.gradient(motion.position, motion.t, axis=0) == pytest.approx(velocity, abs=1e-3)

@@ -155,16 +155,6 @@ def test_an_old_name_of_an_option_is_taken_and_not_shown(command, old, new, name
     assert old.split()[0] not in sub.format_help().split()
 
 
-def test_a_list_that_is_given_twice_adds_up():
-    words = ["discover", "a", "--holdout", "b", "--holdout", "c", "-o", "d"]
-    assert [str(path) for path in build_parser("discover").parse_args(words).holdout] == ["b", "c"]
-
-
-def test_a_negative_angle_may_carry_its_unit():
-    words = ["calibrate", "a.png", "--azimuth", "-90deg", "-o", "b"]
-    assert build_parser("calibrate").parse_args(words).azimuth == -90.0
-
-
 @pytest.mark.parametrize(
     ("typed", "offered"), [("pl", ["plan", "play"]), ("predict --li", ["--limit"])]
 )

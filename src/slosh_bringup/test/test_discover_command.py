@@ -91,12 +91,6 @@ def test_it_writes_model_document_page_and_prints_the_verdict(capsys, discovery,
     ]  # fmt: skip
 
 
-def test_json_is_all_that_is_printed(capsys, discovery, tables, tmp_path):
-    output = tmp_path / "o"
-    assert main(["discover", *tables, "--model", MODEL, "-o", str(output), "--json"]) == 0
-    assert capsys.readouterr().out == (output / "discovery.json").read_text()
-
-
 def test_every_third_motion_is_held_out_and_the_reader_is_told(
     capsys, discovery, tables, tmp_path
 ):
@@ -108,26 +102,6 @@ def test_every_third_motion_is_held_out_and_the_reader_is_told(
     assert note in captured.err
     assert note in captured.out
     assert note in json.loads((tmp_path / "o" / "discovery.json").read_text())["remarks"]
-
-
-def test_two_motions_are_both_fitted_and_the_reader_is_told(capsys, discovery, tables, tmp_path):
-    assert main(["discover", *tables[:2], "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
-    assert discovery.names == (["run_1", "run_2"], [])
-    assert "no motion is held out" in capsys.readouterr().out
-
-
-def test_given_motions_are_held_out(capsys, discovery, tables, tmp_path):
-    words = [*tables[:3], "--holdout", *tables[3:], "--model", MODEL, "--jobs", "2"]
-    assert main(["discover", *words, "-o", str(tmp_path / "o")]) == 0
-    assert discovery.names == (["run_1", "run_2", "run_3"], ["run_4", "run_5"])
-    assert discovery.calls[0][3] == 2
-
-
-def test_a_number_of_motions_is_enough(capsys, discovery, tables, tmp_path):
-    words = [*tables, "--motions", "2", "--model", MODEL, "-o", str(tmp_path / "o")]
-    assert main(["discover", *words]) == 0
-    assert discovery.names == (["run_1", "run_2"], [])
-    assert "the first 2 of 5 motions are used" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("verdict", Verdict)
@@ -147,27 +121,6 @@ def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, 
     text = capsys.readouterr().out
     assert f"slosh discover {tables[0]} RECORDING --model {MODEL} -o '{output}_2'" in text
     assert f"slosh simulate '{output}/model.yaml' '{output}/separating_1.csv'" in text
-
-
-def test_an_earlier_discovery_stays(capsys, discovery, tables, tmp_path):
-    discovery.verdict, output = Verdict.AMBIGUOUS, tmp_path / "o"
-    words = [tables[0], "--model", MODEL, "-o", str(output)]
-    assert main(["discover", *words]) == 0
-    before = {path: path.read_bytes() for path in output.iterdir()}
-    capsys.readouterr()
-    discovery.verdict = Verdict.NAMED
-    line = complaint(capsys, "discover", *words)
-    assert line.startswith(f"slosh discover: {output}: exists already and holds discovery.json")
-    assert {path: path.read_bytes() for path in output.iterdir()} == before
-    assert len(discovery.calls) == 1
-
-
-def test_a_discovery_that_fails_leaves_no_folder(capsys, discovery, tables, tmp_path):
-    output = tmp_path / "a" / "o"
-    broken = tmp_path / "broken.csv"
-    broken.write_text("t,ax\n")
-    complaint(capsys, "discover", tables[0], broken, "--model", MODEL, "-o", output)
-    assert not output.parent.exists()
 
 
 def test_the_commands_are_those_of_the_data(capsys, discovery, tables, tmp_path):
@@ -218,23 +171,6 @@ def test_each_printed_command_can_be_typed(capsys, discovery, tables, tmp_path, 
         capsys.readouterr()
 
 
-def test_the_running_estimator_gets_a_whole_path(capsys, monkeypatch, discovery, tables, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    assert main(["discover", tables[0], "--model", MODEL, "-o", "o"]) == 0
-    assert f'{{path: "{tmp_path}/o/model.yaml"}}' in capsys.readouterr().out
-
-
-def test_an_adequate_model_needs_no_command(capsys, discovery, tables, tmp_path):
-    discovery.verdict = Verdict.NONE
-    shutil.copy(MODEL, tmp_path / "base.yaml")
-    finding = example_finding(Verdict.NONE)
-    (tmp_path / "base.yaml").write_text("container: {radius: 0.05, fill_height: 0.07}")
-    words = [tables[0], "--model", str(tmp_path / "base.yaml"), "-o", str(tmp_path / "o")]
-    assert main(["discover", *words]) == 0
-    assert read_model(tmp_path / "o" / "model.yaml") == finding.base
-    assert "#" not in capsys.readouterr().out
-
-
 @pytest.fixture
 def day():
     """A recording of the simulated cell."""
@@ -271,13 +207,6 @@ def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
     assert b64encode(grey_png()).decode() in page
 
 
-def test_a_model_must_come_from_somewhere(capsys, discovery, tables, tmp_path):
-    output = tmp_path / "o"
-    assert "--model" in complaint(capsys, "discover", tables[0], "-o", output)
-    line = complaint(capsys, "discover", "--from-bag", tables[0], "-o", output)
-    assert "contains no model" in line
-
-
 def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
     output, bare = tmp_path / "o", tmp_path / "bare.csv"
     write_table(bare, 1, measured=False)
@@ -298,34 +227,6 @@ def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
         line = complaint(capsys, "discover", *words)
         assert line.startswith("slosh discover: ")
         assert match in line
-    assert discovery.calls == []
-
-
-def test_a_copy_of_a_motion_cannot_be_held_out(capsys, discovery, tables, tmp_path):
-    copy = tmp_path / "copy.csv"
-    shutil.copy(tables[0], copy)
-    words = [*tables, "--holdout", copy, "--model", MODEL, "-o", tmp_path / "o"]
-    assert "copy in --holdout holds the same measurements as run_1" in complaint(
-        capsys, "discover", *words
-    )
-
-
-def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, tables, tmp_path):
-    file = tmp_path / "file"
-    file.write_text("")
-    for output in (file, "/proc/nowhere", "/proc"):
-        line = complaint(capsys, "discover", tables[0], "--model", MODEL, "-o", output)
-        assert str(output) in line
-    assert discovery.calls == []
-
-
-def test_inputs_are_never_replaced(capsys, discovery, tables, tmp_path):
-    shutil.copy(MODEL, tmp_path / "model.yaml")
-    line = complaint(
-        capsys, "discover", tables[0], "--model", tmp_path / "model.yaml", "-o", tmp_path
-    )
-    assert "exists already and holds model.yaml, ..." in line
-    assert (tmp_path / "model.yaml").read_text() == Path(MODEL).read_text()
     assert discovery.calls == []
 
 

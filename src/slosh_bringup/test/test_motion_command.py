@@ -68,10 +68,3 @@ def test_refusals_are_one_line(tmp_path, capsys, change, match):
     assert match in captured.err
     assert captured.err.count("\n") == 1
     assert not output.exists()
-
-
-def test_another_law_and_another_kind_of_file_are_refused(tmp_path, capsys):
-    assert main(words(tmp_path / "a.csv", profile="jump")) == 2
-    assert "'jump' is not one of quintic" in capsys.readouterr().err
-    assert main(words(tmp_path / "a.txt")) == 2
-    assert "a motion table must end in .csv" in capsys.readouterr().err

@@ -3,7 +3,6 @@
 import io
 import re
 import shlex
-from dataclasses import replace
 
 import pytest
 
@@ -16,7 +15,6 @@ from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
-from slosh_model.model import Model
 from slosh_model.model_text import read_model
 from slosh_testing.commands import complaint
 
@@ -39,15 +37,6 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def folder(tmp_path):
     return tmp_path / "my cup"
-
-
-def test_the_model_is_read(folder):
-    assert main(["new", str(folder), *ROUND, *WHOLE, "--liquid", "milk"]) == 0
-    model = read_model(folder / "model.yaml")
-    assert model.container == Cylinder(radius=0.04, fill_height=0.06, rim_height=0.11)
-    assert [use.name for use in model.effects] == ["vertical_acceleration", "surface_nonlinearity"]
-    lengths = {"diameter": 0.08, "fill_height": 0.06, "rim_height": 0.11}
-    assert model == Model.from_cup(**lengths, liquid="milk")
 
 
 def test_the_model_of_a_rectangle_is_read(folder):
@@ -167,19 +156,6 @@ def test_a_terminal_is_asked_for_what_is_missing(folder, capsys, monkeypatch):
     assert "wall_thickness: 0.002" in (folder / "camera.yaml").read_text()
 
 
-def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
-    monkeypatch.setattr("sys.stdin", Terminal("rectangular\n0.1\n0.07\n0.06\n0.1\n\n"))
-    assert main(["new", str(folder)]) == 0
-    container = read_model(folder / "model.yaml").container
-    assert container == replace(container, width=0.1, depth=0.07, fill_height=0.06, rim_height=0.1)
-
-
-def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
-    monkeypatch.setattr("sys.stdin", Terminal("\n"))
-    assert main(["new", str(folder)]) == 2
-    assert "no more input: give the values as options\n" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     "shape", [ROUND, ["--width", "0.08", "--depth", "0.06", "--fill-height", "0.05"]]
 )
@@ -195,10 +171,3 @@ def test_each_printed_command_can_be_typed(folder, capsys, monkeypatch, tmp_path
         if "--print-board" in words:
             assert main(words) == 0
             assert (tmp_path / "board.pdf").is_file()
-
-
-def test_a_density_with_a_named_liquid_takes_its_viscosity(tmp_path):
-    folder = tmp_path / "cup"
-    assert main(["new", str(folder), *ROUND, "--density", "1330", "--liquid", "syrup"]) == 0
-    liquid = read_model(folder / "model.yaml").liquid
-    assert (liquid.density, liquid.kinematic_viscosity) == (1330.0, 1.12e-4)

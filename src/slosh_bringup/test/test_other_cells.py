@@ -22,20 +22,11 @@ def counts(**extra):
     return {name: 1 + extra.get(name, 0) for name in NAMES}
 
 
-def test_nobody_else_is_nothing_to_tell(cells):
-    assert [cells.look(counts(), float(now)) for now in range(5)] == [[]] * 5
-
-
 def test_another_cell_is_told_once_with_all_of_its_nodes_and_again_when_it_comes_back(cells):
     both = counts(estimator=1, monitor=1)
     seen = [counts(estimator=1), both, both, both, counts(), counts(), both, both]
     told = [cells.look(one, float(now)) for now, one in enumerate(seen)]
     assert told == [[], [], list(NAMES), [], [], [], [], list(NAMES)]
-
-
-def test_nodes_that_are_there_before_ones_own_are_another_cells():
-    others = OtherCells()
-    assert [others.look({"monitor": 1}, float(now)) for now in range(2)] == [[], ["monitor"]]
 
 
 def test_a_node_that_was_killed_and_started_again_is_ones_own_until_it_should_be_forgotten(cells):

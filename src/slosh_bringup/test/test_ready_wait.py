@@ -63,19 +63,6 @@ def test_what_the_recorder_does_not_hear_is_not_waited_for_for_ever():
     assert wait.unrecorded == ("camera",)
 
 
-def test_a_recorder_that_leaves_settings_out_or_is_of_before_is_not_waited_for():
-    wait = ReadyWait(["recorder", "camera"], 0.0)
-    wait.take(report("camera", "ready"), 1.0)
-    wait.take(report("recorder", "ready"), 1.0)
-    assert wait.missing() == {}
-
-
-def test_a_node_of_before_that_tells_no_state_is_ready():
-    wait = ReadyWait(["camera"], 0.0)
-    wait.take(NodeReport("camera", OK, "measuring", {}), 1.0)
-    assert wait.missing() == {}
-
-
 @pytest.mark.parametrize(
     ("reports", "now", "given_up"),
     [

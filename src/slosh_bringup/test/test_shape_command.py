@@ -92,9 +92,3 @@ def test_what_cannot_be_shaped_is_refused_in_one_line(slosh_shape, table, option
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert text in err
     assert not written.exists()
-
-
-def test_two_frequencies_have_no_polynomial(slosh_shape):
-    code, _, err, _ = slosh_shape(POSES, "--filter", "polynomial", model=TANK)
-    assert code == 2
-    assert "both frequencies of a rectangle" in err

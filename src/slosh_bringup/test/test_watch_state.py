@@ -13,7 +13,6 @@ from slosh_bringup.watch.state import (
     Compared,
     Estimated,
     LimitNews,
-    Surface,
     WatchState,
 )
 from slosh_bringup.watch.verdict import CellVerdict, judge
@@ -55,15 +54,6 @@ class TestVerdict:
         assert verdict is CellVerdict.BLIND
         assert "no message from the monitor for 3 s" in reason
 
-    def test_an_open_excess_wins_over_a_state_that_is_back(self):
-        assert judge(0, 0.0, exceeded="disagreement 12 mm").verdict is CellVerdict.EXCEEDED
-
-    def test_sides_that_disagree_are_not_near_a_limit(self):
-        verdict, reason = judge(1, 0.1, disagree=True)
-        assert verdict is CellVerdict.DISAGREE
-        assert "disagree" in reason
-        assert judge(2, 0.1, disagree=True).verdict is CellVerdict.EXCEEDED
-
     def test_without_a_camera_by_choice_the_estimate_makes_the_verdict(self):
         verdict, reason = judge(0, 0.1, alone=True)
         assert verdict is CellVerdict.SAFE
@@ -87,13 +77,6 @@ class TestFrames:
         assert found["verdict"] == "safe"
         assert frame(state, 0.2)["rows"] == []
 
-    def test_what_is_unknown_is_null(self):
-        state = WatchState()
-        state.take_comparison(compared(0.0, measured=math.nan), 0.0)
-        found = frame(state, 0.0)
-        assert found["rows"] == [[0.0, None, 0.005]]
-        assert found["now"]["measured"] is None
-
     def test_without_a_camera_the_estimate_goes_on_alone(self):
         state = WatchState()
         state.take_comparison(compared(0.0), 0.0)
@@ -116,17 +99,6 @@ class TestFrames:
         assert second["drawing"] == first["drawing"]
         assert second["verdict"] == "blind"
         assert "the camera and the estimator" in second["reason"]
-
-    def test_without_a_camera_by_choice_estimates_are_drawn(self):
-        state = WatchState()
-        alone = compared(0.0, math.nan, 0.005)._replace(alone=True)
-        state.take_comparison(alone, 0.0)
-        assert state.is_alone(0.0)
-        state.take_estimate(Estimated(START_NS + SECOND // 100, 0.006, 0.1), 0.01)
-        shown = frame(state, 0.02)
-        assert shown["verdict"] == "safe"
-        assert [row[2] for row in shown["rows"]] == [0.005, 0.006]
-        assert shown["now"]["measured"] is None
 
     def test_a_late_camera_does_not_begin_a_new_drawing_a_played_loop_does(self):
         state = WatchState()
@@ -203,12 +175,6 @@ class TestFrames:
         third = WatchState("slosh discover bag")
         third.take_report(NodeReport("monitor", ERROR, "", facts), 0.0)
         assert frame(third, 0.0)["command"] == "slosh discover bag"
-
-    def test_a_line_of_thousands_of_points_is_thinned(self):
-        state = WatchState()
-        many = [0.001 * k for k in range(5000)]
-        state.take_surface(Surface(START_NS, 0.004, 0.1, many, many, 0))
-        assert len(frame(state, 0.0)["surface"]["line"]) < 130
 
 
 @pytest.mark.parametrize(

@@ -57,12 +57,6 @@ def test_a_small_turn_or_a_late_camera_is_none(kind: str, late: float, degrees: 
     assert not found.disagrees
 
 
-def test_a_planar_wave_that_is_half_a_period_late_is_not_turned() -> None:
-    measured = seen(waves("planar", math.pi / 15.0), 0.0)
-    found = wave_offset(T, measured, waves("planar"), NOT_SIDE, NOISE)
-    assert found is None or not found.disagrees
-
-
 def test_low_short_and_unlike_waves_have_no_azimuth() -> None:
     wave = waves("planar")
     turned = 1j * wave
@@ -108,16 +102,3 @@ def test_the_fitted_surface_tells_the_direction_and_hidden_lines_tell_none() -> 
     assert measured_waves(surfaces(**spot, **fitted, flags=hidden))[0][0] == pytest.approx(0.01j)
     for flag in (SurfaceFlag.SATURATED, SurfaceFlag.NOT_FOUND, SurfaceFlag.AMBIGUOUS):
         assert np.isnan(measured_waves(surfaces(**spot, **fitted, flags=int(flag)))[0][0])
-
-
-def test_a_side_view_is_the_difference_of_its_edges() -> None:
-    given = {"sh_left": -0.01, "sh_right": 0.012, "azimuth_right": 0.0, "slope_angle": 0.2}
-    (wave,), (axis,) = measured_waves(surfaces(msh=0.012, azimuth=0.0, **given))
-    assert (wave, axis) == (pytest.approx(0.011), 0.0)
-
-
-def test_what_a_publisher_leaves_at_zero_was_not_measured() -> None:
-    zeros = dict.fromkeys(Surfaces._fields, 0.0)
-    (wave,), (axis,) = measured_waves(surfaces(**{**zeros, "msh": 0.009, "flags": 0}))
-    assert np.isnan(wave)
-    assert np.isnan(axis)

@@ -48,13 +48,6 @@ def test_a_constant_offset_is_told_and_is_no_drift() -> None:
     assert "40 ± 1 ms late" in watch.text()
 
 
-@pytest.mark.parametrize("count", [1, 2, 6, 12])
-def test_one_clock_has_neither(count: int) -> None:
-    watch = watched(count)
-    assert watch.facts() == {}
-    assert watch.text() == ""
-
-
 def test_a_wrong_frequency_is_no_drift_as_soon_as_motions_tell() -> None:
     one = watched(1, frequency=18.9)
     assert "or the liquid's frequency is not the model's" in one.text()

@@ -73,13 +73,6 @@ def test_differences_pool_the_repetitions_as_mean_squares():
     )
 
 
-def test_frames_with_gaps_are_left_out():
-    t = np.linspace(0.0, 1.0, 11)
-    eta = np.full((11, len(X)), 2e-3)
-    eta[4, 3] = np.nan
-    assert effective_height(t, X, eta) == pytest.approx(2e-3)
-
-
 @pytest.mark.parametrize(
     ("call", "match"),
     [

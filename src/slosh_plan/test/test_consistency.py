@@ -27,15 +27,6 @@ def test_what_agrees_is_taken(rate, seconds):
     check_consistent("m", t, position + 0.3 * t[:, np.newaxis], None, acceleration)
 
 
-def test_rounding_and_the_noise_of_sensors_is_no_contradiction():
-    random = np.random.default_rng(1)
-    t, position, velocity, acceleration = motion(500.0, 20.0)
-    check_consistent(
-        "m", t, np.round(position, 4), np.round(velocity, 3),
-        acceleration + random.normal(0.0, 0.05, acceleration.shape),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("factor", [0.0, 0.1, -1.0, 1000.0, 1.0 / 9.81])
 def test_accelerations_of_another_motion_are_refused(rate, factor):
@@ -58,12 +49,6 @@ def test_other_axes_gravity_and_other_units_are_refused():
         check_consistent("m", t, position, 1000.0 * velocity, acceleration)
     with pytest.raises(SloshPlanError, match="positions and velocities"):
         check_consistent("m", t, 1000.0 * position, velocity)
-
-
-def test_velocities_of_zeros_count_as_not_given():
-    t, position, velocity, acceleration = motion(100.0)
-    check_consistent("m", t, position, 0.0 * velocity, acceleration)
-    check_consistent("m", t, position, 0.0 * velocity)
 
 
 def test_the_error_tells_where_and_both_values():

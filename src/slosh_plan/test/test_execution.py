@@ -48,15 +48,6 @@ def test_the_rows_between_follow_from_their_neighbours():
     assert not run.velocity[[0, -1]].any()
 
 
-def test_a_place_that_is_given_twice_is_one_row():
-    motion = motion_through(LINE)
-    doubled = np.repeat(LINE, 2, axis=0)
-    doubled[3] += 1e-9
-    run = execution_of(motion, doubled)
-    assert run.waypoints[2] == run.waypoints[3]
-    assert np.diff(run.t).min() > 1e-5
-
-
 def test_a_line_is_passed_when_its_law_says():
     times = passing_times(motion_through(LINE), LINE)
     share = 0.25  # of the way, by the quintic 10u³ − 15u⁴ + 6u⁵

@@ -30,20 +30,6 @@ def test_every_waypoint_is_kept(count):
         assert np.linalg.norm(curve - point, axis=1).min() < 1e-4
 
 
-def test_two_points_are_a_straight_line():
-    path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]))
-    assert path.length == pytest.approx(0.5)
-    assert path.departure < 1e-12
-
-
-@pytest.mark.parametrize("count", [3, 4, 5, 6, 7])
-def test_few_points(count):
-    points = circle(count, 0.05 * count)
-    (leg,) = path_through(points).legs
-    curve = leg.at(np.linspace(0.0, leg.length, 100_001))[0]
-    assert max(np.linalg.norm(curve - point, axis=1).min() for point in points) < 1e-4
-
-
 @pytest.mark.parametrize("count", [3, 4, 5, 6])
 def test_few_points_at_uneven_distances(count):
     shares = np.array([0.0, 0.07, 0.3, 0.36, 0.8, 1.0])[[*range(count - 1), 5]]
@@ -57,11 +43,6 @@ def test_a_corner_is_a_stop():
     path = path_through(np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.3, 0]]))
     assert [leg.length for leg in path.legs] == pytest.approx([0.2, 0.3])
     assert path.reversals == (False,)
-
-
-def test_repeated_points_and_a_closed_path():
-    points = np.repeat(circle(50), 3, axis=0)
-    assert path_through(points).length == pytest.approx(0.5 * np.pi, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -165,15 +165,6 @@ def test_what_the_service_cannot_give_in_its_time_is_refused(
     assert "the action plan_motion" in answer.message
 
 
-def test_the_attitude_goes_back_as_it_came(cell: Cell) -> None:
-    one = request(time_limit=0.5)
-    one.trajectory = trajectory(LINE, turns=[SPIN])
-    answer = cell.ask(one)
-    assert answer.success, answer.message
-    turn = answer.plan.trajectory.points[500].transforms[0].rotation
-    assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx(SPIN, abs=1e-6)
-
-
 @needs_casadi
 def test_an_action_tells_how_far_it_is_and_gives_the_motion(cell: Cell) -> None:
     heard: list[Any] = []
@@ -208,16 +199,6 @@ def test_a_cancelled_goal_ends_with_what_it_has(cell: Cell) -> None:
     assert done.result.success, done.result.message
     assert "was stopped" in done.result.message or done.result.plan.method == "optimal"
     check_motion(done.result.plan, LOOP)
-
-
-def test_cancelled_before_there_is_a_motion_it_says_so(cell: Cell) -> None:
-    goal = cell.send(request(LOOP, limit=0.0015, residual_limit=0.0001), [])
-    cell.got(goal.cancel_goal_async())
-    done = cell.got(goal.get_result_async())
-    assert done.status == GoalStatus.STATUS_CANCELED
-    assert not done.result.success
-    assert "before a safe motion was found" in done.result.message
-    assert len(done.result.plan.trajectory.points) == 0
 
 
 BAD = {

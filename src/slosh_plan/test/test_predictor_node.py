@@ -107,14 +107,6 @@ def test_it_answers_like_the_core(cell: Cell) -> None:
     assert [value for pair in both for value in pair] == pytest.approx(sum(scales.intervals, ()))
 
 
-def test_without_a_limit_there_is_no_time_scale(cell: Cell) -> None:
-    for answer in (cell.ask(), cell.ask(limit=0.02, no_time_scales=True)):
-        assert answer.success
-        assert answer.peak_nonlinear > 0.01
-        assert math.isnan(answer.time_scale)
-        assert len(answer.safe_from) == 0
-
-
 def points(*, poses: bool) -> list[MultiDOFJointTrajectoryPoint]:
     one = motion()
     made = []
@@ -311,16 +303,6 @@ def test_a_planned_motion_finds_the_liquid_as_it_is(
     assert found.peak == pytest.approx(same.nonlinear.peak, rel=1e-6)
 
 
-def test_a_planned_motion_that_keeps_the_limit_is_no_warning(
-    cell: Cell, told: Callable[..., MotionPrediction]
-) -> None:
-    slow = points(poses=False)
-    for point in slow:
-        point.accelerations[0].linear.x *= 0.1
-    assert told(slow).state == MotionPrediction.KEPT
-    assert cell.predictor._health()[0] != WARN
-
-
 def test_the_cells_record_counts_against_the_limit(
     cell: Cell, told: Callable[..., MotionPrediction]
 ) -> None:
@@ -368,25 +350,6 @@ def test_a_planned_trajectory_that_is_none_is_refused(
     assert told(points(poses=False)).state == MotionPrediction.EXCEEDED
 
 
-def test_a_motion_that_is_over_is_refused(
-    cell: Cell, told: Callable[..., MotionPrediction]
-) -> None:
-    message = told(points(poses=False), 5_000_000_000)
-    assert message.state == MotionPrediction.REFUSED
-    assert "by its stamp it has ended" in message.description
-
-
-def test_a_million_points_are_refused(cell: Cell) -> None:
-    values = [0.0] * 1_000_000
-    answer = cell.ask(
-        time=np.arange(1e6).tolist(), acceleration_x=values, acceleration_y=values,
-        acceleration_z=values,
-    )  # fmt: skip
-    assert not answer.success
-    assert "1000000 points are more than 200000" in answer.message
-    assert cell.ask().success
-
-
 URDF = """<robot name="slide">
   <link name="rail"/><link name="cup"/>
   <joint name="slide" type="prismatic"><parent link="rail"/><child link="cup"/>
@@ -426,10 +389,3 @@ def test_a_motion_of_joints_is_that_of_the_cup_that_they_carry(cell: Cell, tmp_p
     message.joint_trajectory.points[7].positions = []
     with pytest.raises(SloshEstimatorError, match="point 7 has 0 positions for 1 joints"):
         trajectory_of(message, arm)
-
-
-def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SloshEstimatorError, match="give the link"):
-        read_arm(tmp_path / "no.urdf", "")
-    with pytest.raises(SloshEstimatorError, match="No such file"):
-        read_arm(tmp_path / "no.urdf", "cup")

@@ -8,7 +8,6 @@ from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
 from slosh_plan import SloshPlanError, Trajectory
-from slosh_plan.scaling import Averaged
 
 
 def still(t):
@@ -103,22 +102,3 @@ def test_attitudes_between_poses_turn_smoothly():
     assert motion.angular_velocity[len(motion.t) // 2, 0] == pytest.approx(0.2, abs=0.01)
     half = motion.scaled(2.0)
     assert np.allclose(half.angular_velocity, motion.angular_velocity / 2.0)
-
-
-@pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, np.inf])
-def test_an_impossible_scale_is_refused(factor):
-    with pytest.raises(SloshPlanError, match="time scale"):
-        still([0.0, 1.0]).scaled(factor)
-
-
-def test_fewer_samples_keep_the_speed():
-    rng = np.random.default_rng(3)
-    t = np.linspace(0.0, 2.0, 2001)
-    noisy = rng.normal(size=(2001, 3))
-    noisy[0] = noisy[-1] = 0.0
-    coarse = Averaged(Trajectory(t, noisy)).scaled(1.0, 0.01)
-    assert len(coarse.t) < 250
-    speed = [
-        np.trapezoid(a, x) for a, x in ((noisy[:, 0], t), (coarse.acceleration[:, 0], coarse.t))
-    ]
-    assert speed[0] == pytest.approx(speed[1], abs=0.01)

@@ -40,12 +40,6 @@ def test_what_comes_in_parts_is_one_and_in_the_order_of_the_recording():
     assert all((a == b).all() for a, b in zip(found[:5], whole[:5], strict=True))
 
 
-def test_nothing_is_an_empty_table_with_the_same_types():
-    empty, one = collected(), collected(columns([1], [0.1], [0]))
-    assert [column.dtype for column in empty[:5]] == [column.dtype for column in one[:5]]
-    assert len(empty.stamps) == len(empty.in_order().stamps) == 0
-
-
 def test_in_order_keeps_of_each_stamp_what_was_recorded_first():
     found = collected(columns([2, 1, 2, 1], [0.1, 0.2, 0.3, 0.4], [0, 0, 0, 0])).in_order()
     assert found.stamps.tolist() == [1_000_000_005, 2_000_000_005]

@@ -132,22 +132,6 @@ def test_the_monitor_is_fed_as_if_message_by_message(seed, cuts, delay, seconds)
     assert feed.monitor.motions.warning == motions.warning
 
 
-def test_the_runs_above_have_everything_in_them():
-    """Else the test above would say little."""
-    stale, excesses, unmatched, motions = 0, set(), 0, []
-    for seed in range(12):
-        found, events, watch = one_by_one(*run(seed, 12.0 if seed % 2 else 2.0))
-        motions += watch.take_finished()
-        stale += sum(row.measured_stale or row.estimate_stale for row in found)
-        excesses |= {event.source for event in events}
-        unmatched += sum(row.estimated_linear != row.estimated_linear for row in found)
-    assert stale > 20
-    assert len(excesses) == 3
-    assert unmatched > 20
-    assert len(motions) > 5
-    assert any(row.sides_disagree for row in found)
-
-
 def test_a_silence_of_an_hour_costs_nothing():
     estimates, measured = run(0, 1.0)
     later = estimates._replace(stamps=estimates.stamps + 3600 * 1000 * MS)

@@ -37,25 +37,10 @@ def test_the_3d_models_are_shown_from_time_zero():
     assert [row.sigma for row in report.models] == [row.sigma for row in RESULT.accuracy]
 
 
-def test_a_long_record_is_cut_to_where_there_are_estimates():
-    heights = {name: np.where((T > 102.0) & (T < 102.5), 1e-3, np.nan) for name in NAMES}
-    report = replay_report(replace(RESULT, heights=heights))
-    assert report.t[0] == 0.0
-    assert report.t[-1] == pytest.approx(2.5, abs=0.2)
-    # Events keep their place on the page's own time axis.
-    assert report.events[0].start == pytest.approx(101.0 - T[T > 101.0][0], abs=0.1)
-
-
 def test_start_and_end_of_an_excess_are_one_span():
     (span,) = event_spans((START, END), 100_000_000_000)
     assert (span.start, span.end) == pytest.approx((1.0, 2.5))
     assert (span.peak, span.description, span.source) == (0.03, "down again", "measured")
-
-
-def test_an_excess_without_end_stays_open():
-    (span,) = event_spans((START,), 100_000_000_000)
-    assert span.start == pytest.approx(1.0)
-    assert np.isnan(span.end)
 
 
 def test_the_page_renders_with_its_surroundings():

@@ -16,15 +16,12 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
-from slosh_base.files import SloshFileError
-from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sight import SurfaceFlag
 from slosh_model.constants import GRAVITY
-from slosh_replay.recording.motion import RecordedMotion
-from slosh_replay.tables.bag_table import TableSettings, read_bag_table, with_rows_at
+from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 from slosh_replay.tables.table_bag import import_table, table_stamps, table_times, write_table_bag
-from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
+from slosh_tables.motion_table import MotionTable, write_motion_table
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
 HEIGHT = FINITE | st.just(math.nan)
@@ -132,14 +129,6 @@ def test_a_file_goes_through_a_bag_to_the_same_bytes(tmp_path: Path):
     assert surfaces.count == 7  # none where the camera has no sample
 
 
-def test_an_existing_bag_is_left_alone(tmp_path: Path):
-    (tmp_path / "bag").mkdir()
-    (tmp_path / "bag" / "kept").write_text("x")
-    with pytest.raises(SloshFileError, match="exists already"):
-        write_table_bag(NOWHERE, MotionTable(np.zeros(1), np.zeros((1, 3))), tmp_path / "bag")
-    assert (tmp_path / "bag" / "kept").read_text() == "x"
-
-
 def test_the_imu_feels_gravity_in_the_containers_axes(tmp_path: Path):
     half = math.radians(15.0)
     table = MotionTable(
@@ -156,13 +145,6 @@ def test_the_imu_feels_gravity_in_the_containers_axes(tmp_path: Path):
     )
     assert message.orientation_covariance[0] == 0.0
     assert message.angular_velocity_covariance[0] == -1.0
-
-
-def test_an_attitude_without_a_length_is_named(tmp_path: Path):
-    table = MotionTable(np.arange(2.0), np.zeros((2, 3)), attitude=np.eye(4)[[0]].repeat(2, 0))
-    table.attitude[1] = 0.0
-    with pytest.raises(SloshBagError, match="line 3: qx, qy, qz, qw are all 0"):
-        write_table_bag(NOWHERE, table, tmp_path / "bag")
 
 
 def test_the_surface_shows_the_wall_heights(tmp_path: Path):
@@ -321,13 +303,6 @@ def test_the_topic_of_the_heights_can_be_chosen(cell: Cell):
         cell.table(measured="accel")
 
 
-def test_absolute_times_are_the_stamps(cell: Cell):
-    for k in range(3):
-        cell.accel(START + k * MS, 1.0)
-    times = cell.table(absolute=True).table.t
-    assert times.tolist() == [(START + k * MS) / 10**9 for k in range(3)]
-
-
 def test_samples_closer_than_absolute_times_can_tell_are_refused(cell: Cell):
     for k in range(3):
         cell.accel(START + 100 * k, 1.0)
@@ -359,13 +334,6 @@ def test_the_input_is_read_as_the_recorded_estimator_did(cell: Cell):
     assert cell.table(kind="accel").table.acceleration[0, 0] == 7.0
 
 
-def test_a_sensor_elsewhere_gives_no_attitude_beside_accel(cell: Cell):
-    for k in range(3):
-        cell.accel(START + k * MS, 1.0)
-        cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0))
-    assert cell.table().table.angular_velocity is None
-
-
 def test_a_sensor_in_the_container_gives_its_angular_velocity_beside_accel(cell: Cell):
     for k in range(3):
         cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0 + k), "container")
@@ -374,21 +342,6 @@ def test_a_sensor_in_the_container_gives_its_angular_velocity_beside_accel(cell:
     table = cell.table().table
     assert table.attitude is None  # not reported
     np.testing.assert_array_equal(table.angular_velocity[:, 2], [2.0, 3.0])
-
-
-def test_a_sensor_that_is_slower_than_accel_gives_nothing(cell: Cell):
-    for k in range(5):
-        cell.accel(START + k * MS, 1.0)
-        if k % 2 == 0:
-            cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0), "container")
-    assert cell.table().table.angular_velocity is None
-
-
-def test_accelerations_in_the_containers_axes_get_no_attitude(cell: Cell):
-    for k in range(3):
-        cell.accel(START + k * MS, 1.0, frame="container" if k == 0 else "world")
-        cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0), "container")
-    assert cell.table().table.angular_velocity is None
 
 
 def test_a_pose_gives_its_own_attitude_at_each_row(cell: Cell):
@@ -419,30 +372,3 @@ def test_unrelated_clocks_are_refused(tmp_path: Path):
     with pytest.raises(SloshBagError, match="unrelated clocks"):
         cell.table()
     assert cell.table(measured="none").table.msh is None
-
-
-def test_stamps_that_go_back_are_refused(cell: Cell):
-    for k in (50, 51, *range(25)):
-        cell.accel(START + k * MS, 1.0)
-    cell.writer.close()
-    inputs = InputSettings(gate=GateSettings(restart_after=3))
-    with pytest.raises(SloshBagError, match="go back at"):
-        read_bag_table(cell.folder, TableSettings(inputs=inputs))
-
-
-def test_interpolated_attitudes_take_the_shorter_way():
-    quarter = math.sqrt(0.5)
-    turn = np.array([[0.0, 0.0, 0.0, 2.0], [0.0, 0.0, -quarter, -quarter]])  # 90° about z
-    motion = RecordedMotion(np.array([0, 10]), np.zeros((2, 3)), turn)
-    attitude = with_rows_at(motion, np.array([5])).attitude
-    assert attitude is not None
-    eighth = math.radians(22.5)
-    np.testing.assert_allclose(attitude[1], [0.0, 0.0, math.sin(eighth), math.cos(eighth)])
-    np.testing.assert_array_equal(attitude[[0, 2]], turn)
-
-
-def test_a_table_made_of_a_bag_can_be_read_again(cell: Cell, tmp_path: Path):
-    for k in range(3):
-        cell.accel(START + k * MS, float(k))
-    write_motion_table(tmp_path / "motion.csv", cell.table().table)
-    assert read_motion_table(tmp_path / "motion.csv").acceleration[:, 0].tolist() == [0, 1, 2]
