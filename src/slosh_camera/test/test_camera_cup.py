@@ -9,7 +9,7 @@ from slosh_camera.optics.camera import PinholeCamera, camera_from_info
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.pose import Pose, look_at
 
-# Straight rays; test_camera_refraction.py has the wall that bends them.
+# Straight rays; test_lens.py has the wall that bends them.
 CUP = Cup(0.05, 0.07, wall_thickness=0.002, rim_height=0.12, wall_refractive_index=1.0)
 BARREL = (-0.25, 0.08, 0.001, -0.002, 0.01)
 
