@@ -1,7 +1,7 @@
 """Edges that are seen through a liquid, or hide its line, are no silent wrong heights.
 
-Single images of scenes that `tools/scenes/render.py liquids clear sequence_59 sequence_111` draws,
-each with the image of the liquid at rest.
+Single images of scenes that `validation/scenes/render.py liquids clear sequence_59 sequence_111`
+draws, each with the image of the liquid at rest.
 """
 
 import json

@@ -1,7 +1,7 @@
 """Two ray-traced sequences that lie beside the tests: accuracy, wherever the project is cloned.
 
-`tools/scenes/render.py nonlinear_dark steep --frames 10` draws them: a crest that second order
-sharpens, and a camera 29° above the horizontal before half-clear green liquid.
+`validation/scenes/render.py nonlinear_dark steep --frames 10` draws them: a crest that second
+order sharpens, and a camera 29° above the horizontal before half-clear green liquid.
 """
 
 from pathlib import Path

@@ -43,6 +43,12 @@ def test_no_more_is_unpacked_than_is_let_in(monkeypatch, name):
         unpack(kind, stored)
 
 
+@pytest.mark.parametrize("name", [name for name in PACKED if name])
+def test_what_is_cut_off_is_not_taken_for_the_whole(name):
+    with pytest.raises(UnpackingError):
+        unpack(name.split(" ")[0], PACKED[name][:-3], len(CONTENT))
+
+
 def nested(levels):
     parts = [f"{'=' * 80}\nMSG: a/T{n}\nT{n + 1} x\n" for n in range(levels - 1)]
     return f"T0 x\n{''.join(parts)}{'=' * 80}\nMSG: a/T{levels - 1}\nint8 x\n"

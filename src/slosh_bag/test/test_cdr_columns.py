@@ -249,6 +249,13 @@ def test_wanted_columns_alone_and_arrays_whole():
     assert found["linear.model"].tolist() == ["LL"] * 3
 
 
+def test_a_column_that_no_message_has_is_there_all_the_same():
+    block = block_of(ESTIMATE, estimates([0, 0]))
+    found = columns(block, STORE, ["linear.modal_position[4]", "flags"])
+    assert np.isnan(found["linear.modal_position[4]"]).all()
+    assert found["flags"].tolist() == [0, 0]
+
+
 def test_missing_whole_numbers_are_masked_not_zero():
     name = "diagnostic_msgs/msg/DiagnosticArray"
     status = STORE.types["diagnostic_msgs/msg/DiagnosticStatus"]
@@ -323,6 +330,12 @@ def test_what_does_not_fit_a_field_is_not_written(values, match):
     layout = layout_of(STORE, ESTIMATE, template)
     with pytest.raises(SloshBagError, match=match):
         write_messages(layout, template, values)
+
+
+def test_a_template_of_another_layout_is_refused():
+    layout = layout_of(STORE, ESTIMATE, estimates([2])[0])
+    with pytest.raises(SloshBagError, match="template"):
+        write_messages(layout, estimates([1])[0], {"jerk": np.zeros(1)})
 
 
 def test_a_sequence_that_says_to_be_endless_is_refused_at_once():

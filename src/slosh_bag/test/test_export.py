@@ -214,6 +214,27 @@ def test_rows_come_in_the_order_of_their_times(tmp_path: Path, suffix: str, monk
     assert words == ["1", "2", "5", "6", "7", "8"]
 
 
+def image(size: int):
+    header = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](1, 2), "camera")
+    return TYPES["sensor_msgs/msg/Image"](
+        header, 1, size, "mono8", 0, size, np.arange(size, dtype=np.uint8)
+    )
+
+
+def test_images_are_bytes_in_parquet_and_left_out_of_csv(tmp_path: Path):
+    messages = [image(size) for size in (3, 200, 5000)]
+    reader = write(tmp_path / "bag", messages, kind="sensor_msgs/msg/Image")
+    exported(reader, tmp_path / "a.parquet")
+    data = pq.read_table(tmp_path / "a.parquet").column("data").to_pylist()
+    assert data == [message.data.tobytes() for message in messages]
+    told = exported(reader, tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(newline="") as file:
+        cells = [row["data"] for row in csv.DictReader(file)]
+    assert cells == ["[0, 1, 2]", json.dumps(list(range(200))), ""]
+    (note,) = told.notes
+    assert "1 cells of data are empty: more than 1024 bytes" in note
+
+
 def test_a_folder_gets_a_file_for_each_topic(tmp_path: Path):
     with BagWriter(tmp_path / "bag", STORE) as writer:
         for topic in ("/a/b_c", "/a_b/c"):

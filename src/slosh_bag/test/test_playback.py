@@ -1,6 +1,7 @@
 """What of a bag is played and when: pure, with time as an argument."""
 
 from itertools import islice
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +17,7 @@ from slosh_bag.playing.play_plan import (
     offered_qos,
     refusal,
     renamed,
+    without,
 )
 from slosh_bag.playing.playback import Playback, PlaybackSettings
 from slosh_bag.reader import BagMessage
@@ -135,6 +137,11 @@ def test_a_loop_begins_anew_where_the_last_pass_ends():
 def test_what_does_not_fit_is_named(settings, said):
     with pytest.raises(SloshBagError, match=said):
         steps(KILOHERTZ, **settings)
+
+
+def test_a_time_that_ros_cannot_say_is_told():
+    with pytest.raises(SloshBagError, match="ROS times end in the year 2038"):
+        Playback((0, 2**31 * SECOND), PlaybackSettings())
 
 
 # --- reading ahead -------------------------------------------------------------------------------
@@ -287,3 +294,22 @@ def test_a_type_that_is_another_here_is_not_played_as_if_it_were_the_same(bag, t
     assert "not a valid ROS name" in refusal("/a-b", BagTopic(ACCEL, text, "cdr"))
     for damaged in ("", "no definition at all $", text.replace("MSG: std_msgs", "MSG: gone")):
         assert refusal("/a", BagTopic(ACCEL, damaged, "cdr"))
+
+
+def test_topics_that_cannot_be_sent_are_left_out_with_one_warning(bag):
+    plan = without(make_plan(PlayRequest(bag)), ["/slosh/imu", "/slosh/accel"])
+    assert not {"/slosh/imu", "/slosh/accel"} & set(plan.topics)
+    assert len(plan.warnings) == 1
+    assert ACCEL in plan.warnings[0]
+    assert {s.message.topic for s in messages_of(plan.steps())} == set(plan.topics)
+    with pytest.raises(SloshBagError, match="nothing to play: types not installed here: "):
+        without(plan, list(plan.topics))
+
+
+def test_a_bag_without_messages_is_told(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/slosh/accel", ACCEL)
+    with pytest.raises(SloshBagError, match="bag: holds no messages"):
+        make_plan(PlayRequest(tmp_path / "bag"))
+    with pytest.raises(SloshBagError, match="no such file"):
+        make_plan(PlayRequest(Path("/nowhere")))

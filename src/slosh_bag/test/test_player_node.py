@@ -243,6 +243,18 @@ def test_the_time_is_out_before_each_message(tmp_path):
     assert not thread.failure
 
 
+def test_a_damaged_bag_ends_it_with_one_line(tmp_path):
+    folder = write_bag(tmp_path / "bag", "/x", 0.05)
+    plan = make_plan(PlayRequest(folder))
+    file = folder / "bag_0.mcap"
+    data = bytearray(file.read_bytes())
+    data[len(data) // 4] ^= 0xFF
+    file.write_bytes(data)
+    thread, _, _ = run_thread(plan)
+    assert "damaged" in thread.failure
+    assert "\n" not in thread.failure
+
+
 def test_of_a_cut_bag_is_played_what_is_there(tmp_path):
     folder = write_bag(tmp_path / "bag", "/x", 0.05)
     file = folder / "bag_0.mcap"

@@ -3,6 +3,7 @@
 import struct
 import tracemalloc
 
+import numpy as np
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
@@ -47,6 +48,15 @@ def test_blocks_are_the_messages_topic_by_topic_within_each_chunk(tmp_path):
         for message in reader.messages()
     }
     assert found[SECOND] == ("/even", HEADER, 0, header(0))
+
+
+def test_columns_of_a_block(tmp_path):
+    reader = BagReader(header_bag(tmp_path / "bag"))
+    columns = [reader.columns(block, ["stamp.sec", "frame_id"]) for block in reader.blocks()]
+    seconds = np.concatenate([found["stamp.sec"] for found in columns])
+    assert sorted(seconds.tolist()) == list(range(50))
+    with pytest.raises(SloshBagError, match=r"bag: std_msgs/msg/Header has no field 'x'"):
+        reader.columns(next(reader.blocks()), ["x"])
 
 
 def test_messages_within_a_chunk_are_sorted_and_equal_times_keep_their_order(tmp_path):
@@ -144,6 +154,14 @@ def test_metadata_orders_files_whose_names_do_not(tmp_path):
     assert reader.warnings == []
 
 
+def test_a_split_that_is_gone_is_told(tmp_path):
+    folder = header_bag(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
+    (folder / "bag_1.mcap").unlink()
+    reader = BagReader(folder)
+    assert numbers(reader) == [*range(10), *range(20, 30)]
+    assert reader.warnings == [f"{folder}/metadata.yaml: lists 'bag_1.mcap', which does not exist"]
+
+
 @pytest.mark.parametrize(
     "text", ["{", "[]", "rosbag2_bagfile_information: 3", "\x00", "a: &a [*a]"]
 )
@@ -153,6 +171,16 @@ def test_an_unreadable_metadata_file_is_told_and_not_needed(tmp_path, text):
     reader = BagReader(folder)
     assert numbers(reader) == list(range(30))
     assert "cannot be read" in reader.warnings[0]
+
+
+def test_files_that_do_not_follow_each_other_are_told(tmp_path):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    foreign_file(folder / "a.mcap", [100, 200])
+    foreign_file(folder / "b.mcap", [50, 60])
+    reader = BagReader(folder)
+    assert len(numbers(reader)) == 4
+    assert reader.warnings == [f"{folder}/b.mcap: begins before the end of the file before it"]
 
 
 # Definitions
@@ -172,6 +200,22 @@ def test_a_bag_is_decoded_by_its_own_definitions(tmp_path):
     assert reader.decode(message).old == 42
     (block,) = reader.blocks()
     assert reader.columns(block)["old"].tolist() == [42]
+
+
+def test_two_definitions_of_a_type_are_refused_when_it_is_decoded(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        for text in (b"uint8 old\n", b"uint8 new\n"):
+            schema = writer.register_schema(HEADER, "ros2msg", text)
+            channel = writer.register_channel(f"/{text[6:9].decode()}", "cdr", schema)
+            writer.add_message(channel, 1, b"\x00\x01\x00\x00\x2a", 1)
+        writer.finish()
+    reader = BagReader(path)
+    messages = list(reader.messages())
+    with pytest.raises(SloshBagError, match="two definitions of std_msgs/msg/Header that differ"):
+        reader.decode(messages[0])
 
 
 @pytest.mark.parametrize(
@@ -251,6 +295,16 @@ def test_damage_in_the_middle_is_an_error_that_says_where(tmp_path, finished):
     assert str(caught.value).endswith(
         "; `slosh recover` writes a new bag with all intact messages"
     )
+
+
+def test_zeros_at_the_end_after_a_power_cut_are_a_lost_end(tmp_path):
+    file = file_of(header_bag(tmp_path / "bag"))
+    content = file.read_bytes()
+    start, _ = chunk_places(content)[3]
+    file.write_bytes(content[:start] + bytes(5000))
+    reader = BagReader(file)
+    assert numbers(reader) == list(range(30))
+    assert "the last 5000 bytes could not be used" in reader.warnings[0]
 
 
 def change_chunk(file, index, field, value):

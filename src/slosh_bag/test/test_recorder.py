@@ -170,6 +170,16 @@ def test_a_full_disk_loses_nothing_and_recording_goes_on_by_itself(started):
     assert [file["message_count"] for file in files] == [100, 200]
 
 
+def test_a_recording_that_ends_on_a_full_disk_keeps_what_was_written(started):
+    with no_more_than(0):
+        for number in range(100, 150):
+            started.add("/h", noise(number), number)
+        until(lambda: started.status().failure)
+        started.close()
+    assert (started.status().lost, started.status().lost_meanwhile) == (50, 50)
+    assert contents(started.path.parent) == list(range(100))
+
+
 def test_a_failure_is_told_together_with_the_room_that_is_left(tmp_path):
     asked, answered = threading.Event(), threading.Event()
 

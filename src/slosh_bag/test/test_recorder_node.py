@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
 from slosh_bag.nodes.recorder_node import RecorderNode
@@ -328,6 +328,31 @@ def test_by_default_a_cells_own_topics_and_its_inputs_are_recorded(graph, cell):
     cell.close()
     graph.recorder._discover()
     assert robot.topic_name in cell.recorded()
+
+
+def test_raw_images_are_recorded_where_there_are_no_compressed_ones(graph, cell):
+    raw = cell.node.create_publisher(Image, "camera/image_raw", qos.IMAGE_OUT)
+    cell.record()
+    graph.until(lambda: raw.topic_name in cell.recorded())
+    graph.until(lambda: raw.get_subscription_count() == 1)
+    raw.publish(Image(width=3))
+    graph.until(lambda: graph.recorded("cell/camera/image_raw") == 1)
+    # Compressed ones come later.
+    small = cell.node.create_publisher(CompressedImage, f"{raw.topic_name}/compressed", 10)
+    graph.until(lambda: small.topic_name in cell.recorded())
+    assert raw.topic_name not in cell.recorded()
+    reason = f"{raw.topic_name}: {small.topic_name} is recorded, with the same images"
+    assert reason in graph.recorder._facts()["left out"]
+    graph.until(lambda: raw.get_subscription_count() == 0)
+    # And go again.
+    cell.node.destroy_publisher(small)
+    graph.until(lambda: raw.get_subscription_count() == 1)
+    raw.publish(Image(width=4))
+    graph.until(lambda: graph.recorded("cell/camera/image_raw") == 2)
+    recorded, contents = graph.finish()
+    images = [topic == raw.topic_name for topic in (m.topic for m in recorded)]
+    widths = [content.width for content, own in zip(contents, images, strict=True) if own]
+    assert widths == [3, 4]
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,17 @@ def test_without_any_definition_messages_are_counted_as_lost(bag, tmp_path):
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.parametrize("damage", [b"", b"\x00" * 8, b"\x89MCAP0\r\n\xff"])
+def test_a_damaged_beginning_costs_no_message(bag, tmp_path, damage):
+    original = entries(bag)
+    file = bag / "bag_0.mcap"
+    content = file.read_bytes()
+    file.write_bytes(damage + content[len(damage) or 8 :])
+    recovery = recover_bag(bag, tmp_path / "new")
+    assert entries(tmp_path / "new") == original
+    assert recovery.notes
+
+
 def test_definitions_hashes_and_qos_are_those_of_the_file(tmp_path):
     path = tmp_path / "old.mcap"
     kind = "gone_msgs/msg/Old"

@@ -183,6 +183,29 @@ def test_a_known_type_of_another_definition_is_converted(tmp_path: Path, text, f
     assert notes is None or told.notes == notes
 
 
+def test_installed_types_come_without_a_definition_in_the_file(tmp_path: Path):
+    """As rosbag2 wrote SQLite files before ROS 2 Iron."""
+    folder = write_ros2(tmp_path / "rosbag2")
+    (file,) = folder.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.execute("DELETE FROM message_definitions")
+    told = import_rosbag(folder, tmp_path / "new")
+    assert accelerations(told.bag, "/arm/accel") == [bits(x) for x in VALUES]
+
+
+def test_names_are_checked(ros1: Path, tmp_path: Path):
+    for wanted, expected in (
+        ({"topics": ["/arm/acel"]}, "no topic '/arm/acel'; its topics: /arm/accel,"),
+        ({"rename": {"/arm/acel": "/x"}}, "no topic '/arm/acel'; its topics: /arm/accel,"),
+        ({"rename": {"/arm/accel": "x y"}}, "'x y' is not a topic name"),
+        ({"rename": {"/arm/accel": "/silent"}}, "/arm/accel and /silent would both become"),
+    ):
+        with pytest.raises(SloshBagError, match=expected) as caught:
+            import_rosbag(ros1, tmp_path / "new", **wanted)
+        assert "\n" not in str(caught.value)
+    assert not (tmp_path / "new").exists()
+
+
 def test_what_is_no_bag_is_named(tmp_path: Path):
     (tmp_path / "empty").mkdir()
     (tmp_path / "text.bag").write_text("hello")
@@ -236,6 +259,30 @@ def edited(folder: Path, change) -> Path:
     change(document["rosbag2_bagfile_information"])
     path.write_text(yaml.safe_dump(document))
     return folder
+
+
+def other_qos(information) -> None:
+    for topic in information["topics_with_message_count"]:
+        noted = {"reliability": "best_effort", "durability": "volatile", "history": "keep_last"}
+        topic["topic_metadata"]["offered_qos_profiles"] = [noted]  # without the other keys
+
+
+def no_storage(information) -> None:
+    information["storage_identifier"] = ""
+
+
+def no_topics(information) -> None:
+    information["topics_with_message_count"] = []
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+@pytest.mark.parametrize("change", [other_qos, no_storage, no_topics])
+def test_messages_come_whatever_metadata_says_of_them(tmp_path: Path, plugin, change):
+    """QoS edited by hand (rosbag2#656), a bag re-indexed (rosbag2#2175), topics that were lost."""
+    folder = write_ros2(tmp_path / "rosbag2", plugin)
+    count = total(import_rosbag(folder, tmp_path / "before"))
+    told = import_rosbag(edited(folder, change), tmp_path / "after")
+    assert (total(told), told.lost) == (count, ())
 
 
 def test_fewer_messages_than_the_bag_counts_are_told(tmp_path: Path):

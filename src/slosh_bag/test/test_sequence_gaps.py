@@ -42,6 +42,10 @@ def test_a_new_publisher_is_not_taken_for_a_gap() -> None:
     assert gaps.lost == 2
 
 
+def test_a_middleware_that_does_not_count_loses_nothing() -> None:
+    assert lost([None, None]) == 0
+
+
 @pytest.mark.parametrize("dropped", [0, 3])
 def test_several_publishers_in_any_order(dropped: int) -> None:
     """However their messages mix, none is lost where none is; what is lost is about as many."""

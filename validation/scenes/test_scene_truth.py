@@ -1,4 +1,4 @@
-"""The truth that tools/scenes writes: its mathematics against slosh_camera's own geometry."""
+"""The truth that validation/scenes writes: its mathematics against slosh_camera's own geometry."""
 
 import importlib
 import json
@@ -14,16 +14,15 @@ import pytest
 
 from slosh_camera.optics.cup import Wall
 
-TOOLS = Path(__file__).parents[1] / "tools"
+SCENES = Path(__file__).parent
 NAMES = ("definitions", "optics", "surface", "truth", "povray", "render", "check_truth")
 MM = 1e-3
 
 
 @pytest.fixture
 def scenes(monkeypatch):
-    """The modules of tools/scenes and the reader of sequences, under their plain names."""
-    monkeypatch.syspath_prepend(str(TOOLS))
-    monkeypatch.syspath_prepend(str(TOOLS / "scenes"))
+    """The modules of validation/scenes and the reader of sequences, under their plain names."""
+    monkeypatch.syspath_prepend(str(SCENES))
     modules = {name: importlib.import_module(name) for name in NAMES}
     yield SimpleNamespace(sequences=importlib.import_module("camera_sequences"), **modules)
     for name in NAMES:
