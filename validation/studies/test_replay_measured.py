@@ -13,7 +13,7 @@ from slosh_replay.tables.antisloshing import import_antisloshing
 from slosh_tables.motion_table import read_motion_table
 from slosh_testing.robot_runs import RUNS, write_runs
 
-REPOSITORY = Path(__file__).resolve().parent.parent
+REPOSITORY = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", REPOSITORY.parent / "shared" / "data"))
 ANTISLOSHING = DATA / "antisloshing"
 CFD = DATA / "cfd"
