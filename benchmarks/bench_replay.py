@@ -50,7 +50,7 @@ from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay import ReplayResult, replay_bag
-from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
+from slosh_replay.replay.monitor_feed import MonitoredHeights, MonitorFeed
 from slosh_replay.replay.verification import COMPARED, estimate_columns
 
 REAL_TIME_GOAL = 100.0
@@ -141,7 +141,7 @@ def measured(estimates: Estimates, images: Any) -> Columns:
 def compared(estimates: Estimates, images: Any) -> Columns:
     """Fields of SloshComparison."""
     feed = MonitorFeed(MonitorSettings())
-    heights = Heights(
+    heights = MonitoredHeights(
         estimates.stamps, estimates.heights[:, 0, 0], estimates.heights[:, 1, 0], estimates.flags
     )
     values = measured(estimates, images)

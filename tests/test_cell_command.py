@@ -15,7 +15,7 @@ import yaml
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bringup.processes import config_folder
-from slosh_bringup.watch.recording import Recording
+from slosh_bringup.watch.recording import RecordedFrames
 from slosh_msgs.msg import SloshEstimate
 from slosh_replay.in_force import in_force, last_starts
 from slosh_replay.recorded_run import RecordedRun
@@ -282,7 +282,7 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     assert {event.source.name for event in replayed.events} == {"ESTIMATED"}
     assert len(replayed.stamps) > 50  # what the page draws
     assert np.isfinite(replayed.heights["3D-NL"]).all()
-    frames = [json.loads(frame) for frame in Recording(folder / "bag").frames]
+    frames = [json.loads(frame) for frame in RecordedFrames(folder / "bag").frames]
     assert "limit exceeded" in {frame["verdict"] for frame in frames}
     # Blind is the page without estimates alone, never for want of images.
     blind = {frame["reason"] for frame in frames if frame["verdict"] == "blind"}

@@ -13,7 +13,7 @@ from slosh_estimator.validity import EstimateFlag
 from slosh_testing.random_moves import (
     LEVEL,
     MODEL,
-    Heights,
+    HighestWaves,
     Move,
     Poses,
     accelerations,
@@ -30,12 +30,12 @@ SEEDS = range(700, 706)
 
 
 @functools.cache
-def known(kind: str, seed: int) -> tuple[Move, Heights]:
+def known(kind: str, seed: int) -> tuple[Move, HighestWaves]:
     move = {"moves": moves, "shuttle": shuttle}[kind](seed)
     return move, truth(move)
 
 
-def errors(found: Heights, true: Heights) -> tuple[float, float]:
+def errors(found: HighestWaves, true: HighestWaves) -> tuple[float, float]:
     """Relative errors of the peak and of the residual; of a small one against the peak."""
     floor = 0.4 * true.peak
     return found.peak / true.peak - 1.0, (found.residual - true.residual) / max(

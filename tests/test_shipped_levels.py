@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_bringup.cell.renderer import Appearance, CupRenderer
+from slosh_bringup.cell.renderer import CupRenderer, GreyLevels
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
@@ -42,7 +42,7 @@ def test_a_level_that_is_off_is_no_wave(calibration: Calibration, level: float) 
     """2 mm more were a wave of 17.3 mm with a standard deviation of 0.11 mm."""
     detector = learnt_detector(calibration, None)
     assert isinstance(detector, FreeSurfaceDetector)
-    camera = CupRenderer(at_level(calibration.view, level * MM), Appearance(seed=3))
+    camera = CupRenderer(at_level(calibration.view, level * MM), GreyLevels(seed=3))
     for index in range(4):
         found = detector.update(index * FRAME, camera.render(0.0, 0.0))
         assert found.msh == pytest.approx(level * MM, abs=0.2 * MM)

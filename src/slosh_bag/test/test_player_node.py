@@ -1,10 +1,6 @@
 """The player over DDS: every byte in order, /clock, latched topics, an estimator on its time."""
 
-import os
 import re
-import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -222,27 +218,6 @@ def run_thread(plan, subscribers=1):
     return thread, out, warnings
 
 
-def test_the_time_is_out_before_each_message(tmp_path):
-    folder = write_bag(tmp_path / "bag", "/x", 0.3)
-    stored = list(BagReader(folder).messages())
-    thread, out, warnings = run_thread(make_plan(PlayRequest(folder, PlaybackSettings(rate=10.0))))
-    # Said while it waits too: a node with use_sim_time knows the time before the first message.
-    assert out[:2] == [stored[0].log_ns] * 2
-    clock, messages = -1, iter(stored)
-    for item in out:
-        if isinstance(item, int):
-            assert item >= clock
-            clock = item
-        else:
-            message = next(messages)
-            assert item == (message.topic, message.data)
-            assert clock >= message.log_ns
-    assert next(messages, None) is None
-    assert thread.count == len(stored)
-    assert not warnings
-    assert not thread.failure
-
-
 def test_a_damaged_bag_ends_it_with_one_line(tmp_path):
     folder = write_bag(tmp_path / "bag", "/x", 0.05)
     plan = make_plan(PlayRequest(folder))
@@ -269,22 +244,3 @@ def test_of_a_cut_bag_is_played_what_is_there(tmp_path):
 
 
 # --- the program ---------------------------------------------------------------------------------
-
-
-def run_program(folder, *more):
-    command = [sys.executable, "-m", "slosh_bag.nodes.player_node", "--ros-args"]
-    command += ["-p", f"bag:={folder}", *more]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-
-
-@pytest.mark.long
-def test_an_interrupt_ends_it_cleanly(graph, prefix, tmp_path):
-    folder = write_bag(tmp_path / "bag", prefix, 2.0)
-    heard = graph.listen(AccelStamped, f"{prefix}/accel")
-    process = run_program(folder, "-p", "loop:=true")
-    graph.until(lambda: len(heard) > 10)
-    os.kill(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    assert "Traceback" not in said
-    assert "messages played" in said

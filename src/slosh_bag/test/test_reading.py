@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import IndexType, Writer
 
 from slosh_bag.bag_writer import BagWriter, Split
 from slosh_bag.errors import SloshBagError
@@ -67,19 +67,6 @@ def test_messages_within_a_chunk_are_sorted_and_equal_times_keep_their_order(tmp
     assert block.log_ns.tolist() == [10, 10, 20, 30, 40]
 
 
-@pytest.mark.parametrize("compression", CompressionType)
-@pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
-def test_files_of_other_writers(tmp_path, compression, chunked):
-    path = foreign_file(
-        tmp_path / "a.mcap", range(3000), compression=compression, use_chunking=chunked
-    )
-    reader = BagReader(path)
-    assert numbers(reader) == list(range(3000))
-    assert reader.topics()["/t"].count == 3000
-    told = [text for text in reader.warnings if "without checksums" in text]
-    assert bool(told) == (not chunked)
-
-
 @pytest.mark.parametrize("cut", [0, 30])
 def test_a_file_without_checksums_says_so(tmp_path, cut):
     path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], enable_crcs=False)
@@ -97,18 +84,6 @@ def test_files_without_a_summary_or_statistics(tmp_path):
     reader = BagReader(foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], **bare))
     assert numbers(reader) == [0, 1, 3]
     assert reader.topics()["/t"].count == 3
-    assert reader.warnings == []
-
-
-def test_overlapping_chunks_give_one_order(tmp_path):
-    times = [5, 30, 10, None, 7, 31, 8, None, 1, 6, None, 40, 30, None, 50]
-    path = foreign_file(tmp_path / "a.mcap", times)
-    ordered = sorted((log, number) for number, log in enumerate(times) if log is not None)
-    reader = BagReader(path)
-    assert [(m.log_ns, n) for m, n in zip(reader.messages(), numbers(reader), strict=True)] == (
-        ordered
-    )
-    assert numbers(reader, ["/none"]) == []
     assert reader.warnings == []
 
 
@@ -271,14 +246,6 @@ def test_a_cut_at_any_byte_gives_what_is_before_it(tmp_path):
         whole = sum(end <= size for end in ends)
         assert numbers(reader) == list(range(10 * whole)), size
         assert len(reader.warnings) == 1, size
-
-
-@pytest.mark.parametrize("size", [1, 5, 7])
-def test_a_file_cut_in_its_first_bytes_is_one_clear_error(tmp_path, size):
-    file = file_of(header_bag(tmp_path / "bag"))
-    file.write_bytes(file.read_bytes()[:size])
-    with pytest.raises(SloshBagError, match=f"cut off after {size} bytes"):
-        BagReader(file)
 
 
 @pytest.mark.parametrize("finished", [True, False], ids=["finished", "unfinished"])

@@ -2,9 +2,6 @@
 
 import importlib.util
 import itertools
-import json
-import os
-import subprocess
 import sys
 import textwrap
 
@@ -13,13 +10,12 @@ import pytest
 
 from slosh_base.compiled import compilation
 from slosh_base.compiled.code_digest import DIGEST, written
-from slosh_base.compiled.compilation import EntryPoint, entry_points, load_all, uncompiled
+from slosh_base.compiled.compilation import EntryPoint, load_all, uncompiled
 from slosh_model import kernel
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Simulator
 
-PATIENCE = 120.0
 HEAD = """
 import math
 from enum import IntEnum
@@ -158,33 +154,6 @@ def test_edits_that_change_no_code_change_no_name(digests, edited):
     assert edited != BASE
     assert digests(BASE).items() <= digests(edited).items()
     assert len(digests(BASE)) == 3
-
-
-def test_names_are_the_same_in_every_process(tmp_path):
-    code = """
-    import json, slosh_model.kernel, throwaway
-    from slosh_base.compiled.compilation import entry_points
-    print(json.dumps({one.name: one.function.__qualname__ for one in entry_points()}))
-    """
-    # Sets of texts are in another order for each seed.
-    text = BASE.replace("in (1.0, 2.0)", "in {1.0, 2.0} or 'a' in {'a', 'b', 'c'}")
-    text = text.replace("float64(float64))", 'float64(float64), fastmath={"nnan", "ninf", "nsz"})')
-    found = []
-    for seed, folder in (("0", "here"), ("1", "there"), ("2", "there")):
-        place = tmp_path / folder
-        place.mkdir(exist_ok=True)
-        (place / "throwaway.py").write_text(HEAD + textwrap.dedent(text))
-        environment = os.environ | {"PYTHONHASHSEED": seed}
-        environment["PYTHONPATH"] = f"{place}:{environment.get('PYTHONPATH', '')}"
-        command = [sys.executable, "-c", textwrap.dedent(code)]
-        done = subprocess.run(
-            command, env=environment, check=True, capture_output=True, timeout=PATIENCE
-        )
-        found.append(json.loads(done.stdout))
-    assert found[0] == found[1] == found[2]
-    names = {one.name: one.function.__qualname__ for one in entry_points()}
-    assert found[0]["slosh_model.kernel.step"] == names["slosh_model.kernel.step"]
-    assert "throwaway.top" in found[0]
 
 
 def test_the_linker_knows_each_code_by_its_digest(define):

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import j1
 
-from slosh_bringup.cell.renderer import LUMA, Appearance, CupRenderer
+from slosh_bringup.cell.renderer import LUMA, CupRenderer, GreyLevels
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
@@ -20,7 +20,7 @@ from slosh_camera.optics.pose import look_at
 
 CALIBRATION = read_calibration(config_folder() / "camera.yaml")
 VIEW = CALIBRATION.view
-BARE = Appearance(noise=0.0, blur=0.0, shading=0.0, glint=0.0, outline=205.0)
+BARE = GreyLevels(noise=0.0, blur=0.0, shading=0.0, glint=0.0, outline=205.0)
 XI = 1.8411837813406593
 
 

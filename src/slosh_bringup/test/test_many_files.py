@@ -16,7 +16,7 @@ import pytest
 
 from slosh_bringup import many_files
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.many_files import IN_FLIGHT, KILLED, Outcome, map_files
+from slosh_bringup.many_files import IN_FLIGHT, KILLED, ItemOutcome, map_files
 
 PATIENCE = 60.0
 WORK = """
@@ -72,7 +72,7 @@ def expected(number):
         37: "SystemExit: enough (many_files_work.py:16)",
     }
     value = None if number in errors else number * number
-    return Outcome(number, number, value, errors.get(number, ""))
+    return ItemOutcome(number, number, value, errors.get(number, ""))
 
 
 def listening():
@@ -148,7 +148,7 @@ def running_cluster(**options):
 def test_one_item_or_one_job_is_worked_on_here_in_order(work, items, jobs):
     outcomes = list(map_files(work.square, items, jobs=jobs))
     assert outcomes == [
-        Outcome(index, number, expected(number).value, expected(number).error)
+        ItemOutcome(index, number, expected(number).value, expected(number).error)
         for index, number in enumerate(items)
     ]
     assert list(map_files(os.path.basename, [])) == []

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from slosh_camera.calibrate.doubt import Doubt
+from slosh_camera.calibrate.doubt import ToldDeviations
 from slosh_camera.calibrate.fit import Hint
 from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
-from slosh_camera.calibrate.search import Candidate, _distinct
+from slosh_camera.calibrate.search import CandidatePlace, _distinct
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import camera_from_info
@@ -223,7 +223,7 @@ def test_what_is_in_doubt_is_estimated_and_its_error_is_in_the_heights(make_scen
     told = dataclasses.replace(cup, fill_height=cup.fill_height + 0.002)
     known = calibrate_by_edges(image, truth.camera, cup)
     doubted = calibrate_by_edges(
-        image, zoomed, told, doubt=Doubt(focal_length=0.05, fill_height=0.003)
+        image, zoomed, told, doubt=ToldDeviations(focal_length=0.05, fill_height=0.003)
     )
     assert max(doubted.height_stddev.values()) > max(known.height_stddev.values())
     assert worst_error(truth, doubted) < 3.0 * max(doubted.height_stddev.values())
@@ -282,9 +282,10 @@ def test_refuses_what_stands_between_the_sides_of_another_container(make_scene):
 def test_one_thing_does_not_take_all_candidates():
     """A label's lines of print are levels of one and the same container."""
     label = [
-        Candidate(CameraPlace(0.45, -0.05 + 0.03 * k, 0.0, 0.1, 0.0), 0.8, 90.0) for k in range(8)
+        CandidatePlace(CameraPlace(0.45, -0.05 + 0.03 * k, 0.0, 0.1, 0.0), 0.8, 90.0)
+        for k in range(8)
     ]
-    wide = Candidate(CameraPlace(0.14, -0.02, 0.0, -0.19, 0.0), 0.6, 300.0)
+    wide = CandidatePlace(CameraPlace(0.14, -0.02, 0.0, -0.19, 0.0), 0.6, 300.0)
     kept = _distinct([*label, wide], 6)
     assert wide in kept
     assert kept[:3] == label[:3]

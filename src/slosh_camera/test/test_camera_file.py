@@ -14,7 +14,7 @@ from slosh_camera.calibrate.camera_file import (
 from slosh_camera.detection.learnt import read_still_image
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.calibration import Calibration
-from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
 
 TEXT = """\
 image_width: 640
@@ -44,7 +44,7 @@ def test_every_value_arrives():
     assert_array_equal(calibration.view.pose.camera_centre, [0.0, -0.45, 0.0])
     assert calibration.region == RegionOfInterest(100, 20, 400, 440)
     assert calibration.detection == DetectionSettings(
-        Liquid.LIGHTER, min_contrast=30.0, max_dark=5.0
+        LiquidContrast.LIGHTER, min_contrast=30.0, max_dark=5.0
     )
     assert calibration.camera_name == "side"
     assert cup.wall_refractive_index == 1.52

@@ -10,11 +10,8 @@ from hypothesis import strategies as st
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.cylinder.scan_grid import build_scan_grid
-from slosh_camera.cylinder.stationary_edges import no_edges
 from slosh_camera.cylinder.still_lesson import StillLearner
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
-from slosh_camera.cylinder.surface_evidence import Unrolled
-from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.wall_geometry import WallGeometry
@@ -392,88 +389,6 @@ def test_a_surface_that_is_not_cut_off_is_not_said_to_be(make_scene, azimuth):
 
 
 # What is no surface.
-
-
-def wall_at_rest(make_scene, camera_height):
-    """A wall, the heights of liquid at rest, the rows, and those of its front line and its end."""
-    scene = make_scene(camera_height=camera_height)
-    walls = WallGeometry(build_scan_grid(scene.calibration().view, None), scene.radius)
-    rest = np.zeros(SHAPES)
-    rows = np.arange(walls.rows)[:, np.newaxis]
-    return walls, rest, rows, walls.front_rows(rest), walls.silhouette(rest, 2.0)
-
-
-def seen(walls, picture, line, *, surface, behind=1.0, noise=0.01):
-    """A picture of a wall, and points of the front line in it."""
-    picture = picture.astype(np.float32)
-    backdrop, stationary = np.full_like(picture, behind), no_edges(picture.shape)
-    view = Unrolled(picture, backdrop, stationary, surface, np.inf, noise, 2.0, clipped=False)
-    border = np.zeros(walls.lines, np.bool_)
-    return view, walls.wall_points(line, np.full(walls.lines, 2.0), border)
-
-
-@pytest.mark.parametrize(("part", "is_end"), [(0.08, False), (0.3, True)])
-def test_a_few_edges_above_the_line_are_not_the_surface_s_end(make_scene, part, is_end):
-    # The surface looks like what is behind it, but for a dark band that ends where it should.
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.1)
-    picture = np.where(rows < front, 1.0, 0.0)
-    band = np.abs(np.arange(walls.lines) / walls.lines - 0.5) < 0.5 * part
-    picture = np.where((rows > upper + 2.0) & (rows < front) & band, 0.4, picture)
-    view, points = seen(walls, picture, front, surface=np.nan)
-    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=0.025))
-    assert np.any(np.isfinite(fit.upper_place)) == is_end
-
-
-@pytest.mark.parametrize(("behind", "lighter_above"), [(1.0, True), (0.3, False)])
-def test_the_surface_s_end_is_the_edge_that_what_is_behind_it_makes(
-    make_scene, behind, lighter_above
-):
-    # Two edges where the surface may end: light to dark, and some rows above it dark to light.
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.15)
-    picture = np.where(rows < upper + 2.0, 0.7, 0.5)
-    picture = np.where(rows < upper - 2.0, 0.3, picture)
-    picture = np.where(rows < front, picture, 0.0)
-    view, points = seen(walls, picture, front, surface=0.5, behind=behind)
-    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=0.025))
-    off = np.nanmedian(fit.upper_place - upper)
-    assert (off > 0.0) == lighter_above
-
-
-def test_rest_is_tried_where_another_edge_ends_the_liquid(make_scene):
-    # Tea: the wall is seen through its upper part, down to the far edge of a table.
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.1)
-    table = front + np.linspace(10.0, 40.0, walls.lines)
-    picture = np.where(rows < upper, 1.0, 0.7)
-    picture = np.where(rows < front, picture, 0.5)
-    picture = np.where(rows < table, picture, 0.0)
-    view, points = seen(walls, picture, table, surface=0.7)
-    fits = SurfaceChooser(walls).fit_several(view, points, Prior(rest, first=0.025))
-    assert min(np.hypot(*fit.heights[1:3]) for fit, _ in fits) < 1.0 * MM
-
-
-def lines_at_rest(make_scene, surface, shifted):
-    """A fit to two lines at rest, the front one of which is seen some rows higher than it is."""
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.15)
-    front = front - shifted
-    picture = np.where(rows < front, surface, 0.0)
-    picture = np.where(rows < upper, 1.0, picture)
-    line = front if surface > 0.5 else upper
-    view, points = seen(walls, picture, line, surface=surface, noise=0.005)
-    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=3e-3))
-    return fit, walls.footprint
-
-
-def test_the_front_line_of_a_liquid_that_scatters_light_is_a_mere_shade(make_scene):
-    mirror, footprint = lines_at_rest(make_scene, 0.6, 3.0)
-    milk, _ = lines_at_rest(make_scene, -0.1, 3.0)
-    tilts = [np.hypot(*fit.heights[1:3]) / (3.0 * footprint) for fit in (mirror, milk)]
-    assert tilts[0] > 0.4
-    assert tilts[1] < 0.25
-    assert np.all(milk.points.scale > 4.0 * mirror.points.scale)
-    # It is the front line all the same, and its upper edge is none of its points.
-    assert np.nanmedian(milk.points.place) == pytest.approx(
-        np.nanmedian(mirror.points.place), 0.01
-    )
 
 
 def test_liquid_above_the_rim_would_have_spilt(make_scene):

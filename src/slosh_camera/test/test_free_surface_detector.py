@@ -11,7 +11,7 @@ from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag, PeakSide
 from slosh_camera.optics.cup import Wall
-from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
 
 MM = 1e-3
 PITCHED = {"camera_height": 0.45 * np.tan(np.radians(10.0))}
@@ -138,13 +138,13 @@ def test_liquid_lighter_than_its_background(make_scene):
     result = measure(scene, image)
     assert result.msh == pytest.approx(0.02, abs=0.3 * MM)
     assert result.peak_side is PeakSide.REAR
-    told = measure(scene, image, DetectionSettings(liquid=Liquid.LIGHTER))
+    told = measure(scene, image, DetectionSettings(liquid=LiquidContrast.LIGHTER))
     assert told.msh == result.msh
 
 
 def test_liquid_that_should_be_darker_is_not_lighter(make_scene):
     scene = make_scene(liquid=220, surface=150, background=40, **PITCHED)
-    settings = DetectionSettings(liquid=Liquid.DARKER)
+    settings = DetectionSettings(liquid=LiquidContrast.DARKER)
     assert measure(scene, scene.draw(0.02, 1.4), settings).flags == Flag.NOT_FOUND
 
 

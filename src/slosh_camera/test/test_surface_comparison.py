@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.cylinder.surface_comparison import Candidate, Sighting, SurfaceComparison
-from slosh_camera.cylinder.surface_memory import Expected
+from slosh_camera.cylinder.surface_comparison import CandidateSurface, Sighting, SurfaceComparison
+from slosh_camera.cylinder.surface_memory import ExpectedMode
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.measurement import Flag
@@ -37,7 +37,7 @@ class NothingElse:
 def surface(x, y, plausible, edges=100):
     heights = ZERO.copy()
     heights[1:3] = x, y
-    return Candidate(None, SimpleNamespace(heights=heights, edges=edges), plausible)
+    return CandidateSurface(None, SimpleNamespace(heights=heights, edges=edges), plausible)
 
 
 FRONT, REAR = (0.0, -15.0 * MM), (0.0, 15.0 * MM)
@@ -49,7 +49,7 @@ def choose(candidates, expected, *, certain=False, at_rest=-np.inf):
 
 
 def expects(place, stddev=3.0 * MM):
-    return Expected(np.array(place), stddev)
+    return ExpectedMode(np.array(place), stddev)
 
 
 def test_the_image_before_chooses_between_surfaces_that_agree_nearly_alike():

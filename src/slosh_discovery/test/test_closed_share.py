@@ -10,7 +10,7 @@ from example_finding import example_finding, example_report
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from slosh_discovery.discover.finding import Finding, Gap, Role
+from slosh_discovery.discover.finding import Finding, HeightGap, Role
 from slosh_discovery.discover.gap import closed_share, is_worse, total_gap
 from slosh_discovery.discover.search import Leftover
 from slosh_discovery.discover.tuning import TUNING
@@ -113,7 +113,7 @@ def test_text_page_and_json_tell_one_share(held):
 )
 def test_worse_is_what_noise_does_not_explain(before, after, worse):
     for unit in (1.0, 1e-3):
-        gap = Gap(
+        gap = HeightGap(
             noise=unit, fit_before=unit, fit_after=unit,
             holdout_before=before * unit, holdout_after=after * unit,
             fit_closed=math.nan, holdout_closed=math.nan,

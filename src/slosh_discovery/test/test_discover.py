@@ -191,3 +191,8 @@ def test_heights_in_millimetres_are_one_clear_error():
     t = np.arange(0.0, 1.0, 1.0 / 60.0)
     with pytest.raises(SloshDiscoveryError, match=r"motion 1: heights reach .* metres"):
         MeasuredMotion("motion 1", inputs_of(1), t, msh=20.0 * np.sin(t))
+
+
+def test_no_motion_is_one_clear_error():
+    with pytest.raises(SloshDiscoveryError, match="no motion with measured heights"):
+        discover([], BASE)

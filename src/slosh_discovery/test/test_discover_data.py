@@ -14,7 +14,12 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_base.files.errors import SloshFileError
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
-from slosh_discovery.discover_data.recording import Heights, Recording, Residuals, angular_velocity
+from slosh_discovery.discover_data.recording import (
+    BagRecording,
+    Heights,
+    Residuals,
+    angular_velocity,
+)
 from slosh_discovery.discover_data.splitting import LEAD_IN_NS, LONGEST_NS, REST_NS, split
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.constants import GRAVITY
@@ -61,9 +66,9 @@ def stamps_of(t: Array) -> np.ndarray[Any, np.dtype[np.int64]]:
     return START + np.rint(t * 1e9).astype(np.int64)
 
 
-def recording(t: Array, acceleration: Array, heights: Heights) -> Recording:
+def recording(t: Array, acceleration: Array, heights: Heights) -> BagRecording:
     motion = RecordedMotion(stamps_of(t), acceleration)
-    return Recording(Path("day"), motion, heights, NONE, {}, SECOND // 20)
+    return BagRecording(Path("day"), motion, heights, NONE, {}, SECOND // 20)
 
 
 def parts_of(starts: tuple[float, ...], seconds: float) -> list[tuple[float, float, float]]:
@@ -169,6 +174,11 @@ class TestWrongInput:
         assert words in str(raised.value)
         assert str(path) in str(raised.value)
         assert "\n" not in str(raised.value)
+
+    def test_nothing_there_and_nothing_in_it(self, tmp_path: Path) -> None:
+        for path in (tmp_path, tmp_path / "nowhere"):
+            with pytest.raises(SloshDiscoveryError, match=str(path)):
+                read_motions(path)
 
 
 class TestSplit:

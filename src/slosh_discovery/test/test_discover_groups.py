@@ -15,6 +15,7 @@ from slosh_discovery.discovery_report import (
     render_discovery,
 )
 from slosh_discovery.discovery_report.data import discovery_document
+from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
@@ -122,6 +123,14 @@ def test_one_campaign_is_not_split_be_it_given_as_two_or_as_none(given):
     assert {effect.name for effect in finding.effects} == {"sensor_tilt", "vertical_acceleration"}
     assert all(effect.by_group == {} for effect in finding.effects)
     assert finding.group_models == {}
+
+
+def test_a_motion_of_whose_group_nothing_is_known_is_one_clear_error():
+    (one,), (two,) = (campaign(group, BASE, range(1)) for group in ("one", "two"))
+    with pytest.raises(SloshDiscoveryError, match=r"motion 0: no motion of its group two"):
+        discover([one], BASE, [two])
+    with pytest.raises(SloshDiscoveryError, match=r"motion 0: belongs to no group"):
+        discover([one, replace(two, group=None)], BASE)
 
 
 @pytest.mark.long

@@ -14,11 +14,14 @@ from slosh_discovery.discover_frames import worst_frames
 from slosh_discovery.discovering import (
     MANY,
     MOST,
-    Request,
+    DiscoveryRequest,
     check_size,
     grouped,
     next_commands,
+    part,
+    recorded_model,
     tell_ignored_tilt,
+    unique_names,
     write_results,
 )
 from slosh_discovery.discovery_report import DiscoveryReport
@@ -65,6 +68,20 @@ def test_the_worst_moments_images_are_those_of_their_stamps(day):
     assert len(set(asked[0][1].values())) == 2
 
 
+def test_motions_of_one_name_are_told_apart():
+    motions = tuple(example_motion(name, 1) for name in ("run#1", "run#2", "run#1"))
+    fit, holdout = unique_names(motions[:2], motions[2:])
+    assert [motion.name for motion in fit] == ["run#1 (1)", "run#2"]
+    assert [motion.name for motion in holdout] == ["run#1 (2)"]
+
+
+def test_every_motion_is_either_fitted_or_held_out():
+    motions = tuple(example_motion(f"run {number}", number) for number in range(9))
+    fit, holdout = part(motions)
+    assert len(fit) == 6
+    assert holdout == motions[2::3]
+
+
 def test_a_search_that_takes_long_is_told_and_one_without_an_end_refused():
     told = []
     one = example_motion("run", 1)
@@ -75,6 +92,11 @@ def test_a_search_that_takes_long_is_told_and_one_without_an_end_refused():
     assert "the search takes minutes" in told[0]
     with pytest.raises(SloshDiscoveryError, match=f"more than {MOST}: 100 heights a second"):
         check_size([one] * (MOST // len(one.t) + 1), told.append)
+
+
+def test_a_table_tells_no_model(tmp_path):
+    with pytest.raises(SloshDiscoveryError, match="give one"):
+        recorded_model(tmp_path / "run_1.csv")
 
 
 def test_a_pattern_puts_motions_into_groups_by_their_name_or_by_what_they_were_read_from():
@@ -99,7 +121,9 @@ def test_a_motion_of_no_group_or_of_two_is_one_clear_error(name, path, which):
 def test_each_group_gets_its_model_file_and_the_command_that_loads_it(tmp_path):
     models = {name: FOUND.with_effect("height_offset", offset=0.001) for name in ("a", "b")}
     finding = replace(example_finding(), model=BASE, group_models=models)
-    request = Request((Path("runs"),), tmp_path, Path("model.yaml"), groups={"a": ("x", "y")})
+    request = DiscoveryRequest(
+        (Path("runs"),), tmp_path, Path("model.yaml"), groups={"a": ("x", "y")}
+    )
     write_results(tmp_path, DiscoveryReport(finding))
     for name, model in models.items():
         assert read_model(tmp_path / f"model_{name}.yaml") == model

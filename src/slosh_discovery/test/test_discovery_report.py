@@ -11,7 +11,7 @@ from slosh_discovery.discover.finding import (
     Candidate,
     Finding,
     FoundEffect,
-    Gap,
+    HeightGap,
     Role,
     Verdict,
 )
@@ -72,13 +72,24 @@ def test_the_document_has_the_promised_keys():
     assert [motion["role"] for motion in document["motions"]] == ["fit", "fit", "holdout"]
 
 
+@pytest.mark.parametrize("verdict", Verdict)
+def test_every_verdict_is_strict_json_and_the_same_each_time(verdict):
+    document = document_of(verdict)
+    assert document["verdict"] == verdict.value
+    assert discovery_json(example_report(verdict)) == discovery_json(example_report(verdict))
+    assert (document["proposal"] is not None) == (verdict is Verdict.UNEXPLAINED)
+    assert bool(document["separating"]) == (verdict is Verdict.AMBIGUOUS)
+
+
 def test_what_is_not_known_is_null():
     document = document_of(Verdict.NONE)
     assert document["gap"]["before"]["holdout"] is None
     assert document["gap"]["closed"] is None
     assert document["where"][5]["share"] is None
     bare = DiscoveryReport(
-        Finding(Verdict.NONE, BASE, BASE, (), NAN, Gap(NAN, NAN, NAN, NAN, NAN, NAN, NAN), ())
+        Finding(
+            Verdict.NONE, BASE, BASE, (), NAN, HeightGap(NAN, NAN, NAN, NAN, NAN, NAN, NAN), ()
+        )
     )
     assert json.loads(discovery_json(bare))["confidence"] is None
 
@@ -192,7 +203,7 @@ def test_held_out_motions_are_drawn_first_and_one_of_the_fit_always():
 
 
 def test_a_finding_with_nothing_in_it_still_has_a_page_and_a_text():
-    gap = Gap(NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+    gap = HeightGap(NAN, NAN, NAN, NAN, NAN, NAN, NAN)
     for verdict in Verdict:
         report = DiscoveryReport(Finding(verdict, BASE, BASE, (), NAN, gap, ()))
         assert "<h1>" in render_discovery(report)

@@ -195,6 +195,16 @@ def test_one_model_for_all_and_one_for_each_speed():
     assert identify(motions, BASE).single == ()
 
 
+def test_held_out_motions_are_shown_and_not_fitted():
+    rng = np.random.default_rng(12)
+    found = identify(measured(rng, 48, 2), BASE, holdout=measured(rng, 36, 1))
+    shown = found.motions[-1]
+    assert (shown.role.value, shown.point) == ("holdout", "36 1/min")
+    assert shown.seoe == pytest.approx(NOISE, rel=0.15)
+    assert shown.seoe_before > 1.5 * shown.seoe
+    assert [point.point.label for point in found.points] == ["48 1/min"]
+
+
 def test_unrelated_clocks_and_an_unknown_level_are_fitted_with_the_parameters():
     (motion,) = measured(np.random.default_rng(22), 30, noise=1e-4)
     shifted = replace(
@@ -249,6 +259,23 @@ def test_a_gain_that_no_free_decay_tells_of_is_named_with_the_motion_that_would(
         identify([decay], BASE, ["p"])
 
 
+def test_what_cannot_be_told_apart_is_named():
+    motions = measured(np.random.default_rng(15), 48, 2)
+    found = identify(motions, BASE, (*NAMES, "accel_gain.gain", "height_scale.gain")).overall
+    (held,) = found.held
+    assert (held.name, held.with_others) == ("height_scale.gain", ("accel_gain.gain",))
+    assert held.help == ""  # while the liquid is linear, no motion tells them apart
+    assert values(found)["accel_gain.gain"] == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_measured_frequency_leaves_nothing_for_the_fill_height_to_tell():
+    motions = measured(np.random.default_rng(16), 48, 2)
+    found = identify(motions, BASE, (*NAMES, "fill_height")).overall
+    assert [(held.name, held.with_others) for held in found.held] == [
+        ("container.fill_height", ())
+    ]
+
+
 def test_fill_height_from_the_frequency():
     shallow = Model(Cylinder(0.03, 0.022), damping_ratio=0.02)
     motions = measured(np.random.default_rng(17), 36, 3, truth=shallow)
@@ -297,6 +324,15 @@ def test_a_stroke_and_its_long_decay_have_no_operating_speed():
         assert found == pytest.approx(speed, rel=2e-2, nan_ok=True)
 
 
+def test_a_robots_path_has_no_operating_speed():
+    t = np.arange(0.0, 4.0, 2e-3)
+    window = np.sin(np.pi * t / 4.0) ** 2
+    there_and_back = np.column_stack([window * np.sin(9.0 * t), 0.0 * t, 0.0 * t])
+    circle = np.column_stack([window * np.sin(9.0 * t), window * np.cos(9.0 * t), 0.0 * t])
+    for acceleration in (there_and_back, circle, np.zeros((len(t), 3))):
+        assert math.isnan(operating_speed(Inputs(t, acceleration), 0.4))
+
+
 def test_repetitions_are_one_point_though_their_inputs_are_noisy():
     rng = np.random.default_rng(20)
     motions = []
@@ -328,3 +364,8 @@ def test_impossible_values_give_no_model():
     assert fitted_model(BASE, {"damping_ratio": 1.5}) is None
     assert fitted_model(BASE, {"container.fill_height": 0.08}).container.fill_height == 0.08
     assert fitted_model(BASE, {"static_tilt.roll": 0.1}).has("static_tilt")
+
+
+def test_without_motions_there_is_nothing_to_identify():
+    with pytest.raises(SloshDiscoveryError, match="no motion with measured"):
+        identify([], BASE)

@@ -8,7 +8,7 @@ from slosh_discovery.discover import MeasuredMotion, Verdict, discover
 from slosh_discovery.discover.driven import answer_columns, answer_covariance
 from slosh_discovery.discover.input_noise import estimate_input_noise
 from slosh_discovery.discover.problem import prepare
-from slosh_discovery.discover.rounds import with_noise
+from slosh_discovery.discover.rounds import driven_alike, with_noise
 from slosh_model import Cylinder, Inputs, Model, Rectangle, predicted_heights
 from slosh_model.interpolation import columns_at
 
@@ -188,3 +188,10 @@ def test_a_bias_is_carried_through_a_frequency_that_changes():
     driven = with_noise(prepare(motion, noise=CAMERA), model, 0.0, None).driven
     foretold = np.sqrt(np.sum(driven[:, 0] ** 2, axis=1))
     assert foretold == pytest.approx(moved, abs=0.02 * moved.max())
+
+
+def test_models_that_move_the_liquid_elsewhere_are_notdriven_alike():
+    """The modes are the same; the direction in which noise is read is not."""
+    one = prepare(seen(BASE, 1))
+    assert driven_alike(one, BASE, BASE.with_effect("time_offset", tau=0.01))
+    assert not driven_alike(one, BASE, BASE.with_effect("accel_gain", gain=2.0))

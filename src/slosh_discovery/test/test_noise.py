@@ -7,12 +7,14 @@ import pytest
 
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import (
+    Noise,
     difference_noise,
     estimate_noise,
     is_white,
     removable,
     repeat_noise,
     still_noise,
+    whiteness,
 )
 from slosh_model import Cylinder, Inputs, Model, simulate
 
@@ -164,3 +166,22 @@ def test_the_removable_part_without_knowing_the_noise(amplitude):
         assert found[0].rms == pytest.approx(3.0 / math.sqrt(2.0), rel=0.05)
         assert found[0].noise == pytest.approx(1.0, rel=0.2)
         assert found[0].share == pytest.approx(4.5 / 5.5, rel=0.05)
+
+
+def test_a_known_noise_sharpens_it():
+    t = np.arange(600) / 60.0
+    known = Noise(1.0, 0.01, "repeats")
+    blind = [removable(t, white(seed) + sine(0.5)).mean_square for seed in range(200)]
+    told = [removable(t, white(seed) + sine(0.5), known) for seed in range(200)]
+    values = np.array([each.mean_square for each in told])
+    assert values.mean() == pytest.approx(0.125, abs=0.02)
+    assert values.std() < 0.95 * np.std(blind)
+    assert values.std() == pytest.approx(told[0].mean_square_stddev, rel=0.3)
+
+
+def test_too_few_samples_have_nothing_removable():
+    t = np.arange(5) / 60.0
+    found = removable(t, np.ones(5))
+    assert found.rms == 0.0
+    assert found.mean_square_stddev == math.inf
+    assert whiteness(t, np.ones(5)) == 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slosh_discovery.discover.generic.response import Setting
+from slosh_discovery.discover.generic.response import MotionWithTerms
 from slosh_discovery.discover.generic.terms import LIBRARY
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.propose import propose
@@ -88,6 +88,10 @@ def test_the_right_term_is_first(extra, label, size, unit):
     assert unit in found.equation
 
 
+def test_nothing_is_proposed_for_noise():
+    assert propose(measured(lambda t, q, v: np.zeros(2)), MODEL) is None
+
+
 @pytest.mark.long
 def test_nothing_is_proposed_for_what_no_term_explains():
     rng = np.random.default_rng(2)
@@ -105,7 +109,9 @@ def test_terms_act_as_a_second_integrator_says():
 
     azimuth = np.array([0.0, 0.5 * np.pi])
     motion = MeasuredMotion("walls", MOTIONS[1], T, eta_azimuth=azimuth, eta=np.zeros((len(T), 2)))
-    heights = Setting.of(MODEL, motion, 0.0).heights([TERMS["J q̇"], TERMS["t q̇"]], [0.9, -0.2])
+    heights = MotionWithTerms.of(MODEL, motion, 0.0).heights(
+        [TERMS["J q̇"], TERMS["t q̇"]], [0.9, -0.2]
+    )
     expected = truth(MOTIONS[1], extra)
     assert heights == pytest.approx(expected, abs=5e-3 * np.abs(expected).max())
 
@@ -125,4 +131,4 @@ def test_a_gain_on_the_acceleration_from_wall_heights():
 def test_a_term_that_runs_away_is_an_error():
     motion = measured(lambda t, q, v: np.zeros(2))[0]
     with pytest.raises(SloshModelError, match="no bounded solution"):
-        Setting.of(MODEL, motion, 0.0).heights([TERMS["q̇"]], [50.0])
+        MotionWithTerms.of(MODEL, motion, 0.0).heights([TERMS["q̇"]], [50.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from slosh_discovery.discover.separate import separating_motion
+from slosh_discovery.discover.separate import separating_motion, variants_of
 from slosh_discovery.discover.separating_families import (
     FAMILIES,
     CandidateMotion,
@@ -72,6 +72,14 @@ def test_a_gain_on_the_input_against_one_on_the_height():
     assert found.inputs.attitude is None
 
 
+def test_a_tilt_against_an_offset():
+    first = MODEL.with_effect("static_tilt", roll=0.0, pitch=0.02)
+    second = MODEL.with_effect("height_offset", offset=0.001)
+    found = separating_motion(first, second, PRESENT, LIMIT)
+    assert found.difference > max(1e-3, 1.5 * found.present_difference)
+    assert "twins" not in found.description
+
+
 @pytest.mark.long
 def test_it_turns_where_an_effect_needs_it_and_the_liquid_stays_in():
     first = MODEL.with_effect("gravity_tilt")
@@ -84,6 +92,21 @@ def test_it_turns_where_an_effect_needs_it_and_the_liquid_stays_in():
     for model in (first, second):
         assert simulate(model, found.inputs)[0].msh.max() < 0.7 * 0.05
     assert np.linalg.norm(found.inputs.acceleration, axis=1).max() <= LIMIT
+
+
+def test_the_rim_is_kept():
+    brim = Model(Cylinder(0.05, 0.07, rim_height=0.08))
+    first, second = brim.with_effect("damping_mismatch", factor=2.0), brim
+    found = separating_motion(first, second, [], LIMIT)
+    assert simulate(second, found.inputs)[0].msh.max() < 0.008
+    assert found.names == ("damping_mismatch", "as it is")
+    assert found.present_difference == 0.0
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, float("nan"), float("inf")])
+def test_an_impossible_limit(limit):
+    with pytest.raises(SloshDiscoveryError, match="must be positive"):
+        separating_motion(MODEL, MODEL, PRESENT, limit)
 
 
 @pytest.mark.long
@@ -112,3 +135,13 @@ def test_another_law_is_left_after_a_refit():
     second = MODEL.with_effect("quadratic_damping", beta=0.15)
     found = separating_motion(first, second, PRESENT, LIMIT)
     assert remaining(found.description) > 0.15 * found.difference
+
+
+def test_variants_change_one_thing_and_keep_to_the_bounds():
+    model = MODEL.with_effect("fill_loss", rate=0.05).with_effect("height_scale", gain=1.0)
+    variants = list(variants_of(model))
+    assert len(variants) == 4  # radius, damping, rate and gain; fixed_zero is a choice
+    assert variants[0].container.size > model.container.size
+    assert variants[1].mode_constants()[0].damping_ratio > model.mode_constants()[0].damping_ratio
+    assert variants[2].effects[0].parameters["rate"] < 0.05
+    assert variants[3].effects[1].parameters["gain"] != 1.0

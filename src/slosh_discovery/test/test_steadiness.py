@@ -115,6 +115,12 @@ def test_a_motion_held_out_to_which_the_base_has_no_answer_is_named():
     assert np.isnan(finding.motions[-1].before_heights).all()
 
 
+def test_a_motion_of_the_fit_to_which_the_base_has_no_answer_is_refused():
+    motions = [measured(SOFT, 0), in_millimetres(SOFT)]
+    with pytest.raises(SloshDiscoveryError, match=r"strong: .* reaches 1\.\d+e\+03 m/s².*unit"):
+        discover(motions, SOFT)
+
+
 # A faulty accelerometer is told before a discovery or an identification blames physics.
 
 

@@ -122,33 +122,11 @@ def test_motions_are_those_of_a_replay(rest: int, judged: int) -> None:
         assert [motion.rms for motion in told] == pytest.approx([0.0, 0.02])
 
 
-def test_images_that_come_late_are_judged_with_their_motion() -> None:
-    watch = MotionWatch()
-    for k in range(500):
-        watch.add_acceleration(k * 10 * MS, (1.0 if k < 100 else 0.0, 0.0, 0.0))
-        if k >= 50:
-            watch.add_pair((k - 50) * 10 * MS, 0.01, 1e-4, 0.01)
-    (motion,) = watch.take_finished()
-    assert motion.images == 201  # up to a second after its end, that second's last moment too
-
-
 def test_a_reset_forgets_the_count_and_the_motion_under_way() -> None:
     monitor = watched(TRUTH.linear(), 2)
     monitor.reset_accuracy()
     assert (monitor.motions.finished, monitor.motions.disagreeing) == (0, 0)
     assert monitor.motions.last is None
-
-
-def test_stamps_that_were_set_back_end_a_motion_without_a_judgement() -> None:
-    monitor = Monitor(MonitorSettings())
-    for k in range(100):
-        point = EstimatePoint((10_000 + k * 10) * MS, 0.01, 0.01, 0, (1.0, 0.0, 0.0))
-        monitor.add_estimate(point, k * 10 * MS)
-        monitor.add_measurement(MeasuredPoint(point.stamp_ns, 0.02, 1e-4), k * 10 * MS)
-    for k in range(400):
-        point = EstimatePoint(k * 10 * MS, 0.01, 0.01, 0, (0.0, 0.0, 0.0))
-        monitor.add_estimate(point, (1000 + k * 10) * MS)
-    assert monitor.motions.finished == 0
 
 
 def turned(degrees: float, seconds: float = 6.0) -> Monitor:

@@ -152,6 +152,10 @@ def test_an_accelerometer_in_g_is_told() -> None:
     assert "wave of 8.9 mm while the model expects 0.9 mm: check the accelerometer's unit" in said
 
 
+def test_a_camera_that_sees_nothing_is_told() -> None:
+    assert "expects a wave of 9.0 mm, but the camera sees none" in watched(0.0, 9e-3).warning
+
+
 def test_waves_of_one_size_rest_and_low_waves_are_right() -> None:
     assert watched(9e-3, 8e-3).warning == ""
     assert watched(9e-3, 3e-3).warning == ""  # judged motion by motion

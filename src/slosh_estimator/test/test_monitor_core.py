@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from slosh_estimator.comparison import Comparison, Condition, EstimatePoint, MeasuredPoint
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, Kind, LimitTracker, Source
-from slosh_estimator.monitor import Monitor
+from slosh_estimator.monitor import MAXIMUM_WAITING, Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED, SurfaceFlag
 from slosh_estimator.validity import EstimateFlag
@@ -63,6 +63,14 @@ def test_too_early_too_old_and_across_a_gap_is_unmatched() -> None:
         assert math.isnan(comparison.estimated_nonlinear)
     assert monitor.unmatched == 2
     assert monitor.nonlinear.count == 0
+
+
+def test_the_queue_of_waiting_measurements_is_bounded() -> None:
+    monitor = Monitor(MonitorSettings())
+    estimate(monitor, 10, 0.01)
+    for k in range(MAXIMUM_WAITING + 5):
+        monitor.add_measurement(MeasuredPoint((100 + k) * MS, 0.01), 10 * MS)
+    assert monitor.unmatched == 5
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.1), st.floats(0.0, 0.1)), min_size=1, max_size=50))
@@ -153,15 +161,6 @@ def test_a_silent_estimator_is_told_within_half_a_second_and_measurements_go_on(
     assert monitor.finish() == []
     measure(monitor, 1510, 0.05)
     assert events(monitor) == [(Source.MEASURED, Kind.START, 1)]
-
-
-def test_a_side_that_returns_is_compared_again() -> None:
-    monitor = Monitor(MonitorSettings())
-    feed(monitor, 3000, 1000, 1500)
-    estimate(monitor, 1600, 0.01)
-    (comparison,) = measure(monitor, 1600, 0.01)
-    assert comparison.state is Condition.OK
-    assert not comparison.estimate_stale
 
 
 def test_an_excess_ends_where_its_side_falls_silent() -> None:

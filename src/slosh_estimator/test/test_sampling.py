@@ -12,6 +12,7 @@ from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_filter import PoseFilter
 from slosh_estimator.pose_input import PoseInput
@@ -131,6 +132,15 @@ def test_what_is_not_carried_is_said_with_a_remedy() -> None:
     third = told([20 * MS] * 8, ((1, 21.0), (2, 36.0), (3, 45.0)))
     assert "the gain at mode 2 (5.7 Hz) is 0.96" in third.sentence()
     assert [round(gain, 2) for gain in third.gains().values()] == [0.99, 0.96, 0.93]
+
+
+def test_a_recording_of_old_is_not_judged() -> None:
+    for kind in ("accel", "imu", "pose"):
+        reader = InputSettings(kind, pose_window=21, modes=CUP).reader(kind)
+        for _ in range(100):
+            reader.sampling.take(50 * MS, restarted=False)
+        assert not reader.sampling.slow
+        assert reader.sampling.sentence() == ""
 
 
 def test_memories_of_old_are_taken_up_and_those_of_other_inputs_are_not() -> None:

@@ -9,9 +9,10 @@ from slosh_metrics.alignment import (
     DISTINCT,
     despike,
     estimate_clock_offset,
+    find_onset,
     find_still_level,
 )
-from slosh_metrics.clock_drift import ClockWatch, estimate_clock_drift
+from slosh_metrics.clock_drift import ClockDriftWatch, estimate_clock_drift
 from slosh_metrics.errors import SloshMetricsError
 
 MODEL_T = np.arange(0.0, 5.0, 0.002)
@@ -91,10 +92,22 @@ def test_a_periodic_series_is_ambiguous():
     assert not found.unambiguous
 
 
+def test_a_record_that_ends_within_the_motion_is_refused():
+    t, height = record(8.0, end=10.8)
+    with pytest.raises(SloshMetricsError, match="does not cover"):
+        estimate_clock_offset(t, height, MODEL_T, motion(MODEL_T))
+
+
 def test_a_record_without_quiet_part_is_refused():
     t = np.arange(0.0, 3.0, 0.02)
     with pytest.raises(SloshMetricsError, match="at rest before the motion"):
         find_still_level(t, 0.01 * np.cos(t))
+
+
+def test_no_onset_is_refused():
+    t = np.arange(0.0, 3.0, 0.02)
+    with pytest.raises(SloshMetricsError, match="no motion"):
+        find_onset(t, np.zeros_like(t), 1e-3)
 
 
 @pytest.mark.parametrize("rate", [0.015, -0.004, 0.002])
@@ -120,9 +133,9 @@ def wave(t: np.ndarray, frequency: float) -> np.ndarray:
 
 def watched(
     count: int, rate: float = 0.0, offset: float = 0.0, frequency: float = 19.0
-) -> ClockWatch:
+) -> ClockDriftWatch:
     """What it knows after motions, eight seconds apart, of a model with the frequency of 19/s."""
-    watch, random = ClockWatch(), np.random.default_rng(4)
+    watch, random = ClockDriftWatch(), np.random.default_rng(4)
     for number in range(count):
         start = 8.0 * number
         t = start + np.arange(-2.0, 5.0, 1.0 / 60.0)
@@ -164,7 +177,7 @@ def test_a_wrong_frequency_is_no_drift_as_soon_as_motions_tell() -> None:
 
 
 def test_what_shows_no_wave_or_is_not_covered_says_nothing() -> None:
-    watch = ClockWatch()
+    watch = ClockDriftWatch()
     t = np.arange(0.0, 5.0, 0.02)
     watch.add(t, np.zeros_like(t), np.zeros_like(t), (1.0, 3.0))
     watch.add(t, np.full_like(t, np.nan), wave(t - 1.0, 19.0), (1.0, 3.0))
@@ -173,7 +186,7 @@ def test_what_shows_no_wave_or_is_not_covered_says_nothing() -> None:
 
 
 def test_images_with_one_stamp_or_out_of_order_do_no_harm() -> None:
-    watch = ClockWatch()
+    watch = ClockDriftWatch()
     t = np.repeat(np.arange(-2.0, 5.0, 0.02), 2)
     t[100] -= 1.0
     for _ in range(2):

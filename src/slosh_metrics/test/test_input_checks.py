@@ -123,6 +123,21 @@ def test_a_specific_force_without_gravity_is_named(number, unit):
     assert "gravity is left out" in check.doubt.text
 
 
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("number", range(24))
+def test_an_exported_imu_that_was_wrong_is_named_in_the_table(number, unit):
+    """Gravity was subtracted along z, whatever the sensor told."""
+    stamps, a = pulses()
+    force = UNITS[unit] * (a + UP) @ ROTATIONS[number].T
+    doubts = motion_doubts((stamps - START) / NS, force - UP)
+    if unit == "m/s²" and ROTATIONS[number][2, 2] == 1.0:
+        assert doubts == ()
+    else:
+        assert len(doubts) == 1
+        expected = "9.81 was subtracted from a sensor that reports g" if unit == "g" else "tilted"
+        assert expected in doubts[0]
+
+
 @pytest.mark.parametrize("degrees", [5.0, 10.0, 30.0])
 def test_a_tilted_sensor_is_named_with_its_angle(degrees):
     stamps, a = pulses()
@@ -134,6 +149,14 @@ def test_a_tilted_sensor_is_named_with_its_angle(degrees):
     imu, _ = imu_check(stamps, force)
     assert imu.doubt is not None
     assert f"{degrees:.1f}° off the container's +z" in imu.doubt.text
+
+
+def test_a_bias_along_the_vertical_is_no_tilt():
+    stamps, a = pulses()
+    check, _ = accel_check(stamps, a + 0.07 * UP)
+    assert check.doubt is not None
+    assert "bias" in check.doubt.text
+    assert "tilted" not in check.doubt.text
 
 
 def test_degrees_per_second_are_named_when_the_container_tilts():
@@ -196,6 +219,12 @@ def test_a_pose_in_millimetres_is_named():
     assert "in mm" in check.doubt.text
 
 
+def test_an_acceleration_in_millimetres_is_named():
+    stamps, a = pulses()
+    check, _ = accel_check(stamps, 1e3 * a * 0.3)
+    assert "mm/s²" in " ".join(doubt.text for doubt in check.raised.values())
+
+
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 900))
 def test_blocks_single_samples_and_a_state_taken_up_give_the_same_bits(seed, block):
@@ -223,6 +252,33 @@ def test_blocks_single_samples_and_a_state_taken_up_give_the_same_bits(seed, blo
     last = int(stamps[-1])
     assert np.array_equal(many.memory(last), one.memory(last), equal_nan=True)
     assert many.doubt == one.doubt
+
+
+@pytest.mark.parametrize("kind", ["imu", "pose"])
+def test_a_state_taken_up_goes_on_with_the_same_bits(kind):
+    def feed(check, rows):
+        for row in rows:
+            stamp = int(source.stamps[row])
+            if kind == "imu":
+                a = tuple((source.force[row] - 2.0 * UP).tolist())
+                check.add(stamp, a, tuple(source.rate[row].tolist()), 0.1)
+            else:
+                check.add(stamp, tuple(source.position[row].tolist()), (1.0, 0.1, 0.0, 0.2))
+
+    source = honest_input(4)
+    count = len(source.stamps)
+    make = ImuCheck if kind == "imu" else PoseCheck
+    whole, first, second = make(), make(), make()
+    feed(whole, range(count))
+    feed(first, range(count // 2))
+    stamp = int(source.stamps[count // 2 - 1])
+    assert len(first.memory(stamp)) == make.MEMORY
+    second.take_up(stamp, first.memory(stamp))
+    feed(second, range(count // 2, count))
+    last = int(source.stamps[-1])
+    assert np.array_equal(whole.memory(last), second.memory(last), equal_nan=True)
+    assert whole.doubt == second.doubt
+    assert whole.doubt is not None
 
 
 def raised_by(seed):

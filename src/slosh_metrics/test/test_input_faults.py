@@ -78,6 +78,13 @@ def test_a_rounded_input_is_no_clipped_one():
             assert kinds(quantum * np.round(values / quantum)) == []
 
 
+def test_a_rest_and_a_short_record_have_no_faults():
+    assert kinds(np.zeros((len(T), 3))) == []
+    gap = (T < 0.05) | (T > 3.2)
+    assert kinds(0.0 * SMOOTH[gap], T[gap]) == []
+    assert kinds(SMOOTH[:10], T[:10]) == []
+
+
 @pytest.mark.parametrize(("every", "behind"), [(1, 0.3e-3), (1, 1.6e-3), (3, 2.1e-3)])
 def test_two_publishers_on_one_topic_are_told(every, behind):
     """Each sends at its own rhythm, and the container of the other moves otherwise."""
@@ -129,6 +136,13 @@ def test_honest_inputs_are_neither_clipped_nor_frozen(kind, bits):
         watch.finish()
         told += [one.text() for one in watch.faults if one.kind is not FaultKind.MISSING]
     assert told == []
+
+
+def test_a_planned_motion_without_noise_has_no_faults():
+    for seed in range(2000, 2030):
+        source = honest_input(seed)
+        t = (source.stamps - source.stamps[0]) * 1e-9
+        assert [k for k in kinds(source.true, t) if k is not FaultKind.MISSING] == [], seed
 
 
 def test_a_clipped_force_is_told_with_gravity_in_it():

@@ -53,7 +53,7 @@ RESET: Final = "reset"
 MONITOR_RESET: Final = f"monitor/{RESET}"
 
 
-class Role(Enum):
+class TopicRole(Enum):
     """Who publishes a topic, and why."""
 
     INPUT = "the robot, its planner or its camera: what the cell's nodes read"
@@ -87,7 +87,7 @@ class Topic(NamedTuple):
 
     name: str
     type: str
-    role: Role
+    role: TopicRole
     publishers: Publishers = Publishers.ONE
     remappable: bool = False
     latched: bool = False
@@ -114,7 +114,7 @@ class Service(NamedTuple):
     remappable: bool = False
 
 
-_INPUT, _ANSWER, _SHARED = Role.INPUT, Role.ANSWER, Role.SHARED
+_INPUT, _ANSWER, _SHARED = TopicRole.INPUT, TopicRole.ANSWER, TopicRole.SHARED
 _MANY = Publishers.MANY
 
 TOPICS: tuple[Topic, ...] = (
@@ -140,11 +140,11 @@ TOPICS: tuple[Topic, ...] = (
         remappable=True, latched=True,
     ),
     Topic(
-        SETTINGS, "slosh_msgs/msg/NodeSettings", Role.SETTING, _MANY, latched=True, page=True
+        SETTINGS, "slosh_msgs/msg/NodeSettings", TopicRole.SETTING, _MANY, latched=True, page=True
     ),
-    Topic(TRUTH, "slosh_msgs/msg/FreeSurface", Role.SIMULATION),
-    Topic(SUMMARY, "std_msgs/msg/String", Role.SIMULATION, latched=True),
-    Topic(WALL_HEIGHTS, "sensor_msgs/msg/PointCloud2", Role.TABLE, recorded=False),
+    Topic(TRUTH, "slosh_msgs/msg/FreeSurface", TopicRole.SIMULATION),
+    Topic(SUMMARY, "std_msgs/msg/String", TopicRole.SIMULATION, latched=True),
+    Topic(WALL_HEIGHTS, "sensor_msgs/msg/PointCloud2", TopicRole.TABLE, recorded=False),
     Topic(
         DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", _SHARED, _MANY,
         remappable=True, page=True,
@@ -182,9 +182,11 @@ class CellName(NamedTuple):
     def is_input(self) -> bool:
         """Whether the robot, its planner or its camera publishes it."""
         if self.topic is not None:
-            return self.topic.role is Role.INPUT
+            return self.topic.role is TopicRole.INPUT
         folder = self.name.partition("/")[0]
-        return any(row.role is Role.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS)
+        return any(
+            row.role is TopicRole.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS
+        )
 
 
 def cell_name(topic: str, message_type: str = "") -> CellName | None:

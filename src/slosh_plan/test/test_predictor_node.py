@@ -276,33 +276,6 @@ def test_a_planned_motion_is_predicted_before_it_begins(
     assert sentence == f"planned motion {message.id}: {message.description}"
 
 
-def test_a_planned_motion_finds_the_liquid_as_it_is(
-    cell: Cell, told: Callable[..., MotionPrediction]
-) -> None:
-    publisher = cell.probe.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
-    message = SloshEstimate()
-    for answer in (message.linear, message.nonlinear):
-        answer.modal_position, answer.modal_velocity = [0.002, 0.0], [0.0, 0.0]
-
-    def tell() -> None:
-        message.header.stamp = to_time(cell.probe.get_clock().now().nanoseconds)
-        publisher.publish(message)
-
-    given = points(poses=False)  # half a second on a busy machine, in which nobody tells
-    timer = cell.probe.create_timer(0.02, tell)
-    cell.until(lambda: publisher.get_subscription_count() > 0)
-    for _ in range(10):  # an estimate is old when such a machine holds this process up
-        found = told(given)
-        if found.from_estimate:
-            break
-    cell.probe.destroy_timer(timer)
-    cell.probe.destroy_publisher(publisher)
-    assert found.from_estimate, found.description
-    state = LiquidState([[0.002, 0.0, 0.0, 0.0]], [[0.002, 0.0, 0.0, 0.0]])
-    (same,) = predict(MODEL, motion(), state=state)
-    assert found.peak == pytest.approx(same.nonlinear.peak, rel=1e-6)
-
-
 def test_the_cells_record_counts_against_the_limit(
     cell: Cell, told: Callable[..., MotionPrediction]
 ) -> None:

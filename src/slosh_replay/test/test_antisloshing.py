@@ -84,10 +84,23 @@ def test_broken_heights_are_named(data: Path, tmp_path: Path, variables, expecte
     check_refused(data, tmp_path, f"heights/{RUN}.mat", expected)
 
 
+def test_cut_off_files_are_named(data: Path, tmp_path: Path):
+    poses = data / "poses" / f"{RUN}.csv.gz"
+    poses.write_bytes(poses.read_bytes()[:40])
+    check_refused(data, tmp_path, poses.name, "cut off or damaged")
+    heights = data / "heights" / f"{RUN}.mat"
+    heights.write_bytes(heights.read_bytes()[:200])
+    check_refused(data, tmp_path, heights.name, "is not a readable MATLAB file")
+
+
 @pytest.mark.parametrize("kind", ["heights", "poses"])
 def test_a_missing_twin_is_named(data: Path, tmp_path: Path, kind: str):
     next((data / kind).iterdir()).unlink()
     check_refused(data, tmp_path, RUN, f"has no matching {kind}/{RUN}")
+
+
+def test_an_empty_folder_is_named(tmp_path: Path):
+    check_refused(tmp_path, tmp_path, str(tmp_path), "holds no heights")
 
 
 def check_refused(data: Path, tmp_path: Path, where: str, expected: str) -> None:

@@ -11,8 +11,8 @@ from slosh_bag.errors import SloshBagError
 from slosh_replay.manifest import (
     SOURCES,
     Expectation,
-    Expected,
     ExpectedEvent,
+    ExpectedNumber,
     read_manifest,
     write_manifest,
 )
@@ -48,9 +48,9 @@ def test_every_key_is_read(tmp_path):
         tolerance=0.0,
         images=552,
         drops=0,
-        sigma={"3D-NL": Expected(0.000134, 1e-6)},
-        epsilon={"3D-NL": Expected(-0.0139, 0.001)},
-        events=(ExpectedEvent("measured", Expected(0.0245, 1e-6)),),
+        sigma={"3D-NL": ExpectedNumber(0.000134, 1e-6)},
+        epsilon={"3D-NL": ExpectedNumber(-0.0139, 0.001)},
+        events=(ExpectedEvent("measured", ExpectedNumber(0.0245, 1e-6)),),
         warnings=("unfinished",),
     )
 
@@ -145,7 +145,7 @@ def test_a_mistake_is_told_with_its_line(tmp_path, old, new, said):
 # Lines as people and programs write them.
 texts = st.text(st.characters(exclude_categories=("C", "Zl", "Zp")), max_size=20)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
-expected = st.builds(Expected, numbers, st.just(0.0))
+expected = st.builds(ExpectedNumber, numbers, st.just(0.0))
 names = st.sampled_from(["2D-L", "3D-L", "2D-NL", "3D-NL", "3D-NL+second_mode", "1", "null"])
 by_model = st.dictionaries(names, expected, max_size=3)
 events = st.builds(
@@ -189,8 +189,8 @@ def test_texts_and_tolerances_are_kept(tmp_path):
     new = Expectation(
         tolerance=0.0,
         images=551,
-        sigma={"3D-NL": Expected(0.0002, 1e-9), "3D-L": Expected(0.001, 1e-9)},
-        epsilon={"3D-NL": Expected(0.5, 1e-9)},
+        sigma={"3D-NL": ExpectedNumber(0.0002, 1e-9), "3D-L": ExpectedNumber(0.001, 1e-9)},
+        epsilon={"3D-NL": ExpectedNumber(0.5, 1e-9)},
         events=(),
         warnings=("c3_0.mcap: unfinished (cut off)", "something new"),
     )
@@ -201,9 +201,9 @@ def test_texts_and_tolerances_are_kept(tmp_path):
     kept = bags["c3"]
     assert kept.shows == "DL22's 3D motion c, in the simulated cell"
     assert kept.warnings == ("unfinished", "something new")
-    assert kept.sigma["3D-NL"] == Expected(0.0002, 1e-6)
-    assert kept.sigma["3D-L"] == Expected(0.001, 1e-9)
-    assert kept.epsilon["3D-NL"] == Expected(0.5, 0.001)
+    assert kept.sigma["3D-NL"] == ExpectedNumber(0.0002, 1e-6)
+    assert kept.sigma["3D-L"] == ExpectedNumber(0.001, 1e-9)
+    assert kept.epsilon["3D-NL"] == ExpectedNumber(0.5, 0.001)
     assert (kept.images, kept.events, kept.tolerance) == (551, (), 0.0)
 
 

@@ -73,6 +73,12 @@ def test_two_cells_without_a_note_are_recognised_by_their_estimates(tmp_path, le
         assert any("mixed on /slosh/accel, /slosh/estimate" in line for line in found.warnings)
 
 
+def test_two_cells_of_which_only_one_tells_its_settings_are_refused(tmp_path):
+    bag = mix(tmp_path / "bag", 32_500_333_000, left_out="/settings")
+    with pytest.raises(SloshBagError, match=r"go back \d+ times, .* several publishers"):
+        replay_bag(bag)
+
+
 @pytest.mark.parametrize("ends", [("/accel", "/settings"), ("/accel", "/free_surface")])
 def test_inputs_of_two_cells_without_estimates_are_told(tmp_path, ends):
     found = replay_bag(mix(tmp_path / "bag", 333_000, ends), MODEL)

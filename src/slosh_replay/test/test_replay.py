@@ -1,5 +1,6 @@
 """Replay gives what the model gives, finds unrelated clocks, and says what it cannot use."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -114,6 +115,13 @@ def test_a_single_outlier_moves_the_raw_peak_error_only():
     row = by_name(replay_table("spike", replace(TABLE, msh=msh), MODEL))["3D-NL"]
     assert row.epsilon == pytest.approx(0.0, abs=1e-6)
     assert row.epsilon_raw < -0.5
+
+
+def test_json_has_every_number_and_no_nan():
+    result = replay_table("own", TABLE, MODEL)
+    document = json.loads(result.to_json(series=True))
+    assert document["accuracy"][3]["sigma"] == result.accuracy[3].sigma
+    assert len(document["series"]["3D-NL"]) == len(TABLE.t)
 
 
 def test_a_table_without_heights_is_refused():

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slosh_bag.errors import SloshBagError
 from slosh_estimator.sight import SATURATED, SurfaceFlag
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
 from slosh_replay.recording.heights import (
@@ -136,6 +137,11 @@ def test_still_level_is_taken_off_where_the_clocks_are_unrelated():
     assert found.still.level == pytest.approx(0.004)
     assert found.clocks[0].offset == pytest.approx(5.0, abs=2e-3)
     assert np.nanmean(np.abs(found.heights[:, 0] - found.measured.heights)) < 2e-4
+
+
+def test_a_container_that_does_not_move_is_refused():
+    with pytest.raises(SloshBagError, match="does not move"):
+        align("run", *whole(acceleration=0.0))
 
 
 # The one reader of measured heights, and that replay, table and discovery read by it.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slosh_estimator.limits import Event, Kind, Source
-from slosh_replay.manifest import Expectation, Expected, ExpectedEvent
+from slosh_replay.manifest import Expectation, ExpectedEvent, ExpectedNumber
 from slosh_replay.replay.checking import check_result, expectation_of
 from slosh_replay.replay.result import ModelAccuracy, ReplayResult
 from slosh_replay.replay.verification import Difference, Verification
@@ -69,8 +69,8 @@ def test_what_a_manifest_is_written_from_passes():
 def test_a_number_at_its_bound_passes_and_beyond_fails(name, value, unit):
     sign = {"sigma": "MAE", "epsilon": "ε"}[name]
     for side in (-1, 1):
-        inside = Expected(value + side * 0.99e-6, 1e-6)
-        outside = Expected(value + side * 1.01e-6, 1e-6)
+        inside = ExpectedNumber(value + side * 0.99e-6, 1e-6)
+        outside = ExpectedNumber(value + side * 1.01e-6, 1e-6)
         assert failures(Expectation(**{name: {"3D-NL": inside}})) == ()
         (line,) = failures(Expectation(**{name: {"3D-NL": outside}}))
         assert line.startswith(f"{sign} 3D-NL: ")
@@ -83,7 +83,7 @@ def test_drops_are_the_gates_and_the_live_estimators(drops, passes):
 
 
 def two_events(**changes):
-    first = ExpectedEvent("measured", Expected(0.02, 1e-6), Expected(0.5, 1e-3))
+    first = ExpectedEvent("measured", ExpectedNumber(0.02, 1e-6), ExpectedNumber(0.5, 1e-3))
     return Expectation(events=(replace(first, **changes), ExpectedEvent("disagreement")))
 
 
@@ -91,8 +91,14 @@ def two_events(**changes):
     ("changes", "text"),
     [
         ({"source": "estimated"}, "event 1: measured, expected estimated"),
-        ({"peak": Expected(0.021, 1e-6)}, "event 1: peak: 20 mm, expected 20.999 … 21.001 mm"),
-        ({"duration": Expected(0.6, 1e-3)}, "event 1: duration: 0.5 s, expected 0.599 … 0.601 s"),
+        (
+            {"peak": ExpectedNumber(0.021, 1e-6)},
+            "event 1: peak: 20 mm, expected 20.999 … 21.001 mm",
+        ),
+        (
+            {"duration": ExpectedNumber(0.6, 1e-3)},
+            "event 1: duration: 0.5 s, expected 0.599 … 0.601 s",
+        ),
     ],
 )
 def test_an_event_is_named_by_what_is_wrong_with_it(changes, text):

@@ -13,7 +13,7 @@ from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import EstimateFlag
 from slosh_replay.recording.heights import Measurements
-from slosh_replay.replay.monitor_feed import CHECK_NS, Heights, MonitorFeed
+from slosh_replay.replay.monitor_feed import CHECK_NS, MonitoredHeights, MonitorFeed
 from slosh_replay.replay.series import chosen
 
 MS = 1_000_000
@@ -37,7 +37,7 @@ def run(seed, seconds=2.0):
     wave = 0.015 * np.sin(2.0 * t) * np.sin(20.0 * t)
     flags = np.where(random.random(len(t)) < 0.02, int(EstimateFlag.SETTLING), 0)
     moved = np.column_stack((np.sin(20.0 * t) * (np.sin(0.7 * t) > 0.3), 0.0 * t, 0.0 * t))
-    estimates = Heights(
+    estimates = MonitoredHeights(
         stamps, wave, 1.1 * wave, flags, azimuths=0.3 + 0.0 * t, accelerations=3.0 * moved
     )
     height = np.interp(images, stamps, wave) if len(stamps) else np.zeros(len(images))

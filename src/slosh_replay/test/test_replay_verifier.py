@@ -177,6 +177,17 @@ def test_a_field_that_was_not_recorded_is_named():
         compared((stamps, less), (stamps, table))
 
 
+def test_modes_that_were_not_recorded_are_not_compared():
+    stamps, table = whole()
+    nothing = np.full(COUNT, np.nan)
+    old = {**table, "linear.modal_position[1]": nothing, "linear.modal_position[2]": nothing}
+    new = {**table, "linear.modal_position[1]": nothing, "linear.modal_position[2]": nothing + 1}
+    new["linear.modal_position[2]"] = np.zeros(COUNT)
+    assert compared((stamps, old), (stamps, new)).exact
+    new["linear.modal_position[1]"] = np.zeros(COUNT)
+    assert not compared((stamps, old), (stamps, new)).exact
+
+
 @pytest.mark.parametrize("modes", [1, 2, 3])
 def test_every_number_of_an_estimate_has_a_column(modes):
     rng = np.random.default_rng(0)

@@ -138,6 +138,12 @@ def test_messages_that_were_recorded_late_are_told_and_each_part_replays(tmp_pat
     assert any("set aside 1 inputs" in line for line in results[0].warnings)
 
 
+def test_a_bag_whose_time_goes_on_is_not_cut(tmp_path: Path) -> None:
+    with pytest.raises(SloshBagError, match="never go back: nothing to split"):
+        split_bag(BAG, tmp_path / "parts", lambda count: None)
+    assert not (tmp_path / "parts").exists()
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 100])
 def test_what_is_astray_does_not_depend_on_the_parts_in_which_it_comes(size: int) -> None:
     stamps = np.array([1, 2, 90, 3, 4, 70, 60, 5, 6, 99])

@@ -1,7 +1,6 @@
 """Motion tables to bags and back: every bit of every column, and what cannot be kept is told."""
 
 import math
-from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,11 +15,13 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
+from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sight import SurfaceFlag
 from slosh_model.constants import GRAVITY
-from slosh_replay.tables.bag_table import TableSettings, read_bag_table
-from slosh_replay.tables.table_bag import import_table, table_stamps, table_times, write_table_bag
+from slosh_replay.recording.motion import RecordedMotion
+from slosh_replay.tables.bag_table import TableSettings, read_bag_table, with_rows_at
+from slosh_replay.tables.table_bag import import_table, table_times, write_table_bag
 from slosh_tables.motion_table import MotionTable, write_motion_table
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
@@ -80,17 +81,6 @@ def test_table_to_bag_to_table_gives_the_same_bits(table: MotionTable):
         assert same_bits(getattr(table, name), getattr(back, name)), name
 
 
-@settings(deadline=None, max_examples=200)
-@given(t=st.floats(-1e5, 2e9))
-def test_a_stamp_is_the_whole_nanosecond_nearest_to_the_time(t: float):
-    origin, stamps = table_stamps(NOWHERE, np.array([t]))
-    assert origin % 10**9 == 0
-    assert stamps[0] >= 10**9
-    assert abs(int(stamps[0]) - origin - Fraction(t) * 10**9) <= Fraction(1, 2) + Fraction(
-        1, 10**6
-    )
-
-
 def test_times_that_are_no_whole_nanoseconds_are_rounded_and_counted(tmp_path: Path):
     t = np.cumsum(np.full(5, 0.1))  # 0.30000000000000004
     table = MotionTable(t, np.zeros((5, 3)))
@@ -145,6 +135,13 @@ def test_the_imu_feels_gravity_in_the_containers_axes(tmp_path: Path):
     )
     assert message.orientation_covariance[0] == 0.0
     assert message.angular_velocity_covariance[0] == -1.0
+
+
+def test_an_attitude_without_a_length_is_named(tmp_path: Path):
+    table = MotionTable(np.arange(2.0), np.zeros((2, 3)), attitude=np.eye(4)[[0]].repeat(2, 0))
+    table.attitude[1] = 0.0
+    with pytest.raises(SloshBagError, match="line 3: qx, qy, qz, qw are all 0"):
+        write_table_bag(NOWHERE, table, tmp_path / "bag")
 
 
 def test_the_surface_shows_the_wall_heights(tmp_path: Path):
@@ -344,6 +341,14 @@ def test_a_sensor_in_the_container_gives_its_angular_velocity_beside_accel(cell:
     np.testing.assert_array_equal(table.angular_velocity[:, 2], [2.0, 3.0])
 
 
+def test_a_sensor_that_is_slower_than_accel_gives_nothing(cell: Cell):
+    for k in range(5):
+        cell.accel(START + k * MS, 1.0)
+        if k % 2 == 0:
+            cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0), "container")
+    assert cell.table().table.angular_velocity is None
+
+
 def test_a_pose_gives_its_own_attitude_at_each_row(cell: Cell):
     for k in range(9):
         t = 0.01 * k
@@ -372,3 +377,23 @@ def test_unrelated_clocks_are_refused(tmp_path: Path):
     with pytest.raises(SloshBagError, match="unrelated clocks"):
         cell.table()
     assert cell.table(measured="none").table.msh is None
+
+
+def test_stamps_that_go_back_are_refused(cell: Cell):
+    for k in (50, 51, *range(25)):
+        cell.accel(START + k * MS, 1.0)
+    cell.writer.close()
+    inputs = InputSettings(gate=GateSettings(restart_after=3))
+    with pytest.raises(SloshBagError, match="go back at"):
+        read_bag_table(cell.folder, TableSettings(inputs=inputs))
+
+
+def test_interpolated_attitudes_take_the_shorter_way():
+    quarter = math.sqrt(0.5)
+    turn = np.array([[0.0, 0.0, 0.0, 2.0], [0.0, 0.0, -quarter, -quarter]])  # 90° about z
+    motion = RecordedMotion(np.array([0, 10]), np.zeros((2, 3)), turn)
+    attitude = with_rows_at(motion, np.array([5])).attitude
+    assert attitude is not None
+    eighth = math.radians(22.5)
+    np.testing.assert_allclose(attitude[1], [0.0, 0.0, math.sin(eighth), math.cos(eighth)])
+    np.testing.assert_array_equal(attitude[[0, 2]], turn)

@@ -7,8 +7,9 @@ import pytest
 
 from slosh_report.run_report import (
     AzimuthSeries,
-    Check,
-    Difference,
+    CheckRow,
+    DifferenceRow,
+    ExcessSpan,
     Fact,
     Frame,
     KeyFigure,
@@ -16,10 +17,9 @@ from slosh_report.run_report import (
     RunMotion,
     RunReport,
     RunVerdict,
-    Span,
     Status,
-    Topic,
-    Verification,
+    TopicRow,
+    VerificationRow,
 )
 from slosh_testing.hostile import evil
 from slosh_testing.pages import grey_png
@@ -61,8 +61,8 @@ def full_report():
         ),
         facts=(Fact("bag", "bags/cup_two_motions"),),
         events=(
-            Span("measured", 1.81, 2.74, 0.0181, 0.0213, "above the limit", 2.2439),
-            Span("estimated", 19.5, NAN, 0.0181, 0.0191),
+            ExcessSpan("measured", 1.81, 2.74, 0.0181, 0.0213, "above the limit", 2.2439),
+            ExcessSpan("estimated", 19.5, NAN, 0.0181, 0.0191),
         ),
         models=rows(1),
         motions=(
@@ -74,8 +74,8 @@ def full_report():
             Frame(grey_png(), "first", "image/png"),
         ),
         topics=(
-            Topic("/slosh/accel", "geometry_msgs/msg/AccelStamped", 20000, 999.73, 0),
-            Topic("/slosh/free_surface", "slosh_msgs/msg/FreeSurface", 1200, 59.94),
+            TopicRow("/slosh/accel", "geometry_msgs/msg/AccelStamped", 20000, 999.73, 0),
+            TopicRow("/slosh/free_surface", "slosh_msgs/msg/FreeSurface", 1200, 59.94),
         ),
         model_text="container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n",
         effects={"fill_level": "More or less liquid than the model says."},
@@ -83,23 +83,26 @@ def full_report():
         warnings=("0.4 s are lost at the end",),
         status=Status(RunVerdict.FAILED, ("MAE 3D-NL is too large",)),
         checks=(
-            Check("MAE 3D-NL", 0.00060000001, 0.0, 0.0006, "mm"),
-            Check("samples dropped", 0, upper=0),
+            CheckRow("MAE 3D-NL", 0.00060000001, 0.0, 0.0006, "mm"),
+            CheckRow("samples dropped", 0, upper=0),
         ),
         verifications=(
-            Verification(
+            VerificationRow(
                 "recorded estimates reproduced bit for bit",
                 9216,
                 9218,
                 (
-                    *(Difference("/slosh/estimate", f"jerk[{i}]", i, NAN, 1e-9) for i in range(6)),
-                    Difference(
+                    *(
+                        DifferenceRow("/slosh/estimate", f"jerk[{i}]", i, NAN, 1e-9)
+                        for i in range(6)
+                    ),
+                    DifferenceRow(
                         "/slosh/estimate", "nonlinear.msh", 2, 3.2141, 1.7e-18,
                         0.012345678901234567, 0.012345678901234569,
                     ),
                 ),
             ),
-            Verification("limit events reproduced", 4, 4),
+            VerificationRow("limit events reproduced", 4, 4),
         ),
         measured_azimuth=AzimuthSeries("measured", T, estimated.azimuth + 0.05, measured),
         estimated_azimuth=estimated,
@@ -120,22 +123,22 @@ def hostile_report(full_report):
         nonlinear_name=evil("nonlinear"),
         key_figures=(KeyFigure(evil("label"), evil("value"), evil("unit"), evil("note")),),
         facts=(Fact(evil("fact"), evil("text")),),
-        events=(Span(evil("source"), 1.0, 2.0, 0.01, 0.02, evil("description")),),
+        events=(ExcessSpan(evil("source"), 1.0, 2.0, 0.01, 0.02, evil("description")),),
         models=bad_rows,
         motions=(
             RunMotion(evil("motion"), 0.5, 8.0, 0.02, bad_rows),
             RunMotion(evil("motion"), 9.0, 19.0, 0.02, bad_rows),
         ),
         frames=(Frame(grey_png(), evil("caption"), "image/png", 2.0),),
-        topics=(Topic(evil("topic"), evil("type"), 1),),
+        topics=(TopicRow(evil("topic"), evil("type"), 1),),
         model_text=evil("text"),
         effects={evil("effect"): evil("meaning")},
         notes=(evil("note"),),
         warnings=(evil("warning"),),
         status=Status(RunVerdict.PASSED, (evil("reason"),)),
-        checks=(Check(evil("check"), 1.0),),
+        checks=(CheckRow(evil("check"), 1.0),),
         verifications=(
-            Verification(evil("verification"), 0, 1, (Difference(evil("t"), evil("f"), 1),)),
+            VerificationRow(evil("verification"), 0, 1, (DifferenceRow(evil("t"), evil("f"), 1),)),
         ),
         measured_azimuth=replace(base.measured_azimuth, name=evil("measured")),
         estimated_azimuth=replace(base.estimated_azimuth, name=evil("estimated")),

@@ -14,16 +14,16 @@ from slosh_report.page.closer import closer_scripts
 from slosh_report.page.units import shown
 from slosh_report.run_report import (
     AzimuthSeries,
-    Check,
+    CheckRow,
+    ExcessSpan,
     Frame,
     KeyFigure,
     ModelRow,
     RunMotion,
     RunReport,
     RunVerdict,
-    Span,
     Status,
-    Topic,
+    TopicRow,
     render_report,
     report_document,
 )
@@ -40,10 +40,10 @@ REPORT = RunReport(
     nonlinear_name="3D-NL",
     limit=0.018,
     key_figures=(KeyFigure("MAE 3D-NL", "1.20", "mm"),),
-    events=(Span("measured", 1.2, 1.9, 0.018, 0.0203, "<script>alert(1)</script>"),),
+    events=(ExcessSpan("measured", 1.2, 1.9, 0.018, 0.0203, "<script>alert(1)</script>"),),
     models=(ModelRow("3D-NL", 0.00123, -0.119, 0.0015, 0.5, 480),),
     frames=(Frame(b"\x89PNG", 'peak "front"', "image/png"),),
-    topics=(Topic("/slosh/accel", "geometry_msgs/msg/AccelStamped", 8000, 999.7),),
+    topics=(TopicRow("/slosh/accel", "geometry_msgs/msg/AccelStamped", 8000, 999.7),),
     model_text="damping_ratio: auto",
     notes=("one note",),
 )
@@ -119,7 +119,9 @@ def test_unknown_numbers_are_dashes():
 
 
 def test_an_event_is_described_under_its_name_which_no_width_cuts_off():
-    text = render_report(replace(REPORT, events=(Span("measured", 1.0, 2.0, 0.01, 0.02, "why"),)))
+    text = render_report(
+        replace(REPORT, events=(ExcessSpan("measured", 1.0, 2.0, 0.01, 0.02, "why"),))
+    )
     assert '<th scope="row" class="name">measured<span class="small">why</span></th>' in text
 
 
@@ -143,7 +145,7 @@ def test_a_number_needs_a_unit_that_the_page_knows():
     with pytest.raises(SloshReportError, match="unit 'cm' is not one of 'mm'"):
         KeyFigure("height", 0.01, "cm")
     with pytest.raises(SloshReportError, match="unit 'cm'"):
-        Check("height", 0.01, unit="cm")
+        CheckRow("height", 0.01, unit="cm")
     assert "beans" in render_report(replace(REPORT, key_figures=(KeyFigure("x", "7", "beans"),)))
 
 
@@ -166,7 +168,7 @@ def test_numbers_are_rounded_as_their_unit_is(value, unit, text):
 
 def test_a_check_that_misses_by_little_shows_by_how_much():
     bound = 0.0006
-    check = Check("MAE", math.nextafter(bound, 1.0), upper=bound, unit="mm")
+    check = CheckRow("MAE", math.nextafter(bound, 1.0), upper=bound, unit="mm")
     text = " ".join(Page(render_report(replace(REPORT, checks=(check,)))).text)
     assert not check.passed
     assert "0.60000000000000" in text  # and more digits, that differ
@@ -185,7 +187,7 @@ def test_the_status_and_the_warnings_come_first(full_report):
 def test_the_document_holds_what_json_can():
     spans = (replace(REPORT.events[0], end=float("nan")),)
     rows = (ModelRow("3D-L", np.float64(0.5), float("inf"), count=np.int64(3)),)
-    report = replace(REPORT, events=spans, models=rows, checks=(Check("n", 1.0, upper=2.0),))
+    report = replace(REPORT, events=spans, models=rows, checks=(CheckRow("n", 1.0, upper=2.0),))
     text = json.dumps(report_document(report, series=True), allow_nan=False)
     document = json.loads(text)
     assert document["events"][0]["end"] is None
@@ -249,7 +251,7 @@ def test_the_motions_that_the_model_follows_worst_are_drawn():
 def _run(peak: float, limit: float | None, times: int, **other: object) -> RunReport:
     t = np.linspace(0.0, 1.0, 11)
     heights = peak * np.sin(np.pi * t)
-    spans = tuple(Span("measured", k, k + 0.1, limit or 0.0, peak) for k in range(times))
+    spans = tuple(ExcessSpan("measured", k, k + 0.1, limit or 0.0, peak) for k in range(times))
     models = (ModelRow("NL", 0.0002, 0.01),)
     return replace(
         RunReport("run", t, heights, heights, heights, limit=limit, events=spans, models=models),

@@ -19,7 +19,7 @@ from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.many_files import Outcome, map_files
+from slosh_bringup.many_files import ItemOutcome, map_files
 from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
 from slosh_bringup.replay.task import (
@@ -161,9 +161,9 @@ def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Pat
 
 def replay_all(
     tasks: Sequence[Task], arguments: argparse.Namespace
-) -> list[Outcome[Task, Replayed]]:
+) -> list[ItemOutcome[Task, Replayed]]:
     """The outcomes, in the order of the tasks."""
-    outcomes: list[Outcome[Task, Replayed]] = []
+    outcomes: list[ItemOutcome[Task, Replayed]] = []
     jobs = arguments.jobs
     if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
         jobs = 1
@@ -186,7 +186,7 @@ def _size(tasks: Sequence[Task]) -> int:
     return sum(path.stat().st_size for path in files if path.is_file())
 
 
-def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
+def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     """Errors, warnings and failed checks, one line each."""
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
@@ -200,7 +200,7 @@ def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
             print(plain_line(f"slosh replay: {item.name}: {failure}"), file=sys.stderr)
 
 
-def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
+def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     """What became of each bag; MAE and ε by bag and model; where estimates differ."""
     rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
     if not any(_passed(outcome) is not None for outcome in outcomes):
@@ -219,7 +219,7 @@ def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
                 print(plain_line(f"{item.name}: {line}"))
 
 
-def _row(outcome: Outcome[Task, Replayed]) -> tuple[str, ...]:
+def _row(outcome: ItemOutcome[Task, Replayed]) -> tuple[str, ...]:
     item = outcome.value
     if item is None:
         return outcome.item.name, "", "", "", "not replayed", "FAILED"
@@ -227,7 +227,7 @@ def _row(outcome: Outcome[Task, Replayed]) -> tuple[str, ...]:
     return (item.name, *map(str, item.counts.values()), item.estimates, verdict)
 
 
-def _passed(outcome: Outcome[Task, Replayed]) -> bool | None:
+def _passed(outcome: ItemOutcome[Task, Replayed]) -> bool | None:
     """Whether a bag gave what was expected of it; None: nothing was."""
     if outcome.item.expected is None:
         return None
@@ -235,13 +235,13 @@ def _passed(outcome: Outcome[Task, Replayed]) -> bool | None:
     return item is not None and item.checked is not None and item.checked.passed
 
 
-def _document(outcome: Outcome[Task, Replayed]) -> dict[str, Any]:
+def _document(outcome: ItemOutcome[Task, Replayed]) -> dict[str, Any]:
     if outcome.value is None:
         return {"name": outcome.item.name, "error": outcome.error}
     return dict(outcome.value.document)
 
 
-def _suite(outcome: Outcome[Task, Replayed]) -> Suite:
+def _suite(outcome: ItemOutcome[Task, Replayed]) -> Suite:
     name, item = outcome.item.name, outcome.value
     if item is None:
         return Suite(name, [Case("replay", error=outcome.error)])
@@ -251,7 +251,7 @@ def _suite(outcome: Outcome[Task, Replayed]) -> Suite:
 
 
 def _write_manifests(
-    stated: Sequence[StatedBag], outcomes: Sequence[Outcome[Task, Replayed]]
+    stated: Sequence[StatedBag], outcomes: Sequence[ItemOutcome[Task, Replayed]]
 ) -> int:
     """States what the replays gave, in the manifest where each bag belongs."""
     manifests: dict[Path, dict[str, Expectation]] = {}

@@ -18,7 +18,7 @@ from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.simulate.answer import Answer, check_possible, doubts, make_answer
+from slosh_bringup.simulate.answer import SimulationAnswer, check_possible, doubts, make_answer
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     return EXIT_NOT_KEPT if doubtful else EXIT_KEPT
 
 
-def summary(answer: Answer, output: str, *, as_json: bool) -> str:
+def summary(answer: SimulationAnswer, output: str, *, as_json: bool) -> str:
     """The answer in one line, or as JSON."""
     if as_json:
         return json.dumps({**answer.facts(), "output": output})

@@ -14,7 +14,7 @@ from std_msgs.msg import String
 
 from slosh_base.compiled.compilation import load_telling
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
-from slosh_bringup.cell.renderer import Appearance, CupRenderer
+from slosh_bringup.cell.renderer import CupRenderer, GreyLevels
 from slosh_bringup.cell.truth import integrate_truth, read_sensors
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
@@ -100,7 +100,7 @@ class CellNode(PreparedNode):
             given["motion"], given["rate"], self.get_logger().info
         ).repeated(given["repeat"])
         self._readings = read_sensors(self._motion, given["acceleration_noise"], given["seed"])
-        look = Appearance(noise=given["image_noise"], seed=given["seed"])
+        look = GreyLevels(noise=given["image_noise"], seed=given["seed"])
         self._renderer = CupRenderer(calibration.view, look)
         self._pub = {
             topic: self.create_publisher(kind, topic, profile)

@@ -66,7 +66,7 @@ class Residuals(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class BagRecording:
     """A bag's motion and heights.
 
     Attributes:
@@ -86,7 +86,7 @@ class Recording:
     max_gap_ns: int
 
 
-def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) -> Recording:
+def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) -> BagRecording:
     """Reads a bag.
 
     Args:
@@ -118,7 +118,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
         tell(doubt.about(path))
     for line in (*reader.warnings, *left_out):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
-    return Recording(
+    return BagRecording(
         path, motion, heights, compared.residuals(), sources.facts,
         round(how.gate.max_gap * SECOND),
     )  # fmt: skip

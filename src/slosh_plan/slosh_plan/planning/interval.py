@@ -42,7 +42,7 @@ def casadi() -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class StateLayout:
     """What the state of a node holds: s and its rates, the tilts' likewise, the liquid.
 
     Attributes:
@@ -94,7 +94,7 @@ class Interval:
 
     flow: Flow
     yaw: float
-    layout: Layout
+    layout: StateLayout
     count: int
 
     @property
