@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
+from slosh_discovery.discover.finding import Role
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import whiteness
 from slosh_discovery.errors import SloshDiscoveryError
@@ -30,7 +31,6 @@ from slosh_discovery.identify.result import (
     Identification,
     IdentifiedModel,
     PointAgreement,
-    Role,
     Strategy,
 )
 from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
