@@ -145,6 +145,13 @@ def test_board_and_edges_together(make_scene):
         )
 
 
+def test_an_upright_board_is_not_flat():
+    upright = Pose(np.eye(3), np.array([-0.05, -0.04, 0.5]))
+    found = find_board(put(grey(), CHARUCO, upright), CAMERA, CHARUCO)
+    with pytest.raises(SloshCameraError, match="board: does not lie flat and face up"):
+        hint_of_flat_board(found, CUP, 0.0)
+
+
 def test_no_board_is_one_line():
     with pytest.raises(SloshCameraError, match=r"board: 0 corners of it are seen, 4 are needed"):
         find_board(grey(), CAMERA, CHARUCO)

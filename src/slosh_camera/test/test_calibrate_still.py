@@ -193,6 +193,12 @@ def test_refuses_a_cut_container(make_scene):
         assert "no round container is found" in refusal(*cut(scene.draw(), camera, left, top), cup)
 
 
+def test_refuses_a_moving_surface(make_scene):
+    scene = make_scene(camera_height=0.05)
+    camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
+    assert "still level is visible on" in refusal(scene.draw(0.005, 0.0), camera, cup)
+
+
 def drawn(scene):
     """Picture, truth and cup of a scene."""
     view, cup = scene.calibration().view, Cup(scene.radius, scene.fill_height)

@@ -126,6 +126,11 @@ def test_a_cylinder_may_say_its_shape():
     assert "shape: cylinder" in format_calibration(parse_calibration(text))
 
 
+def test_a_reader_of_cylinders_says_what_it_needs():
+    with pytest.raises(SloshCameraError, match=r"camera\.yaml: container\.shape: rectangle"):
+        parse_calibration(TEXT)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [

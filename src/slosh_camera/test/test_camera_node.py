@@ -271,6 +271,13 @@ def test_the_newest_image_is_measured_and_the_others_give_way(
     assert "they arrive faster than they can be measured" in status.message
 
 
+def test_images_offered_as_best_effort_are_read(make_rig, picture):
+    rig = make_rig()
+    rig.start(quality=qos.IMAGE_IN)
+    answer = rig.measure(images.image_message(picture, "mono8", SECOND, "camera_optical"))
+    assert answer.msh == pytest.approx(HEIGHT, abs=1e-3)
+
+
 def test_a_still_image_is_learnt_at_start(make_rig, make_scene, tmp_path):
     scene = make_scene(camera_height=0.08)
     still = tmp_path / "still.png"

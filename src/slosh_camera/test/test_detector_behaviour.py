@@ -288,6 +288,15 @@ def test_a_label_that_ends_near_the_line_is_not_in_the_zero(make_scene):
     assert detector.measure(1, wave).msh == pytest.approx(0.01, abs=0.2 * MM)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_texture_is_no_liquid_at_rest(make_scene, seed):
+    detector = FreeSurfaceDetector(make_scene().calibration())
+    with pytest.raises(SloshCameraError, match="still image: ") as refusal:
+        detector.learn_still(texture(seed))
+    assert "\n" not in str(refusal.value)
+    assert detector.still_offset == 0.0
+
+
 def test_a_still_image_is_read_the_same_whatever_was_learnt_before(make_scene):
     bright = make_scene(camera_height=0.12, surface=190)
     dark = make_scene(camera_height=0.12, surface=60)

@@ -94,6 +94,13 @@ def test_brightness_and_colour_differences_become_colours(encoding, padding):
     assert np.abs(image.astype(int) - YUV_COLOUR).max() <= 2
 
 
+def test_distances_are_no_picture():
+    with pytest.raises(SloshCameraError, match="holds distances"):
+        to_image("32FC1", 12, 20, 80, bytes(960))
+    with pytest.raises(SloshCameraError, match="holds distances"):
+        decode_compressed("16UC1; compressedDepth png", b"0" * 40)
+
+
 @pytest.mark.parametrize("named", ["image/jpeg", "", "bgr8", "rgb8; jpeg compressed bgr8"])
 def test_the_data_say_what_they_are(named):
     data = cv2.imencode(".jpg", SMOOTH)[1].tobytes()

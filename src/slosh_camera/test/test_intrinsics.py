@@ -24,7 +24,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.intrinsics.drawing import draw_reprojection, missing_poses
 from slosh_camera.intrinsics.sheet import as_pdf, sheet_of
 from slosh_camera.intrinsics.solve import solve_intrinsics
-from slosh_camera.intrinsics.views import Chessboard, corners_of, find_views
+from slosh_camera.intrinsics.views import Chessboard, corners_of, find_views, parse_target
 
 BOARD = Chessboard(8, 5, 0.02)
 CHARUCO = Board(True, 8, 5, 0.02, 0.015)
@@ -215,6 +215,23 @@ def test_a_board_that_is_not_there_is_refused(pictures):
         find_views(named([np.full_like(pictures[0], 120)]), BOARD)
     with pytest.raises(SloshCameraError, match=r"a board of 8x5 is: inner corners are counted"):
         find_views(named(pictures[:1]), Chessboard(9, 6, 0.02))
+
+
+@pytest.mark.parametrize(
+    ("text", "square", "match"),
+    [
+        ("9x6", None, "square: is needed"),
+        ("9x6", 25.0, r"square: 25 m: did you mean 0\.025 \(25 mm\)\?"),
+        ("9x6", -1.0, "square: -1 m, must be positive"),
+        ("2x6", 0.02, "both must be 3 to 50"),
+        ("board", 0.02, "'board' is not COLSxROWS or charuco:"),
+        ("charuco:7x5:0.02:0.015", 0.02, "square: is for chessboards"),
+        ("charuco:7x5:0.02", None, "is not charuco:COLS"),
+    ],
+)
+def test_bad_boards(text, square, match):
+    with pytest.raises(SloshCameraError, match=match):
+        parse_target(text, square)
 
 
 def test_a_board_that_no_sheet_holds_is_refused():

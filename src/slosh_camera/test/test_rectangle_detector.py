@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from side_view_scene import Liquid, Look, Patch, Setup, draw, still
 
 from slosh_camera.detection.detectors import detector_for
@@ -247,6 +247,19 @@ def test_a_still_image_that_teaches_nothing_changes_nothing():
             detector.learn_still(wrong)
         assert "\n" not in str(caught.value)
     assert detector.measure(0, image).msh == before
+
+
+def test_measure_leaves_no_trace_and_update_flags_repeats():
+    detector = SideViewDetector(SETUP.calibration())
+    first, second = draw(SETUP, WAVE), draw(SETUP, PLANE)
+    alone = detector.measure(1, first)
+    detector.measure(2, second)
+    again = detector.measure(3, first)
+    assert (alone.msh, alone.slope_angle) == (again.msh, again.slope_angle)
+    assert_array_equal(alone.profile_height, again.profile_height)
+    flags = [detector.update(4, image).flags for image in (first, first, second, first)]
+    assert [Flag.FROZEN in flag for flag in flags] == [False, True, False, False]
+    assert isinstance(detector.update(5, first), SideMeasurement)
 
 
 def test_the_measurement_says_where_everything_is():

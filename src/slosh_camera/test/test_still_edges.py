@@ -182,3 +182,11 @@ def test_a_camera_pushed_after_the_still_image_is_noticed(make_scene):
     pushed = detector.measure(1, rolled(image, 2.0))
     assert pushed.flags == Flag.NOT_FOUND
     assert np.isnan(pushed.msh)
+
+
+def test_sides_outside_the_image_are_not_looked_for(make_scene):
+    scene = make_scene(distance=0.2, focal=1400.0)
+    edges = ContainerEdges(scene.calibration().view)
+    image = rolled(scene.draw(), 3.0)
+    assert edges.turn(image) == 0.0
+    assert not edges.turned(image, 0.0)

@@ -92,6 +92,12 @@ def test_a_poor_picture_is_believed_where_the_image_before_foretold_it():
     assert not choose([poor], expects((4.0 * MM, -15.0 * MM))).believed
 
 
+def test_a_certain_front_line_is_asked_again_where_it_was_not_foretold():
+    sure = surface(*FRONT, np.inf)
+    assert not choose([sure], expects(FRONT), certain=True).jumped
+    assert choose([sure], expects(REAR), certain=True).jumped
+
+
 # The detector: the same object live, in replay and offline.
 
 

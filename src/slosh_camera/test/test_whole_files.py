@@ -117,6 +117,17 @@ def test_most_wrong_bits_are_seen():
     assert noticed > 120
 
 
+@pytest.mark.parametrize("place", range(2, 600, 13))
+def test_a_damaged_header_ends_in_an_image_or_a_refusal(place):
+    for value in (0, 1, 0xC4, 0xFF):
+        data = bytearray(jpeg_of())
+        data[place] = value
+        try:
+            decode_compressed("jpeg", bytes(data))
+        except SloshCameraError as error:
+            assert "\n" not in str(error)
+
+
 def test_a_jpeg_that_cannot_be_checked_is_refused_with_a_way_out():
     option = (cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
     data = cv2.imencode(".jpg", picture(), option)[1].tobytes()

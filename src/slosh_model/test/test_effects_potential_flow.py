@@ -76,6 +76,20 @@ def test_bound_modes_are_those_of_the_second_order(fill):
         assert np.abs(found - expected).max() < 0.01 * size
 
 
+def test_the_maximum_is_that_over_the_whole_wall():
+    """Also where mean and double wave are as large as the first mode."""
+    turn = np.random.default_rng(3)
+    slow = np.stack([np.interp(TIMES, TIMES[::40], turn.normal(0.0, 0.012, 25)) for _ in "xy"])
+    liquid = Response(TIMES, slow[0], slow[1], np.zeros((len(TIMES), 1, 4)))
+    model = Model(Cylinder(RADIUS, 0.07)).with_effect("bound_modes", kappa=3.0)
+    fine = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+    expected = measured_heights(model, liquid, fine).max(axis=1)
+    found = measured_heights(model, liquid)[:, 0]
+    assert found == pytest.approx(expected, abs=3e-5)  # as fine as the places are
+    assert (found > expected - 1e-9).all()
+    assert np.abs(found - liquid.msh).max() > 0.005
+
+
 # swirl_stiffening
 
 

@@ -10,6 +10,7 @@ from scipy.integrate import dblquad
 from scipy.special import j1, jnp_zeros
 
 from slosh_model.containers import Cylinder
+from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 from slosh_model.surface import (
@@ -69,6 +70,11 @@ def test_the_shapes_are_those_of_the_paper():
     assert bessel_surface(heights, radius, azimuth) == pytest.approx(expected)
     second = 0.01 * j1(xi[1] * radius) / j1(xi[1]) * math.sin(0.6)
     assert bessel_surface(heights, radius, azimuth, numbers=[2]) == pytest.approx(second)
+
+
+def test_wall_heights_of_another_shape_are_refused():
+    with pytest.raises(SloshModelError, match=r"shape \(2,\), expected \(modes, 2\)"):
+        plane_surface([0.01, 0.0], 0.5, 0.0)
 
 
 def along(angle, size=2.0):

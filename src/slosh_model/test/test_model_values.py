@@ -9,7 +9,7 @@ import pytest
 
 from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
-from slosh_model.model import Model
+from slosh_model.model import EffectUse, Model
 from slosh_model.simulate import Inputs, Simulator, State, simulate
 
 CUP = Cylinder(0.05, 0.07)
@@ -101,3 +101,14 @@ def test_a_quaternion_without_length_is_refused():
     attitude[7] = 0.0
     with pytest.raises(SloshModelError, match=r"attitude\[7\] is zero"):
         motion(attitude=attitude)
+
+
+def test_effects_added_together_are_those_added_one_by_one():
+    base = Model(Cylinder(0.05, 0.07)).with_effect("surface_nonlinearity", alpha=0.4)
+    together = base.with_effects(
+        EffectUse("height_scale", {"gain": 1.1}), EffectUse("surface_nonlinearity", {"alpha": 0.7})
+    )
+    one_by_one = base.with_effect("height_scale", gain=1.1)
+    assert together == one_by_one.with_effect("surface_nonlinearity", alpha=0.7)
+    assert [use.name for use in together.effects] == ["surface_nonlinearity", "height_scale"]
+    assert base.with_effects() is base

@@ -20,7 +20,7 @@ from slosh_plan.planning.known_laws import (
 )
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
-from slosh_plan.planning.plan import plan
+from slosh_plan.planning.plan import NoSafeMotionError, plan
 from slosh_plan.planning.progress import Watch
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
@@ -101,6 +101,22 @@ def test_the_models_error_is_kept_off_the_limits(time_limit):
         assert found.peak > 0.97 * error.highest(LIMITS.height)
 
 
+def test_with_an_error_the_covariance_counts_too():
+    covariance = Covariance(("natural_frequency",), ((0.05**2,),))
+    unsure = replace(CUP, damping_ratio=0.006, natural_frequency=19.0, covariance=covariance)
+    limits = replace(LIMITS, residual=0.01)
+    answer = plan(unsure, path_through(LINE), limits, error=ModelError())
+    assert answer.found.peak < answer.found.upper <= limits.height
+    for frequency in (18.9, 19.1):
+        other = replace(unsure, natural_frequency=frequency, covariance=None)
+        assert checked(other, [answer.found.motion], None)[0].keeps(limits)
+
+
+def test_an_error_that_leaves_nothing_of_a_limit_is_refused():
+    with pytest.raises(SloshPlanError, match=r"3 mm \(2 MAE\), is not below the limit of 2 mm"):
+        plan(CUP, path_through(LINE), LIMITS, error=ModelError(sigma=0.0015))
+
+
 def test_without_casadi_a_known_law_is_scaled(monkeypatch, check_plan):
     monkeypatch.setitem(sys.modules, "casadi", None)
     monkeypatch.setattr(optimise, "available", lambda: False)
@@ -117,6 +133,11 @@ def test_when_the_time_is_up_the_safe_motion_is_the_answer(check_plan):
     check_plan(answer, LINE, CUP, LIMITS)
 
 
+def test_an_impossible_limit_is_no_motion():
+    with pytest.raises(NoSafeMotionError, match="no motion of up to 120 s"):
+        plan(CUP, path_through(LINE), replace(LIMITS, acceleration=1e-5))
+
+
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
@@ -129,6 +150,12 @@ def test_when_the_time_is_up_the_safe_motion_is_the_answer(check_plan):
 def test_limits_that_are_none(changes, text):
     with pytest.raises(SloshPlanError, match=text):
         replace(LIMITS, **changes)
+
+
+@pytest.mark.parametrize("margin", [-1e-3, 0.002, float("nan")])
+def test_margins_that_leave_nothing(margin):
+    with pytest.raises(SloshPlanError, match="margin"):
+        plan(CUP, path_through(LINE), LIMITS, margin=margin)
 
 
 def test_the_scan_finds_the_fastest_that_is_safe():

@@ -10,7 +10,7 @@ from headless_browser import View
 from slosh_model import Cylinder, Inputs, Model, simulate
 from slosh_model.covariance import Covariance
 from slosh_plan.plan_report.data import plan_document, plan_json
-from slosh_plan.plan_report.making import height_band, make_report
+from slosh_plan.plan_report.making import height_band, make_report, proposed_motion
 from slosh_plan.plan_report.page import drawn, render_plan
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
@@ -58,6 +58,13 @@ def test_what_exceeds_a_limit_is_told(report):
     assert after["peak"] == report.plan.found.peak
 
 
+def test_waypoints_whose_times_tell_no_motion_are_noted():
+    report = report_of(times=(0.0, 1.0), points=POINTS[[0, 3]])
+    assert report.proposal is None
+    assert any("2 poses do not determine the acceleration" in note for note in report.notes)
+    assert "2 poses do not determine the acceleration" in render_plan(report)
+
+
 @pytest.mark.long
 def test_a_slow_proposal_stands_in_the_table_but_does_not_squeeze_the_charts():
     report = report_of(times=(0.0, 10.0, 20.0, 30.0))
@@ -86,6 +93,11 @@ def test_the_band_holds_what_models_two_standard_errors_away_do(report):
 def test_an_interval_above_a_limit_is_a_warning(report):
     assert "The interval exceeds a limit" in render_plan(report)
     assert "Keeps every limit" in render_plan(report_of(model=CUP))
+
+
+def test_a_motion_of_the_waypoints_that_is_none():
+    with pytest.raises(ValueError, match="less than two milliseconds"):
+        proposed_motion(Waypoints(np.array([0.0, 5e-4, 1e-3]), 1e-5 * POINTS[:3], None))
 
 
 def test_every_number_is_that_of_the_document(report):

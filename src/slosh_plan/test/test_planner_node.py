@@ -201,6 +201,16 @@ def test_a_cancelled_goal_ends_with_what_it_has(cell: Cell) -> None:
     check_motion(done.result.plan, LOOP)
 
 
+def test_cancelled_before_there_is_a_motion_it_says_so(cell: Cell) -> None:
+    goal = cell.send(request(LOOP, limit=0.0015, residual_limit=0.0001), [])
+    cell.got(goal.cancel_goal_async())
+    done = cell.got(goal.get_result_async())
+    assert done.status == GoalStatus.STATUS_CANCELED
+    assert not done.result.success
+    assert "before a safe motion was found" in done.result.message
+    assert len(done.result.plan.trajectory.points) == 0
+
+
 BAD = {
     "none": (trajectory([]), "give a path"),
     "one point": (trajectory(LINE[:1]), "1 point: a motion needs at least 2"),

@@ -323,6 +323,14 @@ def test_a_planned_trajectory_that_is_none_is_refused(
     assert told(points(poses=False)).state == MotionPrediction.EXCEEDED
 
 
+def test_a_motion_that_is_over_is_refused(
+    cell: Cell, told: Callable[..., MotionPrediction]
+) -> None:
+    message = told(points(poses=False), 5_000_000_000)
+    assert message.state == MotionPrediction.REFUSED
+    assert "by its stamp it has ended" in message.description
+
+
 URDF = """<robot name="slide">
   <link name="rail"/><link name="cup"/>
   <joint name="slide" type="prismatic"><parent link="rail"/><child link="cup"/>
@@ -362,3 +370,10 @@ def test_a_motion_of_joints_is_that_of_the_cup_that_they_carry(cell: Cell, tmp_p
     message.joint_trajectory.points[7].positions = []
     with pytest.raises(SloshEstimatorError, match="point 7 has 0 positions for 1 joints"):
         trajectory_of(message, arm)
+
+
+def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SloshEstimatorError, match="give the link"):
+        read_arm(tmp_path / "no.urdf", "")
+    with pytest.raises(SloshEstimatorError, match="No such file"):
+        read_arm(tmp_path / "no.urdf", "cup")

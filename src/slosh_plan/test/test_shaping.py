@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -123,6 +124,14 @@ def test_the_path_stays_along_its_length_and_is_bent_per_axis(bend, name):
     )
 
 
+def test_accelerations_alone_tell_the_path(line):
+    motion = line(0.9)
+    course = course_of(replace(motion, position=None))
+    assert course.motion().position == pytest.approx(motion.position, abs=1e-4)
+    with pytest.raises(SloshPlanError, match=r"end at a speed of .* m/s"):
+        course_of(Trajectory(motion.t[:500], motion.acceleration[:500]))
+
+
 def test_a_motion_that_turns_back_rests_there(line):
     there = line(0.9)
     t = np.concatenate([there.t, there.t[1:] + 0.9])
@@ -147,6 +156,12 @@ def test_the_polynomial_is_at_rest_at_both_ends_and_has_no_part_at_the_pole(dura
     assert np.gradient(place, u)[1:-1] == pytest.approx(rate[1:-1], abs=1e-5)
     assert np.gradient(rate, u)[1:-1] == pytest.approx(change[1:-1], abs=1e-2)
     assert wave_left(change, u * duration, MODE) < 1e-6 * np.abs(change).max()
+
+
+def test_the_polynomial_does_not_run_backwards():
+    for periods in (0.8, 90.0):
+        with pytest.raises(SloshPlanError, match=f"{periods:.1f} periods of the liquid, has no"):
+            residual_free(MODE, periods * MODE.period)
 
 
 def test_a_rectangle_is_shaped_for_both_sides_where_both_are_excited():

@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from slosh_model import Inputs, simulate
-from slosh_plan import LiquidState
+from slosh_plan import LiquidState, stopping
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.stopping import safe_stop
+from slosh_plan.stopping import NoSafeStopError, safe_stop
 
 LIMITS = PlanLimits(0.015, 0.015, 9.5, 74.0)
 # The cup of conftest: R 50, h 70 mm, ζ 0.01.
@@ -87,6 +87,13 @@ def test_the_liquid_costs_time_and_a_wave_that_helps_costs_less(cup):
     assert max(durations) > min(durations)
     higher = safe_stop(cup, velocity, replace(LIMITS, height=0.03, residual=0.03))
     assert higher.duration < at_rest.duration
+
+
+def test_no_stop_is_said(cup, monkeypatch):
+    monkeypatch.setattr(stopping, "LONGEST", 1.0)
+    state = live(cup, 0.05)
+    with pytest.raises(NoSafeStopError, match=r"no stop of up to 1 s keeps 15 mm, .* found is"):
+        safe_stop(cup, [0.5, 0.0, 0.0], replace(LIMITS, residual=1e-5), state=state)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from slosh_model import Cylinder, Model
 from slosh_model.tilt import FELT, added_text, feeling, ignored_text, largest_tilt
-from slosh_plan import Trajectory, predict
+from slosh_plan import HeightLimits, Trajectory, predict, safe_scales
 
 CUP = Model(Cylinder(0.05, 0.07)).nonlinear().spatial()
 
@@ -53,3 +53,9 @@ def test_upright_motions_beside_it_are_answered_as_alone():
     assert [x.nonlinear.model for x in together] == [
         "3D-NL+gravity_tilt", "3D-NL", "3D-NL+gravity_tilt",
     ]  # fmt: skip
+
+
+def test_no_time_scale_of_a_large_tilt_is_safe():
+    """However slow: the surface stays level, and the wall dips below it."""
+    scales = safe_scales(CUP, tilting(60.0), HeightLimits(0.02))
+    assert math.isnan(scales.safe_from)

@@ -106,6 +106,12 @@ def test_attitudes_between_poses_turn_smoothly():
     assert np.allclose(half.angular_velocity, motion.angular_velocity / 2.0)
 
 
+@pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, np.inf])
+def test_an_impossible_scale_is_refused(factor):
+    with pytest.raises(SloshPlanError, match="time scale"):
+        still([0.0, 1.0]).scaled(factor)
+
+
 # Positions, velocities and accelerations that are not those of one motion are refused.
 
 
