@@ -267,6 +267,13 @@ def test_damaged_messages_are_refused_where_rosbags_refuses_them(name, seed):
         assert_same(columns(block_of(name, [bytes(whole)]), STORE), [decoded])
 
 
+def test_one_wrong_message_among_many_is_named():
+    data = estimates([2] * 6)
+    data[4] = data[4][:-9]
+    with pytest.raises(SloshBagError, match=r"/t at 4 ns: no slosh_msgs/msg/SloshEstimate"):
+        columns(block_of(ESTIMATE, data), STORE)
+
+
 @pytest.mark.parametrize(
     ("values", "match"),
     [

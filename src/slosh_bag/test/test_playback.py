@@ -13,7 +13,6 @@ from slosh_bag.nodes.player_thread import BATCH_LENGTH, BATCHES, ReadAhead
 from slosh_bag.playing.play_plan import (
     PlayRequest,
     make_plan,
-    offered_qos,
     refusal,
     without,
 )
@@ -249,18 +248,6 @@ def test_all_topics_of_a_cell_move_into_a_namespace_and_no_others(tmp_path):
 )  # fmt: skip
 def test_rosbag2s_notes_are_read_as_words_and_as_numbers(text, profiles):
     assert parse_offered(text) == profiles
-
-
-def test_one_publisher_satisfies_whoever_any_of_them_did():
-    def offer(*offered, kind=ACCEL):
-        return offered_qos(BagTopic(kind, "", "cdr", offered))
-
-    assert offer() == Qos("reliable", "volatile", 1000)
-    assert offer(Qos("best_effort")).reliability == "best_effort"
-    assert offer(Qos("best_effort"), Qos()).reliability == "reliable"
-    assert offer(Qos(), LATCHED) == Qos("reliable", "transient_local", 100)
-    assert offer(Qos(depth=5000)).depth == 5000
-    assert offer(kind="sensor_msgs/msg/Image").depth < 100
 
 
 def test_a_type_that_is_another_here_is_not_played_as_if_it_were_the_same(bag, tmp_path):

@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from mcap.writer import IndexType, Writer
+from mcap.writer import Writer
 
 from slosh_bag.bag_writer import BagWriter, Split
 from slosh_bag.errors import SloshBagError
@@ -59,14 +59,6 @@ def test_columns_of_a_block(tmp_path):
         reader.columns(next(reader.blocks()), ["x"])
 
 
-def test_messages_within_a_chunk_are_sorted_and_equal_times_keep_their_order(tmp_path):
-    foreign_file(tmp_path / "a.mcap", [30, 10, 20, 10, 40])
-    reader = BagReader(tmp_path / "a.mcap")
-    assert numbers(reader) == [1, 3, 2, 0, 4]
-    (block,) = reader.blocks()
-    assert block.log_ns.tolist() == [10, 10, 20, 30, 40]
-
-
 @pytest.mark.parametrize("cut", [0, 30])
 def test_a_file_without_checksums_says_so(tmp_path, cut):
     path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], enable_crcs=False)
@@ -74,17 +66,6 @@ def test_a_file_without_checksums_says_so(tmp_path, cut):
     reader = BagReader(path)
     assert numbers(reader) == [0, 1, 3]
     assert any("damage would not be noticed" in text for text in reader.warnings)
-
-
-def test_files_without_a_summary_or_statistics(tmp_path):
-    bare = {
-        "index_types": IndexType.NONE, "repeat_channels": False, "repeat_schemas": False,
-        "use_summary_offsets": False, "use_statistics": False,
-    }  # fmt: skip
-    reader = BagReader(foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], **bare))
-    assert numbers(reader) == [0, 1, 3]
-    assert reader.topics()["/t"].count == 3
-    assert reader.warnings == []
 
 
 def test_memory_does_not_grow_with_the_bag(tmp_path):
@@ -115,17 +96,6 @@ def test_splits_are_read_in_the_order_of_their_numbers(tmp_path):
     reader = BagReader(folder)
     assert numbers(reader) == list(range(120))
     assert reader.topics()["/odd"].count == 60
-    assert reader.warnings == []
-
-
-def test_metadata_orders_files_whose_names_do_not(tmp_path):
-    folder = header_bag(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
-    (folder / "bag_0.mcap").rename(folder / "z.mcap")
-    noted = folder / "metadata.yaml"
-    noted.write_text(noted.read_text().replace("bag_0.mcap", "bag/z.mcap"))
-    assert [file.name for file in bag_files(folder)] == ["z.mcap", "bag_1.mcap", "bag_2.mcap"]
-    reader = BagReader(folder)
-    assert numbers(reader) == list(range(30))
     assert reader.warnings == []
 
 

@@ -9,8 +9,6 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
-from mcap.records import Message
-from mcap.stream_reader import StreamReader
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
@@ -240,28 +238,6 @@ def test_two_that_speak_where_one_may_are_told_and_noted(graph):
     graph.finish()
     line = shared_topics_line(BagReader(graph.folder).metadata())
     assert line.startswith(f"several publishers were mixed on {topic} (of 2 x /talker), ")
-
-
-def test_log_times_are_those_of_the_reception_in_order(graph):
-    graph.record()
-    publishers = [graph.publisher(Header, name) for name in ("a", "b")]
-    sent = []
-    for number in range(200):
-        sent.append(time.time_ns())
-        publishers[number % 2].publish(Header(frame_id=str(number)))
-    graph.until(lambda: graph.recorded("a") == graph.recorded("b") == 100)
-    graph.recorder.close()
-    with (graph.folder / "bag_0.mcap").open("rb") as stream:
-        found = [r for r in StreamReader(stream).records if isinstance(r, Message)]
-    # In the file itself, so that an unfinished one is in order too.
-    stamps = [record.log_time for record in found]
-    assert stamps == sorted(stamps)
-    assert all(record.publish_time <= record.log_time for record in found)
-    reader = BagReader(graph.folder)
-    own = [message for message in reader.messages() if message.topic.startswith(graph.prefix)]
-    headers = [reader.decode(message) for message in own]
-    assert [int(header.frame_id) for header in headers] == list(range(200))
-    assert all(0 <= stamp - begun < 1e9 for stamp, begun in zip(stamps, sent, strict=True))
 
 
 def test_a_bag_is_split_as_the_parameters_say(graph):

@@ -229,6 +229,16 @@ def test_a_constant_that_is_set_anew_is_not_compiled_under_the_old_name(define, 
             module.top(3.0)
 
 
+def test_nor_in_place_of_damaged_code(define, tmp_path):
+    define(BASE, "twice").top.load()
+    module = define(BASE, "twice")
+    for path in (tmp_path / "cache").rglob("*.code"):
+        path.write_bytes(b"")
+    module.K = 5.0
+    with pytest.raises(TypeError, match="part: a constant that it reads was changed"):
+        module.top(3.0)
+
+
 def test_code_that_points_into_its_process_is_not_kept(define, tmp_path):
     text = "LARGE = np.ones(10**6)\n@entry_point(float64(int64))\ndef top(k):\n    return LARGE[k]"
     with pytest.raises(TypeError, match=r"throwaway_\d+\.top: code that holds addresses"):
@@ -335,6 +345,15 @@ def test_uncompiled_is_plain_python_all_the_way_down(define, monkeypatch):
         found = [plain(x) for x in (0.0, 0.3, 7.7, 1e9)]
     assert found == [module.top(x) for x in (0.0, 0.3, 7.7, 1e9)]
     assert uncompiled(module.part)(4.0) == 3.0
+
+
+def test_a_part_is_not_called_from_python(define):
+    """It has no machine code for that, and the processor would run whatever lies at zero."""
+    part = "@compiled\ndef part(x):\n    return x + 1.0\n"
+    module = define(f"{part}@entry_point(float64(float64))\ndef top(x):\n    return part(x)\n")
+    assert module.top(1.0) == 2.0
+    with pytest.raises(TypeError, match=r"part is a part of compiled functions; call it from one"):
+        module.part(1.0)
 
 
 def test_the_models_own_step_is_the_same_uncompiled():

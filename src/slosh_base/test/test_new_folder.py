@@ -78,6 +78,18 @@ def test_a_folder_that_holds_something_is_refused(tmp_path):
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
+def test_a_file_is_no_folder(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("mine")
+    for path in (file, file / "below"):
+        with pytest.raises(SloshFileError, match="file: is not a folder"):
+            new_folder(path).__enter__()
+    with pytest.raises(SloshFileError, match="is not a folder"):
+        check_free(file)
+    check_free(tmp_path / "none")
+    assert file.read_text() == "mine"
+
+
 def test_what_is_replaced_goes_when_the_new_is_whole(tmp_path):
     fill(tmp_path, ["bag_0.mcap", "bag_1.mcap", "metadata.yaml"])
     (tmp_path / "bag_0.mcap").write_text("old")
@@ -108,6 +120,16 @@ def test_what_killed_writers_left_is_removed_and_nothing_else(tmp_path):
     remove_unfinished(tmp_path, (".csv",))
     remove_unfinished(tmp_path / "none")
     assert names(tmp_path) == [".hidden", "bag_0.mcap"]
+
+
+def test_errors_of_the_system_name_the_folder(tmp_path):
+    folder = tmp_path / "bag"
+    with pytest.raises(OSError, match="No such file") as caught, new_folder(folder) as room:
+        (room / "none" / "file").write_text("")
+    assert caught.value.filename == str(folder)
+    with pytest.raises(OSError, match="No such file") as caught, new_folder(folder):
+        (tmp_path / "other").read_text()
+    assert caught.value.filename == str(tmp_path / "other")
 
 
 def names_of_one_file(folder):

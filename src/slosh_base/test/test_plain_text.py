@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from slosh_base.files.plain_text import PlainStream, plain_line, plain_lines
+from slosh_base.files.plain_text import LONGEST, PlainStream, plain_line, plain_lines
 
 
 @pytest.mark.parametrize(
@@ -21,6 +21,12 @@ from slosh_base.files.plain_text import PlainStream, plain_line, plain_lines
 )
 def test_control_characters_are_written_out(text, expected):
     assert plain_line(text) == expected
+
+
+def test_a_line_has_a_length():
+    assert len(plain_line("x" * 10**6)) == LONGEST
+    assert len(plain_line("\x1b" * LONGEST)) == LONGEST
+    assert plain_line("x" * LONGEST) == "x" * LONGEST
 
 
 def test_lines_and_tabs_stay_in_a_text_of_lines():
@@ -40,3 +46,10 @@ def test_a_stream_draws_bars_and_obeys_nobody_else(text, expected):
     target = io.StringIO(newline="")
     assert PlainStream(target).write(text) == len(text)
     assert target.getvalue() == expected
+
+
+def test_a_stream_is_the_old_one_in_all_else():
+    target = io.StringIO()
+    print("a", "\x1b", sep="\t", file=PlainStream(target), flush=True)
+    assert target.getvalue() == "a\t\\x1b\n"
+    assert not PlainStream(target).isatty()

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_base.files.errors import SloshFileError, TextFileError, YamlError
-from slosh_base.files.yaml_document import format_yaml, parse_yaml, read_yaml
+from slosh_base.files.yaml_document import format_yaml, parse_yaml, read_yaml, shown
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,17 @@ def test_a_mistake_is_one_line_with_its_place(text, said):
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_the_line_of_every_key_is_known():
+    document = parse_yaml("a: &x\n  p: 1\nb:\n  <<: *x\n  q: [1,\n   2]\n  r:\n  - s: 1", "f.yaml")
+    assert document.value["b"] == {"p": 1, "q": [1, 2], "r": [{"s": 1}]}
+    assert document.at("b", "q", 1) == "f.yaml:6: b.q[1]"
+    assert document.where("b", "r", 0, "s") == "f.yaml:8"
+    assert document.where("b", "p") == "f.yaml:2"  # where it comes from
+    assert document.at("b", "t") == "f.yaml:3: b.t"  # what is missing: where it should be
+    assert document.at("t") == "f.yaml: t"
+    assert parse_yaml("", "f.yaml").where("a") == "f.yaml"
+
+
 def test_keys_of_the_mapping_itself_count_before_those_that_are_merged():
     document = parse_yaml("a: &x {p: 1}\nb:\n  <<: *x\n  p: 2", "f.yaml")
     assert document.value["b"] == {"p": 2}
@@ -80,6 +91,12 @@ def test_what_is_written_reads_the_same_here_and_by_any_reader(value):
     text = format_yaml(value, allow_unicode=True)
     assert parse_yaml(text, "f.yaml").value == value
     assert yaml.safe_load(text) == value
+
+
+def test_values_are_shown_briefly():
+    assert shown("a") == "'a'"
+    assert shown([1] * 1000) == "a list"
+    assert len(shown("a" * 1000)) == 61
 
 
 def test_what_cannot_be_read_is_told(tmp_path):

@@ -68,17 +68,6 @@ def test_specks_are_taken_away():
     assert level[140, 40] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_restless_channel_counts_little():
-    # Blue differs as much as the others, but is full of noise.
-    rng = np.random.default_rng(2)
-    picture = wall((60, 60, 60), (180, 180, 180), noise=2.0)
-    restless = picture[..., 0] + rng.normal(0.0, 45.0, (ROWS, LINES))
-    picture[..., 0] = np.clip(restless, 0, 255).astype(np.uint8)
-    tone, _ = reduced(picture)
-    assert abs(tone.axis[0]) < 0.3 * abs(tone.axis[1])
-    assert abs(tone.axis[0]) < 0.3 * abs(tone.axis[2])
-
-
 @pytest.mark.parametrize("surface", [45, 90, 150, 205])
 def test_the_background_is_what_is_above_not_the_free_surface(surface):
     picture = wall(45, 210, surface=surface)
@@ -86,25 +75,6 @@ def test_the_background_is_what_is_above_not_the_free_surface(surface):
     tone, _ = reduced(picture)
     assert tone.background[0] == 210
     assert tone.liquid[0] == 45
-
-
-@pytest.mark.parametrize("noise", [1.0, 4.0, 10.0])
-def test_noise_is_that_of_a_sample_on_the_axis(noise):
-    tone, _ = reduced(wall(60, 200, noise=noise))
-    assert tone.noise == pytest.approx(noise / 140.0, rel=0.35)
-
-
-def test_what_is_outside_the_image_does_not_count():
-    picture = wall((40, 60, 190), (215, 210, 205), noise=2.0)
-    inside = INSIDE.copy()
-    inside[:25], inside[:, :12] = False, False
-    tone = find_tone(picture, inside, BODY, ABOVE)
-    garbage = picture.copy()
-    garbage[~inside] = 0
-    other = find_tone(garbage, inside, BODY, ABOVE)
-    np.testing.assert_array_equal(other.background, tone.background)
-    np.testing.assert_array_equal(other.liquid, tone.liquid)
-    np.testing.assert_allclose(other.axis, tone.axis)
 
 
 @pytest.mark.parametrize("shape", [(), (3,)])
@@ -164,26 +134,6 @@ def test_a_dark_table_beside_the_container_is_expected_behind_it():
     assert found.shape == (HIGH, 50)
     assert found[: EDGE - 10] == pytest.approx(1.0)
     assert found[EDGE + 10 :] == pytest.approx(0.1, abs=0.01)
-
-
-def test_what_is_far_behind_goes_straight_on_where_rows_of_the_wall_are_bent():
-    # Seen from above, a height on the front wall is lower in the image in its middle.
-    bent = grid()
-    sag = 20.0 * np.sin(np.pi * np.arange(50) / 49.0)
-    bent[..., 1] += sag
-    found = Backdrop(bent, (WIDE, HIGH)).reduced(room(), TONE)
-    edge = np.argmax(found < 0.5, axis=0)
-    assert np.abs(edge - (EDGE - sag)).max() < 6.0
-    assert edge[0] - edge[25] == pytest.approx(20, abs=1)
-
-
-def test_between_two_sides_it_goes_over_from_one_to_the_other():
-    image = room()
-    image[:, WIDE // 2 :] = 200
-    found = Backdrop(grid(), (WIDE, HIGH)).reduced(image, TONE)[EDGE + 20]
-    assert found[0] == pytest.approx(0.1, abs=0.01)
-    assert found[-1] == pytest.approx(1.0)
-    assert np.all(np.diff(found) > 0.0)
 
 
 # Medians of few numbers against NumPy's.

@@ -163,13 +163,6 @@ def test_wrong_intrinsics_show_as_residual():
         find_board(image, PinholeCamera(1280, 960, 700.0, 1500.0, 639.5, 479.5), CHARUCO)
 
 
-def test_board_descriptions():
-    assert parse_board("charuco:7x5:0.02:0.015") == Board(True, 7, 5, 0.02, 0.015, "4X4_50")
-    assert parse_board("aruco:3x2:0.03:0.006:DICT_5X5_100") == Board(
-        False, 3, 2, 0.03, 0.006, "5X5_100"
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "match"),
     [

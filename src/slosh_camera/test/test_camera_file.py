@@ -13,7 +13,6 @@ from slosh_camera.calibrate.camera_file import (
 )
 from slosh_camera.detection.learnt import read_still_image
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.calibration import Calibration
 from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
 
 TEXT = """\
@@ -49,19 +48,6 @@ def test_every_value_arrives():
     assert calibration.camera_name == "side"
     assert cup.wall_refractive_index == 1.52
     assert calibration.still_image == Path("images/still.png")
-
-
-def test_round_trip_without_the_optional_parts():
-    full = parse_calibration(TEXT)
-    bare = parse_calibration(format_calibration(Calibration(full.view)))
-    assert bare.region is None
-    assert bare.detection == DetectionSettings()
-    assert bare.still_image is None
-
-
-def test_a_wall_is_of_acrylic_glass_unless_told_otherwise():
-    text = TEXT.replace(",\n            wall_refractive_index: 1.52", "")
-    assert parse_calibration(text).view.cup.wall_refractive_index == 1.49
 
 
 def test_file_round_trip(tmp_path):

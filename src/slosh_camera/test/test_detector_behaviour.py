@@ -265,16 +265,6 @@ def test_a_front_line_alone_does_not_tell_how_liquid_at_rest_leans(make_scene, m
         assert result.msh == pytest.approx(0.01, abs=0.25 * MM)
 
 
-def test_both_lines_tell_how_liquid_at_rest_leans_against_the_calibration(make_scene):
-    scene = make_scene(camera_height=0.12)
-    detector = FreeSurfaceDetector(scene.calibration())
-    detector.learn_still(scene.draw(0.4 * MM, np.pi / 2))
-    rest = detector.measure(0, scene.draw(0.4 * MM, np.pi / 2))
-    assert rest.msh == pytest.approx(0.0, abs=0.1 * MM)
-    wave = detector.measure(1, scene.draw(0.0104, np.pi / 2))
-    assert wave.msh == pytest.approx(0.01, abs=0.15 * MM)
-
-
 def test_a_label_that_ends_near_the_line_is_not_in_the_zero(make_scene):
     scene = make_scene(camera_height=0.12)
     still, wave = scene.draw(), scene.draw(0.01, np.pi / 2)
@@ -295,19 +285,6 @@ def test_a_texture_is_no_liquid_at_rest(make_scene, seed):
         detector.learn_still(texture(seed))
     assert "\n" not in str(refusal.value)
     assert detector.still_offset == 0.0
-
-
-def test_a_still_image_is_read_the_same_whatever_was_learnt_before(make_scene):
-    bright = make_scene(camera_height=0.12, surface=190)
-    dark = make_scene(camera_height=0.12, surface=60)
-    twice, once = (FreeSurfaceDetector(dark.calibration()) for _ in range(2))
-    twice.learn_still(bright.draw(level=0.5 * MM))
-    for detector in (twice, once):
-        detector.learn_still(dark.draw(level=-0.3 * MM))
-    assert twice.still_offset == once.still_offset
-    for index, azimuth in enumerate((-1.6, 0.4, 1.5)):
-        image = dark.draw(0.015, azimuth)
-        same(twice.measure(index, image), once.measure(index, image))
 
 
 # No memory.

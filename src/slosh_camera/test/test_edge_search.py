@@ -50,13 +50,6 @@ def test_noise_moves_an_edge_little(width, sign):
     assert abs(np.mean(error)) < 0.02 * max(width, 1.0)
 
 
-def test_width_is_the_step_over_the_steepest_slope():
-    for width in (1.0, 1.5, 2.0, 3.0, 4.0):
-        _, found = refined(soft_edges(PLACES, width), PLACES)
-        # Of a Gaussian's integral: sqrt(2 pi) widths.
-        assert np.median(found) == pytest.approx(np.sqrt(2.0 * np.pi) * width, rel=0.1)
-
-
 def test_there_is_no_edge_in_nothing_and_none_at_the_border():
     flat = np.zeros((ROWS, 100), np.float32)
     place, width = refined(flat, PLACES)
@@ -85,15 +78,6 @@ def test_levels_are_medians_of_what_is_near_the_most_frequent_level():
     part = picture[20:200]
     expected = [np.median(line[np.abs(line - 0.08) < 0.25]) for line in part.T]
     np.testing.assert_allclose(found, expected, atol=0.002)
-
-
-def test_a_line_without_liquid_has_no_level():
-    picture = np.zeros((60, 10), np.float32)
-    picture[:, 4] = 1.0
-    picture[:7, 5:] = 1.0
-    picture[:53, 6] = 1.0  # seven samples of liquid
-    found = edge_search.liquid_levels(picture, 0, 60, 0.25)
-    assert np.flatnonzero(np.isnan(found)).tolist() == [4, 6]
 
 
 def tops(picture, inside=None, level=None):
@@ -169,14 +153,6 @@ def test_an_edge_the_other_way_round_counts_by_its_weight():
     np.testing.assert_allclose(slope, 0.5, atol=1e-6)
 
 
-def test_only_what_is_inside_near_and_above_the_floor_is_followed():
-    picture = planted(CURVE)
-    assert np.all(follow(picture, CURVE + 20.0, reach=10)[1] == 0.0)
-    assert np.all(follow(picture, CURVE, floor=CURVE - 3.0)[1] == 0.0)
-    assert np.all(follow(picture, CURVE, first=CURVE + 1)[1] == 0.0)
-    np.testing.assert_array_equal(follow(picture, CURVE, floor=CURVE + 0.0)[0], CURVE)
-
-
 # Tables.
 
 
@@ -207,16 +183,6 @@ def test_a_table_is_linear_between_its_rows():
         np.testing.assert_allclose(found[i], expected, atol=1e-12)
 
 
-def test_rows_between_every_fourth_line():
-    rows = np.array([10.0, 14.0, np.nan, 8.0, -1.0, 6.0])
-    found = edge_search.between_lines(rows, 4, 23)
-    np.testing.assert_allclose(found[:4], [10.0, 11.0, 12.0, 13.0])
-    assert np.all(np.isnan(found[4:12]))
-    np.testing.assert_allclose(found[12:20], -1.0)
-    # Beyond the last one there is no other.
-    np.testing.assert_allclose(found[20:], 6.0)
-
-
 # Agreement of a surface with a picture.
 
 
@@ -245,18 +211,6 @@ def test_the_true_lines_agree_best(surface, known):
     true = score(picture, front - 0.5, upper - 0.5, known)
     for i, j in ((12, 0), (-12, 0), (0, 12), (0, -12), (15, 15), (-15, -15), (-18, 18)):
         assert score(picture, front + i, upper + j, known) < true - 0.05
-
-
-def test_lines_that_a_label_hides_do_not_outvote_the_others():
-    front, upper = CURVE + 10, CURVE - 8
-    picture = two_lines(front, upper)
-    picture[20:, 30:60] = 1.0
-    told, untold = (
-        score(picture, front - 0.5, upper - 0.5, hidden=hidden) for hidden in (0.6, np.inf)
-    )
-    assert told > untold + 0.1
-    away = score(picture, front + 14.5, upper + 14.5, hidden=0.6)
-    assert away < told - 0.1
 
 
 def test_a_picture_without_a_surface_agrees_with_none():

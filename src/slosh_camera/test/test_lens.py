@@ -224,16 +224,6 @@ def test_a_projected_point_is_found_where_it_was(
     assert found_height[0] == pytest.approx(height, abs=1e-8)
 
 
-def test_a_wall_of_no_thickness_or_index_one_is_not_there():
-    azimuth = np.linspace(-np.pi, np.pi, 61)
-    straight = view(thickness=0.0).project_wall(azimuth, 0.01)
-    assert view(index=1.0).project_wall(azimuth, 0.01) == pytest.approx(straight)
-    thin = view(thickness=1e-9).project_wall(np.radians([-90.0, -30.0, 60.0]), 0.01)
-    assert thin == pytest.approx(
-        view(thickness=0.0).project_wall(np.radians([-90, -30, 60]), 0.01)
-    )
-
-
 @pytest.mark.skipif(not SEQUENCES.is_dir(), reason=f"no rendered sequences in {SEQUENCES}")
 @pytest.mark.parametrize("name", ["A_planar", "A_rotating", "B_rotating", "D_rotating"])
 def test_peaks_are_projected_where_the_ray_tracer_shows_them(name):

@@ -122,15 +122,6 @@ def test_stickers_hide_no_more_than_their_own_columns(grey):
     assert result.slope_angle == pytest.approx(WAVE.angle(SETUP.width), abs=np.radians(0.1))
 
 
-@pytest.mark.parametrize("learn", [False, True])
-def test_a_dark_strip_up_to_the_rim_is_no_crest(learn):
-    strip = Patch((-0.010, -0.02), (0.004, 0.06), 60.0)
-    result = measured(look=Look(patches=(strip,)), learn=learn)
-    assert Flag.SATURATED not in result.flags
-    assert Flag.OCCLUDED in result.flags
-    assert result.msh == pytest.approx(WAVE.highest(SETUP.width), abs=0.2 * PIXEL)
-
-
 def test_droplets_on_the_wall_are_no_crests():
     drops = tuple(
         Patch((x - 0.002, 0.021), (x + 0.002, 0.026), 60.0, round=True)

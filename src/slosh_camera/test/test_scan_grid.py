@@ -66,40 +66,7 @@ def test_points_of_the_rear_wall_are_seen_at_the_samples(seen):
     assert np.all(away < 0.75)
 
 
-def test_lines_are_straight_and_their_samples_equally_far_apart(seen):
-    _, grid = seen
-    steps = np.diff(grid.pixels, axis=0)
-    length = np.linalg.norm(steps, axis=2)
-    assert np.ptp(length) < 1e-9
-    assert 1.0 - 1e-9 <= length[0, 0] < 2.5
-    assert np.ptp(steps, axis=0).max() < 1e-9
-    assert np.all(steps[..., 1] > 0.0)  # from the top down
-    assert grid.shape[0] <= 302
-    assert grid.shape[1] <= 128
-
-
-@pytest.mark.parametrize("distance", [0.3, 0.7, 1.0, 1.5, 3.0])
-def test_a_camera_far_away_sees_more_than_half_of_a_thick_wall(distance):
-    # Refraction shows the front wall beyond its silhouette: more than half of it from afar.
-    far = view(distance=distance, focal=2000.0 * distance)
-    grid = build_scan_grid(far, None)
-    assert grid.shape[1] == 128
-    towards = np.cos(grid.azimuth - far.camera_azimuth)
-    assert np.max(towards) > 0.999
-    assert np.count_nonzero(towards < 0.3) < 30
-
-
 # What is inside.
-
-
-def test_lines_without_wall_above_the_still_level_are_left_out():
-    whole = build_scan_grid(VIEWS["steep"], None)
-    v = whole.pixels[whole.still_row, :, 1]
-    top = int(np.median(v))
-    grid = build_scan_grid(VIEWS["steep"], RegionOfInterest(0, top, WIDTH, HEIGHT - top))
-    # Four rows above it and more; from above, the front wall's middle lies lower in the image.
-    assert grid.shape[1] == np.count_nonzero(whole.pixels[whole.still_row - 4, :, 1] >= top)
-    assert 12 <= grid.shape[1] < np.count_nonzero(v >= top)
 
 
 # The wall unrolled.

@@ -11,7 +11,6 @@ from slosh_camera.cylinder.surface_modes import (
     SHAPES,
     Shape,
     shapes_at,
-    wall_shapes,
 )
 
 # Zeros of J0', J1' (two) and J2', as tables have them.
@@ -27,16 +26,6 @@ BESSEL = {
     Shape.DOUBLE_Y: (2, XI_21, np.sin),
 }
 WAVES = sorted(BESSEL)
-
-
-def disc(rings=40, around=48):
-    """Places of a product rule over the unit disc, and weights that sum to 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(rings)
-    rho, part = 0.5 * (nodes + 1.0), 0.5 * weights
-    angle = 2.0 * np.pi * np.arange(around) / around
-    r, a = np.meshgrid(rho, angle, indexing="ij")
-    weight = np.repeat((2.0 * part * rho / around)[:, np.newaxis], around, axis=1)
-    return (r * np.cos(a)).ravel(), (r * np.sin(a)).ravel(), weight.ravel()
 
 
 @pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
@@ -62,21 +51,6 @@ def test_no_liquid_flows_through_the_wall(shape):
     assert np.max(np.abs(outside - inside) / (2.0 * step)) < 1e-6
 
 
-@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
-def test_no_shape_changes_the_volume(shape):
-    x, y, weight = disc()
-    assert np.sum(weight) == pytest.approx(1.0)
-    assert abs(weight @ shapes_at(x, y)[:, shape]) < 1e-12
-
-
-def test_shapes_are_independent_of_one_another():
-    # Otherwise a fit could not tell them apart.
-    x, y, weight = disc()
-    shapes = shapes_at(x, y)
-    products = shapes.T @ (weight[:, np.newaxis] * shapes)
-    assert np.max(np.abs(products - np.diag(np.diag(products)))) < 1e-10
-
-
 def test_the_table_is_as_exact_as_it_says():
     # Of the heights, on the line where each is highest; between the table's places and at them.
     rho = np.sqrt(np.linspace(0.0, 1.0, 20001))
@@ -98,10 +72,3 @@ def test_compiled_shapes_are_the_same_over_the_disc(rho, angle):
     compiled = silhouette.shapes_of(np.array([[x, y, 0.123]]))
     assert compiled.shape == (1, SHAPES)
     np.testing.assert_allclose(compiled, shapes_at(x, y), atol=2e-5)
-
-
-@settings(deadline=None, derandomize=True)
-@given(st.floats(-10.0, 10.0))
-def test_compiled_shapes_are_the_same_on_the_wall(angle):
-    compiled = silhouette.wall_shapes_of(np.array([angle]))
-    np.testing.assert_allclose(compiled, wall_shapes(angle), atol=1e-9)

@@ -82,18 +82,6 @@ def test_the_fitted_surfaces_highest_point(size, azimuth, level):
     assert -np.pi <= found.azimuth <= np.pi
 
 
-def test_heights_are_above_the_surface_at_rest():
-    zero = slosh(0.5 * MM, 1.0, 2.0 * MM)
-    reading = read(fit_of(zero + slosh(10.0 * MM, -1.2)), zero=zero)
-    assert reading.fitted().height == pytest.approx(10.0 * MM, abs=1e-7)
-    assert reading.seen().height == pytest.approx(10.0 * MM, abs=1e-7)
-    assert reading.seen().azimuth == pytest.approx(-1.2, abs=1e-4)
-    np.testing.assert_allclose(
-        reading.height, 10.0 * MM * np.cos(reading.azimuth + 1.2), atol=1e-7
-    )
-    assert reading.at(-1.2) == pytest.approx(10.0 * MM, abs=0.01 * MM)
-
-
 def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_one():
     azimuth = -1.3
     # A third mode, which is none of the fitted shapes.
@@ -106,14 +94,6 @@ def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_on
     assert 0.4 * MM < gain < 0.9 * MM
     assert raised.seen().azimuth == pytest.approx(azimuth, abs=np.radians(3.0))
     assert raised.at(azimuth) == pytest.approx(raised.seen().height, abs=0.05 * MM)
-
-
-def test_the_edge_of_a_label_is_no_part_of_the_line():
-    bump = np.random.default_rng(3).normal(0.0, 0.05 * MM, LINES)
-    bare = read(fit_of(slosh(10.0 * MM, FRONT[60]), bump=bump)).seen().height
-    bump[55:68] += 2.5 * MM
-    found = read(fit_of(slosh(10.0 * MM, FRONT[60]), bump=bump)).seen()
-    assert found.height == pytest.approx(bare, abs=0.15 * MM)
 
 
 # What is seen.
@@ -159,24 +139,6 @@ def test_nothing_seen_is_nan_and_the_fit_is_left():
 
 
 # Lower bounds.
-
-
-def test_a_cut_off_surface_is_as_high_as_its_points_alone():
-    # Front points beyond -57 degrees reach the border: they lie lower than the surface.
-    fit = fit_of(slosh(30.0 * MM, 0.0), rear=False)
-    bound = np.degrees(FRONT) > -57.0
-    border = 16.5 * MM
-    points = replace(fit.points, bound=bound, height=np.where(bound, border, fit.points.height))
-    error = np.where(bound, fit.points.height - border, 0.0)
-    fit = replace(fit, points=points, front_error=error, front_weight=np.where(bound, 0.0, 1.0))
-    reading = read(fit, cut_off=True)
-    seen = reading.seen()
-    assert seen.height == pytest.approx(border, abs=1e-6)
-    assert np.degrees(seen.azimuth) > -57.0
-    assert reading.azimuth.size == LINES
-    # Nothing is told of what is beyond a point's own place.
-    assert np.isnan(reading.at(np.radians(170.0)))
-    assert np.isfinite(read(fit).at(np.radians(170.0)))
 
 
 # Edges that contradict the fit.

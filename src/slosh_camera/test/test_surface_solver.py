@@ -158,39 +158,6 @@ def test_silhouette_against_looking_everywhere(make_scene, camera):
     assert np.percentile(np.abs(errors), 90) < 0.08
 
 
-def test_the_edge_of_a_crest_is_seen_lower_in_a_soft_picture(make_scene):
-    # A camera at the level of the liquid sees the hill in the middle against the background.
-    wall = WallGeometry(build_scan_grid(make_scene().calibration().view, None), RADIUS)
-    heights = np.zeros(SHAPES)
-    heights[Shape.MEAN] = -4.0 * MM
-
-    def middle(softness):
-        rows = silhouette.silhouette_rows(
-            wall.near, wall.far, wall.last_row, RADIUS, softness * wall.footprint, heights
-        )
-        return rows[wall.lines // 2]
-
-    bare = middle(1e-6)
-    # Half way to the rear wall a row is lower than there by a tenth.
-    assert middle(1.0) - bare == pytest.approx(1.1, abs=0.1)
-    assert middle(2.0) - bare == pytest.approx(2.2, abs=0.2)
-
-
-def test_silhouette_rows_that_cannot_be_seen(make_scene):
-    wall = WallGeometry(build_scan_grid(make_scene(**PITCHED).calibration().view, None), RADIUS)
-    far = wall.far.copy()
-    far[:, 3] = np.nan
-
-    def rows(level):
-        heights = np.eye(SHAPES)[Shape.LEVEL] * level
-        return silhouette.silhouette_rows(wall.near, far, wall.last_row, RADIUS, NO_FADE, heights)
-
-    too_high, too_low = rows(0.2), rows(-0.2)
-    assert np.isnan(too_high[3])
-    assert np.all(np.delete(too_high, 3) == -1.0)
-    assert np.all(np.isnan(too_low))
-
-
 # The fit.
 
 
@@ -213,16 +180,6 @@ def test_noiseless_points_and_rays_give_the_surface_back():
     # Where a crest is flat, the place of touch is known less exactly.
     assert np.max(errors) < 0.02 * MM
     assert np.median(errors) < 0.001 * MM
-
-
-def test_rays_alone_tell_the_surface_over_the_whole_cross_section():
-    # A hill in the middle is seen at the wall as if the level were lower.
-    heights = np.zeros(SHAPES)
-    heights[Shape.MEAN] = -2.0 * MM
-    start = 0.9 * heights
-    rays = touching_rays(heights, 60, np.random.default_rng(7))
-    found, *_ = solve(front_points(heights), rays, start=start)
-    np.testing.assert_allclose(found, heights, atol=0.05 * MM)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -256,18 +213,6 @@ def test_a_rough_start_needs_the_coarse_way():
     )
     np.testing.assert_allclose(coarse, 1.8 * MM, atol=1e-6)
     np.testing.assert_allclose(fine, 0.0, atol=1e-6)
-
-
-def test_the_surface_is_not_below_a_bound_however_far():
-    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 120))
-    height = np.full(120, 20.0 * MM)
-    precision = np.diag(np.full(SHAPES, (5.0 * MM) ** -2.0))
-    free = solve((shapes, height), precision=precision, scale=0.1 * MM)[0]
-    held = solve(
-        (shapes, height), precision=precision, scale=0.1 * MM, bound=np.ones(120, np.bool_)
-    )[0]
-    assert free[Shape.LEVEL] == pytest.approx(0.0, abs=1e-6)  # outliers, all of them
-    assert np.min(shapes @ held) > 19.9 * MM
 
 
 def test_without_data_the_prior_is_left():
@@ -345,19 +290,3 @@ def test_most_points_agree_with_the_first_guess():
 
 
 # Around the wall.
-
-
-def test_residuals_are_spread_over_their_neighbourhood_around_the_closed_curve():
-    kernel = np.array([0.25, 0.5, 1.0, 0.5, 0.25])
-    index, residual, trust = np.array([0, 17]), np.array([2.0, -3.0]), np.array([1.0, 0.5])
-    total, count, seen = surface_solver.around_the_wall(index, residual, trust, 18, kernel, 3)
-    sums, weights, near = np.zeros(18), np.zeros(18), np.zeros(18, bool)
-    for place, value, weight in zip(index, residual, trust, strict=True):
-        for k in range(-2, 3):
-            sums[(place + k) % 18] += kernel[k + 2] * weight * value
-            weights[(place + k) % 18] += kernel[k + 2] * weight
-        for k in range(-1, 2):
-            near[(place + k) % 18] = True
-    np.testing.assert_allclose(total, sums, atol=1e-12)
-    np.testing.assert_allclose(count, weights, atol=1e-12)
-    np.testing.assert_array_equal(seen, near)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from example_effects import in_fitting_container
-from example_motions import BASE, DURATION, NOISE, inputs_of, measured
+from example_motions import BASE, NOISE, measured
 
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
 from slosh_discovery.discover.evidence import (
@@ -14,20 +14,12 @@ from slosh_discovery.discover.evidence import (
 )
 from slosh_discovery.discover.explanation import Explanation, starts
 from slosh_discovery.discover.fitting import fit
-from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.problem import prepare
 from slosh_discovery.discover.search import Search
 from slosh_discovery.discover.tuning import TUNING
-from slosh_model import predicted_heights
 from slosh_model.effects.registry import EFFECTS
 
 RANDOM = np.random.default_rng(3)
-
-
-def test_white_noise_counts_in_full():
-    series = [RANDOM.normal(size=(500, 8)) for _ in range(3)]
-    assert correlation_length(series) == pytest.approx(1.0, abs=0.3)
-    assert columns_together(series) == pytest.approx(1.0, abs=0.1)
 
 
 def test_residuals_that_go_together_count_once():
@@ -89,20 +81,6 @@ def test_a_clock_caught_beside_the_right_one_is_found_out():
     assert found == pytest.approx(0.4, abs=0.02)
     right = fit(Explanation(BASE), [motion], np.zeros(0), [0.4])
     assert slipped_offsets(right, [motion]) is None
-
-
-def test_thinned_inputs_give_the_same_heights():
-    """A motion at 1 kHz is taken at the camera's moments and a few between them."""
-    coarse = inputs_of(4)
-    t = np.arange(0.0, coarse.t[-1], 0.001)
-    inputs = coarse.resampled(t)
-    times = np.arange(0.0, DURATION - 0.1, 1.0 / 60.0)
-    heights = predicted_heights(BASE, inputs, times)[:, 0]
-    motion = prepare(MeasuredMotion("dense", inputs, times, msh=heights), noise=NOISE)
-    assert np.diff(motion.coarse.t).max() < 1.01 * TUNING.input_spacing
-    answer = motion.simulate(BASE)
-    assert answer is not None
-    assert answer.at(motion.t, 0.0)[:, 0] == pytest.approx(heights, abs=2e-5)
 
 
 @pytest.mark.parametrize("name", EFFECTS)

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from example_finding import BASE, NOISE, example_finding, example_report
 
@@ -12,7 +11,6 @@ from slosh_discovery.discover.finding import (
     Finding,
     FoundEffect,
     HeightGap,
-    Role,
     Verdict,
 )
 from slosh_discovery.discovery_report import (
@@ -22,7 +20,6 @@ from slosh_discovery.discovery_report import (
     discovery_text,
     render_discovery,
 )
-from slosh_discovery.discovery_report.page import drawn_motions
 from slosh_discovery.discovery_report.words import (
     headline,
     rivals,
@@ -92,20 +89,6 @@ def test_what_is_not_known_is_null():
         )
     )
     assert json.loads(discovery_json(bare))["confidence"] is None
-
-
-def test_a_motions_residual_is_over_all_its_heights_and_its_closed_share_follows():
-    finding = example_finding()
-    for entry, row in zip(finding.motions, document_of()["motions"], strict=True):
-        known = np.isfinite(entry.motion.heights)
-        assert row["samples"] == known.sum()
-        for key, heights in (("before", entry.before_heights), ("after", entry.after_heights)):
-            expected = np.sqrt(np.mean((entry.motion.heights - heights)[known] ** 2))
-            assert row[key]["residual"] == pytest.approx(expected, rel=1e-12)
-            assert row[key]["sigma"] == getattr(entry, key).sigma
-        squares = [row[key]["residual"] ** 2 for key in ("before", "after")]
-        share = 1.0 - (squares[1] - NOISE**2) / (squares[0] - NOISE**2)
-        assert row["closed"] == pytest.approx(min(share, 1.0), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -191,33 +174,12 @@ def test_rivals_of_another_kind_come_from_the_explanations():
     )
 
 
-def test_held_out_motions_are_drawn_first_and_one_of_the_fit_always():
-    finding = example_finding()
-    fit, held = finding.motions[0], finding.motions[2]
-    many = replace(finding, motions=(*[fit] * 4, *[held] * 8))
-    drawn = drawn_motions(many)
-    roles = [many.motions[index].role for index in drawn]
-    assert len(drawn) == 6
-    assert roles.count(Role.FIT) == 1
-    assert drawn_motions(finding) == [0, 1, 2]
-
-
 def test_a_finding_with_nothing_in_it_still_has_a_page_and_a_text():
     gap = HeightGap(NAN, NAN, NAN, NAN, NAN, NAN, NAN)
     for verdict in Verdict:
         report = DiscoveryReport(Finding(verdict, BASE, BASE, (), NAN, gap, ()))
         assert "<h1>" in render_discovery(report)
         assert "nan" not in discovery_text(report)
-
-
-def test_what_was_not_tried_says_why():
-    page = render_discovery(
-        with_finding(
-            motions=(), candidates=(Candidate(("yaw_coupling",), reason="there is no yaw"),)
-        )
-    )
-    assert "1 not tried, and why" in page
-    assert "there is no yaw" in page
 
 
 def test_commands_are_on_the_page_as_they_are_typed():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_discovery.discover.colour import Colour, estimate_colour
+from slosh_discovery.discover.colour import estimate_colour
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify import Strategy, identify
@@ -118,17 +118,6 @@ def test_colour_is_told_through_gaps_and_outliers():
     colour = estimate_colour(residual, neighbours_of(problem.trials), 0)
     assert colour.stddev == pytest.approx(NOISE, rel=0.08)
     assert colour.correlation == pytest.approx(0.7, abs=0.04)
-
-
-def test_what_is_freed_of_its_colour_is_white():
-    rng = np.random.default_rng(4)
-    problem = problem_of(measured(rng, 30, 8, rho=0.7, gaps=0.3), base=TRUTH)
-    neighbours = neighbours_of(problem.trials)
-    residual = problem.residuals([problem.starts])[:, 0]
-    white = neighbours.whitened(residual, Colour(NOISE, 0.7))
-    linked = neighbours.before >= 0
-    assert np.std(white) == pytest.approx(1.0, abs=0.05)
-    assert abs(np.mean(white[linked] * white[neighbours.before[linked]])) < 0.06
 
 
 def test_outliers_move_the_answer_by_less_than_its_error():

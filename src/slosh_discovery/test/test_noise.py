@@ -74,17 +74,6 @@ def test_the_top_of_the_picture_is_not_taken_for_silence():
     assert estimate_noise(capped).stddev == pytest.approx(5e-4, rel=0.3)
 
 
-def test_wall_heights_by_azimuth():
-    inputs = shaken(cross=0.3)
-    response, _ = simulate(MODEL, inputs)
-    azimuth = np.radians(np.arange(0.0, 360.0, 30.0))
-    eta = np.outer(np.interp(T, inputs.t, response.sh_x), np.cos(azimuth))
-    eta += np.outer(np.interp(T, inputs.t, response.sh_y), np.sin(azimuth))
-    eta += 4e-4 * np.random.default_rng(1).normal(size=eta.shape)
-    motion = MeasuredMotion("walls", inputs, T, eta_azimuth=azimuth, eta=eta)
-    assert estimate_noise(motion).stddev == pytest.approx(4e-4, rel=0.1)
-
-
 def test_still_part_needs_one_clock_rest_and_some_noise():
     inputs = shaken()
     motion = measured(inputs, 5e-4)

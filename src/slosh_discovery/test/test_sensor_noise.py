@@ -137,16 +137,6 @@ def test_a_drift_beside_the_noise_does_not_make_it_plain(seed):
     assert found.jitter == pytest.approx(0.0023, abs=6e-4)
 
 
-def test_a_smooth_residual_is_all_the_models():
-    """Heights of a solver: they have no noise, whatever the residual looks like."""
-    found = []
-    for phase in (0.0, 1.0, 2.0):
-        heights = swing(T) + 1e-3 * sum(np.sin(f * T + phase * f) / f for f in range(3, 90))
-        motion = prepare(MeasuredMotion("solved", INPUTS, T, msh=heights))
-        found.append(Leftovers.of(motion, swing(motion.t)[:, np.newaxis]))
-    assert estimate_sensor(found) is None
-
-
 def test_outliers_are_left_out_and_the_rest_is_white():
     random = np.random.default_rng(4)
     found = leftovers(random, jitter=0.0023, outliers=4)

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from slosh_discovery.discover.finding import Agreement, MotionFinding, Role
 from slosh_discovery.discover.input_series import (
     InputSeries,
-    angular_velocity,
     motion_span,
     still_until,
 )
@@ -142,26 +140,7 @@ def test_worst_moments_are_apart_and_no_outliers():
     assert worst_moments([finding(residual), finding(2.0 * residual, name="b")])[0].motion == "b"
 
 
-def test_the_angular_velocity_of_an_attitude():
-    t = np.arange(0.0, 2.0, 0.01)
-    rotation = Rotation.from_euler("ZX", np.stack([0.7 * t, np.full_like(t, 0.3)], axis=1))
-    inputs = Inputs(t, np.zeros((len(t), 3)), rotation.as_quat())
-    expected = rotation.inv().apply(np.array([0.0, 0.0, 0.7]))
-    assert angular_velocity(inputs)[1:-1] == pytest.approx(expected[1:-1], abs=1e-4)
-    assert InputSeries.at(inputs, t).tilt == pytest.approx(0.3)
-    assert still_until(inputs) == 0.0
-    assert motion_span(inputs) == (0.0, t[-1])
-
-
 def test_nothing_moves():
     inputs = Inputs(np.array([0.0, 1.0]), np.zeros((2, 3)))
     assert motion_span(inputs) == (1.0, 1.0)
     assert still_until(inputs) == 1.0
-
-
-def test_what_is_no_motion_yet_already_drives_the_liquid():
-    t = np.arange(0.0, 4.0, 0.002)
-    rising = np.clip(t - 1.0, 0.0, None) * 0.3
-    inputs = Inputs(t, rising[:, np.newaxis] * np.array([1.0, 0.0, 0.0]))
-    assert still_until(inputs) == pytest.approx(1.0, abs=0.01)
-    assert motion_span(inputs) == pytest.approx((1.5, t[-1]), abs=0.051)

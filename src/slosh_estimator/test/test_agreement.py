@@ -10,6 +10,7 @@ from slosh_estimator.comparison import Condition, EstimatePoint, MeasuredPoint
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.sight import SATURATED
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.motion_spans import motion_spans
 from slosh_model.containers import Cylinder
@@ -94,6 +95,16 @@ def test_estimates_from_an_unknown_state_and_lower_bounds_are_not_judged() -> No
         point = MeasuredPoint(k * 10 * MS, 0.01, 1e-4, SATURATED)
         monitor.add_measurement(point, k * 10 * MS)
     assert monitor.motions.finished == 0
+
+
+def test_too_few_images_are_no_judgement() -> None:
+    for images, judged in ((TUNING.least_compared - 1, 0), (TUNING.least_compared, 1)):
+        watch = MotionWatch()
+        for k in range(400):
+            watch.add_acceleration(k * 10 * MS, (1.0 if k < 100 else 0.0, 0.0, 0.0))
+            if 10 <= k < 10 + images:
+                watch.add_pair(k * 10 * MS, 0.02, 1e-4, 0.01)
+        assert watch.finished == judged
 
 
 def test_a_container_that_never_rests_is_judged_by_the_minute() -> None:

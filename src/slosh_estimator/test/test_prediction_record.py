@@ -59,6 +59,16 @@ def test_a_model_that_predicts_too_much_has_no_worst():
     assert record.judge(motion(1.0, peak=0.009)).worst == 0.0
 
 
+def test_another_motion_is_not_counted():
+    record = PredictionRecord()
+    record.announce(announced(1, 10.0, duration=5.0))
+    outcome = record.judge(motion(11.0, lasts=2.0))
+    assert not outcome.counted
+    assert outcome.count == 0
+    assert math.isnan(outcome.sigma)
+    assert outcome.description.startswith("the motion lasted 2.0 s instead of 5.0 s")
+
+
 def test_a_prediction_waits_for_its_own_moment():
     record = PredictionRecord()
     record.announce(announced(1, 10.0, start=30.0))

@@ -30,6 +30,11 @@ def test_peak_error_is_a_signed_fraction_of_the_measured_peak() -> None:
     assert peak_error(MEASURED, MODEL) == pytest.approx(-0.25)
 
 
+def test_pairs_without_a_measurement_do_not_count() -> None:
+    assert mean_absolute_error(MEASURED, MODEL) == pytest.approx(0.05 / 3)
+    assert rms_error(MEASURED, MODEL) == pytest.approx(math.sqrt(11e-4 / 3))
+
+
 @pytest.mark.parametrize(
     "metric", [peak_error, mean_absolute_error, rms_error, standard_error_of_estimate]
 )

@@ -266,28 +266,6 @@ def test_anisotropic_stiffness_has_two_frequencies(axis):
     assert found[:, 0] * v[0] + found[:, 1] * v[1] == pytest.approx(soft, abs=1e-7)
 
 
-def test_anisotropic_axes_turn_with_the_container(motion, integrated, same):
-    only = motion(tilt=0.0)
-    e, axis = 0.25, 0.5
-
-    def stiffness(t, x, y, vx, vy):
-        angle = axis + only.turn(t)
-        u = np.array([math.cos(angle), math.sin(angle)])
-        q = np.array([x, y])
-        along = (u @ q) * u
-        return OMEGA**2 * e * (along - (q - along))
-
-    inputs, at = only.inputs(), slice(None, None, 50)
-    found = modal(PLAIN.with_effect("anisotropic_stiffness", e=e, axis=axis), inputs)[at]
-    expected = integrated(planar(stiffness, only), inputs.t[at])
-    still = modal(
-        PLAIN.with_effect("anisotropic_stiffness", e=e, axis=axis),
-        only.inputs(attitude=None, angular_velocity=None),
-    )[at]
-    assert np.max(np.abs(still - expected)) > 0.1 * np.max(np.abs(expected))
-    same(found, expected, 1e-5)
-
-
 # yaw_coupling
 
 

@@ -152,26 +152,6 @@ def test_static_tilt_is_an_attitude_that_nobody_measured(motion):
     assert found == pytest.approx(known, abs=1e-8)
 
 
-def test_static_tilt_comes_on_top_of_the_measured_attitude(motion, integrated, same):
-    turning = motion()
-    tilt = Rotation.from_euler("YX", [0.1, 0.15])
-
-    def felt(t):
-        t = np.asarray(t)
-        own = (turning.attitude(t) * tilt).inv().apply(turning.acceleration(t) + UP)
-        return Rotation.from_rotvec([0.0, 0.0, turning.turn(t)]).apply(own) - UP
-
-    at = slice(None, None, 100)
-    modal = integrated(linear(felt, spatial=False), turning.t[at], at_rest(felt(0.0)))
-    model = PLAIN.with_effect("gravity_tilt").with_effect("static_tilt", roll=0.15, pitch=0.1)
-    found = heights(model, turning.inputs())[at]
-    same(found, in_container(modal, turning.turn(turning.t[at])), 1e-5)
-
-
-def at_rest(felt):
-    return (-felt[0] / OMEGA**2, -felt[1] / OMEGA**2, 0.0, 0.0)
-
-
 def test_settled_linear_liquid_stands_at_the_closed_form():
     t = np.linspace(0.0, 1.0, 11)
     still = Inputs(t, np.zeros((11, 3)))
@@ -182,16 +162,6 @@ def test_settled_linear_liquid_stands_at_the_closed_form():
     assert steep[-1, 0] == pytest.approx(GAIN * GRAVITY * math.tan(0.1) / OMEGA**2, rel=1e-9)
     rolled = heights(PLAIN.with_effect("static_tilt", roll=0.1, pitch=0.0), still)
     assert rolled[-1, 1] == pytest.approx(-GAIN * GRAVITY * math.sin(0.1) / OMEGA**2, rel=1e-9)
-
-
-def test_liquid_that_starts_level_swings_about_the_tilted_level():
-    t = np.linspace(0.0, 2.0, 1001)
-    model = Model(CUP, damping_ratio=0.0).with_effect(
-        "static_tilt", roll=0.0, pitch=0.1, settled=0.0
-    )
-    level = GAIN * GRAVITY * math.sin(0.1) / OMEGA**2
-    found = heights(model, Inputs(t, np.zeros((1001, 3))))[:, 0]
-    assert found == pytest.approx(level * (1.0 - np.cos(OMEGA * t)), abs=1e-5 * level)
 
 
 # lever_arm

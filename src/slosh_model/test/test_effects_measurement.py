@@ -96,21 +96,6 @@ def test_visible_arc_shows_the_maximum_over_its_azimuths(centre, width, waves):
     assert found[:, 0] == pytest.approx(wall.max(axis=1), abs=1e-7)
 
 
-def test_visible_arc_is_the_containers_own_part_of_the_wall():
-    """It yaws with the container, and a height at an azimuth is no maximum."""
-    _, wall = read("visible_arc", centre=0.4, width=1.0)
-    assert np.array_equal(wall, WALL)
-    turn = np.column_stack([np.zeros((len(T), 2)), 2.0 * np.cos(3.0 * T)])
-    yawing = Inputs(T, PUSH, angular_velocity=turn)
-    model = PLAIN.with_effect("visible_arc", centre=0.4, width=1.0)
-    fine = 0.4 + np.linspace(-0.5, 0.5, 401)
-    expected = predicted_heights(PLAIN, yawing, TIMES, fine).max(axis=1)
-    found = predicted_heights(model, yawing, TIMES)[:, 0]
-    assert found == pytest.approx(expected, abs=1e-7)
-    assert found.min() < -0.004  # a trough, while the crest is out of sight
-    assert np.max(np.abs(found - read("visible_arc", centre=0.4, width=1.0)[0][:, 0])) > 0.002
-
-
 # sensor_tilt
 
 

@@ -144,16 +144,4 @@ def test_its_default_opens_the_gap_between_planar_and_round_waves(depth):
 # quasi_static_modes
 
 
-def test_static_share_stands_for_many_modes():
-    inputs = Inputs(TIMES, np.column_stack([0.2 * PUSH, np.zeros(len(TIMES))]))
-    one = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02).nonlinear()
-    many = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02, modes=60).nonlinear()
-    expected = simulate(many, inputs)[0].sh_x
-    gap = {
-        model.name: np.abs(simulate(model, inputs)[0].sh_x - expected).max()
-        for model in (one, one.with_effect("quasi_static_modes"))
-    }
-    assert gap["2D-NL+quasi_static_modes"] < 0.4 * gap["2D-NL"]
-
-
 # surface_tension

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 
 from slosh_model import Cylinder, Inputs, Model, Rectangle, SloshModelError, simulate
-from slosh_model.gradient import peak_gradient, pulled_back
+from slosh_model.gradient import peak_gradient
 from slosh_model.motion_profiles import quintic
 
 CUP = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)
@@ -63,19 +63,6 @@ def test_the_smooth_maximum_lies_above_and_has_its_own_gradient(smoothing):
         ]
         slope = (ends[1] - ends[0]) / 2e-4
         assert smooth.gradient[row, 1] == pytest.approx(slope, rel=1e-5, abs=1e-12)
-
-
-def test_any_sum_of_heights_has_a_gradient():
-    model, inputs = MODELS["3D-NL"], inputs_of(3)
-    weights = np.random.default_rng(4).normal(size=(len(inputs.t), 2))
-
-    def total(one):
-        response = simulate(model, one)[0]
-        return float((weights * np.column_stack([response.sh_x, response.sh_y])).sum())
-
-    found = pulled_back(model, inputs, weights)
-    slope = (total(changed(inputs, 50, 0, 1e-4)) - total(changed(inputs, 50, 0, -1e-4))) / 2e-4
-    assert found[50, 0] == pytest.approx(slope, rel=1e-6)
 
 
 def test_an_optimiser_lowers_the_peak_with_it():

@@ -203,16 +203,6 @@ def test_constant_acceleration_tilts_the_surface(model, modes, slope, tolerance,
     assert response.azimuth[-1] == pytest.approx(-direction * math.pi / 2.0)
 
 
-def test_coarse_samples_are_cut_into_bounded_steps():
-    """First-order hold: a straight line between two far samples equals its dense sampling."""
-    ends, dense = np.array([0.0, 0.4]), np.linspace(0.0, 0.4, 401)
-    line = np.array([[0.0, 0.0, 0.0], [4.0, -2.0, 3.0]])
-    filled = np.stack([np.interp(dense, ends, column) for column in line.T], axis=1)
-    coarse = simulate(MODELS["3D-NL"], inputs(ends, line))[0].modal[-1]
-    fine = simulate(MODELS["3D-NL"], inputs(dense, filled))[0].modal[-1]
-    assert coarse == pytest.approx(fine, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("t", "row", "match"),
     [

@@ -1,5 +1,6 @@
 """model.yaml: what is read, what is refused, and how."""
 
+import math
 import os
 import re
 from pathlib import Path
@@ -230,6 +231,12 @@ def test_any_text_gives_a_model_or_one_clear_error(text):
         parse_model(text)
     except SloshModelError as error:
         assert "\n" not in str(error)
+
+
+def test_numbers_keep_every_bit():
+    alpha = math.nextafter(0.58, 1.0)
+    model = Model(Cylinder(0.05, 0.07)).with_effect("surface_nonlinearity", alpha=alpha)
+    assert parse_model(format_model(model)).effects[0].parameters["alpha"] == alpha
 
 
 # A model's file: what cannot be read is told with the file's name.

@@ -29,13 +29,6 @@ def test_models_are_copied_pickled_hashed():
         assert len({twin, MODEL, MODEL.linear()}) == 2
 
 
-def test_an_effect_with_other_parameters_keeps_its_place():
-    other = MODEL.with_effect("surface_nonlinearity", alpha=0.7)
-    assert [use.name for use in other.effects] == [use.name for use in MODEL.effects]
-    assert other.effects[0].parameters["alpha"] == 0.7
-    assert other.modes == 2
-
-
 def test_inputs_state_and_response_cannot_change():
     given = np.zeros((3, 3))
     inputs = Inputs(np.arange(3.0), given)

@@ -65,6 +65,10 @@ def test_where_somebody_speaks_already_is_left_to_them(monkeypatch):
         rclpy.shutdown()
 
 
+def test_where_the_kernel_tells_nothing_nothing_is_known(tmp_path):
+    assert spoken_domains(tmp_path / "none") == set()
+
+
 def test_a_cells_name_is_claimed_by_one_run_of_a_domain():
     long = "/cell" * 60
     with claimed_namespace(7, long) as first:

@@ -79,6 +79,13 @@ def test_integers_are_taken_for_floats(make_node):
     assert list(node.get_parameter("place").value) == [1.0, -1.0]
 
 
+def test_a_parameter_that_nobody_has_is_named(make_node, capfd):
+    declare(make_node(size=1.5, sise=1.0, use_sim_time=False), SPECS)
+    said = capfd.readouterr().err
+    assert "parameter sise is unknown to this node" in said
+    assert said.count("is unknown to this node") == 1
+
+
 @pytest.mark.parametrize(
     ("override", "match"),
     [
@@ -484,6 +491,12 @@ def test_a_home_that_cannot_be_written_is_named_with_the_way_out():
     assert done.returncode == 2
     line = done.stderr.strip().splitlines()[-1]
     assert re.search(r"ROS cannot start: .*'/proc/\.ros/log'.*; set ROS_LOG_DIR to a .*$", line)
+
+
+def test_an_unknown_executor_is_named(monkeypatch):
+    monkeypatch.setenv("SLOSH_EXECUTOR", "multi")
+    with pytest.raises(SloshMessageError, match="'multi' must be one of events, single"):
+        make_executor()
 
 
 def test_a_node_says_what_it_alone_may_not_hear(make_node, monkeypatch):

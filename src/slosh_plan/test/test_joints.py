@@ -70,12 +70,6 @@ def test_angles_that_wrap_are_joined(arm, given):
 
 
 @needs_pinocchio
-def test_a_sliding_joint_may_move_far(arm):
-    there = np.column_stack([np.zeros(3), [0.0, 5.0, 5.0]])
-    assert arm.wrapping(("elbow", "switch"), there) == []
-
-
-@needs_pinocchio
 @pytest.mark.parametrize("given", [1, 2, 3])
 def test_the_cup_moves_as_derived_by_hand(arm, given):
     motion = arm.motion(T, NAMES, *swing(T)[:given])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.planning.execution import execution_of, passing_times
+from slosh_plan.planning.execution import execution_of
 from slosh_plan.planning.known_laws import known_laws
 from slosh_plan.planning.path import MOST_POINTS, path_through
 from slosh_plan.planning.progress import StoppedError
@@ -113,14 +113,3 @@ def test_the_rows_between_follow_from_their_neighbours():
     kept = np.isin(run.t, motion.t)
     assert np.array_equal(run.acceleration[kept], motion.acceleration)
     assert not run.velocity[[0, -1]].any()
-
-
-def test_a_line_is_passed_when_its_law_says():
-    times = passing_times(motion_through(LINE), LINE)
-    share = 0.25  # of the way, by the quintic 10u³ − 15u⁴ + 6u⁵
-    (u,) = (
-        root.real
-        for root in np.roots([6.0, -15.0, 10.0, 0.0, 0.0, -share])
-        if abs(root.imag) < 1e-9 and 0.0 < root.real < 1.0
-    )
-    assert times[1] == pytest.approx(2.0 * u, abs=1e-5)

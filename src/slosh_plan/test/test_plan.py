@@ -11,10 +11,7 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import Checker, checked
 from slosh_plan.planning.known_laws import (
-    PACES,
     UNIT_LAWS,
-    Pace,
-    PacedLeg,
     best_scaled,
     known_laws,
 )
@@ -202,28 +199,3 @@ def test_who_stops_a_search_gets_what_is_safe_so_far():
     assert answer.method in UNIT_LAWS
     assert "stopped" in answer.reason
     assert sum(one.phase == "search 1 of 2" for one in told) < 10
-
-
-@pytest.mark.long
-def test_a_curved_path_is_slower_where_it_bends():
-    """An ellipse at the two-thirds power law is gone through harmonically."""
-    angle = np.linspace(0.0, 1.5 * np.pi, 400)
-    ellipse = np.column_stack([0.2 * np.cos(angle), 0.1 * np.sin(angle), np.zeros(400)])
-    path = path_through(ellipse)
-    harmonic = PacedLeg(path.legs[0], Pace(1.0 / 3.0, 0.0))
-    places = path.legs[0].at(harmonic.splines[0](angle / angle[-1]))[0]
-    assert np.abs(places - ellipse).max() < 2e-4
-    names = list(known_laws(path))
-    assert len(names) == 3 * len(known_laws(path_through(LINE)))
-    best = best_scaled(Checker(CUP), path, LIMITS)
-    assert best.law.endswith("in curves")
-
-
-@pytest.mark.parametrize("name", PACES)
-def test_a_paced_law_is_a_motion_whose_columns_are_derivatives(name, random_path):
-    leg = path_through(random_path(1)).legs[0]
-    u = np.linspace(0.0, 1.0, 20_001)
-    s, v, a = PacedLeg(leg, PACES[name]).along(*UNIT_LAWS["septic"](u))
-    assert s[[0, -1]] == pytest.approx([0.0, leg.length], abs=1e-9)
-    assert np.gradient(s, u)[1:-1] == pytest.approx(v[1:-1], abs=1e-4)
-    assert np.gradient(v, u)[1:-1] == pytest.approx(a[1:-1], abs=0.05)

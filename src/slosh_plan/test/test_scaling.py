@@ -6,7 +6,6 @@ import pytest
 from slosh_model import Cylinder, Model
 from slosh_plan import (
     HeightLimits,
-    LiquidState,
     SloshPlanError,
     Trajectory,
     predict,
@@ -55,16 +54,6 @@ def test_edges_are_on_the_safe_side_and_sharp(cup, line):
         assert not safe_at(cup, motion, limits, [low * (1.0 - 2e-4)]).any()
     island = found.islands[0]
     assert not safe_at(cup, motion, limits, [island[1] * (1.0 + 2e-4)]).any()
-
-
-def test_a_margin_and_a_state_cost_time(cup, line):
-    motion, limits = line(1.0), HeightLimits(0.015)
-    free = safe_scales(cup, motion, limits).safe_from
-    assert safe_scales(cup, motion, limits, margin=0.003).safe_from > 1.05 * free
-    moving = LiquidState([[0.003, 0.0, 0.0, 0.0]], [[0.003, 0.0, 0.0, 0.0]])
-    found = safe_scales(cup, motion, limits, state=moving)
-    assert not found.proven
-    assert found.safe_from != pytest.approx(free, rel=0.01)
 
 
 def test_what_is_no_limit_is_refused(cup, line):

@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_plan import Trajectory
@@ -67,22 +66,6 @@ def test_a_filter_keeps_the_sum_and_has_its_zero_at_the_mode(name, damping):
     if name == "average":
         decay = math.exp(-mode.decay * mode.period)
         assert left == pytest.approx((1.0 - decay) / (19.0 * mode.period), abs=1e-12)
-
-
-def test_an_exponential_filter_is_its_integral():
-    mode, other = Damped(19.0, 0.05), Damped(17.0, 0.05)
-    pole = complex(-other.decay, other.damped_frequency)
-
-    def kernel(t):
-        return np.exp(-mode.decay * t - pole * t)
-
-    whole = quad(lambda t: math.exp(-mode.decay * t), 0.0, mode.period)[0]
-    real, imaginary = (
-        quad(part, 0.0, mode.period)[0]
-        for part in (lambda t: kernel(t).real, lambda t: kernel(t).imag)
-    )
-    expected = abs(complex(real, imaginary)) / whole * math.exp(-other.decay * mode.period)
-    assert FILTERS["exponential"](mode).residual(other) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", [*FILTERS, "polynomial"])

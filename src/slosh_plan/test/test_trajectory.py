@@ -84,18 +84,6 @@ def test_a_motion_is_made_or_refused_never_anything_else(t, acceleration, poses)
     assert not motion.acceleration.flags.writeable
 
 
-@given(factor=st.floats(0.2, 5.0))
-def test_a_scaled_motion_follows_the_same_path(factor):
-    t = np.linspace(2.0, 3.0, 101)
-    position = np.column_stack([np.cos(2.0 * np.pi * t), np.sin(np.pi * t) ** 2, 0.0 * t])
-    poses = Trajectory.from_poses(t, position)
-    slow = poses.scaled(factor)
-    again = Trajectory.from_poses(2.0 + (t - 2.0) * factor, position)
-    assert np.allclose(slow.acceleration, again.acceleration, rtol=1e-9, atol=1e-6)
-    assert np.allclose(slow.t, again.t)
-    assert slow.position is poses.position
-
-
 def test_attitudes_between_poses_turn_smoothly():
     t = np.linspace(0.0, 1.0, 11)
     turns = Rotation.from_rotvec(np.outer(0.2 * t**2, [1.0, 0.0, 0.0]))

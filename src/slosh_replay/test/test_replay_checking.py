@@ -123,13 +123,6 @@ def test_estimates_that_differ_fail_with_message_field_and_cause():
     assert "alpha: recorded 0.58" in text
 
 
-def test_a_stated_tolerance_of_estimates_holds():
-    result = replace(RESULT, verified={"estimate": DIFFERENT})
-    assert failures(Expectation(tolerance=2e-12), result) == ()
-    assert failures(Expectation(tolerance=0.5e-12), result)
-    assert failures(Expectation(tolerance=None), result) == ()
-
-
 def test_another_machines_rounding_is_allowed_a_billionth_and_no_more():
     for largest, passes in ((0.9e-9, True), (1.1e-9, False)):
         found = replace(DIFFERENT, largest={"nonlinear.msh": largest}, rounds_otherwise=True)

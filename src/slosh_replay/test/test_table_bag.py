@@ -331,16 +331,6 @@ def test_the_input_is_read_as_the_recorded_estimator_did(cell: Cell):
     assert cell.table(kind="accel").table.acceleration[0, 0] == 7.0
 
 
-def test_a_sensor_in_the_container_gives_its_angular_velocity_beside_accel(cell: Cell):
-    for k in range(3):
-        cell.imu(START + k * MS, (0.0, 0.0, GRAVITY), (0.0, 0.0, 2.0 + k), "container")
-        if k < 2:
-            cell.accel(START + k * MS, 1.0)
-    table = cell.table().table
-    assert table.attitude is None  # not reported
-    np.testing.assert_array_equal(table.angular_velocity[:, 2], [2.0, 3.0])
-
-
 def test_a_sensor_that_is_slower_than_accel_gives_nothing(cell: Cell):
     for k in range(5):
         cell.accel(START + k * MS, 1.0)

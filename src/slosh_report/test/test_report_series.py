@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_report.page.series import envelope, gaps
+from slosh_report.page.series import envelope, gaps, united
 from slosh_report.page.svg import NARROW
 from slosh_report.run_report import AzimuthSeries, render_report
 from slosh_report.run_report.charts import heights_chart, residual
-from slosh_report.run_report.polar import azimuth_agreement
 
 
 def test_long_series_keep_their_extremes():
@@ -33,14 +32,6 @@ def test_a_gap_parts_the_line_and_a_lost_sample_does_not(count):
     assert short_t[np.isnan(short)] == pytest.approx([4.5], abs=0.05)
 
 
-def test_a_gap_in_time_itself_parts_the_line_too():
-    t = np.concatenate([np.arange(0.0, 2.0, 0.016), np.arange(3.0, 5.0, 0.016)])
-    short = envelope(t, np.ones(len(t)))[1]
-    assert np.isnan(short).sum() == 1
-    ((start, end),) = gaps(t, np.ones(len(t)))
-    assert (start, end) == pytest.approx((2.0, 3.0), abs=0.02)
-
-
 def test_gaps_count_at_both_ends_and_over_all():
     t = np.arange(0.0, 10.0, 0.01)
     values = np.where((t < 1.0) | (t > 9.0), np.nan, 1.0)
@@ -49,6 +40,10 @@ def test_gaps_count_at_both_ends_and_over_all():
     )
     assert gaps(t, np.full(len(t), np.nan)) == ((0.0, pytest.approx(9.99)),)
     assert gaps(np.empty(0), np.empty(0)) == ()
+
+
+def test_spans_are_united_where_they_touch():
+    assert united([(3.0, 4.0), (0.0, 1.0), (1.05, 2.0)], 0.1) == [(0.0, 2.0), (3.0, 4.0)]
 
 
 def test_a_lower_bound_below_the_model_is_no_residual(full_report):
@@ -89,17 +84,6 @@ def test_a_page_of_hours_stays_below_a_megabyte(full_report):
     page = render_report(report)
     assert len(page.encode()) < 1_000_000
     assert "The first 100 of 2000" in page
-
-
-def test_flat_moments_do_not_count_in_the_azimuth(full_report):
-    agreement = azimuth_agreement(full_report)
-    estimated = full_report.estimated_azimuth
-    kept = slice(0, None, 60)  # one estimate in a second: no gap by its own rhythm
-    sparse = AzimuthSeries("x", estimated.t[kept], estimated.azimuth[kept], estimated.height[kept])
-    assert agreement.median == pytest.approx(0.05, abs=1e-3)
-    assert agreement.threshold == pytest.approx(0.25 * 0.0213, rel=1e-3)
-    assert agreement.count < len(full_report.t)
-    assert azimuth_agreement(replace(full_report, estimated_azimuth=sparse)).count > 0
 
 
 def test_the_estimated_path_does_not_cross_the_container(full_report):

@@ -40,6 +40,14 @@ def test_what_is_written_comes_back_bit_for_bit(tmp_path_factory, acceleration, 
         np.testing.assert_array_equal(getattr(back, name), getattr(table, name), err_msg=name)
 
 
+def test_optional_columns_are_none_where_absent(tmp_path: Path):
+    path = tmp_path / "short.csv"
+    path.write_text("t,ax,ay,az\n0,1,2,3\n0.1,4,5,6\n")
+    table = read_motion_table(path)
+    assert (table.attitude, table.msh, table.eta, table.measured) == (None, None, None, None)
+    np.testing.assert_array_equal(table.acceleration, [[1, 2, 3], [4, 5, 6]])
+
+
 def test_measured_height_is_the_maximum_over_the_azimuth(tmp_path: Path):
     path = tmp_path / "eta.csv"
     path.write_text(

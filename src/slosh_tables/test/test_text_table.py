@@ -16,7 +16,7 @@ from slosh_base.files.errors import SloshFileError
 from slosh_plan.tables.path_table import read_path_table
 from slosh_plan.tables.trajectory_table import read_trajectory
 from slosh_tables.motion_table import read_motion_table
-from slosh_tables.text_table.options import TableOptions
+from slosh_tables.text_table.options import TableOptions, TableWarning
 
 G = 9.80665
 N = 24
@@ -248,6 +248,12 @@ def test_heights_may_be_unknown_in_many_words(tmp_path: Path):
         content = text("t,ax,ay,az,msh [mm]", T, A, 1e3 * HEIGHT, unknown=unknown)
         table, _ = read(tmp_path / "a.csv", content)
         np.testing.assert_allclose(table.msh, HEIGHT, atol=1e-12)
+
+
+def test_who_calls_from_python_is_warned(tmp_path: Path):
+    (tmp_path / "a.csv").write_text("t;ax;ay;az\n0;1;2;3\n1;1;2;3\n")
+    with pytest.warns(TableWarning, match="semicolons"):
+        read_motion_table(tmp_path / "a.csv")
 
 
 def test_large_stamps_keep_their_nanoseconds(tmp_path: Path):
