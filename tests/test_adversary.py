@@ -224,14 +224,6 @@ class TestUnknown:
         assert all(one.flags & SETTLING for one in from_now_on(rough, 50))
         rough.until(lambda: rough.comparisons[-1].state == BLIND, "blindness")
 
-    def test_a_spike(self, calm: Robot) -> None:
-        before = calm.new_estimate()
-        calm.sample(ax=200.0)
-        calm.until(lambda: calm.estimates[-1].samples_dropped > before.samples_dropped, "the drop")
-        calm.until(lambda: "samples dropped" in calm.health["estimator"][1], "the report")
-        worst = max(estimate.nonlinear.msh for estimate in from_now_on(calm, 20))
-        assert worst < 1e-6
-
     def test_a_jump_that_stays(self, rough: Robot) -> None:
         rough.push = lambda t: 30.0
         rough.until(lambda: rough.estimates[-1].acceleration[0] == 30.0, "the new level")

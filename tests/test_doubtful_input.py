@@ -51,17 +51,3 @@ def test_a_tool_that_points_down_is_flagged_and_the_remedy_cures_it(
     with cured as (_, robot):
         robot.for_seconds(1.5)
         assert not flagged(robot)
-
-
-@pytest.mark.long
-def test_poses_in_another_frame_are_refused_and_the_remedy_is_told(
-    tmp_path: Path, domain: int
-) -> None:
-    with nodes_and_robot(tmp_path, domain, kind=topics.POSE) as (_, robot):
-        robot.frame = ""
-        robot.until(lambda: says(robot, WARN, "poses without a frame"), "a remark")
-        robot.frame = "camera_optical"
-        robot.until(
-            lambda: says(robot, ERROR, "'camera_optical' are dropped: publish them in 'world'"),
-            "the reason",
-        )

@@ -11,8 +11,8 @@ import rclpy
 from std_srvs.srv import Trigger
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_msgs.msg import FreeSurface, SloshComparison
-from slosh_msgs_py import qos, topics
+from slosh_msgs.msg import SloshComparison
+from slosh_msgs_py import topics
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_testing.robot import MODEL, Robot, nodes_and_robot
 
@@ -99,45 +99,3 @@ def test_a_dead_accelerometer_under_a_wave(tmp_path: Path, domain: int, constant
         assert robot.comparisons[-1].sides_disagree  # until a motion agrees, or a reset
         assert robot.call(Trigger, "monitor/reset").success
         robot.until(lambda: robot.comparisons[-1].state == OK, "the state OK")
-
-
-@pytest.mark.long
-def test_images_of_a_camera_that_was_contested_are_flagged_no_more(
-    tmp_path: Path, domain: int
-) -> None:
-    pytest.importorskip("cv2")
-    from slosh_bringup.cell.renderer import CupRenderer
-    from slosh_bringup.processes import config_folder
-    from slosh_camera.calibrate.camera_file import read_calibration
-    from slosh_msgs_py.images import image_message
-
-    pixels = CupRenderer(read_calibration(config_folder() / "camera.yaml").view).render(0, 0)
-    picture = image_message(pixels, "mono8", 0, "camera")
-    with nodes_and_robot(tmp_path, domain, picture=picture, namespace="/rival") as (_, robot):
-        surfaces: list[FreeSurface] = []
-        robot.node.create_subscription(
-            FreeSurface, topics.FREE_SURFACE, surfaces.append, qos.STREAM_IN
-        )
-        other = Robot("stranger", topics.ACCEL, "/rival")
-        other.shows(picture)
-        contested = FreeSurface.CONTESTED
-        robot.until(lambda: surfaces and surfaces[-1].flags & contested, "the flag")
-        # Both fall silent, then one ends; when the other speaks again, it is the only one.
-        robot.until(lambda: "no image" in robot.health["camera"][1], "silence", speak=False)
-        other.close()
-        robot.until(
-            lambda: robot.node.count_publishers(robot.node.resolve_topic_name(topics.IMAGE)) == 1,
-            "one publisher",
-            speak=False,
-        )
-        by_camera(robot)
-        count = len(surfaces)
-        robot.until(lambda: len(surfaces) > count + 5, "images again")
-        assert not any(one.flags & contested for one in surfaces[count:])
-
-
-def by_camera(robot: Robot) -> None:
-    """Waits for two reports of the camera node; nobody speaks."""
-    for _ in range(2):
-        robot.health.pop("camera", None)
-        robot.until(lambda: "camera" in robot.health, "a report", speak=False)

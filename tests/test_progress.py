@@ -210,18 +210,6 @@ def test_one_that_takes_a_second_begins_to_tell_then(clock, told, step, lines):
     assert told() == lines
 
 
-def test_without_a_known_end_lines_become_rarer(clock, told):
-    day = 86_400
-    with module.clock("recording") as tell:
-        for second in range(day + 1):
-            clock.now = float(second)
-            tell(clock.now, "")
-    lines = told()
-    assert len(lines) < 100
-    assert lines[:3] == ["recording: 0 s", "recording: 10 s", "recording: 20 s"]
-    assert lines[-1] == f"recording: {day} s"
-
-
 def test_what_fails_or_is_stopped_is_not_told_as_done(told):
     def fail():
         with progress_bar("motion", 10.0) as tell:

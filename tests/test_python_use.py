@@ -121,29 +121,6 @@ def results():
     }
 
 
-@pytest.mark.long
-def test_a_result_says_in_one_line_what_it_is(results):
-    for value in (*results.values(), *results["finding"].motions):
-        text = repr(value)
-        assert text.startswith(f"{type(value).__name__}(")
-        assert len(text) < 150
-        assert "\n" not in text
-    assert "no measured height" in repr(results["table"])
-    assert "upright, acceleration up to 3.13 m/s²" in repr(MOTION)
-    top = 1e3 * results["response"].msh.max()
-    assert f"height up to {top:.1f} mm" in repr(results["response"])
-
-
-@pytest.mark.long
-def test_what_is_simulated_is_a_table(results):
-    response = results["response"]
-    frame = response.to_pandas()
-    assert frame.index.name == "t"
-    assert np.array_equal(frame.index, T)
-    assert list(frame) == ["msh", "azimuth", "sh_x", "sh_y"]
-    assert np.array_equal(frame["msh"], response.msh)
-
-
 def test_a_motion_table_goes_through_pandas_and_back(tmp_path):
     eta = np.sin(T)[:, np.newaxis] * [0.001, 0.002]
     table = MotionTable(

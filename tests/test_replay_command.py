@@ -307,13 +307,6 @@ def test_each_bag_has_a_name_of_its_own(tmp_path, paths, names):
     assert unique_names([tmp_path / path for path in paths]) == names
 
 
-def test_thousands_of_bags_get_their_names_at_once(tmp_path):
-    paths = [tmp_path / f"{day}" / f"{run}" for day in range(50) for run in range(100)]
-    names = unique_names(paths)
-    assert names[101] == "1-1"
-    assert len(set(names)) == 5000
-
-
 @pytest.mark.long
 def test_bags_of_one_name_keep_apart(recorded, tmp_path, capsys):
     for folder, bag in (("x", "a"), ("y", "b")):
@@ -324,17 +317,6 @@ def test_bags_of_one_name_keep_apart(recorded, tmp_path, capsys):
     assert list(table(text)) == ["bag", "x-run", "y-run"]
     assert json.loads((out / "x-run.json").read_text())["replay"]["name"] == "x-run"
     assert (out / "y-run" / "y-run_0.mcap").is_file()
-
-
-@pytest.mark.long
-def test_two_processes_give_the_same_as_one(recorded, tmp_path, capsys, changed_model):
-    words = [recorded, "--check", "--json", "--model", changed_model]
-    one = replay(capsys, *words, "-o", tmp_path / "one")
-    two = replay(capsys, *words, "-o", tmp_path / "two", jobs="2")
-    assert one == two
-    for path in (tmp_path / "one").rglob("*.*"):
-        other = tmp_path / "two" / path.relative_to(tmp_path / "one")
-        assert path.read_bytes() == other.read_bytes()
 
 
 def test_a_cluster_gets_whole_paths(tmp_path, monkeypatch):

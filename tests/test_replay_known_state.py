@@ -52,17 +52,6 @@ def test_poses_with_a_chosen_window_go_on_with_the_same_bits(every, tmp_path):
     assert sum(found.unchecked.values()) < found.recorded
 
 
-@pytest.mark.parametrize("kind", ["accel", "imu"])
-def test_the_rate_of_an_input_that_is_too_slow_is_part_of_the_state(kind, tmp_path):
-    """Recorded flags hold INPUT_TOO_SLOW; 25 Hz carry 0.95 of the first mode."""
-    live = begun_late(kind, 1010)
-    live.pose_window, live.every = 0.0, 20
-    result = replay_bag(live.write(tmp_path / "bag"))
-    found = result.verification
-    assert found.exact, found.lines()
-    assert any("arrive at 25 Hz" in line for line in result.warnings)
-
-
 @pytest.mark.first(1)
 @pytest.mark.parametrize("model", [TANK, REMEMBERING], ids=["tank", "remembering"])
 def test_the_state_is_all_that_the_answers_depend_on(model, tmp_path):

@@ -54,13 +54,6 @@ def test_estimates_that_the_recorder_missed_are_replayed(live, tmp_path):
     assert (found.recorded, found.extra) == (2497, 3)
 
 
-def test_a_gap_in_the_input_is_a_gap_again(live, tmp_path):
-    live.unused = range(900, 1000)
-    result, found = verified(live.write(tmp_path / "bag"))
-    assert found.exact
-    assert result.counters["gaps"] == 1
-
-
 def test_another_model_in_the_run_is_loaded_at_its_moment(live, tmp_path):
     live.loads = {1250: SHALLOW}
     result, found = verified(live.write(tmp_path / "bag"))

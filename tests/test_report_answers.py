@@ -67,19 +67,6 @@ def test_a_chart_tells_the_values_under_the_pointer(browser, replayed):
     assert page.complaints == []
 
 
-def test_a_span_that_is_marked_is_drawn_larger(browser, replayed):
-    page = opened(browser, replayed / "high.html", height=3000)
-    assert page.value("document.querySelector('.closer').hidden")
-    pointed(page, 0.3, "mousePressed", button="left", clickCount=1)
-    pointed(page, 0.4, button="left")
-    pointed(page, 0.5, "mouseReleased", button="left", clickCount=1)
-    assert not page.value("document.querySelector('.closer').hidden")
-    assert page.value("document.querySelectorAll('.closer canvas').length") == 1
-    page.value("document.querySelector('.closer > button').click()")
-    assert page.value("document.querySelector('.closer').hidden")
-    assert page.complaints == []
-
-
 def test_the_index_names_each_bag_and_sorts(browser, replayed):
     page = opened(browser, replayed / "index.html", width=390)
     names = "[...document.querySelectorAll('tbody th')].map((cell) => cell.textContent)"

@@ -22,7 +22,7 @@ from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshCompariso
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.images import image_message
 from slosh_msgs_py.stamps import to_time
-from slosh_testing.live_processes import free_port, live_process, until
+from slosh_testing.live_processes import free_port, live_process
 
 BAG = Path(__file__).resolve().parents[1] / "bags" / "l3"
 NASTY = "<script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">"
@@ -184,21 +184,6 @@ class TestLive:
         page.wait_until("document.getElementById('measured').textContent === '18.7'")
         voices.measured = 0.0123
         assert page.complaints == []
-
-    def test_of_two_kinds_of_images_it_takes_the_small_ones(self, browser, cell, voices):
-        """Also where it hears of them later, as after its own start."""
-        from sensor_msgs.msg import CompressedImage
-
-        page = browser.open(f"http://127.0.0.1:{cell[1]}/")
-        page.wait_until("document.getElementById('camera').width === 640")
-        small = voices.node.create_publisher(
-            CompressedImage, topics.IMAGE_COMPRESSED, qos.IMAGE_OUT
-        )
-        until(lambda: small.get_subscription_count() == 1, "the small images' reader")
-        raw = voices.images
-        until(lambda: raw.get_subscription_count() == 0, "nobody to read the large ones")
-        voices.node.destroy_publisher(small)
-        until(lambda: raw.get_subscription_count() == 1, "their reader to come back")
 
     def test_names_and_sentences_are_text_whatever_they_hold(self, browser, cell, voices):
         page = browser.open(f"http://127.0.0.1:{cell[1]}/")

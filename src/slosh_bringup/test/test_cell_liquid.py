@@ -136,34 +136,7 @@ def test_levels_are_those_of_the_paper(path):
         assert np.hypot(a[:, 0], a[:, 1]).max() == pytest.approx(LEVELS[path][1], rel=1e-3)
 
 
-def test_vertical_motion_leaves_the_planar_one_as_it_is():
-    """DL22, section 4.1: seen from above, the spatial paths are the planar ones."""
-    planar, spatial = make_motion("c-8.9"), make_motion("c3-4.5")
-    assert np.array_equal(planar.position[:, :2], spatial.position[:, :2])
-    assert np.array_equal(planar.acceleration[:, :2], spatial.acceleration[:, :2])
-    assert np.ptp(spatial.position[:, 2]) > 0.1
-
-
-def test_paths_have_their_shape_and_size():
-    line, eight, circle = (make_motion(name).position for name in ("l", "e", "c"))
-    assert not line[:, 0].any()
-    assert np.ptp(line[:, 1]) == pytest.approx(0.4, abs=1e-4)
-    assert np.ptp(eight, axis=0)[:2] == pytest.approx((0.8, 0.38), abs=1e-4)
-    centre = np.array([-0.25, 0.0, 0.0])
-    assert np.linalg.norm(circle - centre, axis=1) == pytest.approx(0.25)
-    turned = np.unwrap(np.arctan2(circle[:, 1], circle[:, 0] + 0.25))
-    assert turned[-1] - turned[0] == pytest.approx(4.0 * np.pi)
-
-
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
 def test_a_rate_that_is_none_is_refused(rate):
     with pytest.raises(SloshBringupError, match="must be positive"):
         make_motion("c", rate)
-
-
-def test_repeats_follow_one_another():
-    once = make_motion("c3", 100.0)
-    thrice = once.repeated(3)
-    assert np.diff(thrice.t) == pytest.approx(0.01)
-    assert np.array_equal(thrice.acceleration, np.tile(once.acceleration, (3, 1)))
-    assert thrice.attitude is None

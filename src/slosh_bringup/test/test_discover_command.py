@@ -16,9 +16,7 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict, WorstMoment
 from slosh_discovery.discovering import recorded_model
-from slosh_model.measure import predicted_heights
-from slosh_model.model_text import format_model, parse_model, read_model
-from slosh_model.simulate import Inputs
+from slosh_model.model_text import parse_model, read_model
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
 from slosh_testing.pages import grey_png
@@ -228,45 +226,6 @@ def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
         assert line.startswith("slosh discover: ")
         assert match in line
     assert discovery.calls == []
-
-
-@pytest.mark.long
-def test_tables_of_a_damped_liquid_name_its_damping(capsys, tmp_path):
-    """No stand-in: files in, files out."""
-    base = read_model(MODEL)
-    truth = base.with_effect("damping_mismatch", factor=2.5)
-    (tmp_path / "base.yaml").write_text(format_model(base))
-    noise = np.random.default_rng(1)
-    for number in range(4):
-        t = np.arange(0.0, 4.0, 0.002)
-        shape = np.where(t < 2.0, np.sin(np.pi * t / 2.0) ** 2, 0.0)
-        turn = (16.0 + number) * t
-        acceleration = np.column_stack([2.0 * shape * np.sin(turn), 2.0 * shape, 0.3 * shape])
-        seen = np.full(len(t), np.nan)
-        heights = predicted_heights(truth, Inputs(t, acceleration), t[::8])[:, 0]
-        seen[::8] = heights + 2e-4 * noise.standard_normal(len(heights))
-        write_motion_table(tmp_path / f"run_{number}.csv", MotionTable(t, acceleration, msh=seen))
-    tables = [str(tmp_path / f"run_{number}.csv") for number in range(4)]
-    words = [*tables, "--model", str(tmp_path / "base.yaml"), "-o", str(tmp_path / "o")]
-    assert main(["discover", *words, "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert document["verdict"] == "named"
-    assert [effect["name"] for effect in document["effects"]] == ["damping_mismatch"]
-    assert document["effects"][0]["parameters"]["factor"] == pytest.approx(2.5, rel=0.02)
-    assert document["gap"]["closed"] > 0.95
-    found = read_model(tmp_path / "o" / "model.yaml")
-    assert found.has("damping_mismatch")
-    assert (
-        main(["simulate", str(tmp_path / "o" / "model.yaml"), tables[0], "-o", "/dev/null"]) == 0
-    )
-
-
-def test_motions_get_the_group_whose_pattern_they_match(discovery, tables, tmp_path):
-    words = ["--group", "early=run_[123]", "--group", "late=run_4", "--group", "late=run_5"]
-    assert main(["discover", *tables, *words, "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
-    motions, _, holdout, _ = discovery.calls[-1]
-    assert [motion.group for motion in motions] == ["early", "early", "late", "late"]
-    assert [motion.group for motion in holdout] == ["early"]
 
 
 @pytest.mark.parametrize(

@@ -151,21 +151,6 @@ def test_each_flag_is_explained_by_name_and_by_number(flag, capsys):
         assert f"  {flag.name} ({flag.value}): {meaning}" in explained(number, capsys)
 
 
-def test_a_sum_of_flags_is_split(capsys):
-    said = explained("0x3", capsys)
-    for name in ("SATURATED (1)", "TOO_DARK (2)", "PLANARITY_LOST (1)", "STALE (3)"):
-        assert f"  {name}: " in said
-    assert "JERK_LIMIT" not in said
-    assert "0x8000: unknown" in explained("0x8001", capsys)
-    assert "no flag is set" in explained("0", capsys)
-
-
-def test_a_model_with_further_effects_is_explained(capsys):
-    said = explained("3D-NL+second_mode", capsys)
-    assert EFFECTS["second_mode"].meaning in said
-    assert main(["explain", "3D-NL+seconds"]) == 2
-
-
 @pytest.mark.parametrize(
     "name",
     sorted(

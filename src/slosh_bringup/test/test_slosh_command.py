@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import os
 import re
 
 import cv2
@@ -35,13 +34,6 @@ def test_it_tells_its_version(capsys):
         main(["--version"])
     assert caught.value.code == 0
     assert re.fullmatch(r"slosh \d+\.\d+\.\d+\n", capsys.readouterr().out)
-
-
-def test_a_call_leaves_the_environment_of_the_process_as_it_is(capsys, motion, tmp_path):
-    """What this process starts later must not depend on whether `main` was called before."""
-    before = dict(os.environ)
-    assert main(["simulate", MODEL, str(motion), "-o", str(tmp_path / "out.csv")]) == 0
-    assert dict(os.environ) == before
 
 
 def test_simulate_writes_heights(capsys, motion, tmp_path):
@@ -149,59 +141,11 @@ def test_a_gap_in_the_motion_is_named_with_time_and_length(capsys, motion, tmp_p
         assert bool(re.search(rf"gap\.csv: a gap.*{lost:g} s .*0\.6", said)) is is_gap
 
 
-def test_a_table_of_another_dialect_gives_the_same_answer(capsys, motion, tmp_path):
-    """Semicolons, decimal commas, milliseconds, g: read, and told in one line."""
-    rows = np.loadtxt(motion, delimiter=",", skiprows=1)
-    lines = ["Zeit [ms];acc_x [g];acc_y [g];acc_z [g]"]
-    for t, *acceleration in rows.tolist():
-        cells = [f"{1e3 * t:.6f}", *(f"{a / 9.80665:.12g}" for a in acceleration)]
-        lines.append(";".join(cells).replace(".", ","))
-    table = tmp_path / "excel.csv"
-    table.write_text("\r\n".join(lines), encoding="utf-8-sig")
-    code, facts, said = simulated(capsys, table)
-    assert code == 0
-    assert facts["peak"] == pytest.approx(simulated(capsys, motion)[1]["peak"], rel=1e-6)
-    (line,) = said.splitlines()
-    assert "note: " in line
-    assert "decimal commas" in line
-    assert "t from 'Zeit [ms]' in ms" in line
-    assert "acc_x [g]" in line
-
-
-def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, motion, tmp_path):
-    """It was simulated for minutes: rows are 2,000 s apart, were they seconds."""
-    table = scaled(motion, tmp_path / "us.csv", stretch=1e6)
-    line = complaint(capsys, "simulate", MODEL, str(table), "-o", "/dev/null")
-    assert re.search(r"us\.csv: column 't': rows are 2000 apart.*probably us \(500 Hz\)", line)
-    assert "--time-unit us" in line
-    line = complaint(capsys, "simulate", MODEL, str(table), "-o", "/dev/null", "--time-unit", "s")
-    assert "more than 86400 s" in line
-    code, facts, _ = simulated(capsys, table, "--time-unit", "us")
-    assert code == 0
-    assert facts["peak"] == pytest.approx(simulated(capsys, motion)[1]["peak"], rel=1e-6)
-
-
 @pytest.mark.parametrize("given", ["ax", "ax=", "=acc", "t=a,t=b"])
 def test_columns_that_are_no_pairs_are_named(capsys, motion, given):
     line = complaint(capsys, "simulate", MODEL, str(motion), "-o", "/dev/null", "--columns", given)
     assert "--columns" in line
     assert "NAME=COLUMN" in line
-
-
-def test_predict_and_plan_tell_the_same_doubts(capsys, motion, tmp_path):
-    table = scaled(motion, tmp_path / "gravity.csv", az=9.81)
-    sentence = simulated(capsys, table)[1]["warnings"][0]
-    assert main(["predict", MODEL, str(table)]) == 1
-    said = capsys.readouterr().err
-    assert said.startswith("slosh predict: warning: ")
-    assert sentence in said
-    assert main(["predict", MODEL, str(motion)]) == 0
-    assert capsys.readouterr().err == ""
-    path = tmp_path / "path.csv"
-    path.write_text("t,x,y,z\n0,0,0,0\n1,400,0,0\n")
-    command = ["plan", MODEL, str(path), "--limit", "0.02", "-o", str(tmp_path / "plan.csv")]
-    assert main(command) in (1, 2)
-    assert "the path is 400 m long: are its positions in mm?" in capsys.readouterr().err
 
 
 def test_simulate_refuses_what_no_container_undergoes(capsys, motion, tmp_path):

@@ -156,48 +156,6 @@ def test_a_video_and_what_is_left_of_one_that_was_cut(capsys, tmp_path, images):
     assert "should have 9 images" in capsys.readouterr().err
 
 
-def write_topics(folder, topics):
-    """A bag of images at 20 Hz: topic -> (encoding, bytes of a pixel, stamped, images)."""
-    make = STORE.typestore.types
-    for name in ("std_msgs/msg/Header", "sensor_msgs/msg/Image"):
-        STORE.hash(name)
-    with BagWriter(folder) as bag:
-        for topic, (encoding, size, stamped, images) in topics.items():
-            bag.add_topic(topic, "sensor_msgs/msg/Image")
-            for number, image in enumerate(images):
-                at = 100 * 10**9 + number * 50_000_000
-                sec, nanosec = divmod(at if stamped else 0, 10**9)
-                stamp = make["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
-                height, width = image.shape[:2]
-                message = make["sensor_msgs/msg/Image"](
-                    header=make["std_msgs/msg/Header"](stamp=stamp, frame_id="camera"),
-                    height=height, width=width, encoding=encoding, is_bigendian=0,
-                    step=size * width, data=np.frombuffer(image.tobytes(), np.uint8),
-                )  # fmt: skip
-                data = bytes(STORE.typestore.serialize_cdr(message, "sensor_msgs/msg/Image"))
-                bag.write(topic, data, at)
-    return folder
-
-
-def test_of_depth_and_colour_the_colours_are_measured(capsys, tmp_path, images):
-    depth = [np.full(image.shape[:2], 900, "<u2") for image in images]
-    topics = {
-        "/camera/depth/image_raw": ("16UC1", 2, True, depth),
-        "/camera/zcolor/image_raw": ("bgr8", 3, True, images),
-    }
-    bag = write_topics(tmp_path / "bag", topics)
-    code, table = detect(tmp_path, bag)
-    assert code == 0
-    assert table["msh"] == pytest.approx(HEIGHTS, abs=1e-3)
-    assert "left out: /camera/depth/image_raw (choose with --topic)" in capsys.readouterr().err
-    code, table = detect(tmp_path, bag, "--topic", "/camera/depth/image_raw")
-    assert code == 1
-    assert np.isnan(table["msh"]).all()
-    capsys.readouterr()
-    line = refused(capsys, tmp_path, bag, "--topic", "/camera/image")
-    assert "topics with images: /camera/depth/image_raw, /camera/zcolor/image_raw" in line
-
-
 def write_bag(folder, images):
     """Images at 20 Hz, the fourth with a step that does not match; and another, shorter topic."""
     types = {
@@ -330,20 +288,6 @@ def test_every_kind_of_garbage_is_flagged_with_one_line(capsys, tmp_path, images
     assert [any(name in line for line in told) for name in list(contents)[1:6]] == [True] * 5
     assert told[-1].endswith("see the table's flags")
     assert len(told) == 6
-
-
-def test_another_camera_s_calibration_is_suspected(capsys, tmp_path, folder):
-    calibration = yaml.safe_load(Path(CAMERA).read_text())
-    calibration["pose"]["translation"][0] += 0.06
-    del calibration["still_image"]  # which would not fit, either
-    (tmp_path / "other.yaml").write_text(yaml.safe_dump(calibration))
-    code, table = detect(tmp_path, folder, camera=tmp_path / "other.yaml")
-    assert code == 1
-    assert np.all(np.isnan(table["msh"]))
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "other.yaml: check that this file belongs to the camera" in line
-    assert detect(tmp_path, folder)[0] == 0
-    assert capsys.readouterr().err == ""
 
 
 def test_a_source_without_images_is_named(capsys, tmp_path):

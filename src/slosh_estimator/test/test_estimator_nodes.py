@@ -128,6 +128,23 @@ def test_imu_and_its_transform(start: Callable[..., Cell]) -> None:
     assert list(estimates[0].acceleration) == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
 
 
+def test_poses(start: Callable[..., Cell]) -> None:
+    cell = start(input="pose", pose_window="0.04")
+    cell.add(EstimatorNode())
+    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
+    publisher = cell.publisher(PoseStamped, topics.POSE)
+    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATE) > 0)
+    begin = cell.now()
+    for k in range(6):
+        message = PoseStamped()
+        message.header.stamp = to_time(begin + 10 * k * MS)
+        message.pose.position.x = 0.5 * 3.0 * (0.01 * k) ** 2
+        publisher.publish(message)
+    cell.until(lambda: len(estimates) == 2)
+    assert to_nanoseconds(estimates[0].header.stamp) == begin + 20 * MS
+    assert list(estimates[1].acceleration) == pytest.approx([3.0, 0.0, 0.0], abs=1e-6)
+
+
 def test_load_model_and_reset(start: Callable[..., Cell]) -> None:
     cell = start()
     cell.add(EstimatorNode())
