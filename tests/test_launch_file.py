@@ -9,7 +9,7 @@ import pytest
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.processes import LONGEST_PAUSE, NODES
-from tests.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
+from slosh_testing.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
 
 NOW = datetime(2026, 11, 25, 9, 30, 1)
 

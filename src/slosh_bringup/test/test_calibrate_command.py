@@ -135,6 +135,17 @@ def test_a_photograph_tells_its_field_of_view(capsys, tmp_path, picture):
     assert found.fx == pytest.approx(LENS.fx, rel=0.01)
 
 
+def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
+    ((u, v),) = VIEW.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
+    output = tmp_path / "camera.yaml"
+    words = [still, "--camera", intrinsics, *CONTAINER, *GLASS, "-o", output, "--level"]
+    assert main(["calibrate", *(str(word) for word in (*words, u, v + 1.0))]) == 0
+    assert worst_height_error(read_calibration(output).view) < 0.25e-3
+    capsys.readouterr()
+    assert "--level" in complaint(capsys, "calibrate", *words, u, v + 40.0)
+    assert "outside the image" in complaint(capsys, "calibrate", *words, -5, v)
+
+
 @pytest.mark.long
 def test_a_doubted_level_needs_a_click(capsys, tmp_path, still, intrinsics, monkeypatch):
     monkeypatch.setattr("slosh_bringup.cli.calibrate.still_doubt", lambda *_: "no whole line")

@@ -48,6 +48,12 @@ def test_a_node_that_says_nothing_is_named_once():
     assert watch.look(3.0 + SILENT + 0.1) == ["monitor: no diagnostics for 5 s"]
 
 
+def test_strangers_are_not_heard():
+    watch = CellWatch(["camera"], 0.0)
+    for _ in range(3):
+        assert watch.take(NodeReport("arm", ERROR, "hot", {}), 1.0) == []
+
+
 def test_reports_are_those_of_the_cells_own_namespace():
     def status(name):
         pairs = [KeyValue(key="state", value="ready")]
@@ -133,6 +139,11 @@ def test_another_cell_is_told_once_with_all_of_its_nodes_and_again_when_it_comes
     seen = [counts(estimator=1), both, both, both, counts(), counts(), both, both]
     told = [cells.look(one, float(now)) for now, one in enumerate(seen)]
     assert told == [[], [], list(NAMES), [], [], [], [], list(NAMES)]
+
+
+def test_nodes_that_are_there_before_ones_own_are_another_cells():
+    others = OtherCells()
+    assert [others.look({"monitor": 1}, float(now)) for now in range(2)] == [[], ["monitor"]]
 
 
 def test_a_node_that_was_killed_and_started_again_is_ones_own_until_it_should_be_forgotten(cells):

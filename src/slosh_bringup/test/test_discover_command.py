@@ -89,6 +89,12 @@ def test_it_writes_model_document_page_and_prints_the_verdict(capsys, discovery,
     ]  # fmt: skip
 
 
+def test_json_is_all_that_is_printed(capsys, discovery, tables, tmp_path):
+    output = tmp_path / "o"
+    assert main(["discover", *tables, "--model", MODEL, "-o", str(output), "--json"]) == 0
+    assert capsys.readouterr().out == (output / "discovery.json").read_text()
+
+
 def test_every_third_motion_is_held_out_and_the_reader_is_told(
     capsys, discovery, tables, tmp_path
 ):
@@ -205,6 +211,13 @@ def test_the_page_shows_the_camera_s_image_of_the_worst_moment(
     assert b64encode(grey_png()).decode() in page
 
 
+def test_a_model_must_come_from_somewhere(capsys, discovery, tables, tmp_path):
+    output = tmp_path / "o"
+    assert "--model" in complaint(capsys, "discover", tables[0], "-o", output)
+    line = complaint(capsys, "discover", "--from-bag", tables[0], "-o", output)
+    assert "contains no model" in line
+
+
 def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
     output, bare = tmp_path / "o", tmp_path / "bare.csv"
     write_table(bare, 1, measured=False)
@@ -225,6 +238,15 @@ def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
         line = complaint(capsys, "discover", *words)
         assert line.startswith("slosh discover: ")
         assert match in line
+    assert discovery.calls == []
+
+
+def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, tables, tmp_path):
+    file = tmp_path / "file"
+    file.write_text("")
+    for output in (file, "/proc/nowhere", "/proc"):
+        line = complaint(capsys, "discover", tables[0], "--model", MODEL, "-o", output)
+        assert str(output) in line
     assert discovery.calls == []
 
 

@@ -151,6 +151,12 @@ def test_each_flag_is_explained_by_name_and_by_number(flag, capsys):
         assert f"  {flag.name} ({flag.value}): {meaning}" in explained(number, capsys)
 
 
+def test_a_model_with_further_effects_is_explained(capsys):
+    said = explained("3D-NL+second_mode", capsys)
+    assert EFFECTS["second_mode"].meaning in said
+    assert main(["explain", "3D-NL+seconds"]) == 2
+
+
 @pytest.mark.parametrize(
     "name",
     sorted(

@@ -154,3 +154,8 @@ def test_wrong_input_is_refused_in_one_line(shop, tmp_path, capsys, change, matc
     output = tmp_path / "found"
     assert match in complaint(capsys, *words(shop, output, *change))
     assert not output.exists()
+
+
+def test_without_a_model_it_asks_for_one(shop, tmp_path, capsys):
+    line = complaint(capsys, "identify", shop / "runs", "-o", tmp_path / "o")
+    assert "no model: give --model" in line

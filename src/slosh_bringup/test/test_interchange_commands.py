@@ -82,6 +82,18 @@ def rows_of(document):
     return found
 
 
+def test_topics_are_listed(bag: Path, capsys):
+    capsys.readouterr()
+    run("export", bag, "--list", "--json")
+    entries = json.loads(capsys.readouterr().out)
+    assert [(entry["topic"], entry["messages"]) for entry in entries] == [
+        ("/slosh/accel", 1500),
+        ("/slosh/free_surface", 188),
+    ]
+    run("export", bag, "--list")
+    assert "geometry_msgs/msg/AccelStamped" in capsys.readouterr().out
+
+
 def test_a_topic_becomes_a_table(bag: Path, table: Path, tmp_path: Path):
     run("export", bag, "--topic", "accel", "-o", tmp_path / "accel.csv")
     with (tmp_path / "accel.csv").open(newline="") as file:

@@ -179,6 +179,14 @@ def test_who_worked_beside_one_that_kills_the_worker_is_not_blamed(work):
     assert {o.item: o.value for o in outcomes} == {0: 0, 1: 1, 2: None, 3: 3, 4: 4}
 
 
+def test_a_cluster_without_workers_is_told(work):
+    with (
+        running_cluster(n_workers=0, processes=False) as cluster,
+        pytest.raises(SloshBringupError, match=r"scheduler tcp://127.0.0.1:\d+: has no workers"),
+    ):
+        list(map_files(work.square, range(3), scheduler=cluster.scheduler_address))
+
+
 @pytest.mark.parametrize(
     ("address", "said"),
     [
@@ -193,6 +201,12 @@ def test_an_address_where_no_scheduler_is_gives_one_line(address, said, monkeypa
         list(map_files(len, ["a"], scheduler=address))
     assert str(caught.value).startswith(f"scheduler {address}: cannot be reached: ")
     assert "\n" not in str(caught.value)
+
+
+def test_where_dask_is_missing_it_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(SloshBringupError, match="install it, or use one job"):
+        list(map_files(len, ["a", "b"], jobs=2))
 
 
 def test_options_that_do_not_fit_are_told_before_any_work():

@@ -70,6 +70,13 @@ def test_refusals_are_one_line(tmp_path, capsys, change, match):
     assert not output.exists()
 
 
+def test_another_law_and_another_kind_of_file_are_refused(tmp_path, capsys):
+    assert main(words(tmp_path / "a.csv", profile="jump")) == 2
+    assert "'jump' is not one of quintic" in capsys.readouterr().err
+    assert main(words(tmp_path / "a.txt")) == 2
+    assert "a motion table must end in .csv" in capsys.readouterr().err
+
+
 MODEL = """container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
 liquid: {density: 998.2, kinematic_viscosity: 1.0e-6}
 damping_ratio: auto
@@ -156,3 +163,9 @@ def test_what_cannot_be_shaped_is_refused_in_one_line(slosh_shape, table, option
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert text in err
     assert not written.exists()
+
+
+def test_two_frequencies_have_no_polynomial(slosh_shape):
+    code, _, err, _ = slosh_shape(POSES, "--filter", "polynomial", model=TANK)
+    assert code == 2
+    assert "both frequencies of a rectangle" in err

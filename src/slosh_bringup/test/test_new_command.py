@@ -3,6 +3,7 @@
 import io
 import re
 import shlex
+from dataclasses import replace
 
 import pytest
 
@@ -154,6 +155,19 @@ def test_a_terminal_is_asked_for_what_is_missing(folder, capsys, monkeypatch):
     container = read_model(folder / "model.yaml").container
     assert container == Cylinder(radius=0.04, fill_height=0.06)
     assert "wall_thickness: 0.002" in (folder / "camera.yaml").read_text()
+
+
+def test_a_terminal_is_asked_for_a_rectangle(folder, monkeypatch):
+    monkeypatch.setattr("sys.stdin", Terminal("rectangular\n0.1\n0.07\n0.06\n0.1\n\n"))
+    assert main(["new", str(folder)]) == 0
+    container = read_model(folder / "model.yaml").container
+    assert container == replace(container, width=0.1, depth=0.07, fill_height=0.06, rim_height=0.1)
+
+
+def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", Terminal("\n"))
+    assert main(["new", str(folder)]) == 2
+    assert "no more input: give the values as options\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,32 @@ def test_the_summary_says_how_small_an_error_breaks_the_plan(slosh_plan):
     assert f"the limits hold for errors of up to {100 * facts['frequency_tolerance']:g} %" in out
 
 
+REPLAYED = {
+    "replay": {
+        "accuracy": [
+            {"name": "3D-L", "sigma": 0.002, "epsilon": 0.3},
+            {"name": "3D-NL", "sigma": 0.0001, "epsilon": -0.05},
+        ]
+    }
+}
+
+
 RAN = {"agreements": [{"name": "3D-NL / camera", "sigma": 0.0002, "epsilon": 0.02}]}
+
+
+def test_the_error_of_results_is_kept_off_the_limits(slosh_plan, tmp_path):
+    files = [tmp_path / "c3.json", tmp_path / "result.json"]
+    for file, document in zip(files, (REPLAYED, RAN), strict=True):
+        file.write_text(json.dumps(document))
+    options = ("--residual", "0.002", "--time-limit", "0")
+    code, out, _, _ = slosh_plan(LINE, *options, "--json", "--error", *map(str, files))
+    facts = json.loads(out)
+    assert (code, facts["sigma"], facts["epsilon"]) == (0, 0.0002, 0.05)
+    assert facts["error_margin"] == pytest.approx(np.hypot(0.0004, 0.05 * facts["peak"]))
+    assert facts["peak"] + facts["error_margin"] == pytest.approx(facts["upper"])
+    assert facts["upper"] <= 0.015
+    _, out, _, _ = slosh_plan(LINE, *options, "--mae", "0.0002", "--epsilon", "0.05")
+    assert "reserved for the model's error (MAE 0.2 mm, ε 5 %" in out
 
 
 @pytest.mark.parametrize(

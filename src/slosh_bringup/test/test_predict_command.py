@@ -95,6 +95,12 @@ def test_motions_are_shown_side_by_side_in_words(capsys, tmp_path):
     assert "must end in .png or .svg" in capsys.readouterr().err
 
 
+def test_no_limit_left_is_no_safe_scale(capsys, tmp_path):
+    motion = line(tmp_path / "a.csv")
+    assert main(["predict", MODEL, motion, "--limit", "0.01", "--sigma", "0.01"]) == 1
+    assert "no safe time scale" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("text", "options", "match"),
     [
@@ -138,6 +144,14 @@ def test_motions_of_joints_by_a_robots_description(capsys, tmp_path):
     assert found["peak_nonlinear"] == pytest.approx(same["peak_nonlinear"], rel=1e-3)
     assert main(["predict", MODEL, line(tmp_path / "a.csv"), *robot]) == 2
     assert "has no moving joint 'ax' (it has slide)" in capsys.readouterr().err
+
+
+def test_a_robot_needs_its_tool_frame(capsys, tmp_path):
+    motion = line(tmp_path / "a.csv")
+    assert main(["predict", MODEL, motion, "--urdf", "robot.urdf"]) == 2
+    assert (
+        capsys.readouterr().err.strip().endswith("--urdf and --tool-frame must be given together")
+    )
 
 
 def test_a_table_whose_accelerations_contradict_its_positions_is_refused(capsys, tmp_path):

@@ -131,6 +131,13 @@ def test_it_writes_a_bag_and_tells_what_is_lost(cut, tmp_path, capsys):
     assert f"slosh recover: {result['notes'][0]}" in told.err
 
 
+def test_for_people_it_lists_the_topics(cut, tmp_path, capsys):
+    assert main(["recover", str(cut), "-o", str(tmp_path / "new")]) == 0
+    first, last = capsys.readouterr().out.strip().split("\n")
+    assert first.split()[0] == "/header"
+    assert last == str(tmp_path / "new")
+
+
 @pytest.mark.parametrize("what", ["nothing", "existing"])
 def test_wrong_input_is_one_line_and_exit_code_2(cut, tmp_path, capsys, what):
     words = {

@@ -10,7 +10,7 @@ import pyarrow.parquet
 import pytest
 
 from slosh_bringup.cli import demo
-from slosh_bringup.cli.main import main
+from slosh_bringup.cli.main import COMMANDS, main
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
 from slosh_bringup.processes import config_folder
@@ -27,6 +27,12 @@ def motion(tmp_path):
     rows = np.column_stack([t, np.zeros_like(t), ay, np.zeros_like(t)])
     np.savetxt(path, rows, "%.9f", ",", header="t,ax,ay,az", comments="")
     return path
+
+
+def test_help_names_every_command(capsys):
+    assert main([]) == 2
+    text = capsys.readouterr().out
+    assert all(name in text for name in COMMANDS)
 
 
 def test_it_tells_its_version(capsys):
@@ -141,11 +147,40 @@ def test_a_gap_in_the_motion_is_named_with_time_and_length(capsys, motion, tmp_p
         assert bool(re.search(rf"gap\.csv: a gap.*{lost:g} s .*0\.6", said)) is is_gap
 
 
+def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, motion, tmp_path):
+    """It was simulated for minutes: rows are 2,000 s apart, were they seconds."""
+    table = scaled(motion, tmp_path / "us.csv", stretch=1e6)
+    line = complaint(capsys, "simulate", MODEL, str(table), "-o", "/dev/null")
+    assert re.search(r"us\.csv: column 't': rows are 2000 apart.*probably us \(500 Hz\)", line)
+    assert "--time-unit us" in line
+    line = complaint(capsys, "simulate", MODEL, str(table), "-o", "/dev/null", "--time-unit", "s")
+    assert "more than 86400 s" in line
+    code, facts, _ = simulated(capsys, table, "--time-unit", "us")
+    assert code == 0
+    assert facts["peak"] == pytest.approx(simulated(capsys, motion)[1]["peak"], rel=1e-6)
+
+
 @pytest.mark.parametrize("given", ["ax", "ax=", "=acc", "t=a,t=b"])
 def test_columns_that_are_no_pairs_are_named(capsys, motion, given):
     line = complaint(capsys, "simulate", MODEL, str(motion), "-o", "/dev/null", "--columns", given)
     assert "--columns" in line
     assert "NAME=COLUMN" in line
+
+
+def test_predict_and_plan_tell_the_same_doubts(capsys, motion, tmp_path):
+    table = scaled(motion, tmp_path / "gravity.csv", az=9.81)
+    sentence = simulated(capsys, table)[1]["warnings"][0]
+    assert main(["predict", MODEL, str(table)]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("slosh predict: warning: ")
+    assert sentence in said
+    assert main(["predict", MODEL, str(motion)]) == 0
+    assert capsys.readouterr().err == ""
+    path = tmp_path / "path.csv"
+    path.write_text("t,x,y,z\n0,0,0,0\n1,400,0,0\n")
+    command = ["plan", MODEL, str(path), "--limit", "0.02", "-o", str(tmp_path / "plan.csv")]
+    assert main(command) in (1, 2)
+    assert "the path is 400 m long: are its positions in mm?" in capsys.readouterr().err
 
 
 def test_simulate_refuses_what_no_container_undergoes(capsys, motion, tmp_path):
@@ -170,6 +205,13 @@ def test_simulate_writes_the_format_that_the_name_says(capfd, motion, tmp_path):
     captured = capfd.readouterr()
     assert captured.out == text
     assert "peak" in captured.err
+
+
+def test_simulate_refuses_a_format_that_it_does_not_know(capsys, motion, tmp_path):
+    for option, name in (("-o", "out.xls"), ("--plot", "out.jpg")):
+        words = ["simulate", MODEL, str(motion), "-o", str(tmp_path / "out.csv")]
+        assert name in complaint(capsys, *words, option, str(tmp_path / name))
+    assert list(tmp_path.iterdir()) == [motion]
 
 
 def test_simulate_draws_what_it_says(capsys, motion, tmp_path):
@@ -219,6 +261,17 @@ def test_simulate_names_what_is_wrong(capsys, motion, tmp_path):
     ):
         line = complaint(capsys, "simulate", str(model), str(table), "-o", output)
         assert re.search(match, line), line
+
+
+def test_replay_names_what_is_no_bag(capsys, tmp_path):
+    assert "no .mcap file" in complaint(capsys, "replay", str(tmp_path))
+
+
+def test_doctor_as_json(capsys):
+    assert main(["doctor", "--json"]) == 0
+    findings = {finding["name"]: finding for finding in json.loads(capsys.readouterr().out)}
+    assert findings["messages over DDS"]["ok"]
+    assert findings["slosh_msgs"]["ok"]
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,14 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
+from slosh_bringup.detect.frame import SourceFrame
+from slosh_bringup.detect.measuring import Result
+from slosh_bringup.detect.pictures import Strip, Worst
 from slosh_bringup.detect.series import images_in, longest_series
 from slosh_bringup.detect.source import open_source
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import format_calibration, read_calibration
+from slosh_camera.measurement import Measurement
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.pose import Pose
@@ -156,6 +160,56 @@ def test_a_video_and_what_is_left_of_one_that_was_cut(capsys, tmp_path, images):
     assert "should have 9 images" in capsys.readouterr().err
 
 
+def write_topics(folder, topics):
+    """A bag of images at 20 Hz: topic -> (encoding, bytes of a pixel, stamped, images)."""
+    make = STORE.typestore.types
+    for name in ("std_msgs/msg/Header", "sensor_msgs/msg/Image"):
+        STORE.hash(name)
+    with BagWriter(folder) as bag:
+        for topic, (encoding, size, stamped, images) in topics.items():
+            bag.add_topic(topic, "sensor_msgs/msg/Image")
+            for number, image in enumerate(images):
+                at = 100 * 10**9 + number * 50_000_000
+                sec, nanosec = divmod(at if stamped else 0, 10**9)
+                stamp = make["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+                height, width = image.shape[:2]
+                message = make["sensor_msgs/msg/Image"](
+                    header=make["std_msgs/msg/Header"](stamp=stamp, frame_id="camera"),
+                    height=height, width=width, encoding=encoding, is_bigendian=0,
+                    step=size * width, data=np.frombuffer(image.tobytes(), np.uint8),
+                )  # fmt: skip
+                data = bytes(STORE.typestore.serialize_cdr(message, "sensor_msgs/msg/Image"))
+                bag.write(topic, data, at)
+    return folder
+
+
+def test_images_without_a_stamp_have_the_recorders_time(capsys, tmp_path, images):
+    bag = write_topics(tmp_path / "bag", {"/camera/image_raw": ("bgr8", 3, False, images)})
+    code, table = detect(tmp_path, bag)
+    assert code == 0
+    assert table["t"] == pytest.approx(np.arange(9) / 20)
+    assert "9 images have the stamp 0" in capsys.readouterr().err
+
+
+def test_of_depth_and_colour_the_colours_are_measured(capsys, tmp_path, images):
+    depth = [np.full(image.shape[:2], 900, "<u2") for image in images]
+    topics = {
+        "/camera/depth/image_raw": ("16UC1", 2, True, depth),
+        "/camera/zcolor/image_raw": ("bgr8", 3, True, images),
+    }
+    bag = write_topics(tmp_path / "bag", topics)
+    code, table = detect(tmp_path, bag)
+    assert code == 0
+    assert table["msh"] == pytest.approx(HEIGHTS, abs=1e-3)
+    assert "left out: /camera/depth/image_raw (choose with --topic)" in capsys.readouterr().err
+    code, table = detect(tmp_path, bag, "--topic", "/camera/depth/image_raw")
+    assert code == 1
+    assert np.isnan(table["msh"]).all()
+    capsys.readouterr()
+    line = refused(capsys, tmp_path, bag, "--topic", "/camera/image")
+    assert "topics with images: /camera/depth/image_raw, /camera/zcolor/image_raw" in line
+
+
 def write_bag(folder, images):
     """Images at 20 Hz, the fourth with a step that does not match; and another, shorter topic."""
     types = {
@@ -223,6 +277,32 @@ def test_pictures_show_the_doubtful_ones_first(capsys, tmp_path, folder, images)
     centre = worst[worst.shape[0] // 3 : worst.shape[0] // 2]
     assert np.median(centre[:, 100:380]) < 20
     assert np.median(centre[:, 580:860]) > 100
+
+
+class _Sheet:
+    def write(self, results):
+        self.names = [result.frame.name for result, _ in results]
+        return ""
+
+
+def test_sheets_hold_few_images_of_many(tmp_path):
+    calibration = read_calibration(CAMERA)
+    strip, worst = (kind(tmp_path / "x.png", calibration, 4) for kind in (Strip, Worst))
+    sheets = {strip: _Sheet(), worst: _Sheet()}
+    for number in range(1001):
+        measurement = Measurement(0, msh=0.0, msh_stddev=1e-3 * (number * 7 % 1000))
+        result = Result(SourceFrame(0, str(number), Path("none")), measurement, "")
+        for sink in (strip, worst):
+            sink._sheet = sheets[sink]
+            sink.add(result)
+            assert len(getattr(sink, "_kept", getattr(sink, "_heap", ()))) <= 16
+    strip.finish()
+    worst.finish()
+    places = [int(name) for name in sheets[strip].names]
+    assert len(places) == 4
+    assert places[0] == 0
+    assert min(np.diff(places)) > 200
+    assert sheets[worst].names == ["857", "714", "571", "428"]
 
 
 def test_a_rectangular_container_seen_from_the_side(tmp_path):

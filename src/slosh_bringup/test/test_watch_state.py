@@ -10,6 +10,7 @@ from slosh_bringup.watch.state import (
     Compared,
     Estimated,
     LimitNews,
+    Surface,
     WatchState,
 )
 from slosh_bringup.watch.verdict import CellVerdict, judge
@@ -58,6 +59,12 @@ class TestVerdict:
 
     def test_who_is_silent_is_named(self):
         assert "the camera" in judge(3, 0.1, ("the camera",)).reason
+
+    def test_sides_that_disagree_are_not_near_a_limit(self):
+        verdict, reason = judge(1, 0.1, disagree=True)
+        assert verdict is CellVerdict.DISAGREE
+        assert "disagree" in reason
+        assert judge(2, 0.1, disagree=True).verdict is CellVerdict.EXCEEDED
 
 
 class TestFrames:
@@ -141,6 +148,12 @@ class TestFrames:
         third = WatchState("slosh discover bag")
         third.take_report(NodeReport("monitor", ERROR, "", facts), 0.0)
         assert frame(third, 0.0)["command"] == "slosh discover bag"
+
+    def test_a_line_of_thousands_of_points_is_thinned(self):
+        state = WatchState()
+        many = [0.001 * k for k in range(5000)]
+        state.take_surface(Surface(START_NS, 0.004, 0.1, many, many, 0))
+        assert len(frame(state, 0.0)["surface"]["line"]) < 130
 
 
 @pytest.mark.parametrize(
