@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import AccelStamped, PoseStamped
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -265,17 +265,6 @@ class TestNoFall:
         rough.until(answers[-1].done, "an answer")
         rough.node.destroy_client(client)
         from_now_on(rough, 20)
-
-    def test_a_burst_of_samples_and_of_the_same_ones(self, calm: Robot) -> None:
-        message = AccelStamped()
-        message.header.frame_id = "world"
-        before = calm.new_estimate()
-        message.header.stamp = to_time(time.time_ns())
-        for _ in range(5000):
-            calm.inputs[topics.ACCEL].publish(message)
-        calm.until(lambda: calm.estimates[-1].samples_dropped > before.samples_dropped, "drops")
-        worst = max(estimate.nonlinear.msh for estimate in from_now_on(calm, 20))
-        assert worst < 1e-6
 
     @pytest.mark.long
     def test_a_strange_pose(self, tmp_path: Path, domain: int) -> None:

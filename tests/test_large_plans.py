@@ -9,9 +9,8 @@ import numpy as np
 import psutil
 import pytest
 import rclpy
-from geometry_msgs.msg import Transform
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import (
     MultiDOFJointTrajectory,
 )
@@ -19,7 +18,6 @@ from trajectory_msgs.msg import (
 from slosh_model.motion_profiles import quintic
 from slosh_msgs.msg import MotionPrediction
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.point_arrays import arrays_of
 from slosh_testing.live_processes import until
 
 MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\ndamping_ratio: auto\n"
@@ -97,22 +95,6 @@ def test_200000_points_are_predicted_within_bounds(predictor: psutil.Process, pr
     refused = told(large_trajectory(MOST + 1))
     assert refused.state == MotionPrediction.REFUSED
     assert "200001 points are more than 200000" in refused.description
-
-
-def test_point_arrays_are_what_the_messages_say() -> None:
-    data = large_trajectory(3)
-    message = deserialize_message(data, MultiDOFJointTrajectory)
-    message.points[1].velocities = []
-    message.points[2].transforms += [Transform(), Transform()]
-    message.points[2].transforms[0].translation.y = 7.0
-    read = arrays_of(message.points, MOST)
-    assert read.t.tolist() == [0.0, 0.001, 0.002]
-    assert read.values["velocities"] is None
-    assert read.sizes["transforms"].tolist() == [1, 1, 3]
-    assert read.values["transforms"][2].tolist() == [0.4, 7.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-    assert read.values["accelerations"].shape == (3, 6)
-    assert len(arrays_of(message.points, 2)) == 3
-    assert len(arrays_of(message.points, 2).t) == 0
 
 
 def peak_of(process: psutil.Process) -> int:

@@ -145,17 +145,6 @@ def test_on_a_terminal_bar_and_unit_are_whole(inputs, tmp_path, domain, name, co
     assert columns < 100 or all("█" * 30 in frame for frame in drawn[-1:])
 
 
-@pytest.mark.long
-def test_a_dumb_terminal_gets_lines(inputs, tmp_path, domain):
-    command, title, unit = command_of("play", inputs, tmp_path)
-    seen = on_terminal(command, 80, term="dumb")
-    assert "█" not in seen
-    assert "\r" not in seen.replace("\r\n", "\n")
-    lines = [line for line in seen.splitlines() if line.startswith(title)]
-    assert 1 <= len(lines) <= LONGEST_LOG
-    assert re.fullmatch(rf"{title}: 100%, {unit}", lines[-1])
-
-
 @pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["detect", "recover", "replay"])
 def test_json_is_all_of_standard_output(inputs, tmp_path, capfd, name):

@@ -15,7 +15,6 @@ from slosh_replay.recording.heights import measurements
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.checking import excesses
-from slosh_replay.replay.output_bag import OutputBag
 from slosh_replay.replay.replay_bag import feed
 from slosh_replay.replay.stream import ReplayStream
 from slosh_testing.bags import copied
@@ -232,25 +231,6 @@ def test_of_two_cells_one_is_replayed_and_the_other_is_named(tmp_path):
     assert {row.name: row for row in other.accuracy}["3D-NL"].sigma > 1e-4
     with pytest.raises(SloshBagError, match="no topic of a cell /middle"):
         replay_bag(bag, cell="/middle")
-
-
-@pytest.mark.long
-def test_a_model_with_other_modes_within_the_run_goes_into_the_new_bag(live, tmp_path):
-    live.loads = {
-        700: TEXT + "modes: 2",
-        1100: TEXT.replace("{name: vertical_acceleration}, ", ""),
-    }
-    bag = live.write(tmp_path / "bag", seconds=1.0)
-    with OutputBag(tmp_path / "new") as outputs:
-        assert replay_bag(bag, outputs=outputs).verification.exact
-    old, new = BagReader(bag), BagReader(tmp_path / "new")
-    pairs = zip(old.messages(["/slosh/estimate"]), new.messages(["/slosh/estimate"]), strict=True)
-    seen = set()
-    for before, after in pairs:
-        a, b = old.decode(before), new.decode(after)
-        assert repr(a.nonlinear) == repr(b.nonlinear)
-        seen.add((b.nonlinear.model, len(b.nonlinear.modal_position)))
-    assert seen == {("3D-NL", 2), ("3D-NL", 4), ("2D-NL", 2)}
 
 
 def test_a_model_that_is_given_stays_through_all_changes(live, tmp_path):

@@ -17,7 +17,7 @@ from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
 from slosh_bag.nodes.recorder_node import RecorderNode
-from slosh_bag.nodes.topic_input import Publisher, Received, wanted
+from slosh_bag.nodes.topic_input import Received
 from slosh_bag.reader import BagReader
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos
@@ -329,27 +329,3 @@ def test_raw_images_are_recorded_where_there_are_no_compressed_ones(graph, cell)
     images = [topic == raw.topic_name for topic in (m.topic for m in recorded)]
     widths = [content.width for content, own in zip(contents, images, strict=True) if own]
     assert widths == [3, 4]
-
-
-@pytest.mark.parametrize(
-    ("present", "offered", "heard", "expected"),
-    [
-        pytest.param(qos.STREAM_OUT, [qos.STREAM_OUT], True, None, id="as before"),
-        pytest.param(qos.STREAM_OUT, [BEST_EFFORT], True, BEST_EFFORT, id="less"),
-        pytest.param(BEST_EFFORT, [qos.STREAM_OUT], True, qos.STREAM_OUT, id="more"),
-        pytest.param(qos.EVENT, [qos.STREAM_OUT], True, qos.STREAM_OUT, id="latched no more"),
-        pytest.param(qos.EVENT, [qos.EVENT], True, None, id="still latched"),
-        pytest.param(qos.STREAM_OUT, [qos.EVENT], False, qos.EVENT, id="a stranger latches"),
-        pytest.param(qos.STREAM_OUT, [qos.EVENT], True, None, id="already heard"),
-        # It would be heard again from the beginning.
-        pytest.param(BEST_EFFORT, [qos.EVENT], True, qos.STREAM_OUT, id="heard, now reliable"),
-    ],
-)
-def test_a_subscription_follows_its_publishers(present, offered, heard, expected):
-    publishers = [Publisher(bytes([n]), profile) for n, profile in enumerate(offered)]
-    wish = wanted(present, publishers, frozenset([b"\0"]) if heard else frozenset())
-    if expected is None:
-        assert wish is None
-    else:
-        assert wish is not None
-        assert (wish.reliability, wish.durability) == (expected.reliability, expected.durability)

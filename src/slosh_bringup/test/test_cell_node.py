@@ -14,7 +14,6 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
 from slosh_bringup.cell.motion_source import load_motion
-from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.nodes.cell_node import CellNode
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
@@ -165,21 +164,3 @@ def test_images_come_raw_and_compressed_with_their_calibration(played):
     assert np.array_equal(np.reshape(info.k, (3, 3)), camera.matrix)
     frames = {message.header.frame_id for message in (raw, jpeg, info)}
     assert frames == {"camera_optical"}
-
-
-@pytest.mark.long
-def test_a_camera_too_fast_for_the_machine_leaves_out_images_and_keeps_up(table, monkeypatch):
-    """A drawing takes six times as long as an image: in four seconds it would be 20 s behind."""
-    draw = CupRenderer.render
-
-    def slowly(self, *heights):
-        time.sleep(0.2)
-        return draw(self, *heights)
-
-    monkeypatch.setattr(CupRenderer, "render", slowly)
-    got, summary = play(motion=table, readers=1, imu_every=0, compressed=False, fps=30.0, repeat=8)
-    assert 8 <= summary["published"][f"/{topics.IMAGE}"] < 40  # of 121
-    seconds = [to_nanoseconds(m.header.stamp) * 1e-9 for m in got[topics.IMAGE]]
-    assert 0.9 < max(np.diff(seconds)) < 1.6
-    start = to_nanoseconds(got[topics.ACCEL][0].header.stamp) * 1e-9
-    assert seconds[-1] - start > 2.5

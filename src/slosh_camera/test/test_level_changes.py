@@ -96,22 +96,6 @@ def test_a_cup_is_filled_up_before_the_camera(learnt):
     assert flags[0] == flags[-1] == Flag.NONE
 
 
-def test_an_old_image_with_fresh_noise_is_doubted(learnt):
-    """No repeat by its pixels; but its crest would have swung twice meanwhile."""
-    scene, detector = learnt("pitched")
-    old = scene.draw(12.0 * MM, 0.5)
-    rng = np.random.default_rng(8)
-    noisy = (np.clip(old + rng.normal(0.0, 2.0, old.shape), 0, 255) for _ in range(60))
-    found = [
-        detector.update((1000 + index) * FRAME, image.astype(np.uint8))
-        for index, image in enumerate(noisy)
-    ]
-    told = [Flag.AMBIGUOUS in one.flags for one in found]
-    assert not any(told[:30])
-    assert all(told[45:])
-    assert Flag.AMBIGUOUS not in detector.update(1060 * FRAME, scene.draw(9.0 * MM, 0.5)).flags
-
-
 def test_the_node_tells_a_change_that_most_images_show(learnt):
     scene, detector = learnt("pitched")
     changes = LevelChanges()

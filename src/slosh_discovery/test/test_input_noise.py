@@ -101,23 +101,6 @@ def test_the_answer_s_covariance_is_that_of_many_simulations():
     assert np.all(np.diag(exact - columns @ columns.T) <= 1.01 * tolerated)
 
 
-@pytest.mark.first(1)
-@pytest.mark.parametrize("noise", [0.02, 0.2])
-def test_what_is_left_of_the_true_model_is_white(noise):
-    squares, sizes = [], []
-    for seed in range(6):
-        motion = seen(BASE, seed, noise=noise)
-        one = with_noise(prepare(motion), BASE, 0.0, None)
-        left = (one.heights - one.simulate(BASE).at(one.t, 0.0))[one.kept]
-        squares.append(np.mean(one.in_noises(left) ** 2))
-        sizes.append((one.driven_rms**2, np.mean(left**2) - CAMERA**2))
-        assert one.in_metres(one.in_noises(left)) == pytest.approx(left)
-    # Where there is hardly a wave, the highest point is allowed more than it does.
-    assert 0.25 < np.mean(squares) < 1.4
-    foretold, found = np.sqrt(np.mean(sizes, axis=0))
-    assert foretold == pytest.approx(found, rel=0.4)
-
-
 @pytest.mark.parametrize(("rate", "noise", "errors"), [
     pytest.param(1000.0, 0.02, {}, marks=pytest.mark.long),
     pytest.param(250.0, 0.05, {}, marks=pytest.mark.long),

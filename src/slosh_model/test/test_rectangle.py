@@ -8,15 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_model.batch import wall_heights
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import SHAPES, X_AXIS, Y_AXIS, Cylinder, Rectangle
+from slosh_model.containers import X_AXIS, Y_AXIS, Cylinder, Rectangle
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.self_test import example_parameters
-from slosh_model.simulate import Inputs, Simulator, State, simulate
+from slosh_model.simulate import Inputs, State, simulate
 from slosh_model.surface import rectangle_surface, sloshing_height
 
 TM20_GEOMETRIES = {  # width [m]: ω₀ that TM20 identified [rad/s] (Tables 2 and 4)
@@ -48,10 +47,6 @@ def run(model, acceleration=push, t=T):
 
 def constant(ax, ay=0.0, az=0.0):
     return lambda t: np.tile([ax, ay, az], (len(t), 1))
-
-
-def fitting(shape="rectangle"):
-    return [effect for effect in EFFECTS.values() if effect.fits(SHAPES[shape].section)]
 
 
 # ---- constants
@@ -158,28 +153,6 @@ def test_agrees_with_tm20s_equations_integrated_elsewhere(name, integrated, same
         same(-heights, theta * (TANK.width, TANK.depth)[axis] / 2.0, 1e-6)
 
 
-def test_multimodal_theory_gives_the_surface(integrated, same):
-    """Linear potential flow, from Bernoulli's equation and w = dη/dt in a moving tank."""
-    count, model = 3, Model(TANK, damping_ratio=ZETA, modes=3)
-    x = np.linspace(-0.03, 0.03, 41)
-    odd = 2 * np.arange(count) + 1
-    k = odd * np.pi / 0.06
-    kappa = k * np.tanh(k * FILL)
-    omega = np.sqrt(GRAVITY * kappa)
-    shapes = np.cos(np.multiply.outer(k, x + 0.03))
-    tilt = 2.0 * 0.06 * ((-1.0) ** odd - 1.0) / (odd * np.pi) ** 2  # x as a series of the shapes
-
-    def derivative(t, s):
-        b, rate = s[:count], s[count:]
-        forced = -kappa * tilt * push(t)[0]
-        return [*rate, *(forced - 2.0 * ZETA * omega * rate - omega**2 * b)]
-
-    waves = integrated(derivative, T, (0.0,) * (2 * count))[:, :count] @ shapes
-    response = run(model, along_x)
-    same(rectangle_surface(model, response.modal, x), waves, 1e-6)
-    same(response.sh_x, waves[:, -1], 1e-6)
-
-
 def test_the_modes_are_those_of_the_flow_to_first_order(same):
     """With a lift, the liquid's own nonlinear model cut off at its first order."""
     model = Model(TANK, damping_ratio=0.0, modes=3).spatial()
@@ -282,20 +255,6 @@ def test_along_one_axis_the_whole_side_is_highest():
 # ---- one mechanism
 
 
-@pytest.mark.parametrize("effect", fitting(), ids=lambda effect: effect.name)
-def test_every_effect_that_fits_gives_the_same_bits_three_ways(effect, motion):
-    model = M1.with_effect(effect.name, **example_parameters(effect)).spatial()
-    step = 1.0 / 128.0
-    t = step * np.arange(64)
-    inputs = Inputs(t, motion().acceleration(t + 1.0))
-    whole = simulate(model, inputs)[0]
-    expected = np.column_stack([whole.sh_x, whole.sh_y])
-    simulator = Simulator(model)
-    assert np.array_equal([simulator.step(step, *row) for row in inputs.acceleration], expected)
-    for heights in wall_heights([model] * 9, inputs):
-        assert heights.tobytes() == expected.tobytes()
-
-
 def test_loss_of_liquid_is_that_of_both_axes(integrated, same):
     rate, tank = 0.01, Rectangle(0.12, 0.05, 0.05)
     model = Model(tank, damping_ratio=ZETA).with_effect("fill_loss", rate=rate)
@@ -331,13 +290,3 @@ def test_what_a_rectangle_cannot_have_is_refused(name):
     assert str(caught.value) == f"effect {name!r} is not for a rectangle"
     with pytest.raises(SloshModelError, match="effect 'pendulum_nonlinearity' is not for a cyl"):
         Model(Cylinder(0.05, 0.07)).with_effect("pendulum_nonlinearity")
-
-
-def test_twins_are_those_of_the_shape():
-    assert [model.name for model in (M1, M1.nonlinear(), M1.spatial())] == [
-        "2D-L",
-        "2D-NL",
-        "3D-L",
-    ]
-    assert M1.nonlinear().has("pendulum_nonlinearity")
-    assert M1.nonlinear().linear() == M1
