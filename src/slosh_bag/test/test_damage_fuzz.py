@@ -256,7 +256,7 @@ def test_random_damage(bags, tmp_path):
 @pytest.mark.long
 @pytest.mark.timeout(600)
 def test_much_random_damage(bags, tmp_path):
-    fuzz(bags, tmp_path, range(1000, 3000))
+    fuzz(bags, tmp_path, range(1000, 2000))
 
 
 def test_the_whole_bags_are_read_without_a_warning(bags, tmp_path):

@@ -147,11 +147,10 @@ ROUGH = {"rho": 0.7, "outliers": 0.01, "gaps": 0.1}
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("repeats", [1, 3])
-def test_intervals_hold_the_truth_in_many_runs(repeats):
-    white = covered(200, 31, (*NAMES, "p"), repeats)
+def test_intervals_hold_the_truth_in_many_runs():
+    white = covered(200, 31, (*NAMES, "p"), 1)
     assert np.all((white >= 0.90) & (white <= 0.99))
-    rough = covered(200, 32, (*NAMES, "p"), repeats, **ROUGH)
+    rough = covered(200, 32, (*NAMES, "p"), 1, **ROUGH)
     assert np.all(rough >= 0.88)
 
 
