@@ -20,7 +20,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli import progress as module
 from slosh_bringup.cli.main import main
-from slosh_bringup.cli.progress import SECONDS, Progress, Unit, progress_bar
+from slosh_bringup.cli.progress import IN_SECONDS, Progress, Unit, progress_bar
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_tables.motion_table import MotionTable, write_motion_table
@@ -177,7 +177,7 @@ def told(capsys):
 
 
 def test_ten_seconds_and_ten_percent_pass_between_two_lines(clock, told):
-    with Progress("work", 3600.0, SECONDS, delay=0.0) as progress:
+    with Progress("work", 3600.0, IN_SECONDS, delay=0.0) as progress:
         for tick in range(36_001):
             clock.now = 0.1 * tick
             progress.reach(clock.now)

@@ -51,7 +51,7 @@ Tell = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class DiscoveryRequest:
-    """What is asked.
+    """Data, model and options of a discovery.
 
     Attributes:
         data: bags, motion tables, folders of these.

@@ -44,7 +44,7 @@ Tell = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class IdentificationRequest:
-    """What is asked.
+    """Data, model and options of an identification.
 
     Attributes:
         data: bags, motion tables, folders of these.

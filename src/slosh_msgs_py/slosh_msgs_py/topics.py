@@ -72,7 +72,7 @@ class Publishers(Enum):
 
 
 class Topic(NamedTuple):
-    """A topic.
+    """A topic of a cell: name, type, publisher and use.
 
     Attributes:
         name: relative to the cell's namespace, or absolute.

@@ -9,7 +9,7 @@ from typing import Any
 
 from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.playing.playback import PlaybackSettings
-from slosh_bringup.cli.progress import SECONDS, Progress
+from slosh_bringup.cli.progress import IN_SECONDS, Progress
 from slosh_bringup.cli.quantities import RATE, time
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import READER_GONE, forget_readers
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     ros += ["-p", f"subscribers:={arguments.subscribers}"]
     length = None if settings.loop else plan.playback.length
     title = "playing, Ctrl-C to stop" if settings.loop else f"play {arguments.bag.name}"
-    with Progress(title, length, SECONDS, delay=0.0) as progress:
+    with Progress(title, length, IN_SECONDS, delay=0.0) as progress:
 
         def watch(node: Any) -> None:
             played: float = node.played

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, cell, "--cell")
     parser.add_argument(
         "--estimator", type=int, default=1, metavar="N",
-        help="which estimator, where several were mixed on one topic; 1 gave the first estimate",
+        help="number of the estimator to replay, for a topic with several; 1: the first",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path,

@@ -53,7 +53,7 @@ class PictureSink(Protocol):
     """What takes results one after another and ends with a picture."""
 
     def add(self, result: Result) -> None:
-        """The next result."""
+        """Takes the next result into the picture."""
 
     def finish(self) -> str:
         """Writes what is not yet written; returns a sentence about it."""
@@ -216,7 +216,7 @@ class AnnotatedVideo(PictureSink):
         self._count = 0
 
     def add(self, result: Result) -> None:
-        """The next result."""
+        """Takes the next result into the picture."""
         if self._writer is None and self._strip is None:
             self._early.append(result)
             if self._rate is None and len(self._early) < _LEARNT:

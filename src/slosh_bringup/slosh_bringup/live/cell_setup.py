@@ -26,7 +26,7 @@ REMAPPABLE = (
 
 @dataclass(frozen=True, slots=True)
 class CellSetup:
-    """A cell.
+    """Files and topics of a cell, as its cell.yaml states them.
 
     Attributes:
         model: model file of the container and its liquid.

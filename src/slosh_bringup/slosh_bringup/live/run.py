@@ -50,7 +50,7 @@ def check_files(setup: CellSetup) -> None:
 
 @dataclass(frozen=True, slots=True)
 class LiveRun:
-    """What is run.
+    """Nodes, folder and options of a live run.
 
     Attributes:
         command: the subcommand.
@@ -71,7 +71,7 @@ class LiveRun:
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """How the nodes ended.
+    """How a run ended: what went wrong, and the exit code.
 
     Attributes:
         problem: what went wrong, or ended the run before its time; empty: nothing did.

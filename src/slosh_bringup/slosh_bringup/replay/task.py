@@ -46,7 +46,7 @@ PAGES = (".html", ".json")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A bag to replay.
+    """A bag to replay, with the options of its replay.
 
     Attributes:
         bag: folder or file.

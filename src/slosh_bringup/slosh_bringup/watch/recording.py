@@ -42,7 +42,7 @@ rest [m]."""
 
 
 class RecordedFrames:
-    """Frames of a bag.
+    """Frames of the operator's page, made from a bag.
 
     Args:
         bag: the bag.

@@ -22,7 +22,7 @@ class CellVerdict(Enum):
 
 
 class CellJudgement(NamedTuple):
-    """A verdict and why."""
+    """Verdict on a cell's safety, and the reason for it."""
 
     verdict: CellVerdict
     reason: str
@@ -37,7 +37,7 @@ def judge(
     alone: bool = False,
     disagree: bool = False,
 ) -> CellJudgement:
-    """Judges a cell.
+    """Judges whether a cell is safe by its newest messages.
 
     Silence is never safe: what is not compared is not known.
 

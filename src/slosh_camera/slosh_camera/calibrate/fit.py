@@ -69,7 +69,7 @@ NO_HINT = Hint(np.full(_PLACE, np.nan), np.ones(_PLACE))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaceFit:
-    """A fitted place.
+    """Pose of the camera from a fit, with its covariance and residuals.
 
     Attributes:
         camera: the camera, with the focal length that fits.

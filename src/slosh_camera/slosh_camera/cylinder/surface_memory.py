@@ -69,7 +69,7 @@ class SurfaceMemory:
         self.forget()
 
     def forget(self) -> None:
-        """Knows nothing any more."""
+        """Forgets the images before."""
         self._seen: tuple[tuple[int, FloatArray], ...] = ()
         self._decided = 0
         self._fade = USUAL_FADE

@@ -32,7 +32,7 @@ _GRID = 201
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedLine:
-    """A fitted line.
+    """Line of the liquid that was fitted to a side view.
 
     Attributes:
         width: the container's [m].

@@ -41,7 +41,7 @@ class Role(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FittedParameters:
-    """Of one effect.
+    """Fitted parameters of one effect.
 
     Attributes:
         parameters: fitted values, all of them, in the effect's order.

@@ -37,7 +37,7 @@ FOLDS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """All motions.
+    """Regression for missing terms over all motions.
 
     Attributes:
         settings: one for each motion.
@@ -79,7 +79,7 @@ class _Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A choice of terms.
+    """Fitted coefficients of a choice of terms.
 
     Attributes:
         support: indices into LIBRARY, in the order of their choice.

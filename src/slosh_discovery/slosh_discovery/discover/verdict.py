@@ -265,7 +265,7 @@ def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class OtherFrequency:
-    """Where the liquid swings.
+    """Frequency at which the liquid swings, if it is not the model's.
 
     Attributes:
         expected: the model's first natural frequency [Hz].

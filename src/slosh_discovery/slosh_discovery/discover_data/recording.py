@@ -87,7 +87,7 @@ class BagRecording:
 
 
 def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) -> BagRecording:
-    """Reads a bag.
+    """Reads the motion and the heights of a bag.
 
     Args:
         path: of the bag, for what is said of it.

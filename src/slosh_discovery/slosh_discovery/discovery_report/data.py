@@ -33,7 +33,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Something to type next.
+    """A command that the reader may type next.
 
     Attributes:
         purpose: what it does, a few words.

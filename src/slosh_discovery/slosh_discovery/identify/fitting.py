@@ -33,7 +33,7 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedVector:
-    """A fit.
+    """Values of all unknowns from a fit, with their covariance.
 
     Attributes:
         problem: what was fitted.

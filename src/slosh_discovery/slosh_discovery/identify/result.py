@@ -158,7 +158,7 @@ class DwellVibration:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Identification(Shown):
-    """What was found.
+    """Models, parameters and figures that an identification found.
 
     Attributes:
         base: the model that came in.

@@ -61,7 +61,7 @@ class LegGuess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathSolution:
-    """What a search found.
+    """Motion that a search found, and how it ended.
 
     Attributes:
         legs: the motion: where the next search may start.

@@ -15,7 +15,7 @@ from slosh_replay.replay.verification import Verification
 from slosh_report.page.units import unit_style
 from slosh_report.run_report import CheckRow
 
-HEIGHT, SHARE, SECONDS = 1e-6, 1e-4, 1e-3
+HEIGHT_TOLERANCE, SHARE_TOLERANCE, TIME_TOLERANCE = 1e-6, 1e-4, 1e-3
 """Tolerances of a manifest that is written: of heights [m], of ε [1], of times [s]."""
 ROUNDING = 1e-9
 """Tolerance of estimates on a machine that rounds otherwise than the recording one [SI units]."""
@@ -96,20 +96,20 @@ def expectation_of(result: ReplayResult) -> Expectation:
         images=result.counters.get("images", 0),
         drops=dropped(result),
         sigma={
-            row.name: ExpectedNumber(row.sigma, HEIGHT)
+            row.name: ExpectedNumber(row.sigma, HEIGHT_TOLERANCE)
             for row in result.accuracy
             if math.isfinite(row.sigma)
         },
         epsilon={
-            row.name: ExpectedNumber(row.epsilon, SHARE)
+            row.name: ExpectedNumber(row.epsilon, SHARE_TOLERANCE)
             for row in result.accuracy
             if math.isfinite(row.epsilon)
         },
         events=tuple(
             ExpectedEvent(
                 Source(event.source).name.lower(),
-                ExpectedNumber(event.peak, HEIGHT),
-                ExpectedNumber(event.duration_ns * 1e-9, SECONDS),
+                ExpectedNumber(event.peak, HEIGHT_TOLERANCE),
+                ExpectedNumber(event.duration_ns * 1e-9, TIME_TOLERANCE),
             )
             for event in excesses(result.events)
         ),

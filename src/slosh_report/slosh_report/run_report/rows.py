@@ -223,7 +223,7 @@ class RunMotion:
 
 @dataclass(frozen=True, slots=True)
 class TopicRow:
-    """A recorded topic.
+    """A recorded topic and its number of messages.
 
     Attributes:
         name, type: as in the bag.
