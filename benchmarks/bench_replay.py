@@ -33,7 +33,7 @@ import numpy as np
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from process_memory import peak_memory
+from measuring import greatest_memory, peak_memory
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.columns.cdr_columns import write_messages
@@ -278,24 +278,15 @@ def memory(bag: Path, short: Path) -> dict[str, Any]:
         copies.append(short.with_name(f"copy{number}"))
         shutil.copytree(short, copies[-1])
     figures = {
-        "short": greatest_memory([short]),
-        "long": greatest_memory([bag]),
-        "many": greatest_memory(copies),
+        "short": greatest_memory(__file__, short),
+        "long": greatest_memory(__file__, bag),
+        "many": greatest_memory(__file__, *copies),
     }
     return {
         "memory_mib": {name: round(value) for name, value in figures.items()},
         "length_ratio": round(figures["long"] / figures["short"], 3),
         "number_ratio": round(figures["many"] / figures["short"], 3),
     }
-
-
-def greatest_memory(bags: list[Path]) -> float:
-    """Of a process that replays bags as the command does [MiB]."""
-    done = subprocess.run(
-        [sys.executable, __file__, "--measure", *map(str, bags)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    return float(done.stdout.splitlines()[-1])
 
 
 def measure(bags: list[Path]) -> int:
