@@ -14,7 +14,7 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.measuring import Result
-from slosh_bringup.detect.pictures import Strip, Worst
+from slosh_bringup.detect.pictures import PictureStrip, Worst
 from slosh_bringup.detect.series import images_in, longest_series
 from slosh_bringup.detect.source import open_source
 from slosh_bringup.processes import config_folder
@@ -287,7 +287,7 @@ class _Sheet:
 
 def test_sheets_hold_few_images_of_many(tmp_path):
     calibration = read_calibration(CAMERA)
-    strip, worst = (kind(tmp_path / "x.png", calibration, 4) for kind in (Strip, Worst))
+    strip, worst = (kind(tmp_path / "x.png", calibration, 4) for kind in (PictureStrip, Worst))
     sheets = {strip: _Sheet(), worst: _Sheet()}
     for number in range(1001):
         measurement = Measurement(0, msh=0.0, msh_stddev=1e-3 * (number * 7 % 1000))
