@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions
 from slosh_base.files.errors import SloshFileError
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.recording import (
@@ -29,6 +27,7 @@ from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.tables.table_bag import write_table_bag
 from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_testing.cell_bag import CellBag
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -221,69 +220,13 @@ class TestSplit:
         assert "begun before the recording" in found.notes[0]
 
 
-class Bag:
-    """Writes a bag of a cell, message by message."""
-
-    def __init__(self) -> None:
-        self.definitions = Definitions()
-        self.entries: list[tuple[int, str, str, Any]] = []
-        for name in ("sensor_msgs/msg/Imu", "geometry_msgs/msg/PoseStamped",
-                     "geometry_msgs/msg/AccelStamped", "slosh_msgs/msg/FreeSurface",
-                     "slosh_msgs/msg/SloshComparison"):  # fmt: skip
-            self.definitions.hash(name)
-
-    def make(self, name: str, **fields: Any) -> Any:
-        return self.definitions.typestore.types[name](**fields)
-
-    def blank(self, name: str) -> Any:
-        """A message of zeros."""
-        kind = self.definitions.typestore.types[name]
-        values: dict[str, Any] = {}
-        fields = self.definitions.typestore.fielddefs[name][1]
-        for field, (node, definition) in fields:
-            if node.name == "BASE" and definition[0] in ("string",):
-                values[field] = ""
-            elif node.name == "BASE":
-                values[field] = definition[0] == "bool" and False
-            elif node.name == "NAME":
-                values[field] = self.blank(definition)
-            elif node.name == "ARRAY":
-                values[field] = np.zeros(definition[1])
-            else:
-                values[field] = np.empty(0, dtype=np.float32)
-        return kind(**values)
-
-    def put(self, topic: str, name: str, stamp: int, frame: str, **fields: Any) -> None:
-        message = self.blank(name)
-        for path, value in fields.items():
-            *parents, last = path.split("__")
-            place = message
-            for parent in parents:
-                place = getattr(place, parent)
-            setattr(place, last, value)
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
-        message.header.frame_id = frame
-        self.entries.append((stamp, topic, name, message))
-
-    def accel(self, stamp: int, a: Array) -> None:
-        x, y, z = a.tolist()
-        self.put("/slosh/accel", "geometry_msgs/msg/AccelStamped", stamp, "world",
-                 accel__linear__x=x, accel__linear__y=y, accel__linear__z=z)  # fmt: skip
+class Bag(CellBag):
+    """A bag of a cell with measured heights."""
 
     def heights(self, heights: Heights, flags: dict[int, int] | None = None) -> None:
         for row, (stamp, msh, stddev) in enumerate(zip(*heights, strict=True)):
-            self.put("/slosh/free_surface", "slosh_msgs/msg/FreeSurface", int(stamp), "container",
-                     msh=float(msh), msh_stddev=float(stddev),
-                     flags=(flags or {}).get(row, 0))  # fmt: skip
-
-    def write(self, folder: Path) -> Path:
-        with BagWriter(folder, self.definitions, {}) as writer:
-            for _, topic, name, _ in self.entries:
-                writer.add_topic(topic, name)
-            for stamp, topic, name, message in sorted(self.entries, key=lambda entry: entry[0]):
-                data = self.definitions.typestore.serialize_cdr(message, name)
-                writer.write(topic, bytes(data), stamp)
-        return folder
+            marks = (flags or {}).get(row, 0)
+            self.surface(int(stamp), float(msh), msh_stddev=float(stddev), flags=marks)
 
 
 class TestBags:

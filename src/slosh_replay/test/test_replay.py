@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_estimator.limits import Event, Kind, Source
 from slosh_estimator.monitor_settings import MonitorSettings
@@ -20,10 +19,9 @@ from slosh_replay.replay.report import Surroundings, event_spans, replay_report
 from slosh_replay.replay.result import ModelAccuracy, ReplayResult
 from slosh_report.run_report import render_report
 from slosh_tables.motion_table import MotionTable
+from slosh_testing.cell_bag import SURFACE, CellBag
 
 MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
-ACCEL = "geometry_msgs/msg/AccelStamped"
-SURFACE = "slosh_msgs/msg/FreeSurface"
 
 
 def motion_table() -> MotionTable:
@@ -39,62 +37,18 @@ def motion_table() -> MotionTable:
 TABLE = motion_table()
 
 
-def write_bag(
-    folder: Path,
-    shift: float = 0.0,
-    facts: dict[str, str] | None = None,
-    *,
-    set_back: bool = False,
-) -> Path:
-    """The table as a bag: accelerations at 500 Hz, and images at 62.5 Hz on a shifted clock.
-
-    With `set_back` the accelerations' stamps jump back by 2 s in the middle.
-    """
-    definitions = Definitions()
-    entries = []
-    with BagWriter(folder, definitions, facts) as writer:
-        writer.add_topic("/slosh/accel", ACCEL)
-        writer.add_topic("/slosh/free_surface", SURFACE)
-        store = definitions.typestore
-        types = store.types
-
-        def header(stamp: int, frame: str):
-            time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
-            return types["std_msgs/msg/Header"](stamp=time, frame_id=frame)
-
-        vector = types["geometry_msgs/msg/Vector3"]
-        for t, (x, y, z) in zip(TABLE.t.tolist(), TABLE.acceleration.tolist(), strict=True):
-            stamp = 10**9 + round(t * 1e9)
-            accel = types["geometry_msgs/msg/Accel"](
-                linear=vector(x=x, y=y, z=z), angular=vector(x=0.0, y=0.0, z=0.0)
-            )
-            back = 2 * 10**9 if set_back and t > 3.0 else 0
-            message = types[ACCEL](header=header(stamp - back, "world"), accel=accel)
-            entries.append((stamp, "/slosh/accel", store.serialize_cdr(message, ACCEL)))
-        names = _float_fields(types[SURFACE])
-        none = np.empty(0, dtype=np.float32)
-        still = np.arange(-3.0, 0.0, 0.016) if shift else np.empty(0)
-        times = np.concatenate((still, TABLE.t[::8]))
-        heights = np.concatenate((np.zeros(still.size), TABLE.msh[::8]))
-        for t, height in zip(times.tolist(), heights.tolist(), strict=True):
-            stamp = 10**9 + round((t + shift) * 1e9)
-            values = {**dict.fromkeys(names, float("nan")), "msh": height}
-            message = types[SURFACE](
-                header=header(stamp, "container"), **values,
-                profile_azimuth=none, profile_height=none, peak_side=0, flags=0,
-            )  # fmt: skip
-            entries.append((stamp, "/slosh/free_surface", store.serialize_cdr(message, SURFACE)))
-        for stamp, topic, data in sorted(entries, key=lambda entry: entry[0]):
-            writer.write(topic, bytes(data), stamp)
-    return folder
-
-
-def _float_fields(surface: type) -> list[str]:
-    return [
-        name
-        for name, kind in surface.__annotations__.items()
-        if kind in (float, "float") and not name.isupper()
-    ]
+def write_bag(folder: Path, shift: float = 0.0, facts: dict[str, str] | None = None) -> Path:
+    """The table as a bag: accelerations at 500 Hz, and images at 62.5 Hz on a shifted clock."""
+    ahead = round(shift * 1e9)
+    bag = CellBag()
+    for t, acceleration in zip(TABLE.t.tolist(), TABLE.acceleration.tolist(), strict=True):
+        bag.accel(10**9 + round(t * 1e9), acceleration)
+    still = np.arange(-3.0, 0.0, 0.016) if shift else np.empty(0)
+    times = np.concatenate((still, TABLE.t[::8]))
+    heights = np.concatenate((np.zeros(still.size), TABLE.msh[::8]))
+    for t, height in zip(times.tolist(), heights.tolist(), strict=True):
+        bag.surface(10**9 + round(t * 1e9) + ahead, height)
+    return bag.write(folder, facts)
 
 
 def by_name(result):
