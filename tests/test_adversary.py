@@ -1,6 +1,7 @@
 """Whatever others send: the cell does not lie, does not fall and tells what is wrong."""
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import AccelStamped, PoseStamped
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -291,3 +292,26 @@ class TestNoFall:
             message.header.stamp.sec = sec
             calm.for_seconds(0.1)
         calm.until(lambda: calm.comparisons[-1].state == SloshComparison.STATE_OK, "the state OK")
+
+    def test_paths_that_are_no_models(self, calm: Robot, tmp_path: Path) -> None:
+        os.mkfifo(tmp_path / "pipe")
+        secret = tmp_path / "secret"
+        secret.write_text("root:x:0:0:root:/root:/bin/sh\nkey: hunter2\n")
+        for path in map(str, ("/dev/zero", "/dev/stdin", tmp_path / "pipe", tmp_path, secret)):
+            answer = calm.call(LoadModel, topics.LOAD_MODEL, path=path)
+            assert not answer.success
+            assert answer.message.startswith(path)
+            assert "root:x" not in answer.message
+            assert "hunter2" not in answer.message
+        calm.new_estimate()
+
+    def test_a_burst_of_samples_and_of_the_same_ones(self, calm: Robot) -> None:
+        message = AccelStamped()
+        message.header.frame_id = "world"
+        before = calm.new_estimate()
+        message.header.stamp = to_time(time.time_ns())
+        for _ in range(5000):
+            calm.inputs[topics.ACCEL].publish(message)
+        calm.until(lambda: calm.estimates[-1].samples_dropped > before.samples_dropped, "drops")
+        worst = max(estimate.nonlinear.msh for estimate in from_now_on(calm, 20))
+        assert worst < 1e-6

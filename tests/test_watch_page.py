@@ -6,6 +6,8 @@ import signal
 import socket
 import threading
 import time
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import headless_browser
@@ -16,6 +18,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from live_browser import LiveBrowser
 from rclpy.node import Node
+from websockets.sync.client import connect
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, config_folder, node_environment
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshComparison
@@ -258,6 +261,18 @@ class TestLive:
         with socket.create_connection(("127.0.0.1", cell[1])) as raw:
             raw.sendall(f"GET {path} HTTP/1.0\r\nHost: 127.0.0.1:{cell[1]}\r\n\r\n".encode())
             assert b" 404 " in raw.makefile("rb").readline()
+
+    def test_nothing_can_be_written(self, cell):
+        for method in ("POST", "PUT", "DELETE", "PATCH"):
+            asked = urllib.request.Request(f"http://127.0.0.1:{cell[1]}/", b"x", method=method)
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(asked, timeout=20.0)
+            assert refused.value.code == 405
+
+    def test_what_a_viewer_says_is_not_heard(self, cell):
+        with connect(f"ws://127.0.0.1:{cell[1]}/frames") as viewer:
+            viewer.send("load_model")
+            assert viewer.recv(timeout=20.0)
 
 
 def test_a_port_that_is_taken_is_told_in_a_line(domain, tmp_path):
