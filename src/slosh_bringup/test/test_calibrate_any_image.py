@@ -5,6 +5,8 @@ import warnings
 import cv2
 import numpy as np
 import pytest
+from matplotlib import cbook
+from PIL import Image
 
 from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
@@ -93,6 +95,17 @@ def stripes(rng, pictures):
 KINDS = (blank, noise, cup, cropped, turned, disturbed, other_things, other_things, stripes)
 
 
+def photograph(rng, pictures):
+    """A part of a real photograph, of a person: light, grain and edges that nobody drew."""
+    with cbook.get_sample_data("grace_hopper.jpg") as file:
+        whole = np.asarray(Image.open(file))[..., ::-1]
+    high, wide = whole.shape[:2]
+    size = rng.integers(100, (high, wide))
+    top, left = (int(start) for start in rng.integers(0, (high, wide) - size + 1))
+    part = np.ascontiguousarray(whole[top : top + size[0], left : left + size[1]])
+    return np.rot90(part, int(rng.integers(4))).copy()
+
+
 def stored(rng, image, path):
     """Writes an image in grey, colour, with transparency, with 16 bits, or as a JPEG."""
     kind = rng.integers(6)
@@ -145,6 +158,12 @@ def test_many_images(pictures, tmp_path, capsys):
     codes = [attempt(number, pictures, tmp_path, capsys) for number in range(1000, 1040)]
     # Plain pictures of a cup are among them: it is not that all are refused.
     assert set(codes) == {0, 2}
+
+
+@pytest.mark.long
+def test_a_photograph_of_a_person_is_no_container(tmp_path, capsys):
+    """Of 2058 a fit ended where it saw no edge any more, and divided by their number."""
+    assert attempt(2058, (), tmp_path, capsys, (photograph,)) == 2
 
 
 @pytest.mark.parametrize(

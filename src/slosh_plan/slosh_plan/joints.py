@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -95,9 +95,9 @@ class Arm:
             )
             if values is not None
         ]  # fmt: skip
-        columns[0] = self._joined(joints, columns[0])
+        columns[0] = self.joined(joints, columns[0])
         moments = dense(np.asarray(t, dtype=np.float64), PEAK_SPACING)
-        curve = _spline(np.asarray(t, dtype=np.float64), columns, name)
+        curve = joint_curve(np.asarray(t, dtype=np.float64), columns, name)
         states = [np.asarray(curve(moments, order)) for order in range(3)]
         return self._moved(moments, joints, states, name)
 
@@ -111,10 +111,119 @@ class Arm:
             joints: (J,) names of the columns; those that the robot does not have never wrap.
             position: (N, J) [rad or m].
         """
-        joined = self._joined(joints, position)
+        joined = self.joined(joints, position)
         return [name for k, name in enumerate(joints) if (joined[:, k] != position[:, k]).any()]
 
-    def _joined(self, joints: Sequence[str], position: Array) -> Array:
+    def known(self, joints: Sequence[str]) -> list[bool]:
+        """Which of the joints the robot has; a description may lack those of its gripper."""
+        return [self._model.existJointName(name) for name in joints]
+
+    def check_joints(self, joints: Sequence[str], name: str) -> None:
+        """Raises SloshPlanError where a joint carrying the container is missing, or appears twice.
+
+        Args:
+            joints: names of the columns; those that the robot does not have are passed over.
+            name: for messages.
+        """
+        self._check_joints([joint for joint in joints if self._model.existJointName(joint)], name)
+        for joint in joints:
+            if joints.count(joint) > 1:
+                raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
+
+    def limits(self, joints: Sequence[str]) -> dict[str, Array]:
+        """The description's own limits of joints: `lower`, `upper`, `velocity`, `torque`.
+
+        (J,) each [rad or m, per second, N m or N]; infinite where there is none. Torques count
+        where the description has masses.
+        """
+        model = self._model
+        found = {name: np.full(len(joints), np.inf) for name in ("upper", "velocity", "torque")}
+        found["lower"] = np.full(len(joints), -np.inf)
+        heavy = sum(one.mass for one in model.inertias) > 0.0
+        for place, name in enumerate(joints):
+            joint = model.joints[model.getJointId(name)] if model.existJointName(name) else None
+            if joint is None:
+                continue
+            given = {"velocity": model.velocityLimit[joint.idx_v]}
+            if heavy:
+                given["torque"] = model.effortLimit[joint.idx_v]
+            for what, value in given.items():
+                found[what][place] = value if value > 0.0 else np.inf
+            if joint.nq == 1:  # a joint without stops has none
+                lower = model.lowerPositionLimit[joint.idx_q]
+                upper = model.upperPositionLimit[joint.idx_q]
+                if lower < upper:
+                    found["lower"][place], found["upper"][place] = lower, upper
+        return found
+
+    def poses(self, joints: Sequence[str], position: Array) -> tuple[Array, Array]:
+        """Where the container is: (N, 3) [m] and (N, 4) quaternions x, y, z, w of one sign.
+
+        Args:
+            joints: (J,) names of the columns; those that the robot does not have do not matter.
+            position: (N, J) [rad or m].
+        """
+        pin, model, data = self._pin, self._model, self._model.createData()
+        found = np.empty((len(position), 7))
+        for row, q in enumerate(self._configurations(joints, position)):
+            pin.forwardKinematics(model, data, q)
+            pose = pin.updateFramePlacement(model, data, self._frame)
+            found[row, :3] = pose.translation
+            found[row, 3:] = pin.Quaternion(pose.rotation).coeffs()
+        signs = np.sign(np.einsum("ij,ij->i", found[1:, 3:], found[:-1, 3:]))
+        found[1:, 3:] *= np.cumprod(np.where(signs < 0.0, -1.0, 1.0))[:, None]
+        return found[:, :3], found[:, 3:]
+
+    def torque_terms(
+        self, joints: Sequence[str], position: Array, slope: Array, bend: Array
+    ) -> Array:
+        """(N, 3, J) what torques are made of along a path: τ = α s̈ + β ṡ² + γ [N m or N].
+
+        Newton and Euler's equations; the liquid's and the container's masses count where the
+        description holds them.
+
+        Args:
+            joints: (J,) names of the columns; 0 for those that the robot does not have.
+            position, slope, bend: (N, J) the joints and their first two derivatives by s.
+        """
+        pin, model, data = self._pin, self._model, self._model.createData()
+        found = np.zeros((len(position), 3, len(joints)))
+        columns = [
+            (place, model.joints[model.getJointId(name)].idx_v)
+            for place, name in enumerate(joints)
+            if model.existJointName(name)
+        ]
+        still = np.zeros(model.nv)
+        for row, q in enumerate(self._configurations(joints, position)):
+            rate, change = still.copy(), still.copy()
+            for place, index in columns:
+                rate[index], change[index] = slope[row, place], bend[row, place]
+            gravity = pin.rnea(model, data, q, still, still).copy()
+            along = pin.rnea(model, data, q, still, rate) - gravity
+            across = pin.rnea(model, data, q, rate, change) - gravity
+            for place, index in columns:
+                found[row, :, place] = along[index], across[index], gravity[index]
+        return found
+
+    def _configurations(self, joints: Sequence[str], position: Array) -> Iterator[Array]:
+        """The robot's whole configuration for each row; other joints rest at 0."""
+        model = self._model
+        places = [
+            (column, model.joints[model.getJointId(name)])
+            for column, name in enumerate(joints)
+            if model.existJointName(name)
+        ]
+        rest = self._pin.neutral(model)
+        for row in position:
+            q = rest.copy()
+            for column, place in places:
+                value = row[column]
+                # A joint without stops is held as cosine and sine.
+                turned = [value] if place.nq == 1 else [np.cos(value), np.sin(value)]
+                q[place.idx_q : place.idx_q + place.nq] = turned
+            yield q
+
+    def joined(self, joints: Sequence[str], position: Array) -> Array:
         """(N, J) the same positions, angles that wrap joined."""
         joined = position.copy()
         for place, name in enumerate(joints):
@@ -152,15 +261,12 @@ class Arm:
         """The frame's motion, with exact derivatives."""
         pin, model = self._pin, self._model
         data, places = model.createData(), [model.joints[model.getJointId(j)] for j in joints]
-        rest = pin.neutral(model)
         found = np.empty((len(t), 13))
         world, local = pin.LOCAL_WORLD_ALIGNED, pin.LOCAL
-        for row, (at, rate, change) in enumerate(zip(*states, strict=True)):
-            q, v, a = rest.copy(), np.zeros(model.nv), np.zeros(model.nv)
-            for place, value, speed, more in zip(places, at, rate, change, strict=True):
-                # A joint without stops is held as cosine and sine.
-                turned = [value] if place.nq == 1 else [np.cos(value), np.sin(value)]
-                q[place.idx_q : place.idx_q + place.nq] = turned
+        configurations = self._configurations(joints, states[0])
+        for row, (q, rate, change) in enumerate(zip(configurations, *states[1:], strict=True)):
+            v, a = np.zeros(model.nv), np.zeros(model.nv)
+            for place, speed, more in zip(places, rate, change, strict=True):
                 v[place.idx_v], a[place.idx_v] = speed, more
             pin.forwardKinematics(model, data, q, v, a)
             pose = pin.updateFramePlacement(model, data, self._frame)
@@ -188,8 +294,17 @@ def _checked(
     return numbers
 
 
-def _spline(t: Array, columns: Sequence[Array], name: str) -> Any:
-    """The joints' positions over time [s], with derivatives."""
+def joint_curve(t: Array, columns: Sequence[Array], name: str) -> Any:
+    """The joints' positions over time [s], with derivatives, as a controller joins points.
+
+    Args:
+        t: (N,) [s].
+        columns: (N, J) each: positions; or these and velocities; or these and accelerations.
+        name: for messages.
+
+    Raises:
+        SloshPlanError: fewer than three points without velocities.
+    """
     if len(columns) == 1:
         if len(t) < 3:
             raise SloshPlanError(

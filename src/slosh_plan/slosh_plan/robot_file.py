@@ -1,16 +1,53 @@
-"""Reads a robot's description (URDF)."""
+"""Reads a robot: its description (URDF), and the limits of its joints."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_plan.joints import Arm
+from slosh_plan.planning.joint_limits import JointLimits, limits_of, read_joint_limits
 
 LONGEST = 10_000_000
 """Bytes; a robot with its cell has some hundred kilobytes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot:
+    """A robot that carries the container, and what its user says of its joints' limits.
+
+    Attributes:
+        arm: the robot.
+        given: limits by joint and name, in place of those of the description.
+    """
+
+    arm: Arm
+    given: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def limits(self, joints: Sequence[str]) -> JointLimits:
+        """The limits of joints."""
+        return limits_of(self.arm, joints, self.given)
+
+
+def read_robot(urdf: str | Path, tool_frame: str, joint_limits: str | Path = "") -> Robot | None:
+    """The robot of some files; None: none is named.
+
+    Args:
+        urdf: its description; empty: none.
+        tool_frame: link that is the container.
+        joint_limits: MoveIt's joint_limits.yaml; empty: none.
+
+    Raises:
+        SloshEstimatorError, SloshPlanError, SloshFileError: a file cannot be read.
+    """
+    if not str(urdf):
+        return None
+    given = read_joint_limits(Path(joint_limits)) if str(joint_limits) else {}
+    return Robot(read_arm(urdf, tool_frame), given)
 
 
 def read_arm(path: str | Path, tool_frame: str) -> Arm:

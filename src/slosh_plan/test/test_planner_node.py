@@ -14,6 +14,8 @@ from geometry_msgs.msg import Transform
 from rclpy.action import ActionClient
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from trajectory_msgs.msg import (
+    JointTrajectory,
+    JointTrajectoryPoint,
     MultiDOFJointTrajectory,
     MultiDOFJointTrajectoryPoint,
 )
@@ -25,6 +27,7 @@ from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate
 from slosh_msgs.srv import PlanMotion as PlanMotionService
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
+from slosh_plan.joints import available
 from slosh_plan.nodes import planner_node
 from slosh_plan.nodes.planner_node import THREADS, PlannerNode
 from slosh_plan.planning import optimise
@@ -42,6 +45,16 @@ LOOP = tuple(
     for angle in np.linspace(0.0, 4.0 * math.pi, 200)
 )
 SPIN, PITCH = (0.0, 0.0, 0.3826834, 0.9238795), (0.0, 0.3826834, 0.0, 0.9238795)
+URDF = """<robot name="two_links">
+  <link name="base"/><link name="upper"/><link name="fore"/><link name="cup"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/>
+    <origin xyz="0.5 0 0"/><axis xyz="0 0 1"/></joint>
+  <joint name="grip" type="fixed"><parent link="fore"/><child link="cup"/>
+    <origin xyz="0.4 0 0.1"/></joint>
+</robot>"""
+needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
 needs_casadi = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
 
 
@@ -73,7 +86,13 @@ class Cell(Graph):
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     model = tmp_path_factory.mktemp("model") / "model.yaml"
     model.write_text(TEXT)
-    rclpy.init(args=["--ros-args", "-p", f"model:={model}", "-p", "service_time_limit:=20.0"])
+    given = {"model": model, "service_time_limit": 20.0}
+    if available():
+        urdf = model.with_name("robot.urdf")
+        urdf.write_text(URDF)
+        given |= {"urdf": urdf, "tool_frame": "cup"}
+    options = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+    rclpy.init(args=["--ros-args", *options])
     made = Cell()
     yield made
     made.planner.close()
@@ -264,3 +283,55 @@ def test_liquid_above_the_limit_is_waited_for(cell: Cell) -> None:
     assert told(0.0).success
     cell.probe.destroy_timer(timer)
     cell.probe.destroy_publisher(publisher)
+
+
+def of_joints(names: Any = ("finger", "elbow", "shoulder")) -> JointTrajectory:
+    """Joints in any order, with a gripper's that the robot's description lacks."""
+    made = JointTrajectory(joint_names=list(names))
+    for t, places in ((0.0, (0.0, 0.3, 0.0)), (1.0, (0.0, 0.7, 0.5)), (2.0, (0.0, 0.9, 1.2))):
+        point = JointTrajectoryPoint(positions=list(places[: len(names)]))
+        point.time_from_start = to_duration(round(t * 1e9))
+        made.points.append(point)
+    return made
+
+
+@needs_pinocchio
+@needs_casadi
+def test_joints_are_planned_along_their_own_path(cell: Cell) -> None:
+    asked = PlanRequest(limit=0.015, residual_limit=0.005, max_velocity_scaling_factor=0.8)
+    asked.joint_trajectory = of_joints()
+    answer = cell.ask(asked)
+    assert answer.success, answer.message
+    found = answer.plan.joint_trajectory
+    assert found.joint_names == ["finger", "elbow", "shoulder"]
+    q, v = (np.array([getattr(point, name) for point in found.points])
+            for name in ("positions", "velocities"))  # fmt: skip
+    np.testing.assert_allclose(q[[0, -1]], [(0.0, 0.3, 0.0), (0.0, 0.9, 1.2)], atol=1e-4)
+    assert np.abs(v[:, 2]).max() <= 0.8 * (1 + 1e-6)  # of the shoulder's 1 rad/s
+    assert len(answer.plan.trajectory.points) == len(found.points)
+    pose = answer.plan.trajectory.points[-1].transforms[0]
+    assert pose.translation.x == pytest.approx(0.5 * math.cos(1.2) + 0.4 * math.cos(2.1), abs=1e-4)
+    assert pose.rotation.z == pytest.approx(math.sin(1.05), abs=1e-4)
+    assert answer.plan.peak <= 0.015
+    assert not list(answer.plan.waypoints)
+
+
+@needs_pinocchio
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"joint_trajectory": of_joints(("finger", "elbow"))}, "'shoulder' carries the container"),
+        ({"trajectory": trajectory(LINE)}, "either a trajectory or a joint_trajectory"),
+        ({"max_velocity_scaling_factor": 2.0}, "limit of joint_velocity = 2"),
+    ],
+)
+def test_a_wrong_request_of_joints_is_refused(
+    cell: Cell, change: dict[str, Any], words: str
+) -> None:
+    asked = PlanRequest(limit=0.015)
+    asked.joint_trajectory = of_joints()
+    for name, value in change.items():
+        setattr(asked, name, value)
+    answer = cell.ask(asked)
+    assert not answer.success
+    assert words in answer.message

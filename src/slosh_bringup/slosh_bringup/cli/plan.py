@@ -15,15 +15,15 @@ from slosh_base.files import check_apart, check_free, new_folder, write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli import quantities
 from slosh_bringup.cli.parser import old_name
+from slosh_bringup.cli.plan_path import AskedPath, add_path_arguments, asked_path
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
-from slosh_bringup.cli.table_options import add_table_options, table_options
+from slosh_bringup.cli.table_options import add_table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
 from slosh_model.model_text import read_model
 from slosh_plan import ModelError
-from slosh_plan.doubts import path_doubts
 from slosh_plan.planning.limits import (
     ACCELERATION,
     JERK,
@@ -32,14 +32,14 @@ from slosh_plan.planning.limits import (
     TILT_RATE,
     PlanLimits,
 )
-from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
-from slosh_plan.planning.waypoints import Waypoints
-from slosh_plan.tables.path_table import read_path_table, write_plan_table
+from slosh_plan.tables.joint_table import write_joint_table
+from slosh_plan.tables.path_table import write_plan_table
 
 EPILOG = """PATH is a table of waypoints, t,x,y,z[,qx,qy,qz,qw]: positions of the container's
-origin in the world's axes [s, m]; the plan replaces its times. The output is a motion table with
+origin in the world's axes [s, m]; the plan replaces its times. With --urdf it is a table of the
+robot's joints, which keep their path and their limits. The output is a motion table with
 the same columns and ax,ay,az, at 1 kHz, from rest to rest. The motion passes all waypoints within
 0.1 mm; it stops where the line between them turns by more than 60 degrees. Exit code 1: no motion
 keeps the limits, or units or attitude of the path look wrong."""
@@ -52,15 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
     parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
-    parser.add_argument(
-        "path", type=Path, nargs="?", help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv)"
-    )
-    parser.add_argument(
-        "--straight",
-        type=quantities.length(10.0),
-        metavar="M",
-        help="length of a straight horizontal path, instead of PATH [m]",
-    )
+    add_path_arguments(parser)
     parser.add_argument(
         "--limit",
         type=HEIGHT,
@@ -144,22 +136,21 @@ def run(arguments: argparse.Namespace) -> int:
         check_free(arguments.report)
     limits = plan_limits(arguments)
     model = read_model(arguments.model)
-    waypoints, name = wanted_path(arguments)
     tell = Teller("plan")
-    tell.warn(name, path_doubts(waypoints))
+    asked = asked_path(arguments, model, tell)
+    name, attitude = asked.name, asked.waypoints.attitude
     try:
         answer = plan(
-            model, path_through(waypoints.position), limits, attitude=waypoints.attitude,
+            model, asked.path, limits, attitude=attitude,
             margin=arguments.margin, error=model_error(arguments, model.name),
             time_limit=arguments.time_limit,
         )  # fmt: skip
     except NoSafeMotionError as error:
         print(plain_line(f"slosh plan: {name}: {error}"), file=sys.stderr)
         return EXIT_NONE
-    write_results(arguments, model, answer, waypoints, name)
-    borne = frequency_tolerance(
-        tilting(model, limits), answer.found.motion, answer.limits, waypoints.attitude
-    )
+    write_results(arguments, model, answer, asked)
+    felt = tilting(model, limits, answer.path)
+    borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
     text = (
         json.dumps(facts(answer, borne))
         if arguments.json
@@ -169,26 +160,20 @@ def run(arguments: argparse.Namespace) -> int:
     return tell.exit_code
 
 
-def wanted_path(arguments: argparse.Namespace) -> tuple[Waypoints, str]:
-    """The path from the file or of --straight, and its name."""
-    if (arguments.path is None) == (arguments.straight is None):
-        raise SloshBringupError("give either a PATH or --straight with its length in metres")
-    if arguments.path is not None:
-        waypoints = read_path_table(arguments.path, table_options(arguments))
-        return waypoints, str(arguments.path)
-    ends = np.array([[0.0, 0.0, 0.0], [arguments.straight, 0.0, 0.0]])
-    return Waypoints(np.array([0.0, 1.0]), ends, None), f"straight {arguments.straight:g} m"
-
-
 def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
     """What the motion must keep."""
     tilts = arguments.max_tilt, arguments.max_tilt_rate, arguments.max_tilt_acceleration
+    tilt, rate, acceleration = map(math.radians, tilts)
     return PlanLimits(
         arguments.limit,
         RESIDUAL * arguments.limit if arguments.residual is None else arguments.residual,
         arguments.max_acceleration,
         arguments.max_jerk,
-        *(math.radians(tilt) for tilt in tilts),
+        tilt,
+        rate,
+        acceleration,
+        joint_velocity=arguments.velocity_scaling,
+        joint_acceleration=arguments.acceleration_scaling,
     )
 
 
@@ -205,7 +190,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 
 
 def write_results(
-    arguments: argparse.Namespace, model: Model, answer: Plan, waypoints: Waypoints, name: str
+    arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
 ) -> None:
     """Writes the motion and the plan's page where they are asked for; both or neither."""
     with ExitStack() as stack:
@@ -215,13 +200,17 @@ def write_results(
             from slosh_plan.plan_report.making import make_report
             from slosh_plan.plan_report.page import render_plan
 
-            subtitle = f"{name} with {arguments.model} ({model.name})"
-            report = make_report(model, answer, waypoints, subtitle)
+            subtitle = f"{asked.name} with {arguments.model} ({model.name})"
+            report = make_report(model, answer, asked.waypoints, subtitle)
             folder = stack.enter_context(new_folder(arguments.report))
             write_text(folder / PAGE, render_plan(report))
             write_text(folder / DOCUMENT, plan_json(report))
-        if arguments.output is not None:
-            write_plan_table(arguments.output, answer.found.motion, waypoints.attitude)
+        if arguments.output is None:
+            return
+        if asked.joints:
+            write_joint_table(arguments.output, answer.found.motion)
+        else:
+            write_plan_table(arguments.output, answer.found.motion, asked.waypoints.attitude)
 
 
 def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
@@ -237,6 +226,7 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
         "residual": found.residual,
         "acceleration": found.acceleration,
         "jerk": found.jerk,
+        "joints": dict(found.joints),
         "tilt": found.tilt,
         "tilt_rate": found.tilt_rate,
         "tilt_acceleration": found.tilt_acceleration,
@@ -279,8 +269,8 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
         f"acceleration {found.acceleration:.2f} of {limits.acceleration:g} m/s², "
         f"jerk {found.jerk:.1f} of {limits.jerk:g} m/s³",
         *tilted(answer),
-        f"path {answer.path.length:.3f} m, {_stops(len(answer.path.legs) - 1)}, up to "
-        f"{1e3 * answer.path.departure:.2f} mm from straight lines between the waypoints",
+        *joints_used(answer),
+        path_words(answer),
         f"{rows}, planned in {answer.seconds:.1f} s",
     ]
     return "\n".join(lines)
@@ -298,6 +288,29 @@ def tilted(answer: Plan) -> list[str]:
     )
     words = (f"{math.degrees(x):.3g} of {math.degrees(most):.3g}{unit}" for x, most, unit in pairs)
     return ["tilt " + ", ".join(words)]
+
+
+def joints_used(answer: Plan) -> list[str]:
+    """What a motion of joints uses of the robot's limits."""
+    used = answer.found.joints
+    if not used:
+        return []
+    words = (f"{name.removeprefix('joint_')} {100.0 * share:.0f} %" for name, share in used.items()
+             if share > 0.0)  # fmt: skip
+    return ["joints use of their limits: " + ", ".join(words)]
+
+
+def path_words(answer: Plan) -> str:
+    """How long the path is, its stops, and how far it lies from straight lines."""
+    path, motion = answer.path, answer.found.motion
+    length, unit = path.length, "mm"
+    if motion.joints is not None:
+        length = float(np.linalg.norm(np.diff(motion.position, axis=0), axis=1).sum())
+        unit = "mrad"
+    return (
+        f"path {length:.3f} m, {_stops(len(path.legs) - 1)}, up to "
+        f"{1e3 * path.departure:.2f} {unit} from straight lines between the waypoints"
+    )
 
 
 def interval(answer: Plan) -> str:

@@ -34,7 +34,8 @@ from slosh_plan import (
 )
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.robot_file import read_arm
-from slosh_plan.tables.trajectory_table import read_joint_trajectory, read_trajectory
+from slosh_plan.tables.joint_table import read_joint_trajectory
+from slosh_plan.tables.trajectory_table import read_trajectory
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 

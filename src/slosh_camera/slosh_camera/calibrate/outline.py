@@ -64,6 +64,7 @@ class _Line:
         beats: its strength over that of the strongest line elsewhere.
         line: how much of it shows, 0 to 1.
         of_inside: the same as a part of what shows of the clearest line within the surface.
+        above: strength of the strongest line in the glass above, over its own.
     """
 
     height: float
@@ -72,6 +73,7 @@ class _Line:
     beats: float
     line: float
     of_inside: float
+    above: float
 
 
 def find_outline(
@@ -188,7 +190,7 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
         SloshCameraError: two do.
     """
     cup, heights = view.cup, strip.heights
-    line, strength, rivals = _strengths(edges, view, strip, place)
+    line, strength, rivals, in_glass = _strengths(edges, view, strip, place)
     found = []
     for index in _peaks(strength, heights, TUNING.peaks_apart * cup.radius):
         height = float(heights[index])
@@ -204,6 +206,7 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
                 float(strength[index] / np.max(rivals, initial=1e-9, where=~inside)),
                 float(line[index]),
                 float(line[index] / line[inside].max()),
+                float(np.max(in_glass, initial=0.0, where=heights > high) / strength[index]),
             )
         )
     if not found:
@@ -212,7 +215,9 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
     whole = [
         one
         for one in found
-        if one.beats >= 1.0 / TUNING.rival and one.of_inside >= TUNING.of_inside
+        if one.beats >= 1.0 / TUNING.rival
+        and one.of_inside >= TUNING.of_inside
+        and one.above < TUNING.rival
     ]
     for one in whole:
         outer = [it for it in found if it is not one and it.low <= one.height <= it.high]
@@ -239,21 +244,20 @@ def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
 
 def _strengths(
     edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """What the wall shows at each height, (N,) each, 0 to 1.
 
     Returns:
-        How much of a line is there; how much it looks like the level, where that can be; and the
-        same where it may be if the fill height was told too roughly.
+        How much of a line is there; how much it looks like the level, where that can be; the same
+        where it may be if the fill height was told too roughly; and wherever there is glass above
+        and below.
     """
     cup, heights = view.cup, strip.heights
     fill = cup.fill_height
     line = own_lines(edges, view, strip)
     depth = max(fill, TUNING.least_glass_height * cup.radius)
     walled = walls_below(edges, view, heights, 0.0, depth)
-    allowed = walled >= TUNING.may_be_walled
-    # So they do above it, below the rim.
-    allowed &= (
+    glass = (
         walls_below(
             edges,
             view,
@@ -263,17 +267,24 @@ def _strengths(
         )
         >= TUNING.walled
     )
+    changes = lasting_changes(strip, cup, place)
+    short = walls_below(edges, view, heights, 0.0, TUNING.least_glass_height * cup.radius)
+    change = np.where(glass & (short >= TUNING.walled), changes, 0.0)
+    in_glass = np.where(change > 0.0, level_like(line, change, float(change.max())), 0.0)
+    # The sides end about where the fill height has the floor.
+    allowed = glass & (walled >= TUNING.may_be_walled)
     stretch = max(
         (TUNING.below_to - TUNING.below_from) * fill, TUNING.least_glass_height * cup.radius
     )
     allowed &= walls_below(edges, view, heights, TUNING.below_from * fill, stretch) < TUNING.below
-    change = np.where(allowed, lasting_changes(strip, cup, place), 0.0)
+    change = np.where(allowed, changes, 0.0)
     strength = level_like(line, change, float(change.max()))
     likely = allowed & (walled >= TUNING.walled)
     return (
         np.where(allowed, line, 0.0),
         np.where(likely, strength, 0.0),
         np.where(allowed, strength, 0.0),
+        in_glass,
     )
 
 

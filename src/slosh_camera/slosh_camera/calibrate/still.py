@@ -166,16 +166,19 @@ def _by_edges(task: _Task) -> StillFit:
         )
     answers = [still_fit(fit, task.camera, task.azimuth) for fit in ranked]
     told = task.hint.level
-    shown, faults = [], []
+    shown, faults, rivalled = [], [], []
     for fit, answer in zip(ranked, answers, strict=True):
         levels = levels_of(edges, fit)
         shown.append(levels.shows or told is not None)
         fault = find_fault(fit, answer, task.sure, shown[-1])
+        rivalled.append(not fault and told is None and levels.rival is not None)
         faults.append(fault or level_fault(fit, levels, told))
     if all(faults):
         clicked = "" if told is None else "; is the pixel of --level on the still level?"
         raise SloshCameraError(f"still image: {faults[0]}{clicked}")
     best = faults.index("")
+    if any(rivalled[:best]):  # the other level of a better fit is often that of a worse one
+        raise SloshCameraError(f"still image: {faults[rivalled.index(True)]}")
     view = view_at(ranked[best].camera, ranked[best].cup, ranked[best].place)
     if not task.sure:
         # Also one that scores higher, but that neither glass nor floor speaks for.

@@ -3,31 +3,108 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Transform, Twist
-from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+from trajectory_msgs.msg import (
+    JointTrajectory,
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectory,
+    MultiDOFJointTrajectoryPoint,
+)
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_model import Model
 from slosh_msgs.msg import MotionPlan
 from slosh_msgs_py.stamps import to_duration
 from slosh_plan import Trajectory
 from slosh_plan.nodes.predict_messages import (
     given,
+    joint_columns,
     poses_of,
     read_points,
 )
+from slosh_plan.planning.checked import attitudes
 from slosh_plan.planning.execution import Execution, execution_of
+from slosh_plan.planning.joint_path import JointMotion, joint_path
 from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
+from slosh_plan.planning.path import Path, path_through
 from slosh_plan.planning.plan import Plan
-from slosh_plan.planning.waypoints import TURNED, Waypoints
+from slosh_plan.planning.waypoints import TURNED, JointWaypoints, Waypoints
+from slosh_plan.robot_file import Robot
 
 NAME = "the path"
 MOST_WAYPOINTS = 5_000
 """Each is looked for on the plan: within a second or two."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AskedPath:
+    """The path of a request.
+
+    Attributes:
+        waypoints: of the container; None: the joints' path is given.
+        joints: the joints' waypoints, and the robot; None: the container's path is given.
+    """
+
+    waypoints: Waypoints | None
+    joints: tuple[JointWaypoints, Robot] | None = None
+
+    @property
+    def attitude(self) -> Array | None:
+        """(4,) that the container keeps; None: not turned, or as the joints turn it."""
+        return None if self.waypoints is None else self.waypoints.attitude
+
+    def path(self, model: Model, stopped: Callable[[], bool]) -> Path:
+        """The smooth path.
+
+        Raises:
+            SloshPlanError: there is none.
+            StoppedError: it was stopped before its end.
+        """
+        if self.joints is None:
+            assert self.waypoints is not None
+            return path_through(self.waypoints.position, stopped)
+        given, robot = self.joints
+        return joint_path(
+            robot.arm, robot.limits(given.names), given.points(NAME),
+            follows_yaw=model.container.cornered, name=NAME, stopped=stopped,
+        )  # fmt: skip
+
+
+def points_of(request: Any) -> tuple[Any, Any]:
+    """The points of a request's two trajectories."""
+    return request.trajectory.points, request.joint_trajectory.points
+
+
+def path_of(request: Any, robot: Robot | None) -> AskedPath:
+    """The path of a request.
+
+    Args:
+        request: of the service or the action.
+        robot: whose joints move; None: it is not known.
+
+    Raises:
+        SloshEstimatorError, SloshPlanError: there is none, or it cannot be one.
+    """
+    places, joints = points_of(request)
+    if not len(joints):
+        return AskedPath(waypoints_of(request))
+    if len(places):
+        raise SloshEstimatorError("give either a trajectory or a joint_trajectory")
+    if robot is None:
+        raise SloshEstimatorError(
+            "the robot of the joint_trajectory is not known: start the planner with the "
+            "parameters urdf and tool_frame"
+        )
+    names, t, columns = joint_columns(request.joint_trajectory, NAME)
+    columns[0] = robot.arm.joined(names, columns[0])
+    return AskedPath(None, (JointWaypoints(names, t, *columns), robot))
 
 
 def waypoints_of(request: Any) -> Waypoints:
@@ -77,13 +154,16 @@ def limits_of(request: Any) -> PlanLimits:
         given(request.residual_limit, request.limit),
         given(request.max_acceleration, ACCELERATION),
         given(request.max_jerk, JERK),
+        joint_velocity=given(request.max_velocity_scaling_factor, 1.0),
+        joint_acceleration=given(request.max_acceleration_scaling_factor, 1.0),
     )
 
 
-def plan_message(answer: Plan, request: Any, waypoints: Waypoints) -> MotionPlan:
+def plan_message(answer: Plan, request: Any, asked: AskedPath) -> MotionPlan:
     """The plan as it goes back: header and names as they came."""
     found, upper = answer.found, answer.upper or (math.nan, math.nan)
-    run = execution_of(found.motion, waypoints.position)
+    places = np.empty((0, 3)) if asked.waypoints is None else asked.waypoints.position
+    run = execution_of(found.motion, places)
     message = MotionPlan(
         method=answer.method,
         reason=answer.reason,
@@ -100,17 +180,38 @@ def plan_message(answer: Plan, request: Any, waypoints: Waypoints) -> MotionPlan
     )
     came = request.trajectory
     message.trajectory = MultiDOFJointTrajectory(header=came.header, joint_names=came.joint_names)
-    message.trajectory.points = _points(run, waypoints.attitude)
+    message.trajectory.points = _points(run, attitudes(found.motion, asked.attitude, len(run.t)))
+    if found.motion.joints is not None:
+        came = request.joint_trajectory
+        names = list(found.motion.joints.limits.names)
+        message.joint_trajectory = JointTrajectory(header=came.header, joint_names=names)
+        message.joint_trajectory.points = _joint_points(run.t, found.motion.joints)
     return message
 
 
+def _joint_points(t: Array, joints: JointMotion) -> list[JointTrajectoryPoint]:
+    columns = (joints.position, joints.velocity, joints.acceleration)
+    return [
+        JointTrajectoryPoint(
+            time_from_start=to_duration(moment), positions=q, velocities=v, accelerations=a
+        )
+        for moment, q, v, a in zip(
+            _nanoseconds(t), *(column.tolist() for column in columns), strict=True
+        )
+    ]
+
+
+def _nanoseconds(t: Array) -> list[int]:
+    found: list[int] = np.rint(t * SECOND).astype(np.int64).tolist()
+    return found
+
+
 def _points(run: Execution, attitude: Array | None) -> list[MultiDOFJointTrajectoryPoint]:
-    turn = [0.0, 0.0, 0.0, 1.0] if attitude is None else attitude.tolist()
-    columns = (run.position, run.velocity, run.acceleration)
-    nanoseconds = np.rint(run.t * SECOND).astype(np.int64)
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (len(run.t), 1)) if attitude is None else attitude
+    columns = (run.position, run.velocity, run.acceleration, turns)
     points = []
-    for t, place, speed, change in zip(
-        nanoseconds.tolist(), *(column.tolist() for column in columns), strict=True
+    for t, place, speed, change, turn in zip(
+        _nanoseconds(run.t), *(column.tolist() for column in columns), strict=True
     ):
         pose, velocity, acceleration = Transform(), Twist(), Twist()
         _set(pose.translation, place)

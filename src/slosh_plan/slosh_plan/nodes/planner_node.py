@@ -31,9 +31,9 @@ from slosh_msgs_py.point_arrays import action_with_point_arrays, service_with_po
 from slosh_plan.nodes import plan_messages
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
-from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state, plan
 from slosh_plan.planning.progress import PlanProgress, Watch
+from slosh_plan.robot_file import read_robot
 
 SOURCES = ("slosh_plan", "slosh_model")
 LONGEST = 600.0
@@ -45,6 +45,11 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "service_time_limit", 5.0, "of the service, from request to reply [s]", (0.1, 60.0)
+    ),
+    ParameterSpec("urdf", "", "robot's description, for paths of its joints; empty: none"),
+    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
+    ParameterSpec(
+        "joint_limits", "", "MoveIt's joint_limits.yaml, beside the description; empty: none"
     ),
 )  # fmt: skip
 REPLY = 0.2
@@ -72,6 +77,7 @@ class PlannerNode(PreparedNode):
         super().__init__("planner")
         self._values = values = declare(self, PARAMETERS)
         self._model = read_model(values["model"])
+        self._robot = read_robot(values["urdf"], values["tool_frame"], values["joint_limits"])
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
         )
@@ -91,7 +97,7 @@ class PlannerNode(PreparedNode):
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
         self._large = LargeMessages(self)
-        paths = (("request", "trajectory"),)
+        paths = (("request", "trajectory"), ("request", "joint_trajectory"))
         service = service_with_point_arrays(srv.PlanMotion, paths, plan_messages.MOST_WAYPOINTS)
         self.create_service(
             service, topics.PLAN, self._on_plan,
@@ -147,7 +153,7 @@ class PlannerNode(PreparedNode):
         self, request: Any, answer: Any, longest: float, watch: Watch, most: int | None = None
     ) -> None:
         """Plans; writes success, message and plan, whose motion has `most` rows at most."""
-        self._large.add(len(request.trajectory.points))
+        self._large.add(max(map(len, plan_messages.points_of(request))))
         try:
             if not self._busy.acquire(blocking=False):
                 raise SloshEstimatorError("another plan is under way: ask again when it is done")
@@ -168,13 +174,13 @@ class PlannerNode(PreparedNode):
         """The plan's message and a sentence."""
         path = request.model_path
         model = model_at(path, self.get_logger().warning, topics.PLAN) if path else self._model
-        limits, waypoints = plan_messages.limits_of(request), plan_messages.waypoints_of(request)
+        limits = plan_messages.limits_of(request)
+        asked = plan_messages.path_of(request, self._robot)
         if request.from_estimate:
             check_state(model, limits, self._estimate.state())
         watch.enter("path")
-        places = path_through(waypoints.position, watch.stopped)
         answer = plan(
-            model, places, limits, attitude=waypoints.attitude,
+            model, asked.path(model, watch.stopped), limits, attitude=asked.attitude,
             margin=given(request.margin, 0.0),
             time_limit=min(given(request.time_limit, self._values["time_limit"]), longest),
             watch=watch,
@@ -188,10 +194,10 @@ class PlannerNode(PreparedNode):
                 f"action {topics.PLAN_MOTION}, or cut the path"
             )
         if request.from_estimate:
-            check_plan_from(model, answer, waypoints.attitude, self._estimate.state())
+            check_plan_from(model, answer, asked.attitude, self._estimate.state())
         duration = f"{motion.duration:.3f} s"
         words = "optimal time law" if not answer.reason else f"{answer.method}: {answer.reason}"
-        return plan_messages.plan_message(answer, request, waypoints), f"{duration}, {words}"
+        return plan_messages.plan_message(answer, request, asked), f"{duration}, {words}"
 
     def _health(self) -> Health:
         busy = ", a plan is under way" if self._busy.locked() else ""

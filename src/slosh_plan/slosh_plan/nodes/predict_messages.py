@@ -180,7 +180,19 @@ def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
     Raises:
         SloshEstimatorError, SloshPlanError: it cannot be one.
     """
-    joints, read = list(message.joint_names), read_points(message.points)
+    joints, t, columns = joint_columns(message, name)
+    position, velocity, acceleration = [*columns, None, None][:3]
+    assert position is not None
+    return arm.motion(t, joints, position, velocity, acceleration, name)
+
+
+def joint_columns(message: Any, name: str) -> tuple[tuple[str, ...], Array, list[Array]]:
+    """Joints, times (N,) [s] and positions of a JointTrajectory, with derivatives if all have any.
+
+    Raises:
+        SloshEstimatorError: points whose number of values is not that of the joints.
+    """
+    joints, read = tuple(message.joint_names), read_points(message.points)
     columns: list[Array] = []
     for what in ("positions", "velocities", "accelerations"):
         sizes, values = read.sizes[what], read.values[what]
@@ -192,6 +204,4 @@ def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
                 f"{name}: point {wrong[0]} has {sizes[wrong[0]]} {what} for {len(joints)} joints"
             )
         columns.append(np.empty((len(sizes), 0)) if values is None else values)
-    position, velocity, acceleration = [*columns, None, None][:3]
-    assert position is not None
-    return arm.motion(read.t, joints, position, velocity, acceleration, name)
+    return joints, read.t, columns

@@ -32,6 +32,8 @@ def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = 
     notes = [] if plan.method == "optimal" else [f"No optimal time law: {plan.reason}."]
     proposal = None
     try:
+        if plan.found.motion.joints is not None:
+            raise SloshPlanError("the joints' own motion is not simulated here")
         motion = proposed_motion(waypoints)
         proposal = ShownMotion(PROPOSAL, checked(model, [motion], waypoints.attitude)[0])
     except SloshPlanError as error:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ class CheckedMotion:
         acceleration: largest ‖a‖ [m/s²].
         jerk: largest change of the acceleration from row to row, by time [m/s³].
         tilt, tilt_rate, tilt_acceleration: the largest [rad, rad/s, rad/s²]; 0: there is none.
+        joints: shares of the joints' limits that are used, by their names in JOINT_LIMITS; empty:
+            the joints are not known.
     """
 
     motion: PlannedMotion
@@ -47,11 +49,13 @@ class CheckedMotion:
     tilt: float
     tilt_rate: float
     tilt_acceleration: float
+    joints: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
         """By how much of itself each limit is exceeded; not above 0: it is kept."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
+        shares |= {name: used / getattr(limits, name) - 1.0 for name, used in self.joints.items()}
         return shares | {
             "height": self.upper / limits.height - 1.0,
             "residual": self.residual_upper / limits.residual - 1.0,
@@ -142,8 +146,8 @@ def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array
         attitude: (4,) that the container keeps where it does not tilt.
         rows: not fewer than the motion's.
     """
-    if motion.tilt is not None:
-        own = motion.tilt.attitude
+    own = motion.attitude
+    if own is not None:
         return np.concatenate([own, np.tile(own[-1], (rows - len(own), 1))])
     return None if attitude is None else np.tile(attitude, (rows, 1))
 
@@ -163,4 +167,5 @@ def _checked(model: Model, motion: PlannedMotion, heights: Array) -> CheckedMoti
         float(np.linalg.norm(motion.acceleration, axis=1).max()),
         float(steps.max()) / motion.step,
         *((0.0, 0.0, 0.0) if motion.tilt is None else motion.tilt.largest),
+        {} if motion.joints is None else motion.joints.shares(motion.step),
     )

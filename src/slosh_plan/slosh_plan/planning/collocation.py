@@ -112,10 +112,10 @@ class CollocationProblem:
         self._limits = ca.MX.sym("limits", len(LIMITS))
         self._weights: list[Expression] = []
         parts = [
-            self._intervals(Interval(flow, yaw, layout, count), leg, place)
+            self._intervals(Interval(flow, yaw, layout, count, leg.demands), leg, place)
             for count, leg, place in zip(counts, path.legs, self.legs, strict=True)
         ]
-        parts += [self._residual(flow, layout), self._joins(path, layout)]
+        parts += [self._residual(flow, layout), self._joins(flow, path, layout)]
         self.lower = np.concatenate([part.lower for part in parts])
         self.upper = np.concatenate([part.upper for part in parts])
         self._values = ca.vertcat(*(part.values for part in parts))
@@ -202,7 +202,7 @@ class CollocationProblem:
             place[second],
         )
 
-    def _joins(self, path: Path, layout: StateLayout) -> _Part:
+    def _joins(self, flow: Flow, path: Path, layout: StateLayout) -> _Part:
         """Rest at the path's ends and at corners; tilt and liquid as the leg before left them."""
         ca = casadi()
 
@@ -218,6 +218,11 @@ class CollocationProblem:
                 rows += [({at: 1.0}, 0.0) for at in last[CHAIN : CHAIN * layout.driven]]
             if n == 0:
                 rows += [({at: 1.0}, 0.0) for at in first[2:]]
+                for axis, lean in enumerate(leg.lean()):
+                    at = first[layout.liquid][axis]
+                    rows.remove(({at: 1.0}, 0.0))
+                    rest = -lean / flow.frequency[axis] ** 2
+                    rows.append(({at: 1.0}, rest / float(layout.scale[layout.liquid][axis])))
                 continue
             before = self.legs[n - 1].states[-1].tolist()
             same = zip(first[CHAIN:], before[CHAIN:], strict=True)

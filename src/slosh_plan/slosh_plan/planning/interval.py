@@ -19,15 +19,20 @@ from scipy.interpolate import BSpline, make_interp_spline
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_plan.planning.flow import Expression, Flow
+from slosh_plan.planning.joint_demands import CURVE, JointDemands
+from slosh_plan.planning.limits import JOINT_LIMITS
 from slosh_plan.planning.path import DEGREE, Leg
 
 CHAIN = 3
 """States of what is driven by its third derivative: value, rate, acceleration."""
 LIQUID = 4
 """States of the liquid: x, y, ẋ, ẏ."""
-LIMITS = ("height", "residual", "acceleration", "jerk", "tilt", "tilt_rate", "tilt_acceleration")
-CURVE = 9
-"""The curve's first three derivatives by s, x, y and z."""
+LIMITS = (
+    "height", "residual", "acceleration", "jerk", "tilt", "tilt_rate", "tilt_acceleration",
+    *JOINT_LIMITS,
+)  # fmt: skip
+JERK = LIMITS.index("jerk")
+JOINTS = slice(LIMITS.index(JOINT_LIMITS[0]), len(LIMITS))
 SHARES = (0.0, 0.5, 1.0)
 """Of an interval, where its demands are looked at."""
 _CURVE_POINTS = 400
@@ -90,12 +95,19 @@ class Interval:
         yaw: of the container [rad].
         layout: of the states.
         count: intervals of the leg.
+        joints: that carry the container; None: its path is given, not theirs.
     """
 
     flow: Flow
     yaw: float
     layout: StateLayout
     count: int
+    joints: JointDemands | None = None
+
+    @property
+    def curve(self) -> int:
+        """How many columns of the leg are looked up."""
+        return CURVE if self.joints is None else self.joints.width
 
     @property
     def size(self) -> int:
@@ -116,13 +128,13 @@ class Interval:
 
         Functions of the unknowns, the limits, three places and the curve there, and, the last
         one, of the multipliers; the Hessian is an upper triangle. The curve is given by its Taylor
-        expansion of the second order about the places, (3 CURVE, 3): value, first and second
+        expansion of the second order about the places, (3 curve, 3): value, first and second
         derivative.
         """
         ca = casadi()
 
         unknowns, limits = ca.SX.sym("unknowns", self.size), ca.SX.sym("limits", len(LIMITS))
-        about, terms = ca.SX.sym("about", 3), ca.SX.sym("terms", 3 * CURVE, 3)
+        about, terms = ca.SX.sym("about", 3), ca.SX.sym("terms", 3 * self.curve, 3)
         zero, kept = self._demanded(unknowns, limits, about, terms)
         found = ca.vertcat(*zero, *kept)
         given = [unknowns, limits, about, terms]
@@ -139,7 +151,7 @@ class Interval:
         ca = casadi()
 
         unknowns, limits = ca.SX.sym("unknowns", self.size), ca.SX.sym("limits", len(LIMITS))
-        about, terms = ca.SX.sym("about", 3), ca.SX.sym("terms", 3 * CURVE, 3)
+        about, terms = ca.SX.sym("about", 3), ca.SX.sym("terms", 3 * self.curve, 3)
         zero, kept = self._demanded(unknowns, limits, about, terms)
         equal, below = ca.vertcat(*zero).numel(), len(kept)
         lower = np.concatenate([np.zeros(equal), np.full(below, -np.inf)])
@@ -152,14 +164,18 @@ class Interval:
 
         step, (first, last), thirds, half = self._parts(unknowns)
         driven = [self._driven(first, thirds, share * step) for share in SHARES]
-        curves = [_expanded(terms[:, n], at[0] - about[n]) for n, at in enumerate(driven)]
+        curves = [
+            _expanded(terms[:, n], at[0] - about[n], self.curve) for n, at in enumerate(driven)
+        ]
         middle = ca.vertcat(*driven[1], half)
         old, kept = self._there(first, curves[0], limits)
         between, more = self._there(middle, curves[1], limits)
         new, _ = self._there(last, curves[2], limits)
         kept += more
         for curve, at in ((curves[0], driven[0]), (curves[2], driven[2])):
-            kept.append(ca.sumsqr(_jerk(curve, at, thirds[0])) / limits[3] ** 2)
+            kept.append(ca.sumsqr(_jerk(curve[:CURVE], at, thirds[0])) / limits[JERK] ** 2)
+            if self.joints is not None:
+                kept += self.joints.jerks(curve, at, thirds[0], limits[JOINTS])
         scale, liquid = self.layout.scale, self.layout.liquid
         q, q_new = first[liquid], last[liquid]
         zero = [
@@ -194,21 +210,26 @@ class Interval:
         """The liquid's rate in a state, and what must be at most 1."""
         ca = casadi()
 
-        tangent, bend, _ = ca.vertsplit(curve, 3)
+        tangent, bend, _ = ca.vertsplit(curve[:CURVE], 3)
         acceleration = tangent * full[2] + bend * full[1] ** 2
         kept = [ca.sumsqr(acceleration) / limits[2] ** 2]
         if self.layout.tilting:
             for n, limit in enumerate(limits[index] for index in (4, 5, 6)):
                 kept.append((full[CHAIN + n] ** 2 + full[2 * CHAIN + n] ** 2) / limit**2)
+        if self.joints is not None:
+            kept += self.joints.demands(curve, full, limits[JOINTS])
         q = full[self.layout.liquid]
         kept += self.flow.heights(q, limits[0])
-        felt = self._felt(full, acceleration)
+        felt = self._felt(full, acceleration, curve)
         return ca.vertcat(q[2], q[3], *self.flow.acceleration(q, felt)), kept
 
-    def _felt(self, full: Expression, acceleration: Expression) -> Expression:
+    def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
         """The acceleration in the container's axes; where it tilts gravity turns with them."""
         ca = casadi()
 
+        if self.joints is not None:
+            gravity = ca.DM([0.0, 0.0, GRAVITY])
+            return self.joints.turned(curve) @ (acceleration + gravity) - gravity
         c, d = np.cos(self.yaw), np.sin(self.yaw)
         own = ca.DM([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]]) @ acceleration
         if not self.layout.tilting:
@@ -225,7 +246,7 @@ def curve_of(leg: Leg) -> Any:
     ca = casadi()
 
     s = np.linspace(0.0, leg.length, _CURVE_POINTS + 1)
-    values = np.column_stack(leg.at(s)[1:])
+    values = leg.columns(s)
     spline = make_interp_spline(s, values, k=DEGREE)
     at = ca.MX.sym("s")
     inside = ca.fmax(_EDGE * leg.length, ca.fmin((1.0 - _EDGE) * leg.length, at))
@@ -238,12 +259,12 @@ def _look_up(spline: BSpline, order: int) -> Any:
     # Behind those that belong to the knots, a derivative of scipy's holds zeros.
     coefficients = np.asarray(derivative.c)[: len(derivative.t) - degree - 1]
     knots, flat = [derivative.t.tolist()], coefficients.ravel().tolist()
-    return casadi().Function.bspline(f"d{order}", knots, flat, [degree], CURVE)
+    return casadi().Function.bspline(f"d{order}", knots, flat, [degree], derivative.c.shape[1])
 
 
-def _expanded(terms: Expression, distance: Expression) -> Expression:
-    """The curve's derivatives beside the place where they are expanded."""
-    value, first, second = casadi().vertsplit(terms, CURVE)
+def _expanded(terms: Expression, distance: Expression, width: int) -> Expression:
+    """The curve's columns beside the place where they are expanded."""
+    value, first, second = casadi().vertsplit(terms, width)
     return value + distance * (first + 0.5 * distance * second)
 
 

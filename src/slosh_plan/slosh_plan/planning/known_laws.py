@@ -212,14 +212,18 @@ def _durations(least: float, longest: float) -> Iterator[float]:
 
 
 def _least(make: Make, limits: PlanLimits) -> float:
-    """Duration that acceleration and jerk allow: they go with 1/T² and 1/T³."""
+    """Duration that speed, acceleration and jerk allow: they go with 1/T, 1/T² and 1/T³."""
     trial = 4.0
     motion = make(trial, STEP)
     acceleration = float(np.linalg.norm(motion.acceleration, axis=1).max())
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
     jerk = float(steps.max()) / motion.step
+    joints = {} if motion.joints is None else motion.joints.shares(motion.step)
+    share = {name: used / float(getattr(limits, name)) for name, used in joints.items()}
     return trial * max(
-        math.sqrt(acceleration / limits.acceleration), math.cbrt(jerk / limits.jerk)
+        math.sqrt(max(acceleration / limits.acceleration, share.get("joint_acceleration", 0.0))),
+        math.cbrt(max(jerk / limits.jerk, share.get("joint_jerk", 0.0))),
+        share.get("joint_velocity", 0.0),
     )
 
 

@@ -17,6 +17,8 @@ RESIDUAL = 0.5
 leaves nothing for the next motion."""
 TILT_RATE, TILT_ACCELERATION = math.radians(120.0), math.radians(1200.0)
 LARGEST_TILT = math.radians(45.0)
+JOINT_LIMITS = ("joint_velocity", "joint_acceleration", "joint_jerk", "joint_torque")
+"""Of a robot's joints, as shares of the limits that the robot has."""
 LARGEST = 1e6
 """Of any limit: more is a unit mistaken for another."""
 
@@ -31,6 +33,8 @@ class PlanLimits(HeightLimits):
         tilt: of the container from upright [rad]; 0: it stays upright.
         tilt_rate, tilt_acceleration: size of the first and the second derivative of the rotation
             vector that tilts it [rad/s, rad/s²]; its angular velocity is not larger.
+        joint_velocity, joint_acceleration, joint_jerk, joint_torque: shares of the joints' own
+            limits that a motion of joints may use.
 
     Raises:
         SloshPlanError: a limit that is not positive and finite; heights may be infinite.
@@ -41,13 +45,18 @@ class PlanLimits(HeightLimits):
     tilt: float = 0.0
     tilt_rate: float = TILT_RATE
     tilt_acceleration: float = TILT_ACCELERATION
+    joint_velocity: float = 1.0
+    joint_acceleration: float = 1.0
+    joint_jerk: float = 1.0
+    joint_torque: float = 1.0
 
     def __post_init__(self) -> None:
         HeightLimits.__post_init__(self)
         for name, unit in UNITS.items():
             value = getattr(self, name)
-            if not (math.isfinite(value) and 0.0 < value <= LARGEST):
-                bounds = f"must lie above 0 and not above {LARGEST:g}"
+            most = 1.0 if name in JOINT_LIMITS else LARGEST
+            if not (math.isfinite(value) and 0.0 < value <= most):
+                bounds = f"must lie above 0 and not above {most:g}"
                 raise SloshPlanError(f"limit of {name} = {value:g} {unit} {bounds}")
         if not 0.0 <= self.tilt <= LARGEST_TILT:
             raise SloshPlanError(
@@ -79,5 +88,6 @@ class PlanLimits(HeightLimits):
 
 UNITS = {
     "acceleration": "m/s²", "jerk": "m/s³", "tilt_rate": "rad/s", "tilt_acceleration": "rad/s²",
+    **dict.fromkeys(JOINT_LIMITS, "of the robot's limit"),
 }  # fmt: skip
 """The limits that must be above 0 and finite, with their units."""

@@ -10,7 +10,7 @@ no curve through the corner is smooth, and one beside it would leave the waypoin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -21,6 +21,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning.joint_demands import JointDemands
 from slosh_plan.planning.progress import StoppedError, never
 
 MOST_POINTS = 200_000
@@ -46,10 +47,12 @@ class Leg:
     Attributes:
         spline: (3,) position [m] over s [m].
         length: where s ends [m]; it begins at 0.
+        demands: of the joints that carry the container; None: none is known.
     """
 
     spline: BSpline
     length: float
+    demands: JointDemands | None = None
 
     @cached_property
     def derivatives(self) -> tuple[BSpline, ...]:
@@ -61,6 +64,14 @@ class Leg:
         inside = np.clip(s, 0.0, self.length)
         return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 
+    def lean(self) -> tuple[float, float]:
+        """Gravity's share along the floor of the container that rests at the start [m/s²]."""
+        return 0.0, 0.0
+
+    def columns(self, s: Array) -> Array:
+        """(N, C) what a search looks up at places: here the derivatives of the position."""
+        return np.column_stack(self.at(s)[1:])
+
 
 @dataclass(frozen=True)
 class Path:
@@ -69,12 +80,15 @@ class Path:
     Attributes:
         legs: at least one.
         reversals: (legs - 1) whether the next leg leads back along the tangent.
-        departure: farthest that the path lies from straight lines between the waypoints [m].
+        departure: farthest that the path lies from straight lines between the waypoints [m], of
+            joints [rad or m].
+        tilts: whether the container tilts along it.
     """
 
     legs: tuple[Leg, ...]
     reversals: tuple[bool, ...]
     departure: float
+    tilts: bool = False
 
     @property
     def length(self) -> float:
@@ -94,16 +108,36 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
             many corners, or points that no smooth curve follows.
         StoppedError: it was stopped before its end.
     """
+    path = smooth_path(points, "xyz", stopped)
+    if path.length < _SHORTEST:
+        raise SloshPlanError(f"the path is {1e3 * path.length:g} mm long, less than 1 mm")
+    return path
+
+
+def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool] = never) -> Path:
+    """The smooth curves through points of any number of dimensions, by their length.
+
+    Args:
+        points: (N, D) [m], of turning joints [rad].
+        names: (D,) of the columns.
+        stopped: whether somebody wants to end it.
+
+    Raises:
+        SloshPlanError: as `path_through`.
+        StoppedError: it was stopped before its end.
+    """
     points = np.asarray(points, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise SloshPlanError(f"waypoints have the shape {points.shape}, expected (N, 3)")
+    if points.ndim != 2 or points.shape[1] != len(names):
+        raise SloshPlanError(
+            f"waypoints have the shape {points.shape}, expected (N, {len(names)})"
+        )
     if len(points) > MOST_POINTS:
         raise SloshPlanError(f"{len(points)} waypoints are more than {MOST_POINTS}: take fewer")
     bad = np.argwhere(~np.isfinite(points))
     if len(bad):
         row, column = bad[0]
         raise SloshPlanError(
-            f"waypoint {row} has {'xyz'[column]} = {points[row, column]}: it must be finite"
+            f"waypoint {row} has {names[column]} = {points[row, column]}: it must be finite"
         )
     distinct = _distinct(points)
     if len(distinct) < 2:
@@ -120,10 +154,7 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
     tangents = _tangents(parts, reversals)
     legs = tuple(_leg(part, *ends, stopped) for part, ends in zip(parts, tangents, strict=True))
     departure = max(_departure(leg, part) for leg, part in zip(legs, parts, strict=True))
-    path = Path(legs, reversals, departure)
-    if path.length < _SHORTEST:
-        raise SloshPlanError(f"the path is {1e3 * path.length:g} mm long, less than 1 mm")
-    return path
+    return Path(legs, reversals, departure)
 
 
 def _distinct(points: Array) -> Array:
@@ -219,9 +250,10 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
         coarse = make_interp_spline(at, points, k=len(points) - 1)
         inside = np.linspace(at[0], at[-1], DEGREE + 1)
         points, at = np.asarray(coarse(inside)), inside
+    none = np.zeros(points.shape[1])
     conditions = (
-        None if first is None else [(1, first), (3, np.zeros(3))],
-        None if last is None else [(1, last), (3, np.zeros(3))],
+        None if first is None else [(1, first), (3, none)],
+        None if last is None else [(1, last), (3, none)],
     )
     found: BSpline = make_interp_spline(at, points, k=DEGREE, bc_type=_conditions(conditions))
     return found
@@ -231,7 +263,8 @@ def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
     """Scipy takes conditions at both ends or at none: natural ones at an end that is free."""
     if all(end is None for end in ends):
         return None
-    free = [(3, np.zeros(3)), (4, np.zeros(3))]
+    none = np.zeros_like(next(end for end in ends if end is not None)[0][1])
+    free = [(3, none), (4, none)]
     return tuple(free if end is None else end for end in ends)
 
 

@@ -151,7 +151,7 @@ def plan(
     kept = limits.lowered(margin)
     nominal = _nominal(kept, error)
     yaw = upright_yaw(attitude)
-    model = tilting(model, limits)
+    model = tilting(model, limits, path)
     check = Checker(model, attitude, error)
     watch.enter("known laws")
     scaled = best_scaled(check, path, kept, watch)
@@ -174,9 +174,18 @@ def plan(
     )
 
 
-def tilting(model: Model, limits: PlanLimits) -> Model:
-    """The model as it plans: it feels gravity where the container may tilt."""
-    return model.feeling_gravity() if limits.tilt > 0.0 else model
+def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
+    """The model as it plans: it feels gravity where the container tilts, or may.
+
+    Raises:
+        SloshPlanError: the joints determine the attitude, and yet the container may tilt.
+    """
+    if limits.tilt > 0.0 and path.legs[0].demands is not None:
+        raise SloshPlanError(
+            "the joints determine how the container tilts: plan their path without a limit of "
+            "the tilt"
+        )
+    return model.feeling_gravity() if limits.tilt > 0.0 or path.tilts else model
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
@@ -234,7 +243,7 @@ def check_plan_from(
         state: the liquid when the motion begins.
     """
     motion, limits = answer.found.motion, answer.limits
-    turned = None if attitude is None else np.tile(attitude, (len(motion.t), 1))
+    turned = attitudes(motion, attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
     heights = HeightLimits(limits.height, limits.residual)
     (found,) = predict(

@@ -14,7 +14,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, simulate
-from slosh_plan.planning.checked import CheckedMotion, Checker
+from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes
 from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.interval import CHAIN
 from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
@@ -225,7 +225,8 @@ def guess_of(
         factor: by which the start is slower; the liquid's answer stays as it was.
     """
     motion, layout = start.found.motion, search.layout
-    modal = simulate(model, Inputs(motion.t, motion.acceleration))[0].modal[:, 0]
+    turned = attitudes(motion, None, len(motion.t))
+    modal = simulate(model, Inputs(motion.t, motion.acceleration, turned))[0].modal[:, 0]
     durations = leg_durations(path, motion.duration)
     legs, begin = [], 0.0
     laws = start.known.laws(motion.duration)

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
+from slosh_plan.planning.joint_path import JointLeg, JointMotion, gathered, joints_along
 from slosh_plan.planning.path import Path
 
 Law = Callable[[Array], tuple[Array, Array, Array]]
@@ -77,7 +78,8 @@ class PlannedMotion:
         position: (N, 3) of the container's origin in the world's axes [m].
         acceleration: (N, 3) its second derivative [m/s²].
         speed: (N,) along the path [m/s].
-        tilt: how the container tilts; None: it keeps its attitude.
+        tilt: how the container tilts; None: it keeps its attitude, or turns as the joints do.
+        joints: the joints that carry it; None: they are not known.
     """
 
     t: Array
@@ -85,6 +87,14 @@ class PlannedMotion:
     acceleration: Array
     speed: Array
     tilt: Tilt | None = None
+    joints: JointMotion | None = None
+
+    @property
+    def attitude(self) -> Array | None:
+        """(N, 4) quaternion x, y, z, w, world ← container; None: it keeps the one it has."""
+        if self.joints is not None:
+            return self.joints.attitude
+        return None if self.tilt is None else self.tilt.attitude
 
     @property
     def duration(self) -> float:
@@ -113,7 +123,7 @@ def motion_along(
     ends = np.cumsum(durations)
     leg_of = np.minimum(np.searchsorted(ends, t), len(durations) - 1)
     position, acceleration = np.empty((2, len(t), 3))
-    speed = np.empty(len(t))
+    speed, parts = np.empty(len(t)), []
     for n, (leg, law) in enumerate(zip(path.legs, laws, strict=True)):
         rows = np.flatnonzero(leg_of == n)
         s, v, a = law(t[rows] - (ends[n] - durations[n]))
@@ -121,9 +131,12 @@ def motion_along(
         position[rows] = place
         acceleration[rows] = bend * (v**2)[:, None] + tangent * a[:, None]
         speed[rows] = v
+        if isinstance(leg, JointLeg):
+            parts.append(joints_along(leg, s, v, a))
     acceleration[0] = acceleration[-1] = 0.0
     speed[0] = speed[-1] = 0.0
-    return PlannedMotion(t, position, acceleration, speed)
+    joints = gathered(parts) if parts else None
+    return PlannedMotion(t, position, acceleration, speed, joints=joints)
 
 
 def whole_rows(duration: float) -> float:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from slosh_base.types import Array
+from slosh_plan.joints import joint_curve
+from slosh_plan.trajectory import PEAK_SPACING, dense
 
 TURNED = 1e-3
 """By which an attitude may differ from the first one [rad]."""
@@ -23,3 +27,40 @@ class Waypoints:
     t: Array
     position: Array
     attitude: Array | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointWaypoints:
+    """A path of a robot's joints as it is given.
+
+    Attributes:
+        names: (J,) of the joints.
+        t: (N,) times, a proposal [s].
+        position: (N, J) [rad or m].
+        velocity: (N, J) [rad/s or m/s]; None: not given.
+        acceleration: (N, J) [rad/s² or m/s²], with velocities only; None: not given.
+    """
+
+    names: tuple[str, ...]
+    t: Array
+    position: Array
+    velocity: Array | None = None
+    acceleration: Array | None = None
+
+    def points(self, name: str) -> Array:
+        """(M, J) points of the joints' path, which lies as a controller would run it.
+
+        Without velocities only the points are known, and the path is smooth between them.
+
+        Args:
+            name: for messages.
+
+        Raises:
+            SloshPlanError: points that no curve joins.
+        """
+        given = (self.position, self.velocity, self.acceleration)
+        columns = [one for one in given if one is not None]
+        if len(columns) == 1:
+            return self.position
+        curve = joint_curve(self.t, columns, name)
+        return np.asarray(curve(dense(self.t, PEAK_SPACING)))

@@ -1,4 +1,4 @@
-"""Planned motions as CSV: motion tables, tables of poses, tables of joints.
+"""Planned motions as CSV: motion tables and tables of poses.
 
 Columns: `t` [s] with `ax,ay,az` [m/s²] or `x,y,z` [m] of the container's origin in the world's
 axes, or both, which must agree; optional `qx,qy,qz,qw` (attitude, world ← container) and, with
@@ -12,7 +12,6 @@ from pathlib import Path
 from slosh_base.files.errors import SloshFileError
 from slosh_plan import Trajectory
 from slosh_plan.consistency import check_consistent
-from slosh_plan.joints import Arm
 from slosh_tables.motion_table import ANGULAR_VELOCITY, ATTITUDE, CHOOSE, ETA, MOTION, MSH, PROFILE
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 from slosh_tables.text_table.reading import read_table
@@ -47,36 +46,6 @@ def read_trajectory(path: Path, options: TableOptions = FOUND_OUT) -> Trajectory
         return found
     assert position is not None
     return Trajectory.from_poses(t, position, attitude, str(path))
-
-
-def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> Trajectory:
-    """Reads a motion of a robot's joints: `t` [s], and a column of each joint [rad or m].
-
-    Args:
-        path: a text file; one whose name ends in .gz is unpacked.
-        arm: the robot.
-        options: what the user says of it; is told of joints whose angle wraps at ±π.
-
-    Raises:
-        SloshFileError: no such table.
-        SloshPlanError: no such motion.
-    """
-    table = read_table(path, _check_joints, options, free=True, relative=True)
-    joints = [name for name in table.names if name != "t"]
-    position = table.group(joints)
-    assert position is not None  # the names were checked
-    wrapped = arm.wrapping(joints, position)
-    if wrapped:
-        options.tell(
-            f"{path}: {', '.join(wrapped)} jumps by about 2π between two rows: treated as a "
-            "wrapped angle and unwrapped"
-        )
-    return arm.motion(table.column("t"), joints, position, name=str(path))
-
-
-def _check_joints(path: Path, names: list[str]) -> None:
-    if names.count("t") != 1 or len(names) < 2:
-        raise SloshFileError(f"{path}: line 1: a motion of joints needs t and the joints' names")
 
 
 def _check_columns(path: Path, names: list[str]) -> None:

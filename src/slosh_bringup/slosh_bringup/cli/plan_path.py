@@ -1,0 +1,128 @@
+"""The path that `slosh plan` is asked for: of the container, straight, or of a robot's joints."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_bringup.cli import quantities
+from slosh_bringup.cli.table_options import table_options
+from slosh_bringup.cli.teller import Teller
+from slosh_bringup.errors import SloshBringupError
+from slosh_model import Model
+from slosh_plan.doubts import path_doubts
+from slosh_plan.planning import path as paths
+from slosh_plan.planning.joint_path import joint_path
+from slosh_plan.planning.path import path_through
+from slosh_plan.planning.waypoints import Waypoints
+from slosh_plan.robot_file import read_robot
+from slosh_plan.tables.joint_table import read_joint_table
+from slosh_plan.tables.path_table import read_path_table
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AskedPath:
+    """What is to be planned.
+
+    Attributes:
+        name: where it comes from.
+        path: the path.
+        waypoints: of the container, as they are given.
+        joints: names of the joints that move; empty: the container's own path is given.
+    """
+
+    name: str
+    path: paths.Path
+    waypoints: Waypoints
+    joints: tuple[str, ...] = ()
+
+
+def add_path_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the options that give the path."""
+    parser.add_argument(
+        "path", type=Path, nargs="?",
+        help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv); with --urdf t and the robot's joints",
+    )  # fmt: skip
+    parser.add_argument(
+        "--straight", type=quantities.length(10.0), metavar="M",
+        help="length of a straight horizontal path, instead of PATH [m]",
+    )  # fmt: skip
+    parser.add_argument(
+        "--urdf", type=Path, metavar="FILE",
+        help="URDF file of the robot; PATH is then a table of t and its joints [s, rad, m], and "
+        "so is the output",
+    )  # fmt: skip
+    parser.add_argument(
+        "--tool-frame", metavar="LINK",
+        help="link of the robot that holds the container; needed with --urdf",
+    )  # fmt: skip
+    parser.add_argument(
+        "--joint-limits", type=Path, metavar="FILE",
+        help="joint_limits.yaml of MoveIt: limits of joints beside those in the URDF",
+    )  # fmt: skip
+    parser.add_argument(
+        "--velocity-scaling", type=quantities.FRACTION, default=1.0, metavar="S",
+        help="share of the joints' velocity limits that is used (default: 1)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--acceleration-scaling", type=quantities.FRACTION, default=1.0, metavar="S",
+        help="share of the joints' acceleration limits that is used (default: 1)",
+    )  # fmt: skip
+
+
+def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> AskedPath:
+    """The path of the command line; tells what is doubtful in it."""
+    if (arguments.path is None) == (arguments.straight is None):
+        raise SloshBringupError("give either a PATH or --straight with its length in metres")
+    if (arguments.urdf is None) != (arguments.tool_frame is None):
+        raise SloshBringupError("--urdf and --tool-frame must be given together")
+    if arguments.urdf is not None:
+        return _of_joints(arguments, model, tell)
+    if arguments.joint_limits is not None:
+        raise SloshBringupError("--joint-limits: needs the robot: --urdf and --tool-frame")
+    if arguments.path is None:
+        ends = np.array([[0.0, 0.0, 0.0], [arguments.straight, 0.0, 0.0]])
+        waypoints = Waypoints(np.array([0.0, 1.0]), ends, None)
+        name = f"straight {arguments.straight:g} m"
+    else:
+        waypoints = read_path_table(arguments.path, table_options(arguments))
+        name = str(arguments.path)
+    tell.warn(name, path_doubts(waypoints))
+    return AskedPath(name, path_through(waypoints.position), waypoints)
+
+
+def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> AskedPath:
+    if arguments.path is None:
+        raise SloshBringupError("--urdf: give PATH, a table of the robot's joints")
+    name = str(arguments.path)
+    robot = read_robot(arguments.urdf, arguments.tool_frame, arguments.joint_limits or "")
+    assert robot is not None
+    arm = robot.arm
+    given = read_joint_table(arguments.path, arm, table_options(arguments))
+    limits = robot.limits(given.names)
+    path = joint_path(
+        arm, limits, given.points(name), follows_yaw=model.container.cornered, name=name
+    )
+    unknown = [joint for joint, has in zip(given.names, arm.known(given.names), strict=True)
+               if not has]  # fmt: skip
+    for remark in _remarks(unknown, limits.acceleration, given.names):
+        tell(f"{name}: {remark}")
+    places, _ = arm.poses(given.names, given.position)
+    return AskedPath(name, path, Waypoints(given.t, places, None), given.names)
+
+
+def _remarks(unknown: list[str], acceleration: Array, joints: tuple[str, ...]) -> list[str]:
+    remarks = []
+    if unknown:
+        remarks.append(f"{', '.join(unknown)}: not in the URDF, carried along without limits")
+    free = [joint for joint, limit in zip(joints, acceleration, strict=True)
+            if joint not in unknown and not np.isfinite(limit)]  # fmt: skip
+    if free:
+        remarks.append(
+            f"{', '.join(free)}: no limit of the acceleration is known; --joint-limits gives it"
+        )
+    return remarks

@@ -1,0 +1,240 @@
+"""Plans of joints: the same path, every limit kept, as fast as known laws or faster."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slosh_model import Inputs, simulate
+from slosh_model.model_text import parse_model
+from slosh_plan import SloshPlanError
+from slosh_plan.joints import Arm, available
+from slosh_plan.planning.joint_limits import limits_of, read_joint_limits
+from slosh_plan.planning.joint_path import JointLeg, joint_path
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.plan import plan
+from slosh_plan.planning.waypoints import JointWaypoints
+from slosh_plan.tables.joint_table import read_joint_table, write_joint_table
+from slosh_tables.text_table.options import FOUND_OUT
+
+pytestmark = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
+UPPER, FORE = 0.5, 0.4
+URDF = f"""<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.25 0 0"/><mass value="3"/>
+    <inertia ixx="0.01" iyy="0.06" izz="0.06" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="fore"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+    <inertia ixx="0.01" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="cup"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="8" velocity="2"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/>
+    <origin xyz="{UPPER} 0 0"/><axis xyz="0 0 1"/><limit effort="5" velocity="2.5"/></joint>
+  <joint name="wrist" type="revolute"><parent link="fore"/><child link="cup"/>
+    <origin xyz="{FORE} 0 0.1"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="5" velocity="3"/></joint>
+</robot>"""
+NAMES = ("shoulder", "elbow", "wrist", "finger")
+GIVEN = {name: {"acceleration": 9.0, "jerk": 150.0} for name in NAMES[:3]}
+CUP = parse_model(
+    "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
+    "effects: [{name: vertical_acceleration}]\n"
+)
+LIMITS = PlanLimits(0.015, 0.008)
+LEVEL = np.array([[0.0, 0.4, 0.0, 0.02], [0.4, 0.8, 0.0, 0.03], [1.1, 1.0, 0.0, 0.02]])
+LEANING = LEVEL + np.array([[0, 0, 0, 0], [0, 0, 0.2, 0], [0, 0, 0, 0]])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return Arm(URDF, "cup")
+
+
+@pytest.fixture(scope="module", params=["level", "leaning"])
+def planned(request, arm):
+    points = LEVEL if request.param == "level" else LEANING
+    path = joint_path(arm, limits_of(arm, NAMES, GIVEN), points)
+    return path, plan(CUP, path, LIMITS), points
+
+
+def by_hand(joints):
+    """The cup's place in the plane and its height, without Pinocchio."""
+    shoulder, elbow = joints[:, 0], joints[:, 0] + joints[:, 1]
+    plane = UPPER * np.exp(1j * shoulder) + FORE * np.exp(1j * elbow)
+    return np.column_stack([plane.real, plane.imag, np.full(len(joints), 0.1)])
+
+
+def attitude_by_hand(joints):
+    """Yaw of both links, then the wrist about y: quaternions x, y, z, w."""
+    yaw, lean = 0.5 * (joints[:, 0] + joints[:, 1]), 0.5 * joints[:, 2]
+    return np.column_stack([
+        -np.sin(yaw) * np.sin(lean), np.cos(yaw) * np.sin(lean),
+        np.sin(yaw) * np.cos(lean), np.cos(yaw) * np.cos(lean),
+    ])  # fmt: skip
+
+
+def test_a_plan_keeps_every_limit_by_other_means(planned):
+    """Positions differentiated twice, kinematics by hand, and the liquid on that."""
+    _, answer, _ = planned
+    joints, step = answer.found.motion.joints, answer.found.motion.step
+    for order, names in enumerate((("velocity",), ("acceleration",), ("jerk",)), start=1):
+        rate = np.diff(joints.position, order, axis=0) / step**order
+        for name in names:
+            # A jerk that is constant between nodes is seen between rows as it is.
+            used = np.abs(rate) / getattr(joints.limits, name)
+            assert used.max() <= 1.0 + 2e-3, name
+    place = by_hand(joints.position)
+    acceleration = np.zeros_like(place)
+    acceleration[1:-1] = np.diff(place, 2, axis=0) / step**2
+    rest = 1000
+    t = step * np.arange(len(place) + rest)
+    turned = attitude_by_hand(joints.position)
+    inputs = Inputs(
+        t, np.concatenate([acceleration, np.zeros((rest, 3))]),
+        np.concatenate([turned, np.tile(turned[-1], (rest, 1))]),
+    )  # fmt: skip
+    found = simulate(CUP.feeling_gravity(), inputs)[0].msh
+    assert found.max() <= LIMITS.height * 1.002
+    assert found[len(place) :].max() <= LIMITS.residual * 1.002
+    assert found.max() > 0.9 * LIMITS.height  # it is used, not merely kept
+    assert found.max() == pytest.approx(answer.found.peak, rel=2e-3)
+
+
+def test_torques_are_those_of_two_links_in_the_plane(planned):
+    """Against the textbook's equations of motion; the wrist's axis carries nothing."""
+    _, answer, _ = planned
+    joints = answer.found.motion.joints
+    q, v, a = joints.position, joints.velocity, joints.acceleration
+    own, other = 0.06 + 3 * 0.25**2, 0.03 + 2 * 0.2**2
+    coupling = 2 * UPPER * 0.2
+    c, s = coupling * np.cos(q[:, 1]), coupling * np.sin(q[:, 1])
+    first = (own + other + 2 * UPPER**2 + 2 * c) * a[:, 0] + (other + c) * a[:, 1]
+    first -= s * (2 * v[:, 0] * v[:, 1] + v[:, 1] ** 2)
+    second = (other + c) * a[:, 0] + other * a[:, 1] + s * v[:, 0] ** 2
+    np.testing.assert_allclose(joints.torque[1:-1, 0], first[1:-1], atol=2e-3)
+    np.testing.assert_allclose(joints.torque[1:-1, 1], second[1:-1], atol=2e-3)
+    assert np.abs(joints.torque[:, 0]).max() <= 8.0 * (1 + 1e-6)
+
+
+def test_the_joints_keep_their_path_and_a_gripper_is_carried_along(planned):
+    _, answer, points = planned
+    position = answer.found.motion.joints.position
+    np.testing.assert_allclose(position[[0, -1]], points[[0, -1]], atol=1e-4)
+    away = np.linalg.norm(position - points[1], axis=1)
+    assert away.min() < 2e-3  # between two rows at 1 kHz
+    assert np.ptp(position[:, 3]) == pytest.approx(0.01, abs=1e-3)
+
+
+def test_an_optimal_plan_is_faster_than_a_slowed_one(planned):
+    _, answer, _ = planned
+    assert answer.method == "optimal"
+    assert answer.found.motion.duration < 0.95 * answer.scaled.found.motion.duration
+
+
+def test_a_path_that_leans_feels_gravity(planned):
+    path, answer, points = planned
+    assert path.tilts == (points is LEANING)
+    assert answer.found.tilt == 0.0
+
+
+def test_shares_of_the_limits_slow_a_plan(arm):
+    path = joint_path(arm, limits_of(arm, NAMES, GIVEN), LEVEL)
+    slow = PlanLimits(0.05, 0.05, joint_velocity=0.3)
+    answer = plan(CUP, path, slow)
+    assert answer.found.joints["joint_velocity"] <= 0.3 * (1 + 1e-6)
+    assert answer.found.joints["joint_velocity"] > 0.29
+
+
+def test_a_curve_with_velocities_is_the_controllers_own(arm):
+    """Cubic between points with velocities: the path follows it, not the points alone."""
+    t = np.array([0.0, 1.0])
+    ends = np.array([[0.0, 0.4, 0.0], [1.0, 0.4, 0.0]])
+    rate = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
+    given = JointWaypoints(NAMES[:3], t, ends, rate)
+    path = joint_path(arm, limits_of(arm, NAMES[:3]), given.points("it"))
+    elbow = np.concatenate(
+        [
+            leg.joint_derivative(np.linspace(0, leg.length, 400), 0)[:, 1]
+            for leg in path.legs
+            if isinstance(leg, JointLeg)
+        ]
+    )
+    u = np.linspace(0.0, 1.0, 10_001)
+    hermite = 0.4 + (u - 2 * u**2 + u**3) + (u**3 - u**2)
+    assert elbow.max() == pytest.approx(hermite.max(), abs=1e-4)
+    assert elbow.min() == pytest.approx(hermite.min(), abs=1e-4)
+
+
+def test_a_table_is_read_as_it_was_written(planned, arm, tmp_path):
+    _, answer, _ = planned
+    file = tmp_path / "plan.csv"
+    write_joint_table(file, answer.found.motion)
+    back = read_joint_table(file, arm, FOUND_OUT)
+    joints = answer.found.motion.joints
+    assert back.names == NAMES
+    for name in ("position", "velocity", "acceleration"):
+        np.testing.assert_allclose(getattr(back, name), getattr(joints, name), atol=1e-12)
+
+
+MISTAKES = {
+    "degrees": (np.degrees(LEVEL), "'shoulder' reaches 63.0254, .* are the angles in degrees"),
+    "beyond a stop": (
+        LEVEL + np.array([2.5, 0, 0, 0]),
+        "'shoulder' reaches 3.6, outside",
+    ),
+    "beyond it between the points": (
+        np.array([[2.6, 0, 0, 0], [2.99, 0.5, 0, 0], [2.99, 1, 0, 0], [2.6, 1.5, 0, 0]]),
+        "smooth path between the points: joint 'shoulder' reaches 3.0",
+    ),
+    "nothing moves": (np.tile(LEVEL[:1], (3, 1)), "has no length"),
+    "not finite": (np.where(LEVEL == 0.8, np.nan, LEVEL), "waypoint 1 has elbow = nan"),
+    "lying": (
+        LEVEL + np.array([0, 0, 0.9, 0]),
+        "tilted by 52° at the start: the tool frame's z axis",
+    ),
+}
+
+
+@pytest.mark.parametrize(("points", "words"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_named(arm, points, words):
+    with pytest.raises(SloshPlanError, match=words):
+        joint_path(arm, limits_of(arm, NAMES), points)
+
+
+def test_a_joint_that_carries_the_container_must_be_given(arm):
+    with pytest.raises(SloshPlanError, match="joint 'wrist' carries the container and is missing"):
+        joint_path(arm, limits_of(arm, NAMES[:2]), LEVEL[:, :2])
+
+
+LIMITS_FILE = """default_velocity_scaling_factor: 0.1
+joint_limits:
+  shoulder: {has_velocity_limits: true, max_velocity: 1.5, has_acceleration_limits: false,
+             max_acceleration: 0}
+  elbow: {has_acceleration_limits: true, max_acceleration: 4, has_jerk_limits: true, max_jerk: 60}
+"""
+
+
+def test_limits_of_moveit_take_the_place_of_the_descriptions(arm, tmp_path):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(LIMITS_FILE)
+    limits = limits_of(arm, NAMES[:3], read_joint_limits(file))
+    assert limits.velocity.tolist() == [1.5, 2.5, 3.0]
+    assert limits.acceleration.tolist() == [math.inf, 4.0, math.inf]
+    assert limits.jerk.tolist() == [math.inf, 60.0, math.inf]
+    assert limits.lower[1] == -math.inf  # a joint without stops
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("limits: {}\n", "section joint_limits is missing"),
+        ("joint_limits: {elbow: 3}\n", "joint_limits.elbow must hold limits"),
+        ("joint_limits: {elbow: {max_velocity: -1}}\n", "max_velocity = -1 must be a positive"),
+        ("joint_limits: {elbow: {max_velocity: fast}}\n", "max_velocity = 'fast' must be"),
+    ],
+)
+def test_a_wrong_file_of_limits_is_named(tmp_path, text, words):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(text)
+    with pytest.raises(SloshPlanError, match=words):
+        read_joint_limits(file)
