@@ -17,7 +17,7 @@ LONGEST = 10_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Robot:
+class CarryingRobot:
     """A robot that carries the container, and what its user says of its joints' limits.
 
     Attributes:
@@ -33,7 +33,9 @@ class Robot:
         return limits_of(self.arm, joints, self.given)
 
 
-def read_robot(urdf: str | Path, tool_frame: str, joint_limits: str | Path = "") -> Robot | None:
+def read_robot(
+    urdf: str | Path, tool_frame: str, joint_limits: str | Path = ""
+) -> CarryingRobot | None:
     """The robot of some files; None: none is named.
 
     Args:
@@ -47,7 +49,7 @@ def read_robot(urdf: str | Path, tool_frame: str, joint_limits: str | Path = "")
     if not str(urdf):
         return None
     given = read_joint_limits(Path(joint_limits)) if str(joint_limits) else {}
-    return Robot(read_arm(urdf, tool_frame), given)
+    return CarryingRobot(read_arm(urdf, tool_frame), given)
 
 
 def read_arm(path: str | Path, tool_frame: str) -> Arm:
