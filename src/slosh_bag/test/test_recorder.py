@@ -96,19 +96,6 @@ def test_flushes_do_not_depend_on_the_messages_clock(tmp_path, flushes, stamp):
     assert max(b - a for a, b in itertools.pairwise([0, *inside, 100])) <= 12
 
 
-def test_the_age_of_the_oldest_unwritten_message_is_told(tmp_path):
-    now = 100.0
-    recorder = Recorder(tmp_path / "run", clock=lambda: now)
-    recorder.add_topic("/h", HEADER, Qos())
-    assert recorder.status().age == 0.0
-    recorder.add("/h", DATA, 1)
-    now += 0.9 * FLUSH_PERIOD
-    assert recorder.status().age == pytest.approx(0.9 * FLUSH_PERIOD)
-    now += 0.2 * FLUSH_PERIOD
-    until(lambda: recorder.status().age == 0.0)
-    recorder.close()
-
-
 @pytest.mark.parametrize("text", [None, "float64 = {"], ids=["absent", "unreadable"])
 def test_a_topic_without_a_definition_does_not_stop_the_others(tmp_path, monkeypatch, text):
     if text:

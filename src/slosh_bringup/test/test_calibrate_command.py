@@ -172,25 +172,6 @@ def test_what_detection_will_find_doubtful_is_told(
 
 
 @pytest.mark.long
-def test_a_camera_yaml_gives_the_container_too(capsys, tmp_path, still, intrinsics):
-    first, second = tmp_path / "camera.yaml", tmp_path / "second.yaml"
-    options = [*CONTAINER, *GLASS, "-o", first]
-    words = ["calibrate", still, "--camera", intrinsics, *options]
-    assert main([str(word) for word in words]) == 0
-    capsys.readouterr()
-    words = ["calibrate", still, "--camera", first, "--azimuth", 30, "-o", second, "--json"]
-    assert main([str(word) for word in words]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["residual"] < 0.5
-    assert facts["warnings"] == []
-    assert 0.0 < facts["height_stddev"]["front"] < 3e-4
-    again = read_calibration(second)
-    assert again.view.cup == CUP
-    assert np.rad2deg(again.view.camera_azimuth) == pytest.approx(30.0)
-    assert facts["place"]["distance"] == pytest.approx(0.45, abs=2e-3)
-
-
-@pytest.mark.long
 def test_a_field_of_view_will_do(capsys, tmp_path, still):
     output = tmp_path / "camera.yaml"
     angle = 2.0 * np.rad2deg(np.arctan(0.5 * LENS.width / LENS.fx))

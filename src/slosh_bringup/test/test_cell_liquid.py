@@ -85,19 +85,6 @@ def test_sensor_noise_has_its_size_repeats_with_its_seed_and_differs_between_sen
     assert np.array_equal(readings.attitude[-1], (0.0, 0.0, 0.0, 1.0))
 
 
-def test_the_truths_surface_stays_level_in_a_tilted_container():
-    """Statics of one mode: 2 C₁/(ξ₁² − 1) of the level surface's R tan(tilt), 0.837."""
-    tilt = 0.05
-    motion = tilted(tilt, np.arange(60000) / 1000.0)
-    truth = integrate_truth(TRUTH, motion)
-    xi = 1.841184
-    share = 2.0 / (xi**2 - 1.0)
-    rest = np.mean(truth.sh_y[40000:])
-    # Rolled about +x, the wall at +y rises: the liquid there stands lower on it.
-    assert rest == pytest.approx(-share * TRUTH.container.size * np.tan(tilt), rel=0.01)
-    assert truth.sh_x == pytest.approx(np.zeros(len(motion.t)), abs=1e-12)
-
-
 def test_a_tilt_and_the_acceleration_that_feels_the_same_move_the_liquid_alike():
     t = np.arange(2000) / 1000.0
     angle = 0.1

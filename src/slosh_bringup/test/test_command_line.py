@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import re
 import subprocess
 import sys
 
@@ -114,15 +113,6 @@ def test_a_mistake_in_a_model_is_one_line_with_the_remedy(capsys, tmp_path, text
     line = complaint(capsys, "simulate", str(model), "a.csv", "-o", str(tmp_path / "b.csv"))
     assert said in line
     assert "model.yaml:" in line
-
-
-def test_help_names_each_command_once_in_groups(capsys):
-    for words in (["help"], ["--help"]):
-        with pytest.raises(SystemExit) as caught:
-            main(words)
-        assert caught.value.code == 0
-        shown = re.findall(r"^  (\w+)  ", capsys.readouterr().out, re.MULTILINE)
-        assert shown == list(COMMANDS)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -108,12 +108,6 @@ def test_every_third_motion_is_held_out_and_the_reader_is_told(
     assert note in json.loads((tmp_path / "o" / "discovery.json").read_text())["remarks"]
 
 
-@pytest.mark.parametrize("verdict", Verdict)
-def test_a_verdict_is_no_failure(discovery, tables, tmp_path, verdict):
-    discovery.verdict = verdict
-    assert main(["discover", tables[0], "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
-
-
 def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, tables, tmp_path):
     discovery.verdict, output = Verdict.AMBIGUOUS, tmp_path / "a folder"
     words = [tables[0], "--model", MODEL, "-o", str(output)]
@@ -125,17 +119,6 @@ def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, 
     text = capsys.readouterr().out
     assert f"slosh discover {tables[0]} RECORDING --model {MODEL} -o '{output}_2'" in text
     assert f"slosh simulate '{output}/model.yaml' '{output}/separating_1.csv'" in text
-
-
-def test_the_commands_are_those_of_the_data(capsys, discovery, tables, tmp_path):
-    output = tmp_path / "o"
-    assert main(["discover", tables[0], "--model", MODEL, "-o", str(output)]) == 0
-    text = capsys.readouterr().out
-    model = output / "model.yaml"
-    assert f"slosh simulate {model} {tables[0]} -o {output / 'heights.csv'}" in text
-    load = f"ros2 service call /slosh/load_model slosh_msgs/srv/LoadModel '{{path: \"{model}\"}}'"
-    assert load in text
-    assert main(["simulate", str(model), tables[0], "-o", str(output / "heights.csv")]) == 0
 
 
 def printed_commands(text):

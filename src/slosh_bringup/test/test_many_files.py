@@ -164,21 +164,6 @@ def test_a_running_cluster_does_the_same(work):
     assert len(outcomes) == len(numbers)
 
 
-@pytest.mark.long
-def test_who_worked_beside_one_that_kills_the_worker_is_not_blamed(work):
-    import dask
-    import distributed  # noqa: F401  # its settings are there once it is imported
-
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
-        running_cluster(n_workers=1, threads_per_worker=2) as cluster,
-    ):
-        address = cluster.scheduler_address
-        outcomes = list(map_files(work.die_among_others, range(5), scheduler=address))
-    assert {o.item: o.error for o in outcomes} == {0: "", 1: "", 2: KILLED, 3: "", 4: ""}
-    assert {o.item: o.value for o in outcomes} == {0: 0, 1: 1, 2: None, 3: 3, 4: 4}
-
-
 def test_a_cluster_without_workers_is_told(work):
     with (
         running_cluster(n_workers=0, processes=False) as cluster,

@@ -136,15 +136,3 @@ def test_for_people_it_lists_the_topics(cut, tmp_path, capsys):
     first, last = capsys.readouterr().out.strip().split("\n")
     assert first.split()[0] == "/header"
     assert last == str(tmp_path / "new")
-
-
-@pytest.mark.parametrize("what", ["nothing", "existing"])
-def test_wrong_input_is_one_line_and_exit_code_2(cut, tmp_path, capsys, what):
-    words = {
-        "nothing": ["recover", str(tmp_path / "none"), "-o", str(tmp_path / "new")],
-        "existing": ["recover", str(cut), "-o", str(cut)],
-    }[what]
-    assert main(words) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if "slosh" in line]
-    assert len(lines) == 1
-    assert lines[0].startswith("slosh recover: ")

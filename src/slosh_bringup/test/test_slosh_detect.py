@@ -6,7 +6,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
@@ -397,38 +396,8 @@ def test_a_wrong_option_is_refused_before_the_work(capsys, tmp_path, folder, wor
     assert match in refused(capsys, tmp_path, folder, *words)
 
 
-@pytest.mark.parametrize("key", ["pose", "camera_matrix", "container"])
-def test_a_calibration_with_nan_is_refused(capsys, tmp_path, folder, key):
-    document = yaml.safe_load(Path(CAMERA).read_text())
-    place = {"pose": ("translation", 0), "camera_matrix": ("data", 0), "container": ("radius",)}
-    block = document[key]
-    for step in place[key][:-1]:
-        block = block[step]
-    block[place[key][-1]] = float("nan")
-    camera = tmp_path / "camera.yaml"
-    camera.write_text(yaml.safe_dump(document))
-    line = refused(capsys, tmp_path, folder, camera=camera)
-    assert "camera.yaml" in line
-    assert key in line
-
-
 def test_a_source_is_read_as_it_is_needed(folder):
     source = open_source([str(folder)])
     assert source.total == 9
     (folder / "frame_8.png").unlink()
     assert next(source.frames).name == "frame_0.png"
-
-
-@pytest.mark.parametrize(("raw", "chosen"), [(10, "/cam"), (3, "/cam/compressed")])
-def test_of_two_topics_of_images_the_raw_one_is_measured_where_it_is_whole(tmp_path, raw, chosen):
-    """A recorder leaves raw images when compressed ones come."""
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/cam", "sensor_msgs/msg/Image")
-        writer.add_topic("/cam/compressed", "sensor_msgs/msg/CompressedImage")
-        for number in range(10):
-            writer.write("/cam/compressed", b"x", number)
-            if number < raw:
-                writer.write("/cam", b"x", number)
-    source = open_source([str(tmp_path / "bag")])
-    assert source.note.startswith(f"measuring topic {chosen}; left out: /cam")
-    assert source.total == max(raw, 10 if "compressed" in chosen else 0)

@@ -11,8 +11,7 @@ import pytest
 
 from slosh_camera.calibrate.doubt import ToldDeviations
 from slosh_camera.calibrate.fit import Hint
-from slosh_camera.calibrate.pose import CameraPlace, place_of, pose_of
-from slosh_camera.calibrate.search import CandidatePlace, _distinct
+from slosh_camera.calibrate.pose import place_of, pose_of
 from slosh_camera.calibrate.still import calibrate_by_edges, check_pose
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.camera import camera_from_info
@@ -133,16 +132,6 @@ def test_large_image_is_searched_small_and_fitted_whole(make_scene):
     truth = CupView(truth.camera, truth.pose, cup)
     fit = calibrate_by_edges(scene.draw(), truth.camera, cup)
     assert worst_error(truth, fit) < 0.1e-3
-
-
-def test_the_azimuth_is_the_callers(make_scene):
-    scene = make_scene(camera_height=0.05, camera_azimuth=0.7)
-    truth = scene.calibration().view
-    cup = Cup(scene.radius, scene.fill_height)
-    fit = calibrate_by_edges(scene.draw(), truth.camera, cup, azimuth=0.7)
-    assert fit.view.camera_azimuth == pytest.approx(0.7)
-    assert np.allclose(fit.view.pose.rotation, truth.pose.rotation, atol=5e-3)
-    assert np.allclose(fit.view.pose.translation, truth.pose.translation, atol=2e-3)
 
 
 @pytest.mark.long
@@ -283,19 +272,6 @@ def test_refuses_what_stands_between_the_sides_of_another_container(make_scene):
     part = faint[200 : 200 + small.shape[0], 272 : 272 + small.shape[1]]
     part[:] = np.minimum(part, small)
     assert "between the sides of what may be the container" in refusal(faint, camera, cup)
-
-
-def test_one_thing_does_not_take_all_candidates():
-    """A label's lines of print are levels of one and the same container."""
-    label = [
-        CandidatePlace(CameraPlace(0.45, -0.05 + 0.03 * k, 0.0, 0.1, 0.0), 0.8, 90.0)
-        for k in range(8)
-    ]
-    wide = CandidatePlace(CameraPlace(0.14, -0.02, 0.0, -0.19, 0.0), 0.6, 300.0)
-    kept = _distinct([*label, wide], 6)
-    assert wide in kept
-    assert kept[:3] == label[:3]
-    assert len(kept) == 4
 
 
 def test_refuses_images_of_another_camera(make_scene):

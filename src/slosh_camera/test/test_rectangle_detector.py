@@ -282,27 +282,6 @@ def test_colour_and_grey_images_of_one_scene_agree():
 
 
 @pytest.mark.parametrize(
-    "image",
-    [
-        np.zeros((0, 0), np.uint8),
-        np.zeros((1, 1), np.uint8),
-        np.zeros((SETUP.columns, SETUP.rows), np.uint8),
-        np.zeros((SETUP.rows, SETUP.columns), np.uint16),
-        np.zeros((SETUP.rows, SETUP.columns), np.float64),
-        np.zeros((SETUP.rows, SETUP.columns, 4), np.uint8),
-        np.zeros((SETUP.rows, SETUP.columns, 1), np.uint8),
-        np.zeros(SETUP.columns, np.uint8),
-    ],
-)
-def test_an_image_that_does_not_fit_is_an_error_of_one_line(image):
-    detector = SideViewDetector(SETUP.calibration())
-    for use in (detector.learn_still, lambda given: detector.measure(0, given)):
-        with pytest.raises(SloshCameraError, match=r"^image: .*360 x 300") as caught:
-            use(image)
-        assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
     ("region", "word"),
     [
         (RegionOfInterest(0, 0, 360, 60), "still level"),

@@ -113,16 +113,6 @@ def test_a_specific_force_is_right_or_named_and_the_remedy_cures_it(number, unit
         assert cured.doubt is None
 
 
-@pytest.mark.first(24)
-@pytest.mark.parametrize("unit", UNITS)
-@pytest.mark.parametrize("number", range(24))
-def test_a_specific_force_without_gravity_is_named(number, unit):
-    stamps, a = pulses()
-    check, _ = imu_check(stamps, UNITS[unit] * a @ ROTATIONS[number].T)
-    assert check.doubt is not None
-    assert "gravity is left out" in check.doubt.text
-
-
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("number", range(24))
 def test_an_exported_imu_that_was_wrong_is_named_in_the_table(number, unit):

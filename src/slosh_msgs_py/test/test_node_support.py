@@ -23,7 +23,6 @@ from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.node.silence import LONG, UNHEARD, SilentTopic
-from slosh_testing.live_processes import until
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -318,45 +317,6 @@ def test_a_signal_ends_a_node_cleanly(executor, number):
         rest = process.stdout.read()
         assert process.wait(20) == 0
     assert rest.endswith("closed\n")
-
-
-STARTER = """
-import os, subprocess, sys, time
-from slosh_msgs_py.node.lifeline import Lifelines
-
-lifelines = Lifelines()
-for last in (True, False):
-    inherited = lifelines.of_node(last=last)
-    command = [sys.executable, "-c", sys.argv[1]]
-    with open(sys.argv[2 + last], "w") as words:
-        subprocess.Popen(command, stdout=words, stderr=words, pass_fds=inherited.descriptors,
-                         env={**os.environ, **inherited.environment})
-# Something else that is started, and holds nothing open.
-subprocess.Popen(["sleep", "40"], stdout=subprocess.DEVNULL)
-print("started", flush=True)
-time.sleep(1000)
-"""
-
-
-def test_nodes_end_with_a_killed_starter_and_the_last_one_last(tmp_path):
-    """The wheels start the interpreter a second time: the pipes outlive that."""
-    words = [tmp_path / "first", tmp_path / "last"]
-
-    def ended():
-        return [word.exists() and word.read_text().endswith("closed\n") for word in words]
-
-    slow = NODE.replace('print("closed"', 'import time; time.sleep(1.0); print("closed"')
-    command = [sys.executable, "-c", STARTER, slow, *map(str, words)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as starter:
-        assert starter.stdout.readline() == "started\n"
-        until(lambda: all("alive" in word.read_text() for word in words), "life")
-        starter.kill()
-    seen = []
-    until(lambda: seen.append(ended()) or all(seen[-1]), "the end")
-    assert [False, True] not in seen
-    assert [True, False] in seen
-    for word in words:
-        assert "parent process exited" in word.read_text()
 
 
 def test_a_signal_during_the_start_ends_a_node_cleanly_too():

@@ -180,37 +180,6 @@ def test_what_a_killed_holder_left_closed_is_open_to_the_next(tmp_path):
     assert not (memory / port).exists()
 
 
-def test_who_starts_while_deleted_ports_are_held_says_nothing_of_them(domain, tmp_path):
-    """Such as processes of this machine leave that end while others still know of them."""
-    first = 7400 + 250 * domain
-    names = [f"fastrtps_port{first + 10 + number}" for number in range(20)]
-    left = {path.name for path in Path("/dev/shm").iterdir()}  # by tests before this one
-    gone = [name for name in names if not left & {name, f"{name}_sl"}]
-    _, processes = folders(tmp_path, (), [[f"{name} (deleted)" for name in gone]])
-    ports = DeadPorts(processes=processes)
-    speaks = "import rclpy; rclpy.init(); rclpy.create_node('speaks'); print('speaks')"
-    try:
-        assert {*ports.look()} == {*gone} != set()
-        done = subprocess.run(
-            [sys.executable, "-c", speaks], capture_output=True, text=True, timeout=60, check=True
-        )
-    finally:
-        ports.close()
-    assert done.stdout == "speaks\n"
-
-
-def test_no_more_are_held_than_leave_a_start_its_choice(tmp_path):
-    """Of the living there may be any number."""
-    names = [f"fastrtps_port{7411 + 2 * number}" for number in range(100)]
-    memory, processes = folders(tmp_path, names, [names])
-    with contextlib.ExitStack() as living:
-        for name in names[:70]:
-            listens = living.enter_context((memory / f"{name}_el").open())
-            fcntl.flock(listens, fcntl.LOCK_EX)
-        assert DeadPorts(memory, processes).look(0.0) == tuple(names[70:])
-    assert len(DeadPorts(memory, processes).look(0.0)) == 64
-
-
 READS = """
 import rclpy
 from rclpy.node import Node
