@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 TANK = Model(Rectangle(0.08, 0.06, 0.07)).spatial().nonlinear()
 BENT = np.array([[0.0, 0.0, 0.0], [0.2, 0.05, 0.02], [0.4, 0.0, 0.0], [0.4, 0.3, 0.0]])
-LIMIT = [0.015, 0.002, 9.5, 74.0, 0.2, 2.0, 20.0]
+LIMIT = [0.015, 0.002, 9.5, 74.0, 0.2, 2.0, 20.0, 1.0, 1.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("tilting", [False, True])
