@@ -15,7 +15,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy>=1.26", "PyYAML", "mcap", "pytest", "scipy"],
+    install_requires=["setuptools", "numpy>=1.26", "PyYAML", "mcap", "pytest", "rosbags", "scipy"],
     zip_safe=False,
     maintainer="Slosh Monitor maintainers",
     maintainer_email="slosh-monitor@users.noreply.github.com",
