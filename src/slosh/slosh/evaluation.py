@@ -55,7 +55,7 @@ def identify(
 
     >>> import slosh
     >>> slosh.identify("bags/c3", slosh.replay("bags/c3").model)
-    Identification(natural_frequency 18.96 ± 0.08 rad/s, damping_ratio 0.006213 ± 0.004,
+    Identification(natural_frequency 18.96 ± 0.08 rad/s, damping_ratio 0.006205 ± 0.004,
         f 3.017 Hz, rms 0.24 mm, 1 motion)
 
     Args:
