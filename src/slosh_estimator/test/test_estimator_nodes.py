@@ -496,3 +496,24 @@ def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
     assert comparison.header.stamp == surface.header.stamp
     assert comparison.residual_nonlinear == 0.0
     assert comparison.estimated_linear == reading.linear
+
+
+def test_a_model_that_needs_an_attitude_says_so_where_there_is_none(
+    start: Callable[..., Cell],
+) -> None:
+    cell = start()
+    cell.add(EstimatorNode())
+    reports = cell.listen(DiagnosticArray, "/diagnostics")
+    publisher = cell.publisher(AccelStamped, topics.ACCEL)
+    loaded = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=FOUND))
+    assert loaded.success
+    sentence = "gravity_tilt has no effect with the input 'accel'"
+    assert sentence in loaded.message
+
+    def warned() -> bool:
+        publisher.publish(accel(cell.now(), 0.0))
+        return any(entry.status[0].message.startswith(sentence) for entry in reports)
+
+    cell.until(warned)
+    plain = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=TEXT))
+    assert plain.message == "loaded; the models start from rest"
