@@ -26,7 +26,7 @@ def test_a_node_that_never_gets_ready_ends_the_run_with_its_name(tmp_path):
         assert running.process.wait(PATIENCE) == 1
         said = running.said
     assert "nothing was measured, because not all nodes became ready: camera has sent no" in said
-    assert "camera has sent no diagnostics for 6" in (folder / "report.html").read_text()
+    assert "camera has sent no diagnostics for " in (folder / "report.html").read_text()
     assert not recorded_motion(folder / "bag")
 
 
