@@ -117,6 +117,7 @@ INTRINSICS = "intrinsics SHOP/boards --board 8x5 --square 0.02"
 DETECT = "detect SHOP/images --camera SHOP/camera.yaml --still SHOP/still.png --jobs 1"
 REPLAY = "replay SHOP/recording --model SHOP/model.yaml"
 INPUT_AS_OUTPUT = [
+    ("modes SHOP/model.yaml -o OUT", "model.yaml"),
     ("simulate SHOP/model.yaml SHOP/motion.csv -o OUT", "model.yaml"),
     ("simulate SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
     ("predict SHOP/model.yaml SHOP/motion.csv -o OUT", "motion.csv"),
@@ -333,6 +334,7 @@ CASES = {
         "recover SHOP/bag -o OUT/new", "new", "recover SHOP/many_messages -o OUT/new", limit=1_000
     ),
     "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
+    "modes": Case("modes SHOP/model.yaml -o OUT/a.yaml", "a.yaml"),
     "motion": Case("motion quintic --speed 30 --stroke 0.1 -o OUT/a.csv", "a.csv"),
     "identify": Case(
         "identify SHOP/motion.csv --model SHOP/model.yaml -o OUT/new", "new",

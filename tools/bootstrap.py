@@ -156,7 +156,7 @@ def requirement_files() -> list[Path]:
     names = ["runtime.txt", "development.txt"]
     return [
         REQUIREMENTS / name
-        for name in (names if ROS.is_dir() else ["ros.txt", *names, "plan.txt"])
+        for name in (names if ROS.is_dir() else ["ros.txt", *names, "plan.txt", "modes.txt"])
     ]
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slosh_bringup.explain.effect import bounds, usually
-from slosh_model.containers import Cylinder, Rectangle
+from slosh_model.containers import SECTIONS, Cylinder, Rectangle
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.measure import predicted_heights
@@ -101,8 +101,6 @@ SCENES = {
     "visible_arc": Scene({"centre": 0.0, "width": 2.0}),
     "yaw_coupling": Scene({"kappa": 0.4}, motion="turning"),
 }
-CONTAINERS = {"round": "cylinder", "rectangular": "rectangle"}
-"""Of each cross-section, how its container is called on a page."""
 
 
 def main() -> int:
@@ -123,13 +121,19 @@ def part(effect: Effect) -> str:
     blocks = [
         f"$${effect.equation}$$",
         f"Acts on: {stages}. Source: {effect.source}.",
-        f"Only for a {CONTAINERS[effect.section]}." if effect.section else "",
+        only_for(effect),
         parameter_table(effect),
         f"```yaml\n{use(effect)}\n```",
         f"![Heights with and without {effect.name}, and the difference]({effect.name}.svg)",
         caption(effect.name),
     ]
     return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def only_for(effect: Effect) -> str:
+    """For which kinds of container it is; empty: for all."""
+    kinds = " or a ".join(SECTIONS[section] for section in effect.sections)
+    return f"Only for a {kinds}." if kinds else ""
 
 
 def parameter_table(effect: Effect) -> str:

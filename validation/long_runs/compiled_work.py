@@ -57,10 +57,18 @@ def replay(folder: Path) -> None:
 
 
 def detect(folder: Path) -> None:
-    """`slosh detect`, on a bag's images."""
-    camera = _model().parent / "camera.yaml"
-    bag, heights = ROOT / "bags" / "cut", folder / "heights.csv"
-    _slosh("detect", str(bag), "--camera", str(camera), "-o", str(heights))
+    """`slosh detect`, on images of the simulated cell."""
+    import cv2
+
+    from slosh_bringup.cell.renderer import CupRenderer
+    from slosh_camera.calibrate.camera_file import read_calibration
+
+    camera, images = _model().parent / "camera.yaml", folder / "images"
+    images.mkdir()
+    renderer = CupRenderer(read_calibration(camera).view)
+    for number, height in enumerate((0.0, 0.002, 0.004)):
+        cv2.imwrite(str(images / f"{number}.png"), renderer.render(height, 0.0))
+    _slosh("detect", str(images), "--camera", str(camera), "-o", str(folder / "heights.csv"))
 
 
 def discover(folder: Path) -> None:

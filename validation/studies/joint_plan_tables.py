@@ -1,6 +1,6 @@
 """Measures plans of joints against toppra and uniform slowing, and fills a table in docs/plan.md.
 
-    pip install -r requirements/robots.txt
+    tools/run python -m pip install --no-deps -r requirements/robots.txt
     tools/run python validation/studies/joint_plan_tables.py ROWS.jsonl [--cases 70] [--docs]
 
 Random paths on which a UR5 or a Panda keeps a cup upright, or leans it by up to 15° on the way,

@@ -6,12 +6,12 @@ import math
 import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from slosh_bringup.errors import SloshBringupError
-from slosh_model.containers import CupLengths
+from slosh_model.containers import SHAPES, CupLengths
 from slosh_model.effects.registry import find_effect
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
@@ -63,7 +63,7 @@ def _container(cup: NewCup, *, wall: bool) -> str:
         "width": "inner width, along the container's x [m]",
         "depth": "inner depth, along its y [m]",
     }
-    rows = [(key, value, words[key]) for key, value in cup.lengths.items()]
+    rows = [(key, value, words.get(key, "inner [m]")) for key, value in cup.lengths.items()]
     rows.append(("fill_height", cup.fill_height, "of the liquid at rest, above the floor [m]"))
     lines = [f"  shape: {cup.shape}"]
     lines += [f"  {key}: {value!r}  # {meaning}" for key, value, meaning in rows]
@@ -81,7 +81,7 @@ def _container(cup: NewCup, *, wall: bool) -> str:
 def _model(cup: NewCup) -> str:
     effects = "".join(_effect(use) for use in cup.model.effects)
     liquid = cup.liquid
-    if not cup.is_round:
+    if cup.model.container.cornered and not cup.by_contour:
         effects += "  # - name: pendulum_nonlinearity  # for large surface angles\n"
     return f"""\
 # The container and its liquid: used by estimator, replay, planning and discovery.
@@ -204,6 +204,8 @@ def _length(words: str, least: float, most: float, typical: float) -> QuantityKi
 
 
 # From a test tube to a tank on wheels.
+LENGTH = _length("inner length", 1e-4, 4.0, 0.05)
+"""Of a container by its contour, whatever it is called."""
 QUANTITIES: Mapping[str, QuantityKind] = {
     "radius": _length("inner radius", 2e-3, 2.0, 0.05),
     "diameter": _length("inner diameter", 4e-3, 4.0, 0.1),
@@ -233,6 +235,7 @@ class NewCup:
         namespace: of the nodes.
         image_size: width and height of the camera's images [px].
         camera: whether the cell has one.
+        by_contour: the shape of one that is neither cylinder nor rectangle; empty: it is.
     """
 
     lengths: dict[str, float]
@@ -243,6 +246,7 @@ class NewCup:
     namespace: str
     image_size: tuple[int, int]
     camera: bool = True
+    by_contour: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a rim below the liquid, and a namespace that is none."""
@@ -260,14 +264,41 @@ class NewCup:
     def model(self) -> Model:
         """The model that a new cup begins with."""
         heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
+        if self.by_contour:
+            made: Any = SHAPES[self.by_contour]
+            return Model(made(**self.lengths, **heights), self.liquid).spatial()
         return Model.from_cup(liquid=self.liquid, **cast(CupLengths, {**self.lengths, **heights}))
 
     @property
     def is_round(self) -> bool:
         """Whether it is a cylinder."""
-        return "radius" in self.lengths
+        return "radius" in self.lengths and not self.by_contour
 
     @property
     def shape(self) -> str:
         """As the files call it."""
+        if self.by_contour:
+            return self.by_contour
         return "cylinder" if self.is_round else "rectangle"
+
+
+def lengths_of(shape: str) -> tuple[str, ...]:
+    """The lengths that a shape by its contour needs, beside its fill height.
+
+    Raises:
+        SloshBringupError: no such shape, or one whose contour takes more than lengths.
+    """
+    known = {
+        name: [item for item in fields(cast(Any, kind)) if item.name not in _HEIGHTS]
+        for name, kind in SHAPES.items()
+        if name not in _ALREADY
+    }
+    simple = [name for name, items in known.items() if not any(i.metadata for i in items)]
+    if shape not in simple:
+        more = f"; the points of a {shape} are written into model.yaml by hand" * (shape in known)
+        raise SloshBringupError(f"--shape {shape!r:.40} (known: {', '.join(simple)}){more}")
+    return tuple(item.name for item in known[shape] if item.default is MISSING)
+
+
+_HEIGHTS = ("fill_height", "rim_height", "table")
+_ALREADY = ("cylinder", "rectangle")

@@ -17,8 +17,13 @@ from slosh_camera.errors import SloshCameraError
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
 from slosh_model.model_text import read_model
+from slosh_model.potential_flow import finite_elements
+from slosh_model.shapes import Frustum
 from slosh_testing.commands import complaint
 
+needs_solver = pytest.mark.skipif(
+    not finite_elements.available(), reason="scikit-fem is not installed"
+)
 ROUND = ["--diameter", "0.08", "--fill-height", "0.06"]
 SQUARE = ["--width", "0.1", "--depth", "0.07", "--fill-height", "0.06"]
 WHOLE = ["--rim-height", "0.11", "--wall", "0.002"]
@@ -45,6 +50,39 @@ def test_the_model_of_a_rectangle_is_read(folder):
     model = read_model(folder / "model.yaml")
     assert model.container == Rectangle(width=0.1, depth=0.07, fill_height=0.06)
     assert model.liquid == Liquid(900.0, 5e-5)
+
+
+CUP = ["--shape", "frustum", "--length", "bottom_radius=28mm", "--length", "top_radius=0.04"]
+HIGH = ["--length", "height=92mm", "--fill-height", "65mm"]
+
+
+@needs_solver
+def test_a_cup_by_its_contour_is_read_and_has_no_camera(folder):
+    assert main(["new", str(folder), *CUP, *HIGH]) == 0
+    model = read_model(folder / "model.yaml")
+    expected = Frustum(bottom_radius=0.028, top_radius=0.04, height=0.092, fill_height=0.065)
+    assert model.container == expected
+    assert model.name == "3D-L"
+    setup = read_setup(folder / "cell.yaml")
+    assert setup.calibration is None
+    check_files(setup)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (CUP, "--length height=M: required for a frustum"),
+        ([*CUP, "--length", "radius=0.1"], "(a frustum has bottom_radius, top_radius, height)"),
+        ([*CUP, "--length", "height=wide"], "--length 'height=wide'"),
+        ([*CUP, "--length", "height=92"], "did you mean 0.092 (92 mm)"),
+        ([*CUP, "--radius", "0.05"], "--radius: give it as --length of the frustum"),
+        (["--shape", "prism"], "the points of a prism are written into model.yaml by hand"),
+        (["--length", "height=0.1"], "--length: belongs to --shape"),
+    ],
+)
+def test_lengths_that_are_none_of_the_shape_are_one_line(folder, capsys, words, said):
+    assert said in complaint(capsys, "new", folder, *words, "--fill-height", "0.06")
+    assert not folder.exists()
 
 
 def test_the_cell_is_read_with_its_namespace(folder):

@@ -46,6 +46,8 @@ LEFT_RANGE = -1.0
 _PLANARITY_LOST = int(EstimateFlag.PLANARITY_LOST)
 _ACCELERATION_LIMIT = int(EstimateFlag.ACCELERATION_LIMIT)
 _JERK_LIMIT = int(EstimateFlag.JERK_LIMIT)
+_LINEAR_ONLY = int(EstimateFlag.LINEAR_ONLY)
+_BEYOND_LINEAR = int(EstimateFlag.BEYOND_LINEAR)
 _ABOVE_RIM = int(EstimateFlag.ABOVE_RIM)
 
 CHECKS = np.dtype(
@@ -56,6 +58,8 @@ CHECKS = np.dtype(
         ("acceleration", np.float64),
         ("jerk", np.float64),
         ("freeboard", np.float64),  # height of the rim above the still surface [m]
+        # Where the linear model is the only one: height beyond which it fails [m]; else infinite.
+        ("linear_height", np.float64),
         ("runaway", np.float64),  # a mass farther out is no liquid any more [m]
         ("reads", np.float64),  # not 0 where the models have effects on the measurement
         # From sample to sample: the low-passed acceleration [m/s²], and what the effects on the
@@ -142,6 +146,10 @@ def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyp
         flags |= _JERK_LIMIT
     if height > checks["freeboard"]:
         flags |= _ABOVE_RIM
+    if checks["linear_height"] < math.inf:
+        flags |= _LINEAR_ONLY
+        if height > checks["linear_height"]:
+            flags |= _BEYOND_LINEAR
     return jerk, flags
 
 

@@ -23,6 +23,8 @@ class EstimateFlag(IntFlag):
     INPUT_DOUBTFUL = 128
     INPUT_CONTESTED = 256
     INPUT_TOO_SLOW = 512
+    LINEAR_ONLY = 1024
+    BEYOND_LINEAR = 2048
 
 
 def validity_limits(model: Model) -> dict[str, float]:
@@ -33,6 +35,7 @@ def validity_limits(model: Model) -> dict[str, float]:
         "planar_jerk": limits.planar_jerk,
         "acceleration": limits.acceleration,
         "jerk": limits.jerk,
+        "linear_height": model.container.linear_height,
         "freeboard": math.inf if freeboard is None else freeboard,
     }
 

@@ -12,6 +12,7 @@ from slosh_estimator.validity import EstimateFlag
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.limits import ValidityLimits
 from slosh_model.model import Model
+from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
 
 MODEL = Model(Cylinder(0.05, 0.07, rim_height=0.09)).spatial()
@@ -229,3 +230,39 @@ def test_a_state_of_another_model_is_refused_and_changes_nothing() -> None:
     with pytest.raises(SloshEstimatorError, match="the model has"):
         other.take_up(state)
     assert other.state() is None
+
+
+# A cup by its contour, with a mode as its model file has it: nothing is solved.
+CUP = """
+container:
+  {shape: frustum, bottom_radius: 0.028, top_radius: 0.04, height: 0.09, fill_height: 0.06}
+modes:
+- {axis: x, natural_frequency: 21.6, reach: 0.036, mass_ratio: 0.32,
+  height_per_displacement: 1.49, mass_height: -0.03, crest_ratio: 1.0, crest_place: 0.036,
+  layer_damping: 7.0, bulk_damping: 200.0}
+effects: [{name: vertical_acceleration}]
+"""
+
+
+def test_a_shape_with_a_linear_model_alone_publishes_nothing_as_nonlinear() -> None:
+    estimator = Estimator(parse_model(CUP))
+    assert estimator.names == ("3D-L", "3D-L")
+    low = [estimator.update(Sample(k * MS, 0.5, 0.2, 0.0, 0.0, k == 0)) for k in range(500)]
+    assert all(e.linear == e.nonlinear for e in low)
+    assert {e.flags for e in low} == {EstimateFlag.LINEAR_ONLY}
+
+
+def test_waves_too_high_for_the_linear_model_are_flagged() -> None:
+    model = parse_model(CUP)
+    estimator = Estimator(model)
+    found = [estimator.update(Sample(k * MS, 1.5, 0.0, 0.0, 0.0, k == 0)) for k in range(500)]
+    limit = model.container.linear_height
+    assert max(e.linear.msh for e in found) > limit
+    for e in found:
+        beyond = bool(e.flags & EstimateFlag.BEYOND_LINEAR)
+        assert beyond == (e.linear.msh > limit)
+
+
+def test_a_cylinder_raises_neither_flag() -> None:
+    both = EstimateFlag.LINEAR_ONLY | EstimateFlag.BEYOND_LINEAR
+    assert not run(Estimator(MODEL), 500, (2.0, 0.0, 0.0)) & both

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from slosh_base.files.lazy_names import lazy_names
 from slosh_model import self_test as self_test  # its checks belong to the compiled functions
+from slosh_model import shapes as shapes  # its shapes become known to model files
 from slosh_model.batch import wall_heights
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.errors import SloshModelError

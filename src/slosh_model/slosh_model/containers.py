@@ -1,8 +1,9 @@
 """Containers: their dimensions and what follows from them alone.
 
-Every container is upright, of constant cross-section and symmetric about its x and its y axis.
-Its antisymmetric waves n = 1, 2, … along an axis have the wave number ξₙ/R, with R from the axis
-to the wall and roots ξₙ that are those of the cross-section's shape.
+Those here are upright, of constant cross-section and symmetric about their x and their y axis.
+Their antisymmetric waves n = 1, 2, … along an axis have the wave number ξₙ/R, with R from the axis
+to the wall and roots ξₙ that are those of the cross-section's shape. Those whose modes have no
+such closed form are in `slosh_model.shapes`.
 """
 
 from __future__ import annotations
@@ -17,14 +18,30 @@ from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack, cast
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_model.bessel import bessel_derivative_root, check_mode
+from slosh_model.bessel import (
+    MAXIMUM_MODE,
+    bessel_derivative_root,
+    check_mode,
+    radial_shape,
+)
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 
 ROUND, RECTANGULAR = "round", "rectangular"
-"""Cross-sections: which effects have a meaning depends on them, and how heights add up."""
+REVOLVED, PRISMATIC = "revolved", "prismatic"
+"""Kinds of body: which effects have a meaning depends on them, and how heights add up. The first
+two are the cylinder and the rectangle, the others any body of revolution and any prism."""
+SECTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        ROUND: "cylinder",
+        REVOLVED: "body of revolution",
+        RECTANGULAR: "rectangle",
+        PRISMATIC: "prism",
+    }
+)
+"""What each kind is, for people."""
 DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another
 X_AXIS, Y_AXIS = 0, 1
 # The formula's own rounding of the first root of J1'.
@@ -68,12 +85,14 @@ class Container(ABC):
         fill_height: height h of the still liquid above the floor [m].
         rim_height: height of the rim above the floor [m]; None: unknown.
         shape: its name, as in model.yaml.
-        section: its cross-section, ROUND or RECTANGULAR.
-        nonlinear_effect: the effect that makes its linear model the nonlinear one.
+        section: its kind, one of SECTIONS.
+        nonlinear_effect: the effect that makes its linear model the nonlinear one; empty: there
+            is none, and the nonlinear answer is the linear one.
         built_in: effects that its shape has by itself, with their parameters.
         straight_alone: whether the surface of its linear model is straight with one mode only:
             with more of them it has their own shapes.
         validated: where its models were validated.
+        most_modes: number of modes that its models may have.
     """
 
     __slots__ = ()
@@ -85,6 +104,7 @@ class Container(ABC):
     built_in: ClassVar[Mapping[str, Mapping[str, float]]]
     straight_alone: ClassVar[bool]
     validated: ClassVar[ValidityLimits]
+    most_modes: ClassVar[int] = MAXIMUM_MODE
 
     @staticmethod
     def of(**lengths: Unpack[CupLengths]) -> Cylinder | Rectangle:
@@ -168,6 +188,60 @@ class Container(ABC):
     @abstractmethod
     def damping_ratio(self, kinematic_viscosity: float) -> float:
         """ζ₁ from the viscosity ν [m²/s] where none was measured."""
+
+    def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
+        """ζₙ from the viscosity ν [m²/s]; where nothing else is known that of the first mode."""
+        return self.damping_ratio(kinematic_viscosity)
+
+    def mass_height(self, n: int, axis: int = X_AXIS) -> float:
+        """Height of a mode's mass above the still surface [m]: -(2R/ξ) tanh(ξh/2R).
+
+        Of vertical walls: Ibrahim 2005, ch. 5; Dodge 2000, ch. 3.
+        """
+        slenderness = self.root(n) / self.reaches[axis]
+        return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
+
+    def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
+        """A mode's largest height over the surface, relative to the wall's, and its place [m]."""
+        return 1.0, self.reaches[axis]
+
+    @property
+    def volume(self) -> float:
+        """Of the liquid [m³]; NaN: unknown."""
+        return math.nan
+
+    def surface_shape(self, n: int) -> tuple[Array, Array]:
+        """Places along x from the axis to the wall [m], and a mode's height there."""
+        places = np.linspace(0.0, self.reaches[X_AXIS], 41)
+        if self.cornered:
+            shape = np.sin(self.root(n) * places / places[-1])
+            return places, shape / shape[-1]
+        return places, radial_shape(n, places / places[-1])
+
+    @property
+    def silhouette(self) -> Array:
+        """(N, 2) its wall's right half from the side, z from the still surface [m]."""
+        reach, rim = self.reaches[X_AXIS], self.rim_height or 1.3 * self.fill_height
+        floor = -self.fill_height
+        return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
+
+    def wall_facts(self, height: float) -> dict[str, float]:
+        """What a height [m] is on a wall that leans: `along_wall` and `contact_radius` [m].
+
+        With `crest_ratio` and `crest_place` [m] where the surface is highest inside. Empty for a
+        vertical wall.
+        """
+        return {}
+
+    @property
+    def linear_height(self) -> float:
+        """Height from which its only model, the linear one, fails [m]; else infinite."""
+        return math.inf
+
+    @property
+    def digest(self) -> str:
+        """Of all that its modes depend on, where they travel with the model; else empty."""
+        return ""
 
     def __init_subclass__(cls) -> None:
         if "shape" in cls.__dict__:
@@ -273,6 +347,11 @@ class Cylinder(Container):
         return self.radius, self.radius
 
     @property
+    def volume(self) -> float:
+        """πR²h [m³]."""
+        return math.pi * self.radius**2 * self.fill_height
+
+    @property
     def described(self) -> str:
         """Its dimensions for people [mm]."""
         return f"radius {1e3 * self.radius:g} mm, filled to {1e3 * self.fill_height:g} mm"
@@ -374,6 +453,11 @@ class Rectangle(Container):
     def reaches(self) -> tuple[float, float]:
         """Half the width and half the depth [m]."""
         return self.width / 2.0, self.depth / 2.0
+
+    @property
+    def volume(self) -> float:
+        """W d h [m³]."""
+        return self.width * self.depth * self.fill_height
 
     @property
     def described(self) -> str:

@@ -9,7 +9,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Unpack
 
-from slosh_model.bessel import MAXIMUM_MODE
 from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Container, CupLengths
@@ -103,18 +102,23 @@ class Model:
                 f"damping_ratio = {self.damping_ratio!r} must be auto or lie in [0, 1)",
                 ("damping_ratio",),
             )
-        if not 1 <= self.modes <= MAXIMUM_MODE:
-            raise SloshModelError(
-                f"modes = {self.modes!r} must lie in 1 … {MAXIMUM_MODE}", ("modes",)
-            )
+        most = self.container.most_modes
+        if not 1 <= self.modes <= most:
+            raise SloshModelError(f"modes = {self.modes!r} must lie in 1 … {most}", ("modes",))
         names = [use.name for use in self.effects]
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise SloshModelError(f"effect {name!r} is listed twice", ("effects", index))
-            if not find_effect(name).fits(self.container.section):
+            effect = find_effect(name)
+            if not effect.fits(self.container.section):
+                # A cylinder and a rectangle have closed forms, and little to do instead.
+                other = effect.instead and self.container.digest
+                instead = f": {effect.instead}" if other else ""
                 raise SloshModelError(
-                    f"effect {name!r} is not for a {self.container.shape}", ("effects", index)
+                    f"effect {name!r} is not for a {self.container.shape}{instead}",
+                    ("effects", index),
                 )
+        self.container.natural_frequency(self.modes)  # where it must be computed, before all else
         try:
             modes = self.mode_constants()
         except SloshModelError as error:
@@ -217,9 +221,12 @@ class Model:
         return self.without_effect(self.container.nonlinear_effect)
 
     def nonlinear(self) -> Model:
-        """The NL twin; its parameters as they stand, or the defaults."""
+        """The NL twin; its parameters as they stand, or the defaults.
+
+        The model itself where its container has none.
+        """
         nonlinear = self.container.nonlinear_effect
-        return self if self.has(nonlinear) else self.with_effect(nonlinear)
+        return self if not nonlinear or self.has(nonlinear) else self.with_effect(nonlinear)
 
     def planar(self) -> Model:
         """The 2D twin: everything but the vertical acceleration."""
@@ -235,19 +242,27 @@ class Model:
 
     def mode_constants(self) -> tuple[Mode, ...]:
         """The modes after every effect that changes them."""
-        damping = self.damping_ratio
-        if damping is None:
-            damping = self.container.damping_ratio(self.liquid.kinematic_viscosity)
         factor = self._frequency_factor()
-        modes = tuple(Mode(n + 1, self.container, damping, factor) for n in range(self.modes))
+        modes = tuple(
+            Mode(n, self.container, self._damping(self.container, n), factor)
+            for n in range(1, self.modes + 1)
+        )
         for effect, parameters in self.uses("modes"):
             before = modes[0].container
             modes = effect.modes(modes, parameters)  # type: ignore[misc]
             if self.damping_ratio is None and modes[0].container != before:
                 # What the formula gives follows the container.
-                formula = modes[0].container.damping_ratio(self.liquid.kinematic_viscosity)
-                modes = tuple(replace(mode, damping_ratio=formula) for mode in modes)
+                modes = tuple(
+                    replace(mode, damping_ratio=self._damping(mode.container, mode.number))
+                    for mode in modes
+                )
         return modes
+
+    def _damping(self, container: Container, number: int) -> float:
+        """ζ of a mode before any effect."""
+        if self.damping_ratio is not None:
+            return self.damping_ratio
+        return container.mode_damping(self.liquid.kinematic_viscosity, number)
 
     def mode_frequency(self, number: int) -> float:
         """ωₙ of any mode without effects [rad/s], in proportion to the first as measured."""

@@ -19,10 +19,11 @@ from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
+from slosh_model.shapes.table_text import points_of, solved_section, with_solved
 
 KEYS = (
-    "container", "liquid", "damping_ratio", "natural_frequency", "modes", "limits", "effects",
-    "covariance",
+    "container", "liquid", "damping_ratio", "natural_frequency", "modes", "modes_of",
+    "modes_in_use", "limits", "effects", "covariance",
 )  # fmt: skip
 AUTO = "auto"
 LONGEST = 64_000
@@ -52,7 +53,7 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
     if document.value is None:
         raise SloshModelError(f"{source}: is empty; `slosh new` writes a model.yaml to begin with")
     try:
-        return _model(_mapping(document.value, ()))
+        return _model(_mapping(document.value, ()), Path(source).parent)
     except SloshModelError as error:
         problem = " ".join(str(error).split())
         raise SloshModelError(f"{document.where(*error.keys)}: {problem}", error.keys) from None
@@ -71,16 +72,21 @@ def format_model(model: Model) -> str:
     - {name: vertical_acceleration}
     - {name: surface_nonlinearity, alpha: 0.58}
     """
-    container = {"shape": model.container.shape, **_given_fields(model.container)}
+    container, count = {"shape": model.container.shape}, model.modes
     document: dict[str, Any] = {
-        "container": container,
+        "container": container | _container_fields(model.container),
         "liquid": _given_fields(model.liquid),
         "damping_ratio": AUTO if model.damping_ratio is None else model.damping_ratio,
     }
     if model.natural_frequency is not None:
         document["natural_frequency"] = model.natural_frequency
-    if model.modes != 1:
-        document["modes"] = model.modes
+    if model.container.digest:
+        document |= solved_section(
+            model.container, max(count, *(m.number for m in model.mode_constants()))
+        )
+        document["modes_in_use"] = count
+    elif count != 1:
+        document["modes"] = count
     if model.limits != model.container.validated:
         document["limits"] = _given_fields(model.limits)
     document["effects"] = [{"name": use.name, **use.parameters} for use in model.effects]
@@ -92,16 +98,32 @@ def format_model(model: Model) -> str:
     return format_yaml(document, sort_keys=False, default_flow_style=None)
 
 
+def _container_fields(container: Container) -> dict[str, Any]:
+    """Its dimensions; of points and other lists copies that YAML writes as such."""
+    found = {}
+    for item in _keys(type(container)):
+        value = getattr(container, item.name)
+        if value is not None and value is not False:
+            found[item.name] = [list(p) for p in value] if isinstance(value, tuple) else value
+    return found
+
+
+def _keys(kind: Any) -> tuple[Any, ...]:
+    """The fields of a kind of container that a model file's container may have."""
+    return tuple(item for item in fields(kind) if item.compare)
+
+
 def _given_fields(value: Any) -> dict[str, float]:
     pairs = ((item.name, getattr(value, item.name)) for item in fields(value))
     return {name: number for name, number in pairs if number is not None}
 
 
-def _model(document: Mapping[str, Any]) -> Model:
+def _model(document: Mapping[str, Any], folder: Path) -> Model:
     _refuse_unknown(document, KEYS, ())
     if "container" not in document:
         raise SloshModelError("key 'container' is missing")
-    container = _container(_mapping(document["container"], ("container",)))
+    container = _container(_mapping(document["container"], ("container",)), folder)
+    container, modes = with_solved(container, document)
     limits = _mapping(document.get("limits", {}), ("limits",))
     return Model(
         container=container,
@@ -109,7 +131,7 @@ def _model(document: Mapping[str, Any]) -> Model:
         damping_ratio=_auto(document, "damping_ratio"),
         natural_frequency=_auto(document, "natural_frequency"),
         effects=_effects(document.get("effects", [])),
-        modes=_whole(document.get("modes", 1), ("modes",)),
+        modes=_whole(*modes),
         limits=_numbers(
             ValidityLimits, {**_given_fields(container.validated), **limits}, ("limits",)
         ),
@@ -144,19 +166,42 @@ def _covariance(section: Any) -> Covariance | None:
     return Covariance(tuple(names), matrix)
 
 
-def _container(section: Mapping[str, Any]) -> Container:
+def _container(section: Mapping[str, Any], folder: Path) -> Container:
     shape = section.get("shape", Cylinder.shape)
     kind = SHAPES.get(shape) if isinstance(shape, str) else None
     if kind is None:
         raise _refusal(("container", "shape"), shape, f"(known: {', '.join(SHAPES)})")
-    names = tuple(item.name for item in fields(cast(Any, kind)))
+    keys = _keys(kind)
+    names = tuple(item.name for item in keys)
     _refuse_unknown(section, ("shape", *names), ("container",))
-    for item in fields(cast(Any, kind)):
+    for item in keys:
         if item.default is MISSING and item.name not in section:
             raise SloshModelError(f"key 'container.{item.name}' is missing", ("container",))
-    dimensions = {key: value for key, value in section.items() if key != "shape"}
-    container: Container = _numbers(kind, dimensions, ("container",), also=("shape",))
+    made: Any = kind
+    values = {
+        item.name: _dimension(section[item.name], item, folder)
+        for item in keys
+        if item.name in section
+    }
+    try:
+        container: Container = made(**values)
+    except SloshModelError as error:
+        raise SloshModelError(str(error), error.keys or ("container",)) from None
     return container
+
+
+def _dimension(value: Any, item: Any, folder: Path) -> Any:
+    """A value of a container: a number, points or a flag, as its field says."""
+    path, kind = ("container", item.name), item.metadata.get("kind")
+    if kind == "points":
+        return points_of(value, path, folder)
+    return _flag(value, path) if kind == "flag" else _number(value, path)
+
+
+def _flag(value: Any, path: KeyPath) -> bool:
+    if not isinstance(value, bool):
+        raise _refusal(path, value, "must be true or false")
+    return value
 
 
 def _effects(section: Any) -> tuple[EffectUse, ...]:

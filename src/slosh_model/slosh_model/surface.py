@@ -80,12 +80,22 @@ def surface_height(
     Returns:
         η [m], in the broadcast shape.
     """
+    _refuse_computed(model)
     gains = np.array(model.height_gains())
     heights = gains[:, np.newaxis] * np.asarray(modal, dtype=np.float64)[:, :2]
     if not model.has(model.container.nonlinear_effect):
         return plane_surface(heights, relative_radius, azimuth)
     numbers = [mode.number for mode in model.mode_constants()]
     return bessel_surface(heights, relative_radius, azimuth, numbers)
+
+
+def _refuse_computed(model: Model) -> None:
+    """Raises SloshModelError for a container whose waves have no closed form."""
+    if model.container.digest:
+        raise SloshModelError(
+            f"no closed form of the surface of a {model.container.shape}: "
+            "`Container.surface_shape` has that of each mode"
+        )
 
 
 def rectangle_surface(model: Model, modal: ArrayLike, x: ArrayLike, y: ArrayLike = 0.0) -> Array:
@@ -104,6 +114,7 @@ def rectangle_surface(model: Model, modal: ArrayLike, x: ArrayLike, y: ArrayLike
     Raises:
         SloshModelError: the container is another one.
     """
+    _refuse_computed(model)
     if not model.container.cornered:
         raise SloshModelError(f"the surface of a rectangle, of a {model.container.shape}'s model")
     states, modes = np.asarray(modal, dtype=np.float64), model.mode_constants()

@@ -294,7 +294,9 @@ def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float 
     for axis in (X_AXIS, Y_AXIS):
         gains = model.height_gains(modes, axis)
         pairs = zip(gains, (mode.along(axis) for mode in modes), strict=True)
-        reach.append(sum(abs(gain) / mode.natural_frequency**2 for gain, mode in pairs))
+        moved = sum(abs(gain) / mode.natural_frequency**2 for gain, mode in pairs)
+        # What follows at once follows the acceleration, which is at most half its variation.
+        reach.append(moved + abs(model.static_height(modes, axis)))
     ends = np.zeros((1, 2))
     change = np.abs(np.diff(trajectory.acceleration[:, :2], axis=0, prepend=ends, append=ends))
     variation = change.sum(axis=0)

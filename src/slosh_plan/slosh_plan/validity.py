@@ -24,6 +24,8 @@ class MotionFlag(IntFlag):
     JERK_LIMIT = 4
     ABOVE_RIM = 8
     DIVERGED = 64
+    LINEAR_ONLY = 1024
+    BEYOND_LINEAR = 2048
 
 
 def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFlag:
@@ -39,6 +41,10 @@ def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFla
         flags |= MotionFlag.JERK_LIMIT
     if freeboard is not None and peak > freeboard:
         flags |= MotionFlag.ABOVE_RIM
+    if np.isfinite(model.container.linear_height):
+        flags |= MotionFlag.LINEAR_ONLY
+        if peak > model.container.linear_height:
+            flags |= MotionFlag.BEYOND_LINEAR
     if peak == np.inf:
         flags |= MotionFlag.DIVERGED
     return flags

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from slosh_base.files.plain_text import plain_line
@@ -12,7 +13,7 @@ from slosh_bringup.cell.motions import MOTIONS
 from slosh_bringup.cli.live import add_watch, run_live
 from slosh_bringup.cli.progress import progress_bar
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.live.cell_setup import NODES_OF_A_CELL, default_setup
+from slosh_bringup.live.cell_setup import default_setup
 from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
 
@@ -25,6 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--motion", default="c3",
         help="motion to play: a motion table (.csv, .csv.gz), or one of "
         f"{', '.join(sorted(MOTIONS))} (default %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--model", type=Path, metavar="MODEL",
+        help="model.yaml of another container and liquid, simulated without a camera "
+        "(default: the cup that the package brings, with its camera)",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/demo"),
@@ -42,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tell(line: str) -> None:
-    """Says what was assumed of a motion table."""
+    """Says what was assumed."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
 
 
@@ -57,17 +63,19 @@ def run(arguments: argparse.Namespace) -> int:
     # The node has a working folder of its own.
     played = str(Path(name).resolve()) if name.endswith(TABLE_ENDINGS) else name
     setup = default_setup()
-    simulated = NodeProcess(
-        "cell",
-        [setup.parameters],
-        {
-            "motion": played,
-            "repeat": str(arguments.repeat),
-            "model": str(config_folder() / "truth.yaml"),
-            "calibration": str(setup.calibration),
-            "wait_for": ",".join(NODES_OF_A_CELL),
-        },
-    )
+    given = {"motion": played, "repeat": str(arguments.repeat)}
+    if arguments.model is None:
+        given |= {
+            "model": str(config_folder() / "truth.yaml"), "calibration": str(setup.calibration)
+        }  # fmt: skip
+    else:
+        setup = replace(setup, model=arguments.model.resolve(), calibration=None)
+        given |= {"model": str(setup.model), "camera": "false"}
+        tell(
+            "the simulated camera sees the package's own cup alone: there are no measured heights"
+        )
+    nodes = [process.name for process in setup.processes(Path())]
+    simulated = NodeProcess("cell", [setup.parameters], {**given, "wait_for": ",".join(nodes)})
     length = STARTING + arguments.repeat * motion.duration
     title = f"Simulated cell, motion {motion.name}"
     run = LiveRun("demo", setup, arguments.output, title, simulated, arguments.watch)

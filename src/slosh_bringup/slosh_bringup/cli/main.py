@@ -29,6 +29,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "doctor": "check the installation and suggest fixes",
         "demo": "run the simulated cell with all nodes, record it and write a report",
         "new": "write commented model.yaml, cell.yaml and camera.yaml for your own container",
+        "modes": "natural frequencies, damping, masses and heights of a container's modes",
         "explain": "explain an effect, a flag, a column, a model's name or a unit",
     },
     "motions": {

@@ -14,7 +14,7 @@ from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NAMESPACE
-from slosh_bringup.new_cup import QUANTITIES, NewCup, next_steps, texts_of
+from slosh_bringup.new_cup import LENGTH, QUANTITIES, NewCup, lengths_of, next_steps, texts_of
 from slosh_model.liquid import LIQUIDS, Liquid
 
 _TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}
@@ -39,6 +39,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action = cup.add_argument(option, type=length(), metavar="M", help=f"{words} [m]")
         if name == "wall":
             old_name(parser, action, "--wall-thickness")
+    cup.add_argument(
+        "--shape", metavar="NAME",
+        help="another shape by lengths, such as frustum or beaker: slosh modes shows its waves; "
+        "the cell then has no camera",
+    )  # fmt: skip
+    cup.add_argument(
+        "--length", action="append", default=[], metavar="NAME=M",
+        help="a length of that shape, such as top_radius=40mm [m]; repeatable",
+    )  # fmt: skip
     liquid = parser.add_argument_group("liquid")
     liquid.add_argument("--liquid", choices=LIQUIDS, help=f"kind of liquid (default {_LIQUID})")
     liquid.add_argument(
@@ -89,6 +98,8 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         for name, quantity in QUANTITIES.items()
         if getattr(arguments, name) is not None
     }
+    shape = arguments.shape or ""
+    lengths = _of_shape(shape, arguments.length, given)
     _check_shape(given)
     _check_liquid(given, arguments.liquid)
     size = _image_size(arguments.image_size)
@@ -97,15 +108,16 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         given.get("density", known.density), given.get("viscosity", known.kinematic_viscosity)
     )
     if sys.stdin.isatty():
-        _ask_for_missing(given)
-    missing = _missing(given)
+        _ask_for_missing(given, shape)
+    missing = _missing(given, shape)
     if missing:
         raise SloshBringupError(
             f"{', '.join(missing)}: required; the command can ask for values only on a terminal"
         )
+    lengths = lengths or _lengths(given)
     return NewCup(
-        _lengths(given), given["fill_height"], liquid, given.get("rim_height"),
-        given.get("wall"), arguments.namespace, size, not arguments.no_camera,
+        lengths, given["fill_height"], liquid, given.get("rim_height"),
+        given.get("wall"), arguments.namespace, size, not (arguments.no_camera or shape), shape,
     )  # fmt: skip
 
 
@@ -138,12 +150,43 @@ def _check_shape(given: dict[str, float]) -> None:
         )
 
 
-def _missing(given: dict[str, float]) -> list[str]:
+def _of_shape(shape: str, words: list[str], given: dict[str, float]) -> dict[str, float]:
+    """The lengths of a shape by its contour, from options and questions; empty without one.
+
+    Raises:
+        SloshBringupError: a length that it does not have, or that is missing.
+    """
+    if not shape:
+        if words:
+            raise SloshBringupError("--length: belongs to --shape")
+        return {}
+    plain = given.keys() & {"radius", "diameter", "width", "depth"}
+    if plain:
+        raise SloshBringupError(f"--{min(plain)}: give it as --length of the {shape}")
+    needed, found = lengths_of(shape), {}
+    for word in words:
+        name, _, value = word.partition("=")
+        if name not in needed:
+            raise SloshBringupError(f"--length {word!r:.60} (a {shape} has {', '.join(needed)})")
+        try:
+            found[name] = LENGTH.check(name, length()(value))
+        except argparse.ArgumentTypeError as error:
+            raise SloshBringupError(f"--length {word!r:.60}: {error}") from None
+    for name in needed:
+        if name not in found and sys.stdin.isatty():
+            found[name] = LENGTH.check(name, length()(_line(f"{name} [m]: ")))
+    missing = [f"--length {name}=M" for name in needed if name not in found]
+    if missing:
+        raise SloshBringupError(f"{', '.join(missing)}: required for a {shape}")
+    return found
+
+
+def _missing(given: dict[str, float], shape: str) -> list[str]:
     """Options without which there is no cup."""
     missing = []
     if given.keys() & {"width", "depth"}:
         missing += [f"--{name}" for name in ("width", "depth") if name not in given]
-    elif not given.keys() & {"radius", "diameter"}:
+    elif not shape and not given.keys() & {"radius", "diameter"}:
         missing.append("--radius, --diameter or --width and --depth")
     if "fill_height" not in given:
         missing.append("--fill-height")
@@ -156,9 +199,9 @@ def _lengths(given: dict[str, float]) -> dict[str, float]:
     return {"radius": given["radius"] if "radius" in given else 0.5 * given["diameter"]}
 
 
-def _ask_for_missing(given: dict[str, float]) -> None:
+def _ask_for_missing(given: dict[str, float], contour: str) -> None:
     """Asks on the terminal; what is asked for is added."""
-    if not given.keys() & {"radius", "diameter", "width", "depth"}:
+    if not contour and not given.keys() & {"radius", "diameter", "width", "depth"}:
         shape = _answer("round or rectangular? [round] ", ("", "round", "rectangular"))
         _ask(given, "width" if shape == "rectangular" else "diameter")
     for name in ("width", "depth"):

@@ -6,7 +6,7 @@ import re
 import unicodedata
 from collections.abc import Mapping
 
-from slosh_model.containers import SHAPES
+from slosh_model.containers import SECTIONS
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
 
@@ -112,8 +112,8 @@ def _use(effect: Effect) -> str:
 
 def _containers(effect: Effect) -> str:
     """Shapes of the containers for which an effect has a meaning."""
-    fitting = [name for name, kind in SHAPES.items() if effect.fits(kind.section)]
-    return "of every shape" if len(fitting) == len(SHAPES) else ", ".join(fitting)
+    fitting = [name for section, name in SECTIONS.items() if effect.fits(section)]
+    return "of every shape" if len(fitting) == len(SECTIONS) else ", ".join(fitting)
 
 
 def model_name(name: str) -> list[str]:

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import CellSetup
 from slosh_bringup.live.deafness import Deafness
 from slosh_bringup.live.other_cells import PERIOD, OtherCells
@@ -42,9 +43,14 @@ def check_files(setup: CellSetup) -> None:
     Raises:
         ValueError: of the package that reads the file; one line.
     """
-    read_model(setup.model)
+    container = read_model(setup.model).container
     if setup.calibration is not None:
         read_any_calibration(setup.calibration)
+        if container.digest:
+            raise SloshBringupError(
+                f"{setup.model}: the camera measures cylinders and rectangles, not a "
+                f"{container.shape}; write `camera: none` in place of the calibration"
+            )
     check_parameter_file(setup.parameters, setup.namespace)
 
 

@@ -14,7 +14,7 @@ from std_msgs.msg import String
 
 from slosh_base.compiled.compilation import load_telling
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
-from slosh_bringup.cell.renderer import CupRenderer, GreyLevels
+from slosh_bringup.cell.renderer import CupRenderer, GrayImage, GreyLevels
 from slosh_bringup.cell.truth import integrate_truth, read_sensors
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
@@ -50,6 +50,7 @@ PARAMETERS = (
     ParameterSpec("rate", 1000.0, "rate of accel [Hz]", (10.0, 1000.0)),
     ParameterSpec("imu_every", 5, "number of accel samples per imu sample; 0: no imu", (0, 1000)),
     ParameterSpec("fps", 60.0, "rate of the images [Hz]", (1.0, 240.0)),
+    ParameterSpec("camera", True, "draw and publish images"),
     ParameterSpec("raw", True, "publish camera/image_raw"),
     ParameterSpec("compressed", True, "publish camera/image_raw/compressed"),
     ParameterSpec(
@@ -94,22 +95,26 @@ class CellNode(PreparedNode):
         super().__init__("cell")
         self._given = given = declare(self, PARAMETERS)
         config = config_folder()
-        calibration = read_calibration(given["calibration"] or config / "camera.yaml")
         self._model = read_model(given["model"] or config / "truth.yaml")
         self._motion = load_motion(
             given["motion"], given["rate"], self.get_logger().info
         ).repeated(given["repeat"])
         self._readings = read_sensors(self._motion, given["acceleration_noise"], given["seed"])
-        look = GreyLevels(noise=given["image_noise"], seed=given["seed"])
-        self._renderer = CupRenderer(calibration.view, look)
+        self._renderer = None
+        if given["camera"]:
+            calibration = read_calibration(given["calibration"] or config / "camera.yaml")
+            look = GreyLevels(noise=given["image_noise"], seed=given["seed"])
+            self._renderer = CupRenderer(calibration.view, look)
+            self._info = camera_info(calibration)
         self._pub = {
             topic: self.create_publisher(kind, topic, profile)
             for topic, kind, profile in PUBLISHED
         }
         self._counts = dict.fromkeys(self._pub, 0)
-        self._info = camera_info(calibration)
         names = [name.strip() for name in given["wait_for"].split(",") if name.strip()]
-        self._others = ReadyCell(self, names, given["readers"], given["patience"])
+        self._others = ReadyCell(
+            self, names, given["readers"], given["patience"], camera=given["camera"]
+        )
         self.failure = ""
         self._latest = 0.0
         self._left_out = 0
@@ -213,7 +218,7 @@ class CellNode(PreparedNode):
                 due += 1
 
     def _film(self, start_ns: int) -> None:
-        """Draws and publishes images at the camera's rate.
+        """Draws and publishes images, or the truth alone, at the camera's rate.
 
         A late image is drawn all the same, up to BEHIND: a slow machine's demo has all of them. A
         camera that is always too fast for the machine would fall behind for ever: it leaves out
@@ -228,19 +233,22 @@ class CellNode(PreparedNode):
                 frame = due
                 continue
             sh_x, sh_y = self._truth.at(t)
-            pixels = self._renderer.render(sh_x, sh_y)
             stamp_ns = start_ns + round(t * 1e9)
-            if given["raw"]:
-                message = images.image_message(pixels, "mono8", stamp_ns, CAMERA_FRAME)
-                self._publish(topics.IMAGE, message)
-            if given["compressed"]:
-                data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-                jpeg = images.compressed_message(data.tobytes(), "jpeg", stamp_ns, CAMERA_FRAME)
-                self._publish(topics.IMAGE_COMPRESSED, jpeg)
-            self._info.header.stamp = to_time(stamp_ns)
-            self._publish(topics.CAMERA_INFO, self._info)
+            if self._renderer is not None:
+                self._publish_image(self._renderer.render(sh_x, sh_y), stamp_ns)
             self._publish(topics.TRUTH, truth_message(stamp_ns, sh_x, sh_y))
             frame += 1
+
+    def _publish_image(self, pixels: GrayImage, stamp_ns: int) -> None:
+        if self._given["raw"]:
+            message = images.image_message(pixels, "mono8", stamp_ns, CAMERA_FRAME)
+            self._publish(topics.IMAGE, message)
+        if self._given["compressed"]:
+            data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
+            jpeg = images.compressed_message(data.tobytes(), "jpeg", stamp_ns, CAMERA_FRAME)
+            self._publish(topics.IMAGE_COMPRESSED, jpeg)
+        self._info.header.stamp = to_time(stamp_ns)
+        self._publish(topics.CAMERA_INFO, self._info)
 
 
 def main() -> int:

@@ -21,6 +21,8 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     topics.FREE_SURFACE: (topics.FREE_SURFACE,),
 }
 """Topics that must be read before there is a motion, by the name of their kind."""
+OF_CAMERA = (topics.IMAGE, topics.FREE_SURFACE)
+"""Those that nobody reads where there is no camera."""
 SETTLED = 1.0  # s; for so long nobody new has come: a recorder finds its topics one by one
 POLL = 0.05
 
@@ -33,10 +35,14 @@ class ReadyCell:
         names: of the nodes that must be ready.
         readers: how many nodes must read each of GROUPS.
         patience: after so long without news it is given up [s].
+        camera: whether images are published.
     """
 
-    def __init__(self, node: Node, names: list[str], readers: int, patience: float) -> None:
+    def __init__(
+        self, node: Node, names: list[str], readers: int, patience: float, *, camera: bool = True
+    ) -> None:
         self._node, self._readers, self._patience = node, readers, patience
+        self._kinds = [kind for kind in GROUPS if camera or kind not in OF_CAMERA]
         self._namespace = node.get_namespace()
         self._wait = ReadyWait(names, time.monotonic(), patience)
         self._own = node.get_name()
@@ -67,7 +73,7 @@ class ReadyCell:
         began = settled = time.monotonic()
         before: Mapping[str, set[str]] = {}
         while not stop.wait(POLL):
-            now, there = time.monotonic(), {kind: self._reading(kind) for kind in GROUPS}
+            now, there = time.monotonic(), {kind: self._reading(kind) for kind in self._kinds}
             if there != before:
                 before, settled = there, now
             self._unread = self._lacking(there)

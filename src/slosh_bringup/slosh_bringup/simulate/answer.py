@@ -37,6 +37,8 @@ class SimulationAnswer:
         freeboard: height of the rim above the still level [m]; None: unknown.
         acceleration: greatest ‖a‖ of the motion [m/s²].
         jerk: greatest change of it [m/s³].
+        wall: what the liquid's greatest height is on a wall that leans; see
+            `Container.wall_facts`.
         outside: why this model was not validated for it, one text each; empty: it was.
         doubts: what looks wrong in the table, one text each.
     """
@@ -50,6 +52,7 @@ class SimulationAnswer:
     freeboard: float | None
     acceleration: float
     jerk: float
+    wall: dict[str, float]
     outside: tuple[str, ...]
     doubts: tuple[InputDoubt, ...]
 
@@ -81,6 +84,7 @@ class SimulationAnswer:
             "over_limit": self.over_limit,
             "freeboard": self.freeboard,
             "over_rim": self.over_rim,
+            "wall": self.wall,
             "peak_acceleration": self.acceleration,
             "peak_jerk": self.jerk,
             "warnings": list(self.doubts),
@@ -93,10 +97,22 @@ class SimulationAnswer:
             parts.append(_beside(self.peak - self.limit, "the limit", self.limit))
         if self.freeboard is not None:
             parts.append(_beside(self.liquid_peak - self.freeboard, "the rim", self.freeboard))
+        parts += self._on_wall()
         outside = f"outside validity ({', '.join(self.outside)})"
         valid = "input doubtful, see the warning" if self.doubtful else "within validity"
         parts.append(outside if self.outside else valid)
         return ", ".join(parts)
+
+    def _on_wall(self) -> list[str]:
+        found = []
+        if "along_wall" in self.wall and math.isfinite(self.wall["along_wall"]):
+            found.append(f"{1e3 * self.wall['along_wall']:.1f} mm along the leaning wall")
+        if "crest_ratio" in self.wall:
+            found.append(
+                f"the crest is inside ({1e3 * self.wall['crest_place']:.0f} mm from the axis), "
+                f"{self.wall['crest_ratio']:.2f} times as high"
+            )
+        return found
 
 
 def make_answer(
@@ -128,19 +144,22 @@ def make_answer(
         freeboard=model.container.freeboard,
         acceleration=acceleration,
         jerk=jerk,
-        outside=_outside(model, acceleration, jerk),
+        wall=model.container.wall_facts(float(liquid.max())),
+        outside=_outside(model, acceleration, jerk, float(liquid.max())),
         doubts=doubts,
     )
 
 
-def _outside(model: Model, acceleration: float, jerk: float) -> tuple[str, ...]:
+def _outside(model: Model, acceleration: float, jerk: float, peak: float) -> tuple[str, ...]:
     """What exceeds the limits of validity; those of a plane surface where the model is linear."""
     limits = model.limits
+    failing = model.container.linear_height
     bounds = (limits.acceleration, limits.jerk)
     if model == model.linear():
         bounds = (limits.planar_acceleration, limits.planar_jerk)
+    high = (f"height {1e3 * peak:.3g} of {1e3 * failing:.3g} mm",) if peak > failing else ()
     found = (("acceleration", acceleration, "m/s²"), ("jerk", jerk, "m/s³"))
-    return tuple(
+    return high + tuple(
         f"{name} {value:.3g} of {bound:g} {unit}"
         for (name, value, unit), bound in zip(found, bounds, strict=True)
         if value > bound

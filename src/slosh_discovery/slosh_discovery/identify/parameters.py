@@ -88,6 +88,11 @@ def _parameter(model: Model, name: str) -> FreeParameter:
         start = model.mode_frequency(1)
         low, high = start / TUNING.frequency_span, start * TUNING.frequency_span
         return FreeParameter(name, "rad/s", start, low, high, TUNING.frequency_width * start)
+    if name == FILL_HEIGHT and model.container.digest:
+        raise SloshDiscoveryError(
+            f"--fit fill_height: a {model.container.shape}'s modes are computed for its fill "
+            f"height alone; fit {FREQUENCY} instead"
+        )
     if name == FILL_HEIGHT:
         start, rim = model.container.fill_height, model.container.rim_height
         high = min(start * TUNING.fill_span, math.inf if rim is None else math.nextafter(rim, 0.0))

@@ -292,7 +292,7 @@ class EstimatorNode(PreparedNode):
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
-        if flags:
+        if flags & ~EstimateFlag.LINEAR_ONLY:  # that one is the container's shape, no trouble
             return WARN, f"validity flags {flags:#x}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
 

@@ -64,7 +64,8 @@ EFFECT = Effect(
         "third order of a standing wave in liquid of finite depth: Tadjbakhsh & Keller, J. Fluid "
         "Mech. 8, 1960; Faltinsen & Timokha 2009, ch. 8; the first mode along each axis by itself"
     ),
-    section=RECTANGULAR,
+    sections=(RECTANGULAR,),
+    instead="its models are linear: leave the effect out",
     parameters=(
         Parameter(
             name="kappa",

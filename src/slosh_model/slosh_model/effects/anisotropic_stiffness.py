@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slosh_model.containers import ROUND
+from slosh_model.containers import REVOLVED, ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import FREQUENCY, TURN, X, Y
 
@@ -31,7 +31,7 @@ EFFECT = Effect(
         r"\quad u = (\cos\varphi, \sin\varphi),\ v \perp u"
     ),
     source="elliptic and slightly oval tanks: Ibrahim 2005, ch. 2",
-    section=ROUND,
+    sections=(ROUND, REVOLVED),
     parameters=(
         Parameter(
             name="e",

@@ -112,7 +112,8 @@ class Effect:
             be others after they were set up anew; else to the liquid and the container.
         odds: how likely it is before any data, relative to any other effect; a discovery names
             what has small odds only where nothing else is plausible.
-        section: cross-section of the containers for which it has a meaning; empty: of all.
+        sections: kinds of containers for which it has a meaning (SECTIONS); empty: all.
+        instead: what to do in a container whose modes are computed, for people.
         drive: changes what drives the liquid (INPUT).
         drive_memory: length of its memory.
         modes: replaces the modes before anything else is computed (DYNAMICS, HEIGHT).
@@ -138,7 +139,8 @@ class Effect:
     needs_rotation: bool = False
     of_rig: bool = False
     odds: float = 1.0
-    section: str = ""
+    sections: tuple[str, ...] = ()
+    instead: str = ""
     drive: Drive | None = None
     drive_memory: int = 0
     modes: Callable[[tuple[Mode, ...], Parameters], tuple[Mode, ...]] | None = None
@@ -152,8 +154,8 @@ class Effect:
     drift: Callable[[Parameters], float] | None = None
 
     def fits(self, section: str) -> bool:
-        """Whether it has a meaning for a container of that cross-section."""
-        return self.section in ("", section)
+        """Whether it has a meaning for a container of that kind."""
+        return not self.sections or section in self.sections
 
     def complete(self, given: Parameters) -> dict[str, float]:
         """All parameters in order: the given ones, checked, and the defaults.

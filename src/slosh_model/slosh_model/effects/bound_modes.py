@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from slosh_model.bound_waves import advance_bound, swing
+from slosh_model.containers import RECTANGULAR, ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import (
     WALL_AZIMUTH,
@@ -138,6 +139,8 @@ EFFECT = Effect(
         r"Fluid Mech. 804, 2016; in a rectangle, with $I_s = \frac12$, the second mode of "
         "Faltinsen, Rognebakke, Lukovsky & Timokha, J. Fluid Mech. 407, 2000"
     ),
+    sections=(ROUND, RECTANGULAR),
+    instead="leave the effect out",
     parameters=(
         Parameter(
             name="kappa",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from slosh_model.constants import GRAVITY
+from slosh_model.containers import RECTANGULAR, ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import (
     DAMPING,
@@ -52,6 +53,8 @@ EFFECT = Effect(
     stages=(Stage.DYNAMICS, Stage.HEIGHT),
     equation=r"h(t) = h - \dot h\,t",
     source="DL22, eqs. (3), (4), Tables 1 and 2 with the momentary h",
+    sections=(ROUND, RECTANGULAR),
+    instead="compare models of two fill heights",
     parameters=(
         Parameter(
             name="rate",

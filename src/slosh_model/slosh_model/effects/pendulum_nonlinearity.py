@@ -49,6 +49,7 @@ EFFECT = Effect(
         r" - \frac{\omega^2}{g}\,a\cos\theta,\quad \theta = \omega^2 q/g"
     ),
     source="TM20, eq. (6) with g/l = ω² and d/m_P = 2ζω; along each axis of the container",
-    section=RECTANGULAR,
+    sections=(RECTANGULAR,),
+    instead="its models are linear: leave the effect out",
     term=_term,
 )

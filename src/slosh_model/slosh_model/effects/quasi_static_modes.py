@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from slosh_model.containers import ROUND
+from slosh_model.containers import PRISMATIC, REVOLVED, ROUND
 from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
 
 
@@ -24,7 +24,11 @@ EFFECT = Effect(
         r"under a constant acceleration the surface is a plane, $\eta = -R\,\ddot s_0/g$, of "
         r"which mode $n$ bears $2/(\xi_n^2 - 1)$: Faltinsen & Timokha 2009, ch. 5"
     ),
-    section=ROUND,  # the plane of a rectangle's one mode leaves nothing out
+    sections=(
+        ROUND,
+        REVOLVED,
+        PRISMATIC,
+    ),  # the plane of a rectangle's one mode leaves nothing out
     parameters=(
         Parameter(
             name="kappa",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slosh_model.containers import ROUND
+from slosh_model.containers import REVOLVED, ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import WALL_AZIMUTH, WALL_RADIUS, WALL_X, WALL_Y
 
@@ -48,7 +48,7 @@ EFFECT = Effect(
         "height is read, for the maximum that of the crest"
     ),
     of_rig=True,
-    section=ROUND,
+    sections=(ROUND, REVOLVED),
     parameters=(_slope("e_x", "x"), _slope("e_y", "y")),
     order=30,
     reading=_reading,

@@ -45,7 +45,8 @@ EFFECT = Effect(
         r" + \omega^2\alpha\lVert\bar q\rVert^2 q"
     ),
     source="DL22, eqs. (5)-(11), (19), (24), (30); Bauer 1966",
-    section=ROUND,
+    sections=(ROUND,),
+    instead="its models are linear: leave the effect out",
     parameters=(
         Parameter(
             name="alpha",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from slosh_model.containers import RECTANGULAR, ROUND
 from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
 from slosh_model.modes import Mode
 
@@ -23,6 +24,8 @@ EFFECT = Effect(
         r"\omega_n^2 \to \omega_n^2\left(1 + \frac{\sigma}{\rho g}\frac{\xi_n^2}{R^2}\right)"
     ),
     source="capillary-gravity waves that meet the wall at 90°: Faltinsen & Timokha 2009, ch. 4",
+    sections=(ROUND, RECTANGULAR),
+    instead="give natural_frequency as measured",
     parameters=(
         Parameter(
             name="tension",

@@ -30,7 +30,8 @@ EFFECT = Effect(
         "2016; the default opens the nonlinear surface's gap between the two to theirs in deep "
         "liquid"
     ),
-    section=ROUND,
+    sections=(ROUND,),
+    instead="its models are linear: leave the effect out",
     parameters=(
         Parameter(
             name="gamma",

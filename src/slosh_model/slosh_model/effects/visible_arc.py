@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slosh_model.containers import ROUND
+from slosh_model.containers import REVOLVED, ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 from slosh_model.indices import WALL_AZIMUTH, WALL_X, WALL_Y
 
@@ -29,7 +29,7 @@ EFFECT = Effect(
     equation=r"\max_{\varphi}\eta(\varphi) \to \max_{|\varphi-c|\le w/2}\eta(\varphi)",
     source="one camera beside the container",
     of_rig=True,
-    section=ROUND,
+    sections=(ROUND, REVOLVED),
     parameters=(
         Parameter(
             name="centre",

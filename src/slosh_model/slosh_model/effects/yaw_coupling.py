@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from slosh_model.containers import ROUND
+from slosh_model.containers import REVOLVED, ROUND
 from slosh_model.effects.base import Effect, Parameter, Stage, compiled
 
 
@@ -27,7 +27,7 @@ EFFECT = Effect(
         r"\ddot q|_{\mathrm{drag}} = \kappa\dot\psi\,\hat z\times\dot q"
     ),
     source="wall friction and inserts that turn the liquid; the wave's axes turn by a part of ψ",
-    section=ROUND,
+    sections=(ROUND, REVOLVED),
     parameters=(
         Parameter(
             name="kappa",

@@ -141,10 +141,14 @@ def report_start(result: ReplayResult) -> int:
 
 
 def shown_models(result: ReplayResult) -> tuple[str, str]:
-    """Names of the L and the NL model on the page: the loaded one's twins."""
+    """Names of the L and the NL model on the page: the loaded one's twins.
+
+    The same name twice where its container has a linear model alone.
+    """
     names = list(result.heights)
-    spatial = result.model is None or result.model.has("vertical_acceleration")
-    return (names[1], names[3]) if spatial else (names[0], names[2])
+    spatial = int(result.model is None or result.model.has("vertical_acceleration"))
+    half = len(names) // 2 if len(names) > 2 else 0
+    return names[spatial], names[spatial + half]
 
 
 def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:

@@ -1,0 +1,142 @@
+"""`slosh modes`: natural frequencies, damping, masses and heights of a container's modes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slosh_base.files import check_apart
+from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.pictures import check_picture
+from slosh_bringup.errors import SloshBringupError
+from slosh_model.bessel import MAXIMUM_MODE
+from slosh_model.containers import PRISMATIC
+from slosh_model.errors import SloshModelError
+from slosh_model.mode_table import ModeRow, mode_table
+from slosh_model.model import Model
+from slosh_model.model_text import read_model, write_model
+
+SURFACE_PLACES = 21
+EPILOG = """For a container by its contour (shape: revolution, prism, frustum, ...) the modes are
+computed once, which needs scikit-fem, and kept. With -o they are written into a model file, which
+then is read without it.
+
+columns:
+  frequency  natural frequency [Hz]
+  damping    damping ratio
+  mass       mass that sloshes [kg], and its share of the liquid's
+  height     height at the wall per displacement of that mass
+  static     share of the mode in the height under a constant acceleration
+  pendulum   length of the pendulum with its frequency [mm]
+  position   height of the mass above the still surface [mm]
+  force      lateral force per displacement [N/m]
+  crest      largest height over the surface, of that at the wall: above 1 the crest is inside"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the subcommand's options."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument(
+        "--count", type=int, default=3, metavar="N", help="modes along each axis (default: 3)"
+    )
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="picture of contour and modes (.png, .svg)"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="OUT.yaml", help="model file with the modes to write"
+    )
+    parser.add_argument("--json", action="store_true", help="print the modes as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the modes; writes the picture and the model file."""
+    check_apart([arguments.output, arguments.plot], [arguments.model])
+    if not 1 <= arguments.count <= MAXIMUM_MODE:
+        raise SloshBringupError(f"--count {arguments.count}: must be 1 … {MAXIMUM_MODE}")
+    check_picture(arguments.plot)
+    model = read_model(arguments.model)
+    rows = mode_table(model, arguments.count)
+    if arguments.plot is not None:
+        from slosh_bringup.modes_picture import write_modes_picture  # matplotlib is slow to load
+
+        write_modes_picture(arguments.plot, model, rows)
+    if arguments.output is not None:
+        write_model(arguments.output, model)
+    print(json.dumps(facts(model, rows), indent=1) if arguments.json else text(model, rows))
+    return 0
+
+
+def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
+    """The modes for programs, in SI units; what is unknown is None."""
+    container = model.container
+    return {
+        "container": container.shape,
+        "described": container.described,
+        "surface_reach": list(container.reaches),
+        "liquid_mass": _known(container.volume * model.liquid.density),
+        "freeboard": container.freeboard,
+        "linear_height": _known(container.linear_height),
+        "modes": [
+            {**{name: _known(value) for name, value in asdict(row).items()},
+             "surface": _surface(model, row)}
+            for row in rows
+        ],
+    }  # fmt: skip
+
+
+def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
+    """Places along x [m] and heights there per displacement; None: not known of this mode."""
+    if row.axis != "x" or model.container.section == PRISMATIC:
+        return None
+    try:
+        places, heights = model.container.surface_shape(row.number)
+    except SloshModelError:  # a file has the numbers alone, and nothing here computes the shape
+        return None
+    inside = np.linspace(places[0], places[-1], SURFACE_PLACES)
+    shape = row.height_per_displacement * np.interp(inside, places, heights)
+    return [[float(x), float(h)] for x, h in zip(inside, shape, strict=True)]
+
+
+def _known(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
+    """The modes as a table."""
+    lines = [
+        plain_line(model.container.described),
+        "axis mode  frequency  damping     mass  share  height  static  pendulum  position"
+        "   force  crest",
+    ]
+    lines += [
+        f"{row.axis:>4} {row.number:>4} {row.natural_frequency / math.tau:>7.4f} Hz"
+        f"  {row.damping_ratio:.5f} {row.mass:>8.4f}  {100.0 * row.mass_ratio:>4.1f} %"
+        f" {row.height_per_displacement:>7.4f}  {100.0 * row.static_share:>4.1f} %"
+        f"  {1e3 * row.pendulum_length:>5.1f} mm {1e3 * row.mass_height:>6.1f} mm"
+        f" {row.force_per_displacement:>7.2f} {row.crest_ratio:>6.3f}"
+        for row in rows
+    ]
+    return "\n".join([*lines, *_remarks(model, rows)])
+
+
+def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
+    found, limit = [], model.container.linear_height
+    first = rows[0]
+    if first.crest_ratio > 1.001:
+        found.append(
+            f"The first mode's crest is inside, {1e3 * first.crest_place:.1f} mm from the axis: "
+            f"{first.crest_ratio:.3f} times as high as at the wall, of which heights are given."
+        )
+    if math.isfinite(limit):
+        found.append(
+            f"Linear model alone: waves above {1e3 * limit:.1f} mm are flagged BEYOND_LINEAR."
+        )
+    return found

@@ -1,0 +1,76 @@
+"""A picture of a container and its modes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from slosh_base.types import Array
+from slosh_bringup.simulate.chart import new_picture
+from slosh_model.mode_table import ModeRow
+from slosh_model.model import Model
+from slosh_model.shapes.revolution import cut_above
+
+_MM = 1e3
+_LIQUID, _WALL = "#cfe5f5", "#333333"
+_HIGH = 0.25
+"""Height of a drawn wave at the wall, of the surface's radius."""
+
+
+def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> None:
+    """Draws the contour with the liquid at rest and the waves of the modes along x.
+
+    Args:
+        path: .png or .svg.
+        model: the model.
+        rows: its modes.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    rows = tuple(row for row in rows if row.axis == "x")
+    with new_picture(path, (3.0 * len(rows), 4.6)) as figure:
+        axes = figure.subplots(1, len(rows), sharex=True, sharey=True, squeeze=False)[0]
+        for one, row in zip(axes, rows, strict=True):
+            draw_mode(one, model, row)
+        axes[0].set_ylabel("height above the still surface [mm]")
+        figure.suptitle(model.container.described)
+
+
+def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
+    """A container from the side, with the liquid at rest and the wave of one mode."""
+    container = model.container
+    wall = _MM * container.silhouette
+    both = np.vstack([wall[::-1] * [-1.0, 1.0], wall])
+    fill_below(axes, wall)
+    axes.plot(*both.T, color=_WALL, linewidth=1.6)
+    places, heights = container.surface_shape(row.number)
+    reach = _MM * places[-1]
+    top = float(wall[:, 1].max())
+    high = min(_HIGH * reach, 0.9 * top) / max(float(np.abs(heights).max()), 1.0)
+    x = np.concatenate([-_MM * places[::-1], _MM * places])
+    y = high * np.concatenate([-heights[::-1], heights])
+    axes.plot(x, y, color="#c0392b", linewidth=1.6)
+    axes.axhline(0.0, color="#2c7fb8", linewidth=0.6, linestyle=":")
+    axes.plot(
+        [0.0], [_MM * row.mass_height], "o", color=_WALL, markersize=3.0 + 9.0 * row.mass_ratio
+    )
+    axes.set_aspect("equal")
+    axes.set_title(
+        f"mode {row.number}: {row.natural_frequency / (2.0 * np.pi):.3f} Hz\n"
+        f"ζ {row.damping_ratio:.4f}, mass {100.0 * row.mass_ratio:.1f} %",
+        fontsize=9,
+    )
+    axes.set_xlabel("x [mm]")
+
+
+def fill_below(axes: Axes, wall: Array) -> None:
+    """Colours what lies below the still surface within a wall (N, 2), its right half [mm]."""
+    wet = cut_above(wall, 0.0)
+    first = int(np.flatnonzero(wet[:, 1] <= 0.0)[0])
+    inner = wet[first, 0] if first else 0.0
+    right = np.vstack([[inner, 0.0], wet[first:]])
+    for side in (1.0, -1.0):
+        axes.fill(side * right[:, 0], right[:, 1], color=_LIQUID, linewidth=0.0)

@@ -1,0 +1,1 @@
+"""Sloshing modes by potential flow; needs scikit-fem where they are not known yet."""

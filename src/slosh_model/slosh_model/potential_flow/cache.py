@@ -1,0 +1,48 @@
+"""Computed modes, kept from process to process beside the compiled code."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+
+from slosh_base.compiled.compile_cache import cache_folder
+from slosh_base.files import write_bytes
+from slosh_model.errors import SloshModelError
+from slosh_model.shapes.mode_numbers import ModeNumbers
+
+
+@cache
+def _version() -> str:
+    """Of the code that computes them."""
+    digest = hashlib.sha256()
+    folder = Path(__file__).parent
+    for path in (*sorted(folder.glob("*.py")), *sorted((folder.parent / "shapes").glob("*.py"))):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _path(key: str) -> Path:
+    return cache_folder() / f"modes-{_version()}-{key}.json"
+
+
+def read(key: str) -> tuple[ModeNumbers, ...] | None:
+    """The modes that were kept; None: none, or not whole."""
+    try:
+        rows = json.loads(_path(key).read_bytes())
+        return tuple(
+            ModeNumbers(**{**row, "surface": tuple((r, h) for r, h in row["surface"])})
+            for row in rows
+        )
+    except (OSError, ValueError, TypeError, KeyError, SloshModelError):
+        return None
+
+
+def write(key: str, modes: tuple[ModeNumbers, ...]) -> None:
+    """Keeps modes; where nothing can be written they are computed again."""
+    text = json.dumps([asdict(mode) for mode in modes])
+    with contextlib.suppress(OSError):
+        write_bytes(_path(key), text.encode(), sync=False)

@@ -1,0 +1,38 @@
+"""The tuning numbers of the eigenproblems."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from slosh_base.tuning import number
+
+
+@dataclass(frozen=True, slots=True)
+class PotentialFlowTuning:
+    """Where the first triangles are small; checked against exact eigenvalues by the tests."""
+
+    # finite_elements.py, by axisymmetric.py and plane.py
+    change: float = number(1e-5, "1", "relative change of ω by a division that ends them")
+    most_divisions: int = number(3, "1", "number of divisions, at most")
+    film: float = number(0.65, "1", "a surface film's layer, of that of one that does not yield")
+    # axisymmetric.py
+    surface_parts: float = number(17.0, "1", "first triangles across the surface")
+    growth: float = number(0.3, "1", "growth of the size with depth")
+    bend: float = number(0.45, "rad", "largest part of a bend along one triangle")
+    gap: float = number(0.8, "1", "size per distance from the surface")
+    narrowest: float = number(0.25, "1", "smallest size for a narrow gap, of that at the surface")
+    sharp_corner: float = number(math.radians(100.0), "rad", "angle of a corner that is graded")
+    clear_corner: float = number(math.radians(45.0), "rad", "turn of a full corner")
+    at_corner: float = number(0.3, "1", "size at such a corner, of that beside it")
+    corner_decade: float = number(math.radians(80.0), "rad", "angle that makes it ten times finer")
+    deep_bend: float = number(0.12, "1", "size that a bend may have in any case, per depth")
+    fading: float = number(1.8, "1/R", "fading of a wave with depth, for corners far below")
+    core: float = number(0.5, "1", "size at a core, per distance from the axis")
+    # plane.py
+    outline_parts: float = number(15.0, "1", "first triangles across an outline")
+    narrow_parts: float = number(10.0, "1", "and across its narrower extent")
+    asymmetry: float = number(1e-4, "1", "distance of a symmetric outline from its mirror image")
+
+
+TUNING = PotentialFlowTuning()

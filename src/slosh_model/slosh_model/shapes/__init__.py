@@ -1,0 +1,29 @@
+"""Containers of other shapes than cylinder and rectangle, one family in each module.
+
+Importing it makes their names known to `model.yaml`.
+"""
+
+from slosh_model.shapes.prism import Prism, Tray
+from slosh_model.shapes.revolution import Revolution
+from slosh_model.shapes.round_cups import (
+    Beaker,
+    Bottle,
+    Cone,
+    Ellipsoid,
+    Flask,
+    Frustum,
+    Sphere,
+)
+
+__all__ = [
+    "Beaker",
+    "Bottle",
+    "Cone",
+    "Ellipsoid",
+    "Flask",
+    "Frustum",
+    "Prism",
+    "Revolution",
+    "Sphere",
+    "Tray",
+]

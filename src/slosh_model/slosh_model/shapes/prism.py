@@ -1,0 +1,236 @@
+"""Containers with vertical walls over an outline: trays, D-shapes, hexagonal jars."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import ClassVar, Self
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_model.checks import within
+from slosh_model.containers import DIMENSIONS, PRISMATIC
+from slosh_model.errors import SloshModelError
+from slosh_model.shapes.contour import (
+    Piece,
+    Points,
+    arc,
+    check_simple,
+    checked_points,
+    line,
+    through,
+)
+from slosh_model.shapes.mode_numbers import ModeNumbers
+from slosh_model.shapes.solved import SolvedContainer
+
+_ALIKE = 1e-4
+"""Relative difference of the frequencies along x and y below which every direction is alike."""
+_QUARTER = 0.5 * math.pi
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class PrismaticContainer(SolvedContainer):
+    """A container with vertical walls, whose liquid follows its yaw.
+
+    Raises:
+        SloshModelError: an impossible outline, fill height or rim height.
+    """
+
+    section: ClassVar[str] = PRISMATIC
+    built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
+        {
+            "quasi_static_modes": MappingProxyType({"kappa": 1.0}),
+            "yaw_coupling": MappingProxyType({"kappa": 1.0}),
+        }
+    )
+
+    def __post_init__(self) -> None:
+        self._check_outline()
+        self._check_heights()
+
+    def _check_outline(self) -> None:
+        """Raises SloshModelError where it is impossible."""
+
+    @property
+    def widening(self) -> float:
+        """None [1]."""
+        return 0.0
+
+    @property
+    def cornered(self) -> bool:
+        """Whether heights along x and y add up: an upper bound of what the wall sees.
+
+        Not where every direction is alike, as in a hexagon.
+        """
+        along, across = (self.numbers(1, axis).natural_frequency for axis in (0, 1))
+        return abs(across / along - 1.0) > _ALIKE
+
+    @property
+    def reaches(self) -> tuple[float, float]:
+        """As of any container; alike where every direction is."""
+        along, across = (self.numbers(1, axis).reach for axis in (0, 1))
+        return (along, across) if self.cornered else (max(along, across),) * 2
+
+    def curved_gain(self, n: int, axis: int = 0) -> float:
+        """As of any container; the larger one where every direction is alike."""
+        if self.cornered:
+            return self.numbers(n, axis).height_per_displacement
+        both = [self.numbers(1, one).reach for one in (0, 1)]
+        return self.numbers(n, int(both[1] > both[0])).height_per_displacement
+
+    @property
+    def places(self) -> Array:
+        """(N, 2) places on the outline, its centre in the origin [m]."""
+        return np.vstack([piece.fine()[:-1] for piece in self.contour])
+
+    def solved(self, count: int) -> tuple[ModeNumbers, ...]:
+        """Its first modes along x and along y, computed."""
+        from slosh_model.potential_flow.plane import prism_modes
+
+        return prism_modes(self.contour, self.fill_height, count)
+
+    def surface_shape(self, n: int) -> tuple[Array, Array]:
+        """A straight line: the shape along x is not kept."""
+        places = np.linspace(0.0, self.reaches[0], 2)
+        return places, places / places[-1]
+
+    @property
+    def size(self) -> float:
+        """Its extent along x [m]."""
+        return float(np.ptp(self.places[:, 0]))
+
+    @property
+    def size_name(self) -> str:
+        """Its name."""
+        return "width"
+
+    @property
+    def described(self) -> str:
+        """Its dimensions for people [mm]."""
+        wide, deep = (1e3 * np.ptp(self.places, axis=0)).tolist()
+        return f"{self.shape} {wide:.4g} × {deep:.4g} mm, filled to {1e3 * self.fill_height:g} mm"
+
+    @property
+    def volume(self) -> float:
+        """Of the liquid [m³]."""
+        return area_and_centre(self.contour)[0] * self.fill_height
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Prism(PrismaticContainer):
+    """Vertical walls over any outline that is symmetric about x or about y.
+
+    >>> from slosh_model.shapes import Prism
+    >>> square = ((0.0, 0.0), (0.06, 0.0), (0.06, 0.06), (0.0, 0.06))
+    >>> Prism(outline=square, fill_height=0.04)
+    Prism(prism 60 × 60 mm, filled to 40 mm)
+
+    Attributes:
+        outline: (x, y) around the inner wall [m]; its centre is the container's origin.
+        smooth: whether a smooth curve passes through the points, not straight lines.
+    """
+
+    shape: ClassVar[str] = "prism"
+
+    outline: Points = field(metadata={"kind": "points"})
+    smooth: bool = field(default=False, metadata={"kind": "flag"})
+
+    def _check_outline(self) -> None:
+        key = "container.outline"
+        points = checked_points(self.outline, key, 3)
+        if math.dist(points[0], points[-1]) < 1e-9:
+            points = points[:-1]
+        if len(points) < 3:
+            raise SloshModelError(f"{key} needs three different points", ("container", "outline"))
+        object.__setattr__(self, "outline", points)
+        check_simple(self._as_given, key, closed=True)
+        if abs(area_and_centre(self._as_given)[0]) < 1e-8:
+            raise SloshModelError(f"{key} encloses no area", ("container", "outline"))
+
+    @property
+    def _as_given(self) -> tuple[Piece, ...]:
+        return through((*self.outline, self.outline[0]), smooth=self.smooth)
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Counter-clockwise, its centre in the origin."""
+        pieces = self._as_given
+        area, centre = area_and_centre(pieces)
+        moved = [_moved(piece, centre) for piece in pieces]
+        if area > 0.0:
+            return tuple(moved)
+        return tuple(piece.part(1.0, 0.0) for piece in reversed(moved))
+
+    def widened(self, factor: float) -> Self:
+        """The same with a larger outline."""
+        return replace(self, outline=tuple((factor * x, factor * y) for x, y in self.outline))
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Tray(PrismaticContainer):
+    """A rectangle with round corners.
+
+    Attributes:
+        width: inner width along x [m].
+        depth: inner depth along y [m].
+        corner_radius: of its corners [m].
+    """
+
+    shape: ClassVar[str] = "tray"
+
+    width: float
+    depth: float
+    corner_radius: float
+
+    def _check_outline(self) -> None:
+        for name in ("width", "depth", "corner_radius"):
+            within(f"container.{name}", getattr(self, name), "m", *DIMENSIONS)
+        half = 0.5 * min(self.width, self.depth)
+        if self.corner_radius >= half:
+            raise SloshModelError(
+                f"container.corner_radius = {self.corner_radius:g} m must be below half of its "
+                f"smaller side, {half:g} m",
+                ("container", "corner_radius"),
+            )
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Four sides and four corners, counter-clockwise."""
+        r = self.corner_radius
+        x, y = 0.5 * self.width - r, 0.5 * self.depth - r
+        corners = ((x, y), (-x, y), (-x, -y), (x, -y))
+        found: list[Piece] = []
+        for k, (centre, following) in enumerate(
+            zip(corners, (*corners[1:], corners[0]), strict=True)
+        ):
+            turned = arc(centre, (r, r), k * _QUARTER, (k + 1) * _QUARTER)
+            away = (r * math.cos((k + 1) * _QUARTER), r * math.sin((k + 1) * _QUARTER))
+            start = (centre[0] + away[0], centre[1] + away[1])
+            end = (following[0] + away[0], following[1] + away[1])
+            found += [turned, line(start, end)]
+        return tuple(found)
+
+    def widened(self, factor: float) -> Self:
+        """The same with a larger outline."""
+        return replace(
+            self, width=factor * self.width, depth=factor * self.depth,
+            corner_radius=factor * self.corner_radius,
+        )  # fmt: skip
+
+
+def _moved(piece: Piece, centre: Array) -> Piece:
+    return replace(piece, at=lambda t: piece.at(t) - centre)
+
+
+def area_and_centre(pieces: tuple[Piece, ...]) -> tuple[float, Array]:
+    """The area that pieces enclose [m²], above 0 counter-clockwise, and (2,) its centroid [m]."""
+    a = np.vstack([piece.at(np.linspace(0.0, 1.0, 2001)[:-1]) for piece in pieces])
+    b = np.roll(a, -1, axis=0)
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    area = 0.5 * float(cross.sum())
+    if area == 0.0:
+        return 0.0, a.mean(axis=0)
+    return area, np.asarray(((a + b) * cross[:, None]).sum(axis=0) / (6.0 * area))

@@ -1,0 +1,242 @@
+"""Bodies of revolution about the vertical, by any profile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_model.containers import REVOLVED
+from slosh_model.errors import SloshModelError
+from slosh_model.shapes.contour import (
+    Piece,
+    Points,
+    check_simple,
+    checked_points,
+    through,
+    wetted,
+)
+from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
+from slosh_model.shapes.solved import SolvedContainer, solved_modes
+
+INSIDE = 1.001
+"""Largest height over the surface, of that at the wall, from which the crest is inside."""
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class RevolvedContainer(SolvedContainer):
+    """A body of revolution.
+
+    Raises:
+        SloshModelError: an impossible profile, fill height or rim height.
+    """
+
+    section: ClassVar[str] = REVOLVED
+
+    def __post_init__(self) -> None:
+        self._check_profile()
+        top = self.top
+        if self.fill_height >= top:
+            raise SloshModelError(
+                f"container.fill_height = {self.fill_height:g} m must lie below the rim at "
+                f"{top:g} m",
+                ("container", "fill_height"),
+            )
+        if self.rim_height is None and not self.open_ended:
+            object.__setattr__(self, "rim_height", top)
+        elif self.rim_height is not None and self.rim_height > top * (1.0 + 1e-9):
+            raise SloshModelError(
+                f"container.rim_height = {self.rim_height:g} m lies above the contour's end at "
+                f"{top:g} m",
+                ("container", "rim_height"),
+            )
+        self._check_heights()
+        wetted(self.contour, self.level)
+
+    def _check_profile(self) -> None:
+        """Raises SloshModelError where dimensions are impossible."""
+
+    @property
+    def open_ended(self) -> bool:
+        """Whether its contour ends somewhere above the liquid, not at the rim."""
+        return False
+
+    @property
+    def level(self) -> float:
+        """The still surface in the contour's z [m]."""
+        return self.floor + self.fill_height
+
+    @property
+    def floor(self) -> float:
+        """The deepest place in the contour's z [m]."""
+        return float(min(piece.fine()[:, 1].min() for piece in self.contour))
+
+    @property
+    def top(self) -> float:
+        """The contour's end above the deepest place [m]."""
+        return float(self.contour[-1].one(1.0)[1]) - self.floor
+
+    def solved(self, count: int) -> tuple[ModeNumbers, ...]:
+        """Its first modes, computed."""
+        from slosh_model.potential_flow.axisymmetric import revolution_modes
+
+        return revolution_modes(self.contour, self.level, count)
+
+    @property
+    def widening(self) -> float:
+        """dr/dz of the wall at the still surface [1]."""
+        below, at = wetted(self.contour, self.level)[-1].at(np.array([0.999, 1.0]))
+        return float((at[0] - below[0]) / max(at[1] - below[1], 1e-12))
+
+    @property
+    def size(self) -> float:
+        """Radius of the still surface [m]."""
+        return float(wetted(self.contour, self.level)[-1].one(1.0)[0])
+
+    @property
+    def size_name(self) -> str:
+        """Its name."""
+        return "surface radius"
+
+    @property
+    def described(self) -> str:
+        """Its dimensions for people [mm]."""
+        return (
+            f"{self.shape}, surface radius {1e3 * self.size:.4g} mm, filled to "
+            f"{1e3 * self.fill_height:g} mm"
+        )
+
+    @property
+    def volume(self) -> float:
+        """Of the liquid [m³]: by Gauss's theorem, of the wetted wall."""
+        total = 0.0
+        for piece in wetted(self.contour, self.level):
+            at = piece.at(np.linspace(0.0, 1.0, 2001))
+            rise = np.diff(at[:, 1])
+            r, s = at[:-1, 0], at[1:, 0]
+            total += float((np.pi * rise * (r * r + r * s + s * s) / 3.0).sum())
+        return total
+
+    def wall_at(self, height: float) -> float:
+        """Radius of the wall at a height above the still surface [m]; NaN: beyond the contour."""
+        level = self.level + height
+        radii = [
+            float(piece.one(share)[0])
+            for piece in reversed(self.contour)
+            for share in reversed(piece.shares_at(level, 1))
+        ]
+        return radii[0] if radii else float("nan")
+
+    def along_wall(self, height: float) -> float:
+        """How far the contact line moves along the wall to reach a height [m]; NaN: not at all."""
+        away = np.vstack([piece.fine() for piece in self._above])
+        steps = np.hypot(*np.diff(away, axis=0).T)
+        along: Array = np.concatenate([[0.0], np.cumsum(steps)])
+        high = away[:, 1] - self.level
+        beyond = np.flatnonzero(high >= height)
+        if not len(beyond):
+            return float("nan")
+        last = int(beyond[0])
+        return float(np.interp(height, high[max(last - 1, 0) : last + 1],
+                               along[max(last - 1, 0) : last + 1]))  # fmt: skip
+
+    def surface_shape(self, n: int) -> tuple[Array, Array]:
+        """Places from the axis, or a core, to the wall [m], and a mode's height there."""
+        rows = (
+            self.numbers(n).surface
+            or solved_modes(self, LEAST if n <= LEAST else MOST)[n - 1].surface
+        )
+        places, heights = np.array(rows).T
+        return places, heights
+
+    @property
+    def silhouette(self) -> Array:
+        """(N, 2) its contour up to the rim, z from the still surface [m]."""
+        ends = (np.linspace(0.0, 1.0, 2 if piece.straight else 65) for piece in self.contour)
+        places = np.vstack([piece.at(t) for piece, t in zip(self.contour, ends, strict=True)])
+        rim = self.floor + (self.rim_height or self.top)
+        return cut_above(places, rim) - [0.0, self.level]
+
+    def wall_facts(self, height: float) -> dict[str, float]:
+        """The same height along the wall, the contact line's radius there, a crest inside."""
+        facts = {}
+        if self.widening != 0.0:
+            facts = {
+                "along_wall": self.along_wall(height), "contact_radius": self.wall_at(height)
+            }  # fmt: skip
+        ratio, place = self.crest(1)
+        if ratio > INSIDE:
+            facts |= {"crest_ratio": ratio, "crest_place": place}
+        return facts
+
+    @property
+    def _above(self) -> list[Piece]:
+        """The wall above the still surface."""
+        found: list[Piece] = []
+        for piece in reversed(self.contour):
+            cuts = piece.shares_at(self.level, 1)
+            if cuts:
+                return [piece.part(cuts[-1], 1.0), *found]
+            found.insert(0, piece)
+        return found
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Revolution(RevolvedContainer):
+    """A body of revolution by points of its profile.
+
+    >>> from slosh_model.shapes import Revolution
+    >>> Revolution(profile=((0.0, 0.0), (0.03, 0.0), (0.04, 0.09)), fill_height=0.06)
+    Revolution(revolution, surface radius 36.67 mm, filled to 60 mm, rim at 90 mm)
+
+    Attributes:
+        profile: (r, z) from the floor's centre, or a core's top, to the rim [m].
+        smooth: whether a smooth curve passes through the points, not straight lines.
+    """
+
+    shape: ClassVar[str] = "revolution"
+
+    profile: Points = field(metadata={"kind": "points"})
+    smooth: bool = field(default=False, metadata={"kind": "flag"})
+
+    def _check_profile(self) -> None:
+        key = "container.profile"
+        points = checked_points(self.profile, key, 2)
+        if points[-1][0] == 0.0 < points[0][0] and points[0][1] > points[-1][1]:
+            points = points[::-1]  # from the rim to the floor's centre
+        object.__setattr__(self, "profile", points)
+        for index, (r, _) in enumerate(points):
+            if r < 0.0:
+                raise SloshModelError(
+                    f"{key}[{index}]: r = {r:g} m must not be below 0; give one half of the "
+                    "container, from the axis to the rim",
+                    ("container", "profile", index),
+                )
+        if min(float(piece.fine()[:, 0].min()) for piece in self.contour) < -1e-9:
+            raise SloshModelError(
+                f"{key}: the smooth curve crosses the axis; give more points near it",
+                ("container", "profile"),
+            )
+        check_simple(self.contour, key, closed=False)
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Through the points."""
+        return through(self.profile, smooth=self.smooth)
+
+    def widened(self, factor: float) -> Self:
+        """The same with all radii larger."""
+        return replace(self, profile=tuple((factor * r, z) for r, z in self.profile))
+
+
+def cut_above(places: Array, height: float) -> Array:
+    """Places that follow each other, from the first up to where they rise above a height."""
+    above = np.flatnonzero(places[:, 1] > height)
+    above = above[above > np.argmin(places[:, 1])]
+    if not len(above):
+        return places
+    low, high = places[above[0] - 1], places[above[0]]
+    share = (height - low[1]) / (high[1] - low[1])
+    return np.vstack([places[: above[0]], low + share * (high - low)])

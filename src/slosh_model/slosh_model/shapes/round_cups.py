@@ -1,0 +1,266 @@
+"""Bodies of revolution by a few lengths: cups, bowls, flasks and bottles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from typing import Any, ClassVar, Self, cast
+
+from slosh_model.checks import within
+from slosh_model.containers import DIMENSIONS
+from slosh_model.errors import SloshModelError
+from slosh_model.shapes.contour import Piece, Point, arc, line
+from slosh_model.shapes.revolution import RevolvedContainer
+
+_QUARTER = 0.5 * math.pi
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class RoundCup(RevolvedContainer):
+    """A body of revolution by lengths in metres."""
+
+    wide: ClassVar[tuple[str, ...]] = ()
+    """Its lengths across the axis."""
+
+    def _check_profile(self) -> None:
+        for item in fields(cast(Any, self)):
+            value = getattr(self, item.name)
+            if item.name not in ("fill_height", "rim_height", "table") and value is not None:
+                within(f"container.{item.name}", value, "m", *DIMENSIONS)
+        self._check_lengths()
+
+    def _check_lengths(self) -> None:
+        """Raises SloshModelError where lengths do not fit each other."""
+
+    def _below(self, length: str, other: str, factor: float = 1.0) -> None:
+        """Raises SloshModelError unless a length is below another, or a multiple of it."""
+        given, limit = getattr(self, length), factor * getattr(self, other)
+        if not given < limit:
+            times = "" if factor == 1.0 else f"{factor:g} "
+            raise SloshModelError(
+                f"container.{length} = {given:g} m must be below {times}{other} = {limit:g} m",
+                ("container", length),
+            )
+
+    def widened(self, factor: float) -> Self:
+        """The same with larger lengths across the axis."""
+        changed = {name: factor * getattr(self, name) for name in self.wide}
+        return cast(Self, replace(cast(Any, self), **changed))
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Cone(RoundCup):
+    """A cone with its tip below, such as a funnel.
+
+    Attributes:
+        top_radius: inner radius at the rim [m].
+        height: of the rim above the tip [m].
+    """
+
+    shape: ClassVar[str] = "cone"
+    wide: ClassVar[tuple[str, ...]] = ("top_radius",)
+
+    top_radius: float
+    height: float
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """One line."""
+        return (line((0.0, 0.0), (self.top_radius, self.height)),)
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Frustum(RoundCup):
+    """A cup with straight walls that lean, such as a paper cup or a pint glass.
+
+    >>> from slosh_model.shapes import Frustum
+    >>> Frustum(bottom_radius=0.028, top_radius=0.04, height=0.09, fill_height=0.06)
+    Frustum(frustum, surface radius 36 mm, filled to 60 mm, rim at 90 mm)
+
+    Attributes:
+        bottom_radius: inner radius at the floor [m].
+        top_radius: inner radius at the rim [m].
+        height: of the rim above the floor [m].
+    """
+
+    shape: ClassVar[str] = "frustum"
+    wide: ClassVar[tuple[str, ...]] = ("bottom_radius", "top_radius")
+
+    bottom_radius: float
+    top_radius: float
+    height: float
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Floor and wall."""
+        return _along((0.0, 0.0), (self.bottom_radius, 0.0), (self.top_radius, self.height))
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Sphere(RoundCup):
+    """A hollow sphere, or a bowl that is a part of one where the rim is lower.
+
+    Attributes:
+        radius: inner radius [m].
+    """
+
+    shape: ClassVar[str] = "sphere"
+    wide: ClassVar[tuple[str, ...]] = ()
+
+    radius: float
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Half a circle."""
+        return (arc((0.0, self.radius), (self.radius, self.radius), -_QUARTER, _QUARTER),)
+
+    def widened(self, factor: float) -> Self:
+        """A sphere of a larger radius, filled as high in proportion."""
+        rim = None if self.rim_height is None else factor * self.rim_height
+        return replace(
+            self, radius=factor * self.radius, fill_height=factor * self.fill_height,
+            rim_height=rim,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Ellipsoid(RoundCup):
+    """A hollow ellipsoid of revolution, or a bowl that is a part of one.
+
+    Attributes:
+        radius: inner radius where it is widest [m].
+        semi_height: half of its inner height [m].
+    """
+
+    shape: ClassVar[str] = "ellipsoid"
+    wide: ClassVar[tuple[str, ...]] = ("radius",)
+
+    radius: float
+    semi_height: float
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Half an ellipse."""
+        return (
+            arc((0.0, self.semi_height), (self.radius, self.semi_height), -_QUARTER, _QUARTER),
+        )
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Beaker(RoundCup):
+    """An upright cylinder with a rounded foot.
+
+    Attributes:
+        radius: inner radius [m].
+        foot_radius: of the rounding between floor and wall [m].
+        height: of the rim above the floor [m]; None: unknown.
+    """
+
+    shape: ClassVar[str] = "beaker"
+    wide: ClassVar[tuple[str, ...]] = ("radius",)
+
+    radius: float
+    foot_radius: float
+    height: float | None = None
+
+    def _check_lengths(self) -> None:
+        self._below("foot_radius", "radius")
+        if self.height is not None:
+            self._below("foot_radius", "height")
+
+    @property
+    def open_ended(self) -> bool:
+        """Where its rim is unknown."""
+        return self.height is None
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Floor, foot and wall."""
+        end = self.height or max(self.fill_height, self.rim_height or 0.0) + 2.0 * self.radius
+        wall = line((self.radius, self.foot_radius), (self.radius, end))
+        return (*_foot(self.radius, self.foot_radius), wall)
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Flask(RoundCup):
+    """A conical flask (Erlenmeyer): wide at the floor, a straight neck above.
+
+    Attributes:
+        bottom_radius: inner radius at the floor [m].
+        neck_radius: inner radius of the neck [m].
+        shoulder_height: where the neck begins [m].
+        height: of the rim above the floor [m].
+    """
+
+    shape: ClassVar[str] = "flask"
+    wide: ClassVar[tuple[str, ...]] = ("bottom_radius", "neck_radius")
+
+    bottom_radius: float
+    neck_radius: float
+    shoulder_height: float
+    height: float
+
+    def _check_lengths(self) -> None:
+        self._below("shoulder_height", "height")
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """Floor, cone and neck."""
+        return _along(
+            (0.0, 0.0), (self.bottom_radius, 0.0), (self.neck_radius, self.shoulder_height),
+            (self.neck_radius, self.height),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Bottle(RoundCup):
+    """A bottle: rounded foot, straight body, a shoulder that is a quarter of an ellipse, a neck.
+
+    Attributes:
+        radius: inner radius of the body [m].
+        foot_radius: of the rounding between floor and body [m].
+        body_height: where the shoulder begins [m].
+        neck_radius: inner radius of the neck [m].
+        shoulder_height: where the neck begins [m].
+        height: of the rim above the floor [m].
+    """
+
+    shape: ClassVar[str] = "bottle"
+    wide: ClassVar[tuple[str, ...]] = ("radius", "neck_radius")
+
+    radius: float
+    foot_radius: float
+    body_height: float
+    neck_radius: float
+    shoulder_height: float
+    height: float
+
+    def _check_lengths(self) -> None:
+        for length, other in (
+            ("foot_radius", "radius"), ("neck_radius", "radius"), ("foot_radius", "body_height"),
+            ("body_height", "shoulder_height"), ("shoulder_height", "height"),
+        ):  # fmt: skip
+            self._below(length, other)
+
+    @property
+    def contour(self) -> tuple[Piece, ...]:
+        """From the floor's centre to the rim."""
+        r, neck = self.radius, self.neck_radius
+        low, high = self.body_height, self.shoulder_height
+        return (
+            *_foot(r, self.foot_radius),
+            line((r, self.foot_radius), (r, low)),
+            arc((neck, low), (r - neck, high - low), 0.0, _QUARTER),
+            line((neck, high), (neck, self.height)),
+        )
+
+
+def _along(*points: Point) -> tuple[Piece, ...]:
+    return tuple(line(a, b) for a, b in pairwise(points))
+
+
+def _foot(radius: float, foot: float) -> tuple[Piece, Piece]:
+    """A floor and the rounding at its edge."""
+    flat = radius - foot
+    return line((0.0, 0.0), (flat, 0.0)), arc((flat, foot), (foot, foot), -_QUARTER, 0.0)

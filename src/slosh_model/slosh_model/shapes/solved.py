@@ -1,0 +1,210 @@
+"""Containers whose modes have no closed form: they are computed once and travel with the model."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any, ClassVar, Self, cast
+
+from slosh_model.constants import GRAVITY
+from slosh_model.containers import X_AXIS, Container
+from slosh_model.errors import SloshModelError
+from slosh_model.limits import ValidityLimits
+from slosh_model.shapes.contour import Piece
+from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
+
+_GIVEN = ("rim_height", "table")
+"""Fields on which the modes do not depend."""
+STEEP = 0.3
+"""Height of a wave, times ω²/g, from which it is no linear one: its crest is 15 % higher than
+its trough is deep (second order of a standing wave: Faltinsen & Timokha 2009, ch. 8)."""
+SHALLOW = 0.2
+"""And of the liquid's depth: beyond, crests run faster than troughs."""
+WIDENING = 0.1
+"""Relative change of the surface's radius by a wave on a sloped wall, from which it is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModeTable:
+    """The modes of a container, as its model file has them.
+
+    Attributes:
+        digest: of the container to which they belong.
+        rows: first those along x, then those along y; one axis only for a round container.
+    """
+
+    digest: str
+    rows: tuple[ModeNumbers, ...]
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class SolvedContainer(Container):
+    """A container by its contour.
+
+    Its models are linear: the nonlinear answer is the linear one.
+
+    Attributes:
+        fill_height: height h of the still liquid above the deepest place of the floor [m].
+        rim_height: height of the rim above it [m]; None: the contour's end.
+        table: its modes where they are known already.
+
+    Raises:
+        SloshModelError: an impossible contour, fill height or rim height.
+    """
+
+    nonlinear_effect: ClassVar[str] = ""
+    built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
+        {"quasi_static_modes": MappingProxyType({"kappa": 1.0})}
+    )
+    straight_alone: ClassVar[bool] = False
+    # Nothing was measured: where a cylinder's linear models were validated.
+    validated: ClassVar[ValidityLimits] = ValidityLimits(acceleration=8.0, jerk=60.0)
+    most_modes: ClassVar[int] = MOST
+
+    fill_height: float
+    rim_height: float | None = None
+    table: ModeTable | None = field(default=None, compare=False)
+
+    @property
+    @abstractmethod
+    def contour(self) -> tuple[Piece, ...]:
+        """Its contour [m]: the profile of a body of revolution, the outline of a prism."""
+
+    @abstractmethod
+    def solved(self, count: int) -> tuple[ModeNumbers, ...]:
+        """Its first modes along each axis, computed.
+
+        Raises:
+            SloshModelError: scikit-fem is missing, or the contour too intricate.
+        """
+
+    @property
+    @abstractmethod
+    def widening(self) -> float:
+        """Slope of the wall at the surface: change of its radius per height [1]."""
+
+    @property
+    def digest(self) -> str:
+        """Of all that its modes depend on."""
+        return _digest(self)
+
+    def numbers(self, n: int, axis: int = X_AXIS) -> ModeNumbers:
+        """The n-th mode along an axis.
+
+        Raises:
+            SloshModelError: n is not in 1 … MOST, or it cannot be computed.
+        """
+        if not 1 <= n <= MOST:
+            raise SloshModelError(
+                f"modes = {n}: of a {self.shape} 1 … {MOST} are computed", ("modes",)
+            )
+        found = self._along(self._own, axis)
+        if n > len(found):
+            found = self._along(solved_modes(self, LEAST if n <= LEAST else MOST), axis)
+        return found[n - 1]
+
+    def with_table(self, count: int) -> Self:
+        """The same, with at least so many of its modes known."""
+        if len(self._along(self._own, X_AXIS)) >= count:
+            return self
+        rows = solved_modes(self, LEAST if count <= LEAST else MOST)
+        table = ModeTable(self.digest, tuple(replace(row, surface=()) for row in rows))
+        return cast(Self, replace(cast(Any, self), table=table))
+
+    @property
+    def _own(self) -> tuple[ModeNumbers, ...]:
+        """The modes that it brings along; empty where they were those of other dimensions."""
+        if self.table is None or self.table.digest != self.digest:
+            return ()
+        return self.table.rows
+
+    def _along(self, rows: tuple[ModeNumbers, ...], axis: int) -> tuple[ModeNumbers, ...]:
+        along = tuple(row for row in rows if row.axis == axis)
+        return along or tuple(row for row in rows if row.axis == X_AXIS)
+
+    def root(self, n: int) -> float:
+        """ωₙ²R/g along x: what the literature calls its eigenvalue."""
+        own = self.numbers(n)
+        return own.natural_frequency**2 * own.reach / GRAVITY
+
+    def natural_frequency(self, n: int, axis: int = X_AXIS) -> float:
+        """ωₙ [rad/s]."""
+        return self.numbers(n, axis).natural_frequency
+
+    @property
+    def reaches(self) -> tuple[float, float]:
+        """From the axis to where the heights on the wall are, along x and along y [m]."""
+        return self.numbers(1, 0).reach, self.numbers(1, 1).reach
+
+    def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
+        """mₙ/m_F."""
+        return self.numbers(n, axis).mass_ratio
+
+    def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """The mode's own, as `curved_gain`: what is missing to a plane follows at once."""
+        return self.curved_gain(n, axis)
+
+    def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
+        """Wall height per displacement of the mode's mass [1]."""
+        return self.numbers(n, axis).height_per_displacement
+
+    def mass_height(self, n: int, axis: int = X_AXIS) -> float:
+        """Height of the mode's mass above the still surface [m]."""
+        return self.numbers(n, axis).mass_height
+
+    def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
+        """The largest height over the surface relative to the wall's, and its place [m]."""
+        own = self.numbers(n, axis)
+        return own.crest_ratio, own.crest_place
+
+    def damping_ratio(self, kinematic_viscosity: float) -> float:
+        """ζ₁, from the mode's flow."""
+        return self.mode_damping(kinematic_viscosity, 1)
+
+    def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
+        """ζₙ, from the mode's flow."""
+        return self.numbers(n).damping_ratio(kinematic_viscosity)
+
+    @property
+    def linear_height(self) -> float:
+        """Height from which a wave in it is no linear one [m]: steep, or on a slanted wall."""
+        steep = STEEP * GRAVITY / self.natural_frequency(1) ** 2
+        slope = abs(self.widening)
+        return min(
+            steep,
+            SHALLOW * self.fill_height,
+            WIDENING * self.reaches[0] / slope if slope > 0.0 else math.inf,
+        )
+
+
+@lru_cache(maxsize=256)
+def _digest(container: SolvedContainer) -> str:
+    values = [
+        (item.name, getattr(container, item.name))
+        for item in fields(container)
+        if item.name not in _GIVEN
+    ]
+    text = f"{container.shape} {GRAVITY!r} {values!r}"
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=256)
+def solved_modes(container: SolvedContainer, count: int) -> tuple[ModeNumbers, ...]:
+    """The first modes of a container along each axis: from the cache, or else computed.
+
+    Raises:
+        SloshModelError: they cannot be computed.
+    """
+    from slosh_model.potential_flow import cache
+
+    key = f"{container.digest}-{count}"
+    known = cache.read(key)
+    if known is None:
+        known = container.solved(count)
+        cache.write(key, known)
+    return known
