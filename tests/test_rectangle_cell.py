@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
@@ -13,9 +12,9 @@ from slosh_bringup.processes import node_environment
 from slosh_model import Model, format_model
 from slosh_replay.replay import replay_bag
 from slosh_testing.live_processes import live_process
-from tests.rectangle_robot import TANK, write_camera
+from slosh_testing.rectangle_robot import TANK, write_camera
 
-ROBOT = Path(__file__).resolve().parent / "rectangle_robot.py"
+ROBOT = (sys.executable, "-m", "slosh_testing.rectangle_robot")
 pytestmark = pytest.mark.timeout(200)
 
 
@@ -30,7 +29,7 @@ def run(domain, tmp_path_factory):
     words = ("cell", "--config", str(path), "-o", str(folder / "out"))
     with live_process(*words, output=folder / "words") as running:
         running.wait_for_nodes(4)
-        robot = subprocess.Popen([sys.executable, ROBOT], env=node_environment(domain))
+        robot = subprocess.Popen(ROBOT, env=node_environment(domain))
         try:
             running.wait_for(lambda: robot.poll() is not None, "the motion's end")
         finally:
