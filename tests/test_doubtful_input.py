@@ -7,7 +7,7 @@ import pytest
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import topics
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_testing.robot import GRAVITY, Robot, nodes_and_robot
+from slosh_testing.robot import GRAVITY, RobotNode, nodes_and_robot
 
 WARN, ERROR = 1, 2
 DOUBTFUL = SloshEstimate.INPUT_DOUBTFUL
@@ -15,11 +15,11 @@ DOWN = (1.0, 0.0, 0.0, 0.0)
 pytestmark = pytest.mark.timeout(120)
 
 
-def flagged(robot: Robot) -> bool:
+def flagged(robot: RobotNode) -> bool:
     return bool(robot.estimates and robot.estimates[-1].flags & DOUBTFUL)
 
 
-def says(robot: Robot, level: int, sentence: str) -> bool:
+def says(robot: RobotNode, level: int, sentence: str) -> bool:
     said = robot.health.get("estimator", (0, ""))
     return said[0] == level and sentence in said[1]
 

@@ -14,7 +14,7 @@ from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_msgs.msg import SloshComparison
 from slosh_msgs_py import topics
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_testing.robot import MODEL, Robot, nodes_and_robot
+from slosh_testing.robot import MODEL, RobotNode, nodes_and_robot
 
 OK, WARN, ERROR = SloshComparison.STATE_OK, SloshComparison.STATE_WARN, SloshComparison.STATE_ERROR
 STALE, BLIND = SloshComparison.STATE_STALE, SloshComparison.STATE_BLIND
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.timeout(200)
 @contextmanager
 def monitor_alone(
     folder: Path, domain: int, namespace: str, **nodes: dict[str, str]
-) -> Iterator[tuple[NodeGroup, Robot]]:
+) -> Iterator[tuple[NodeGroup, RobotNode]]:
     """Nodes, by name with their parameters, and a robot that has not spoken yet."""
     (folder / "model.yaml").write_text(MODEL)
     with ExitStack() as stack:
@@ -33,7 +33,7 @@ def monitor_alone(
             stack.callback(rclpy.shutdown)
         environment = node_environment(domain)
         group = stack.enter_context(NodeGroup(namespace, folder / "logs", environment))
-        robot = Robot("robot", topics.ACCEL, namespace)
+        robot = RobotNode("robot", topics.ACCEL, namespace)
         stack.callback(robot.close)
         robot.listen()
         for name, values in nodes.items():
@@ -43,7 +43,7 @@ def monitor_alone(
         assert group.failed() is None
 
 
-def by_report(robot: Robot, reports: int) -> list[list[SloshComparison]]:
+def by_report(robot: RobotNode, reports: int) -> list[list[SloshComparison]]:
     """The comparisons that come between the monitor's reports, which come once a second."""
     found = []
     for _ in range(reports):

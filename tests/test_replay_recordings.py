@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
+from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_replay.recording.heights import measurements
+from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.checking import excesses
@@ -62,7 +64,11 @@ def test_chunks_do_not_matter(eventful, tmp_path, monkeypatch, chunk):
     in_one = rewritten(eventful, tmp_path / "one" / "bag", 8 << 20, monkeypatch)
     in_many = rewritten(eventful, tmp_path / "many" / "bag", chunk, monkeypatch)
     sources = find_sources(in_many, BagReader(in_many))
-    counts = [len(list(feed(BagReader(bag), sources, {}))) for bag in (in_one, in_many)]
+    readers = [BagReader(bag) for bag in (in_one, in_many)]
+    counts = [
+        len(list(feed(reader, sources, {}, InputBlocks(reader, sources, InputSettings()))))
+        for reader in readers
+    ]
     assert counts[0] == 1
     assert counts[1] > 500_000 // chunk
     expected = replay_bag(in_one)

@@ -2,11 +2,13 @@
 
     tools/run python tools/stand_in.py camera MODEL.yaml [-o DIR]
     tools/run python tools/stand_in.py robot MODEL.yaml MOTION.csv
+    tools/run python tools/stand_in.py joints
 
 `camera` draws what a camera of 640 x 480 pixels sees: a chessboard (DIR/pictures), the cup of the
 model with its liquid at rest (DIR/still.png), and a wave in it (DIR/footage). `robot` publishes
 the motion and the camera's images of the cup over ROS 2, as soon as a cell listens. The cup is
 round and has no wall to speak of; its liquid is damped a little more than the formula says.
+`joints` publishes the joint states of examples/robot.urdf in motion, as soon as a cell listens.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
+from slosh_testing.joint_driver import play_joints
 
 CAMERA = BoardCamera((640, 480), (1000.0, 1000.0), (319.5, 239.5), (0.0, 0.0, 0.0, 0.0, 0.0))
 COLUMNS, ROWS, SQUARE = 9, 6, 0.025
@@ -59,6 +62,9 @@ def main(words: Sequence[str] | None = None) -> int:
     camera.set_defaults(run=lambda given: draw(view_of(read_model(given.model)), given.output))
     robot = parts.add_parser("robot", help="a motion and the camera's images over ROS 2")
     robot.set_defaults(run=lambda given: play(read_model(given.model), given.motion))
+    parts.add_parser("joints", help="joint states over ROS 2").set_defaults(
+        run=lambda given: play_joints("robot: the motion is over")
+    )
     for part in (camera, robot):
         part.add_argument("model", type=Path, metavar="MODEL.yaml", help="of the cup")
     camera.add_argument(

@@ -14,6 +14,7 @@ from slosh_bag.playing.play_plan import (
     PlayRequest,
     make_plan,
     refusal,
+    renamed,
     without,
 )
 from slosh_bag.playing.playback import Playback, PlaybackSettings
@@ -216,6 +217,25 @@ def test_topics_are_chosen(bag):
         chosen(bag, topics="(")
     with pytest.raises(SloshBagError, match="namespace = 'a b': not a valid ROS name"):
         chosen(bag, namespace="a b")
+
+
+def test_inputs_and_names_do_not_depend_on_the_namespace(bag):
+    for topic in (
+        "/accel", "/a/b/imu", "/camera/camera_info", "/x/camera/image_raw/compressed",
+        "/joint_states", "/tf", "/robot_description",
+    ):  # fmt: skip
+        assert topics.is_input(topic)
+    for topic in ("/slosh/estimate", "/slosh/cell/truth", "/slosh/acceleration", "/diagnostics"):
+        assert not topics.is_input(topic)
+    assert renamed("/slosh/camera/image_raw/compressed", "test") == (
+        "/test/camera/image_raw/compressed"
+    )
+    assert renamed("/accel", "/a/b/") == "/a/b/accel"
+    assert renamed("/slosh/accel", "/") == "/accel"
+    assert renamed("/slosh/accel", "") == "/slosh/accel"
+    assert renamed("/tf_static", "test") == "/tf_static"
+    names = {entry.name for entry in make_plan(PlayRequest(bag, namespace="test")).topics.values()}
+    assert names == {topic.replace("/slosh", "/test") for topic in TYPES} - {"/clock"}
 
 
 def test_all_topics_of_a_cell_move_into_a_namespace_and_no_others(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import importlib.util
 import os
 import platform
 import shutil
@@ -65,6 +66,7 @@ def examine() -> Iterator[DoctorFinding]:
     yield library("mcap", "mcap", "1.5")
     yield library("rosbags", "rosbags", "0.10")
     yield library("distributed", "Dask distributed", "2025.1")
+    yield kinematics()
     yield guarded(compiled_code)
     yield guarded(message_exchange)
     yield shared_memory()
@@ -189,6 +191,15 @@ def disk() -> DoctorFinding:
     found = f"{free / 2**30:.1f} GiB free here"
     return DoctorFinding(
         "disk", free >= MINIMUM_DISK, found, "record elsewhere: -o DIR", required=False
+    )
+
+
+def kinematics() -> DoctorFinding:
+    """Pinocchio, which the estimator's input `joints` needs."""
+    there = importlib.util.find_spec("pinocchio") is not None
+    remedy = "only for motions of joints: pip install -r requirements/joints.txt"
+    return DoctorFinding(
+        "Pinocchio", there, "found" if there else "not found", remedy, required=False
     )
 
 

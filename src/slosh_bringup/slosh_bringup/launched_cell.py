@@ -40,7 +40,9 @@ from slosh_bringup.processes import (
 )
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_estimator.inputs import JOINTS
 from slosh_model.model_text import read_model
+from slosh_msgs_py.topics import DRIVING
 
 SETTLED = 60.0
 """An end that lies longer back than this is not counted any more [s]."""
@@ -61,13 +63,13 @@ ARGUMENTS = (
     Argument("parameters", "", "ROS parameter file; empty: config/cell.yaml of this package"),
     Argument("model", "", "model file of container and liquid; empty: the simulated cell's"),
     Argument("calibration", "", "calibration of the camera; empty: the simulated camera's"),
-    Argument("input", "", "input of the estimator: accel, imu or pose; empty: parameter file"),
+    Argument("input", "", f"input of the estimator: {', '.join(DRIVING)}; empty: parameter file"),
     Argument("remap", "{}", "robot's topics by topic, as YAML: '{imu: /arm/imu}'"),
     Argument("camera", "true", "measure with a camera; false: estimate only"),
     Argument("record", "true", "record to OUTPUT/DATE-TIME/bag"),
     Argument("output", "out/cell", "folder of the recordings, with the link `latest`"),
     Argument("predict", "false", "predict planned motions: the service predict"),
-    Argument("urdf", "", "robot description, for predictions of joint motions"),
+    Argument("urdf", "", "robot description, for joint states and predictions of joint motions"),
     Argument("tool_frame", "", "link of the robot that carries the container"),
     Argument("plan", "false", "plan motions: the service plan, the action plan_motion"),
     Argument("watch", "false", f"serve the operator's page on this machine, port {PORT}"),
@@ -192,6 +194,8 @@ class LaunchedCell:
         more: dict[str, dict[str, str]] = {}
         if self._given["input"]:
             more["estimator"] = {"input": self._given["input"]}
+        if self._given["input"] == JOINTS:
+            more["estimator"] |= self._robot()
         if "camera" in self._absent:
             more["monitor"] = {"camera": "false"}
         return [
@@ -203,13 +207,15 @@ class LaunchedCell:
     def _services(self, setup: CellSetup) -> list[NodeProcess]:
         """What answers and shows, as far as it is wanted."""
         model = {"model": str(setup.model)}
-        robot = {name: self._given[name] for name in ("urdf", "tool_frame") if self._given[name]}
-        if len(robot) == 1 or (robot and not self._flag("predict")):
+        robot = self._robot()
+        if self._given["input"] != JOINTS and (
+            len(robot) == 1 or (robot and not self._flag("predict"))
+        ):
             raise SloshBringupError(
                 "urdf:=, tool_frame:= and predict:=true must be given together"
             )
-        if robot:
-            robot["urdf"] = str(Path(robot["urdf"]).absolute())
+        if len(robot) == 1:  # the joints' robot is described by a topic
+            robot = {}
         own = {"predict": ("predictor", model | robot), "watch": ("watch", {})}
         own["plan"] = ("planner", model)
         return [
@@ -217,6 +223,13 @@ class LaunchedCell:
             for argument, (name, parameters) in own.items()
             if self._flag(argument)
         ]
+
+    def _robot(self) -> dict[str, str]:
+        """What is said of the robot's description."""
+        found = {name: self._given[name] for name in ("urdf", "tool_frame") if self._given[name]}
+        if "urdf" in found:
+            found["urdf"] = str(Path(found["urdf"]).absolute())
+        return found
 
     def _simulated(self, setup: CellSetup) -> NodeProcess:
         """The simulated cell: its motion begins when those that are started are ready."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shlex
@@ -125,7 +126,16 @@ namespace: {cup.namespace}
 # Where the robot's topics have other names: relative topic -> the robot's topic.
 # remap:
 #   accel: /arm/tcp_acceleration
-{images}"""
+{images}# What drives the models (docs/robot.md): accel, imu, pose, joints, odometry, twist or tf.
+{_drives(cup)}"""
+
+
+def _drives(cup: NewCup) -> str:
+    """The lines of a cell file about the robot."""
+    if cup.urdf is None:
+        return "# input: joints\n# urdf: robot.urdf\n# tool_frame: tool0\n"
+    urdf, tool = json.dumps(str(cup.urdf.absolute())), json.dumps(cup.tool_frame)
+    return f"input: joints\nurdf: {urdf}\ntool_frame: {tool}\n"
 
 
 def _camera(cup: NewCup, folder: Path) -> str:
@@ -236,6 +246,8 @@ class NewCup:
         image_size: width and height of the camera's images [px].
         camera: whether the cell has one.
         by_contour: the shape of one that is neither cylinder nor rectangle; empty: it is.
+        urdf: the robot's description, by whose joints the cup is moved; None: it is not.
+        tool_frame: link of the robot that is the cup.
     """
 
     lengths: dict[str, float]
@@ -247,6 +259,8 @@ class NewCup:
     image_size: tuple[int, int]
     camera: bool = True
     by_contour: str = ""
+    urdf: Path | None = None
+    tool_frame: str = ""
 
     def __post_init__(self) -> None:
         """Refuse a rim below the liquid, and a namespace that is none."""

@@ -3,27 +3,53 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.mounting import SensorTransform
+from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.mounting import Base, SensorTransform
 from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
+from slosh_estimator.transform_poses import TransformPoses
+from slosh_estimator.velocity_input import VelocityInput
+from slosh_msgs_py.topics import DRIVING
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
-MESSAGE_TYPES: Mapping[str, str] = {
-    ACCEL: "geometry_msgs/msg/AccelStamped",
-    IMU: "sensor_msgs/msg/Imu",
-    POSE: "geometry_msgs/msg/PoseStamped",
-}
+JOINTS, ODOMETRY, TWIST, TRANSFORMS = "joints", "odometry", "twist", "tf"
+MESSAGE_TYPES: Mapping[str, str] = {kind: row.type for kind, row in DRIVING.items()}
 """Kinds of input and the type of their messages; the first that is there is taken."""
+TOPIC_NAMES: Mapping[str, str] = {kind: row.name for kind, row in DRIVING.items()}
+"""Kinds of input and the topic that they come on."""
+POSES = (POSE, JOINTS, TRANSFORMS)
+"""Kinds whose messages become poses."""
+ROBOT = "urdf"
+"""Under this name the text of the robot's description is kept with the settings."""
+POSED = "the pose"
+"""Name of the frame that a pose tells, where its own frame moves: no frame is called so."""
+CHAINED = "pose_chained"
+"""Under this name the settings say that the frame of poses moves in the world."""
+BASE = "pose_base"
+"""Under this name the settings hold the frame of poses, and where it stands in the world."""
 POSE_WINDOW = 0.0
 """A window that is chosen."""
 
+MOUNTED = (ACCEL, IMU, POSE)
+"""Kinds whose frame may be anywhere on the robot."""
+VELOCITIES = (ODOMETRY, TWIST)
+"""Kinds whose messages tell velocities."""
+WINDOWED = (*POSES, *VELOCITIES)
+"""Kinds that are differentiated in a sliding window: their estimates come later than they do."""
+_NOUNS = {
+    POSE: "poses", JOINTS: "joint states", TRANSFORMS: "transforms", ODOMETRY: "odometry messages",
+    TWIST: "velocities",
+}  # fmt: skip
 AnyInput = AccelInput | ImuInput | PoseInput
+PoseSource = JointPoses | TransformPoses
 
 
 class InputSettings(NamedTuple):
@@ -42,6 +68,12 @@ class InputSettings(NamedTuple):
             before there were checks: frames and mountings of accelerations and poses, and the
             doubts, are as they were then.
         any_world: whether poses in any frame are taken: where nobody could set its name.
+        urdf: text of the robot's description, for joints.
+        tool_frame: link of the robot that is the container, or carries it.
+        smoothing: half of the differentiating window [s], which chooses the polynomial's degree,
+            too; 0.0: as pose_window.
+        base: another frame of poses, where it stands in the world; None: there is none.
+        chained: whether the frame of poses moves in the world, as transforms say.
     """
 
     kind: str | None = None
@@ -52,6 +84,11 @@ class InputSettings(NamedTuple):
     modes: Modes = ()
     checks: bool | None = True
     any_world: bool = False
+    urdf: str = ""
+    tool_frame: str = ""
+    smoothing: float = 0.0
+    base: Base | None = None
+    chained: bool = False
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -79,7 +116,68 @@ class InputSettings(NamedTuple):
             parameters["pose_window"],
             (parameters["world_frame"], parameters["container_frame"]),
             checks=parameters.get("check_input"),
+            tool_frame=parameters.get("tool_frame", ""),
+            smoothing=parameters.get("smoothing", 0.0),
+            base=_base(parameters.get(BASE)),
+            chained=parameters.get(CHAINED, False),
         )
+
+    def mounted(
+        self, kind: str, frame: str, fixed: FixedFrames, *, moving: bool = False
+    ) -> dict[str, Any] | None:
+        """The parameters that transforms give for an input in a frame.
+
+        Args:
+            kind: of the input.
+            frame: of its messages.
+            fixed: frames that stand still in each other.
+            moving: whether there are frames that move, in which poses may be.
+
+        Returns:
+            None: nothing connects the frame. Empty: the parameters say how it is mounted, or the
+            frame needs no mounting.
+        """
+        world, container = self.frames
+        if frame.lstrip("/") in ("", world, container) or self.transform != SensorTransform():
+            return {}
+        if kind == POSE:
+            pose = fixed.pose(world, frame)
+            if pose is None:
+                return {CHAINED: True} if moving else None
+            return {BASE: [frame, *pose[0], *pose[1]]}
+        mount = fixed.mounting(container, frame) if kind in (ACCEL, IMU) else SensorTransform()
+        if mount is None:
+            return None
+        own = {"world_frame": frame} if kind == ACCEL else {}
+        turn = [mount.roll, mount.pitch, mount.yaw]
+        return {"sensor_rotation": turn, "sensor_to_origin": list(mount.to_origin), **own}
+
+    def with_mounting(self, parameters: Mapping[str, Any]) -> InputSettings:
+        """The same with parameters as `mounted` gives them."""
+        if CHAINED in parameters:
+            return self._replace(chained=True)
+        if BASE in parameters:
+            return self._replace(base=_base(parameters[BASE]))
+        roll, pitch, yaw = parameters["sensor_rotation"]
+        x, y, z = parameters["sensor_to_origin"]
+        world = parameters.get("world_frame", self.frames[0])
+        transform = SensorTransform(roll, pitch, yaw, (x, y, z))
+        return self._replace(transform=transform, frames=(world, self.frames[1]))
+
+    def poses(self, kind: str) -> PoseSource | None:
+        """What turns messages of a kind into poses; None: they are poses, or need none.
+
+        Raises:
+            SloshEstimatorError: the robot's description does not fit.
+        """
+        world, container = self.frames
+        if kind == TRANSFORMS:
+            return TransformPoses(world, container)
+        if kind == POSE and self.chained:
+            return TransformPoses(world, POSED)
+        if kind == JOINTS:
+            return JointPoses(Robot(self.urdf, self.tool_frame or container, world))
+        return None
 
     def reader(self, kind: str) -> AnyInput:
         """What turns messages of a kind into samples."""
@@ -96,5 +194,43 @@ class InputSettings(NamedTuple):
         mount = SensorTransform() if old else self.transform
         if kind == ACCEL:
             return AccelInput(self.gate, self.frames, mount, self.checks)
+        if kind in VELOCITIES:
+            return VelocityInput(
+                self.gate, self.pose_window, mount, self.frames, self.checks, _NOUNS[kind],
+                self.smoothing,
+            )  # fmt: skip
         world = None if old else self.frames[0]
-        return PoseInput(self.gate, self.pose_window, mount, world, self.any_world, self.checks)
+        return PoseInput(
+            self.gate, self.pose_window, mount, world, self.any_world or kind != POSE,
+            self.checks, _NOUNS[kind], self.smoothing, self.base,
+        )  # fmt: skip
+
+
+def _base(told: Sequence[Any] | None) -> Base | None:
+    """The base that a node's settings tell: its name, position and quaternion."""
+    if told is None:
+        return None
+    frame, px, py, pz, x, y, z, w = told
+    return Base(str(frame), ((px, py, pz), (x, y, z, w)))
+
+
+class WantedInput(NamedTuple):
+    """What somebody says of the input of a recording, in place of what it tells itself.
+
+    Attributes:
+        kind: one of MESSAGE_TYPES; None: as recorded.
+        urdf: text of the robot's description; empty: as recorded.
+        tool_frame: link of the robot; empty: as recorded.
+    """
+
+    kind: str | None = None
+    urdf: str = ""
+    tool_frame: str = ""
+
+    def over(self, recorded: InputSettings) -> InputSettings:
+        """How the input is read."""
+        return recorded._replace(
+            kind=self.kind or recorded.kind,
+            urdf=self.urdf or recorded.urdf,
+            tool_frame=self.tool_frame or recorded.tool_frame,
+        )

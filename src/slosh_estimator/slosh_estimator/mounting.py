@@ -4,11 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.rotation import Matrix, Vector, matrix_from_rpy
 
 Quaternion = tuple[float, float, float, float]
+
+
+class Base(NamedTuple):
+    """A frame that stands still in the world.
+
+    Attributes:
+        frame: its name.
+        pose: position [m] and quaternion x, y, z, w in the world.
+    """
+
+    frame: str
+    pose: tuple[Vector, Quaternion]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +65,7 @@ class ToolPose:
 
     def __init__(self, transform: SensorTransform) -> None:
         self._is_container = not transform.turns and not any(transform.to_origin)
-        self._turn = _sensor_from_container(transform)
+        self._turn = sensor_from_container(transform)
         self._to_origin = transform.to_origin
 
     def container(self, position: Vector, quaternion: Quaternion) -> tuple[Vector, Quaternion]:
@@ -82,7 +95,42 @@ class ToolPose:
         ), (x, y, z, w)
 
 
-def _sensor_from_container(transform: SensorTransform) -> Quaternion:
+def composed(
+    outer: tuple[Vector, Quaternion], inner: tuple[Vector, Quaternion]
+) -> tuple[Vector, Quaternion]:
+    """The pose of what stands at `inner` in a frame that stands at `outer`.
+
+    Args:
+        outer, inner: position [m] and quaternion x, y, z, w, of any length but zero.
+    """
+    (x, y, z, w), (bx, by, bz, bw), (rx, ry, rz) = outer[1], inner[1], inner[0]
+    size = x * x + y * y + z * z + w * w
+    scale = 2.0 / size if size else 0.0
+    tx, ty, tz = y * rz - z * ry, z * rx - x * rz, x * ry - y * rx
+    return (
+        outer[0][0] + rx + scale * (w * tx + y * tz - z * ty),
+        outer[0][1] + ry + scale * (w * ty + z * tx - x * tz),
+        outer[0][2] + rz + scale * (w * tz + x * ty - y * tx),
+    ), (
+        w * bx + x * bw + y * bz - z * by,
+        w * by - x * bz + y * bw + z * bx,
+        w * bz + x * by - y * bx + z * bw,
+        w * bw - x * bx - y * by - z * bz,
+    )
+
+
+def rotated(quaternion: Quaternion, vector: Vector) -> Vector:
+    """A vector in the axes of a frame, from its components in those that stand at an attitude.
+
+    Args:
+        quaternion: x, y, z, w, of any length but zero.
+        vector: in the axes that stand so.
+    """
+    nowhere: Vector = (0.0, 0.0, 0.0)
+    return composed((nowhere, quaternion), (vector, (0.0, 0.0, 0.0, 1.0)))[0]
+
+
+def sensor_from_container(transform: SensorTransform) -> Quaternion:
     """Sensor ← container, the conjugate of Rz(yaw) Ry(pitch) Rx(roll), as x, y, z, w."""
     cr, sr = math.cos(0.5 * transform.roll), math.sin(0.5 * transform.roll)
     cp, sp = math.cos(0.5 * transform.pitch), math.sin(0.5 * transform.pitch)

@@ -29,8 +29,8 @@ FEWEST, MOST = 2, 100
 """Poses on each side of the centre; more than the second make nothing better but cost time."""
 _MOST_PARTS = 9
 _QUINTIC, _QUARTIC = 6, 5
-CUBIC = 4
-"""Terms of the polynomials of old recordings."""
+CUBIC, LINEAR = 4, 2
+"""Terms of the polynomials of old recordings, and of a straight line."""
 
 
 class PoseFilter(NamedTuple):
@@ -39,21 +39,52 @@ class PoseFilter(NamedTuple):
     Attributes:
         fastest: highest natural frequency [rad/s].
         reach: of the window on both sides [s].
+        order: of the derivative that is taken: 2 of poses, 1 of velocities.
+        most: terms of the polynomial; 0: six for poses, four for velocities.
     """
 
     fastest: float
     reach: float
+    order: int = 2
+    most: int = 0
 
     @classmethod
-    def of(cls, modes: Modes, window: float) -> PoseFilter:
+    def of(cls, modes: Modes, window: float, order: int = 2) -> PoseFilter:
         """The filter for some modes.
 
         Args:
             modes: to be carried; none: of a small cup.
             window: length of the window [s]; 0: the longest one that carries them.
+            order: of the derivative.
         """
         fastest = max((frequency for _, frequency in modes), default=TUNING.fastest_mode)
-        return cls(fastest, 0.5 * window if window > 0.0 else TUNING.reach / fastest)
+        longest = TUNING.reach if order == 2 else TUNING.velocity_reach
+        return cls(fastest, 0.5 * window if window > 0.0 else longest / fastest, order)
+
+    @classmethod
+    def smoothing(cls, modes: Modes, delay: float, order: int = 2) -> PoseFilter:
+        """The filter with a delay: the polynomial of the lowest degree that carries the modes.
+
+        A higher degree carries them over a longer window, which averages more noise.
+
+        Args:
+            modes: to be carried; none: of a small cup.
+            delay: half of the window [s].
+            order: of the derivative.
+        """
+        plain = cls.of(modes, 2.0 * delay, order)
+        phase = plain.fastest * plain.reach
+        reaches = TUNING.pose_reaches if order == 2 else TUNING.velocity_reaches
+        higher = sum(phase > reach for reach in reaches)
+        return plain._replace(most=(CUBIC if order == 2 else LINEAR) + 2 * higher)
+
+    def terms(self, count: int) -> int:
+        """Terms of the polynomial that is fitted to so many values."""
+        if self.most and count > self.most + 1:
+            return self.most
+        if self.order == 1:
+            return CUBIC
+        return _QUINTIC if count > 2 * FEWEST + 2 else _QUARTIC
 
     def side(self, interval: float) -> int:
         """Poses on each side of the centre, at an interval [s]."""
@@ -74,21 +105,20 @@ class PoseFilter(NamedTuple):
         """
         side, parts = self.side(interval), self.parts(interval)
         places = np.arange(-side, side + 1.0)
-        powers = np.vander(places / side, terms_of(len(places)), increasing=True)
+        powers = np.vander(places / side, self.terms(len(places)), increasing=True)
         fit = np.linalg.pinv(powers)
         phase = frequency * interval
         passed = 0.0
         for part in range(parts):
             offset = (part - 0.5 * (parts - 1)) / parts
-            curvature = [k * (k - 1) * (offset / side) ** max(k - 2, 0) for k in range(len(fit))]
-            wave = np.cos(phase * (places - offset))
-            passed -= float(np.array(curvature) @ fit @ wave) / (phase * side) ** 2
+            angle, at, number = phase * (places - offset), offset / side, range(len(fit))
+            if self.order == 1:
+                slope = [k * at ** max(k - 1, 0) for k in number]
+                passed += float(np.array(slope) @ fit @ np.sin(angle)) / (phase * side)
+                continue
+            curvature = [k * (k - 1) * at ** max(k - 2, 0) for k in number]
+            passed -= float(np.array(curvature) @ fit @ np.cos(angle)) / (phase * side) ** 2
         return passed / parts * interpolation_gain(frequency, interval / parts)
-
-
-def terms_of(count: int) -> int:
-    """Terms of the polynomial that is fitted to so many poses."""
-    return _QUINTIC if count > 2 * FEWEST + 2 else _QUARTIC
 
 
 @compiled
@@ -212,6 +242,27 @@ def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> An
         _half_curvature(rows[1], x) * factor,
         _half_curvature(rows[2], x) * factor,
     )
+
+
+@entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2, int64, float64))
+def first_derivative(tau: Any, velocities: Any, terms: int, offset: float) -> Any:
+    """First derivative of the least-squares polynomial.
+
+    Args:
+        tau: (N,) time from the centre, at which it is 0 [s].
+        velocities: (N, 3) [m/s].
+        terms: of the polynomial.
+        offset: from the centre, where it is wanted [s].
+
+    Returns:
+        its three components [m/s²].
+    """
+    scale = _reach(tau)
+    rows = _fit(tau, scale, velocities, terms)
+    x = offset / scale
+    return (
+        _slope(rows[0], x) / scale, _slope(rows[1], x) / scale, _slope(rows[2], x) / scale
+    )  # fmt: skip
 
 
 @entry_point(UniTuple(float64, 3)(CHANGED_1, GIVEN_2, GIVEN_1, int64, float64))

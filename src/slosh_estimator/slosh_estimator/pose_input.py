@@ -18,14 +18,15 @@ from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict, fault_of
-from slosh_estimator.mounting import SensorTransform, ToolPose
+from slosh_estimator.kept_poses import NUMBERS, KeptPoses
+from slosh_estimator.mounting import Base, SensorTransform, ToolPose, composed
 from slosh_estimator.pose_filter import (
     CUBIC,
     FEWEST,
     PoseFilter,
     even_times,
+    first_derivative,
     second_derivative,
-    terms_of,
     turning,
 )
 from slosh_estimator.rotation import Vector, yaw_of_quaternion
@@ -36,8 +37,6 @@ from slosh_estimator.tuning import TUNING
 from slosh_metrics.input_checks.input_checks import PoseCheck
 
 MINIMUM_WINDOW = 2 * FEWEST + 1
-_NUMBERS = 7
-"""Of a pose: position and quaternion."""
 
 
 class PoseInput(CheckedInput):
@@ -52,6 +51,9 @@ class PoseInput(CheckedInput):
             none; None: all are taken.
         any_frame: whether poses in other frames are taken, too, and that is told.
         checks: see `InputSettings`.
+        noun: what comes, in the plural, for what is told of its rate.
+        smoothing: half of the window [s], and by that the polynomial's degree; 0.0: as `window`.
+        base: another frame in which poses come, and where it stands in the world; None: none.
 
     Attributes:
         gate: judges the poses.
@@ -63,6 +65,10 @@ class PoseInput(CheckedInput):
     """
 
     check: PoseCheck
+    ORDER = 2
+    """Of the derivative of the vectors that come."""
+    LARGEST = TUNING.farthest
+    """Size up to which a vector is possible."""
 
     def __init__(
         self,
@@ -72,6 +78,9 @@ class PoseInput(CheckedInput):
         frame: str | None = None,
         any_frame: bool = False,
         checks: bool | None = None,
+        noun: str = "poses",
+        smoothing: float = 0.0,
+        base: Base | None = None,
     ) -> None:
         mount = transform or SensorTransform()
         super().__init__(PoseCheck(mount.matrix), checks)
@@ -87,18 +96,21 @@ class PoseInput(CheckedInput):
         if not 0.0 <= window < math.inf:
             raise SloshEstimatorError(f"window = {window!r} s must be 0.0 or a positive duration")
         self.gate = SampleGate(settings)
-        remedy = "set pose_window to 0.0" if window else "use the input accel or imu"
-        self.sampling = Sampling("poses", self._gain, remedy)
+        given = "smoothing" if smoothing else "pose_window" if window else ""
+        remedy = f"set {given} to 0.0" if given else "use the input accel or imu"
+        self.sampling = Sampling(noun, self._gain, remedy)
         self.jumps = 0
         self._count, self._seconds = count, 0.0 if count else float(window)
-        self._poses = _Poses()
+        self._poses = KeptPoses()
         self._at = count // 2  # the next centre
         self._restarted = True
-        self._filter = PoseFilter.of((), self._seconds)
+        self._smoothing, self._base = smoothing, base
+        self._filter = self._filter_of(())
         self._modes: Modes = ()
         self._interval_ns = self._reach_ns = self._wait_ns = 0
         self._misfit = 0.0, 0.0
-        self._second_derivative, self._turning = second_derivative.load(), turning.load()
+        derivative = second_derivative if self.ORDER == 2 else first_derivative
+        self._derivative, self._turning = derivative.load(), turning.load()
         self._even_times = even_times.load()
 
     def update(
@@ -120,15 +132,19 @@ class PoseInput(CheckedInput):
             now_ns: the time of arrival [ns].
             frame: in which the pose is given.
         """
-        if frame != self._frame and self._strange(frame):
+        if self._base is not None and frame == self._base.frame:
+            position, quaternion = composed(self._base.pose, (position, quaternion))
+        elif frame != self._frame and self._strange(frame):
             return []
-        fault = fault_of(position, TUNING.farthest) or _fault_of_attitude(quaternion)
+        fault = fault_of(position, self.LARGEST) or _fault_of_attitude(quaternion)
         verdict = self.gate.judge(stamp_ns, None, now_ns, fault)
         if verdict not in (SampleVerdict.USE, SampleVerdict.RESTART):
             return []
         position, quaternion = self._tool.container(position, quaternion)
         restarted = verdict is SampleVerdict.RESTART
-        doubtful = self.check.add(stamp_ns, position, quaternion, restarted=restarted)
+        doubtful = self.check.add(
+            stamp_ns, self._place_of(stamp_ns, position), quaternion, restarted=restarted
+        )
         doubtful = doubtful and self.flags
         jumped = verdict is SampleVerdict.USE and self._jumped(stamp_ns, position)
         self.jumps += jumped
@@ -175,12 +191,12 @@ class PoseInput(CheckedInput):
         """
         memory = self.take_up_check(stamp_ns, memory)
         if self._count:
-            self._poses.fill(stamp_ns, remembered(memory, (_NUMBERS + 1) * self._count))
+            self._poses.fill(stamp_ns, remembered(memory, (NUMBERS + 1) * self._count))
             self._at = self._count // 2 + 1
         else:
             begin = 3 + MEMORY
             rows = len(memory) - begin
-            if rows < (_NUMBERS + 1) * MINIMUM_WINDOW or rows % (_NUMBERS + 1):
+            if rows < (NUMBERS + 1) * MINIMUM_WINDOW or rows % (NUMBERS + 1):
                 raise SloshEstimatorError(
                     f"saved state of a pose input with {len(memory)} values: wrong number"
                 )
@@ -234,14 +250,25 @@ class PoseInput(CheckedInput):
         self.gate.refuse(SampleVerdict.WRONG_FRAME)
         return True
 
+    def _place_of(self, stamp_ns: int, vector: Vector) -> Vector:
+        """The place [m] that the check looks at."""
+        return vector
+
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
         if not len(self._poses):
             return False
         seconds = (stamp_ns - self._poses.newest_ns) * SECONDS_PER_NS
-        return math.dist(position, self._poses.newest_position) > TUNING.fastest_move * seconds
+        # What a coarse position steps by is no speed where two stamps lie close together.
+        farthest = TUNING.fastest_move * seconds + TUNING.pose_step
+        return math.dist(position, self._poses.newest_position) > farthest
 
     def _gain(self, frequency: float, interval: float) -> float:
-        return PoseFilter.of(self.sampling.modes, self._seconds).gain(frequency, interval)
+        return self._filter_of(self.sampling.modes).gain(frequency, interval)
+
+    def _filter_of(self, modes: Modes) -> PoseFilter:
+        if self._smoothing:
+            return PoseFilter.smoothing(modes, self._smoothing, self.ORDER)
+        return PoseFilter.of(modes, self._seconds, self.ORDER)
 
     def _fixed_window(self) -> tuple[int, int] | None:
         """The first and behind the last pose about the next centre; None: not yet complete."""
@@ -281,7 +308,7 @@ class PoseInput(CheckedInput):
         if sampling.interval_ns == self._interval_ns and sampling.modes is self._modes:
             return
         self._interval_ns, self._modes = sampling.interval_ns, sampling.modes
-        self._filter = PoseFilter.of(self._modes, self._seconds)
+        self._filter = self._filter_of(self._modes)
         side = self._filter.side(sampling.seconds) if self._interval_ns else 0
         # A pose at the edge of the window is in it in spite of jitter.
         self._reach_ns = (2 * side + 1) * self._interval_ns // 2
@@ -296,12 +323,12 @@ class PoseInput(CheckedInput):
         attitudes = np.ascontiguousarray(values[first:end, 3:])
         terms, shift = CUBIC, 0.0
         if not self._count:
-            terms = terms_of(len(tau))
+            terms = self._filter.terms(len(tau))
             tau, shift = self._put_in_time(first, end, tau, positions)
         found = []
         for offset_ns in (0,) if self._count else self._offsets():
             offset = shift + offset_ns * SECONDS_PER_NS
-            ax, ay, az = self._second_derivative(tau, positions, terms, offset)
+            ax, ay, az = self._derivative(tau, positions, terms, offset)
             pose = self._turning(tau, attitudes, terms, offset)
             attitude = pose[:4] if offset else values[self._at, 3:].tolist()
             restarted, self._restarted = self._restarted, False
@@ -349,72 +376,6 @@ class PoseInput(CheckedInput):
             (centre - before) * k // parts if k < 0 else (after - centre) * k // parts
             for k in range(-side, side + 1)
         ]
-
-
-class _Poses:
-    """The poses of a window, as columns.
-
-    Attributes:
-        stamps: (N,) [ns].
-        values: (N, 7) position [m] and quaternion x, y, z, w.
-    """
-
-    def __init__(self) -> None:
-        self._all_stamps = np.zeros(64, dtype=np.int64)
-        self._all_values = np.zeros((64, _NUMBERS))
-        self.clear()
-
-    def __len__(self) -> int:
-        return self._size
-
-    @property
-    def newest_ns(self) -> int:
-        """Stamp of the newest one [ns]."""
-        return int(self._all_stamps[self._size - 1])
-
-    @property
-    def newest_position(self) -> Vector:
-        """Position of the newest one [m]."""
-        x, y, z = self._all_values[self._size - 1, :3].tolist()
-        return x, y, z
-
-    def clear(self) -> None:
-        """Forgets all."""
-        self._resize(0)
-
-    def append(self, stamp_ns: int, values: tuple[float, ...]) -> None:
-        """Takes one more."""
-        if self._size == len(self._all_stamps):
-            self._all_stamps = np.concatenate([self._all_stamps, self._all_stamps])
-            self._all_values = np.concatenate([self._all_values, self._all_values])
-        self._all_stamps[self._size], self._all_values[self._size] = stamp_ns, values
-        self._resize(self._size + 1)
-
-    def forget(self, count: int) -> int:
-        """Drops the oldest ones; returns how many."""
-        if count <= 0:
-            return 0
-        rest = self._size - count
-        self._all_stamps[:rest] = self._all_stamps[count : self._size]
-        self._all_values[:rest] = self._all_values[count : self._size]
-        self._resize(rest)
-        return count
-
-    def rows(self, first: int) -> list[float]:
-        """From one on: stamp before the newest one's [ns], position, quaternion; in a row."""
-        back = (self.stamps[first:] - self.stamps[-1:]).astype(np.float64)
-        table: list[float] = np.column_stack([back, self.values[first:]]).ravel().tolist()
-        return table
-
-    def fill(self, newest_ns: int, rows: Sequence[float]) -> None:
-        """Takes what `rows` of others gave, with the stamp of their newest one [ns]."""
-        self.clear()
-        for back, *values in np.reshape(rows, (-1, _NUMBERS + 1)).tolist():
-            self.append(newest_ns + round(back), tuple(values))
-
-    def _resize(self, size: int) -> None:
-        self._size = size
-        self.stamps, self.values = self._all_stamps[:size], self._all_values[:size]
 
 
 def _fault_of_attitude(quaternion: tuple[float, float, float, float]) -> SampleVerdict | None:

@@ -29,14 +29,33 @@ class EstimatorTuning:
     fastest_turn: float = number(200.0, "rad/s", "largest angular velocity, 30 turns a second")
     # pose_filter.py
     reach: float = number(1.43, "rad", "half the window in phase of the carried mode, ωH")
+    velocity_reach: float = number(1.27, "rad", "the same where velocities are differentiated")
+    pose_reaches: tuple[float, ...] = number((0.26, 1.43), "rad", "the same, of degrees 3 and 5")
+    velocity_reaches: tuple[float, ...] = number((0.22, 1.27), "rad", "the same, of 1 and 3")
     fastest_mode: float = number(30.0, "rad/s", "carried mode without a model: a cup of 40 mm")
     phase_step: float = number(0.25, "rad", "largest step between accelerations, ωT")
     # pose_input.py
     fastest_move: float = number(20.0, "m/s", "speed above which a tracker jumps")
+    pose_step: float = number(5e-3, "m", "step of a coarse position that is no jump")
     farthest: float = number(1e4, "m", "largest distance of a container from the origin")
     lengths: tuple[float, float] = number((1e-3, 1e3), "1", "lengths that a quaternion may have")
     clock_poses: int = number(32, "1", "number of poses that determine the even clock")
     clock_memory: float = number(0.99, "1", "part of the clock's fit that is kept at each pose")
+    # aligned.py
+    moved: float = number(1e-6, "rad, m", "change of a joint or a transform that moves")
+    slower: float = number(1.5, "1", "ratio of intervals at which a slower stream leads")
+    kept_states: int = number(1024, "1", "values of a stream that are kept")
+    set_back_ns: int = number(SECOND, "ns", "stamps that go back so far are another time")
+    silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")
+    silent_intervals: float = number(3.0, "1", "the same in its own intervals, in addition")
+    # joint_poses.py, transform_poses.py
+    first_states: int = number(50, "1", "messages after which what is missing is told")
+    still_ns: int = number(30 * SECOND, "ns", "time after which a chain that stands is told")
+    beyond_limits: float = number(1.0, "rad, m", "distance to a joint's limits that is no error")
+    # joint_velocities.py
+    stretch_ns: int = number(SECOND // 5, "ns", "time over which velocities are compared")
+    compared: float = number(0.01, "rad, m", "motion over which velocities are compared")
+    agreeing_velocity: float = number(0.05, "1", "relative error of velocities that agree")
     # sampling.py
     carried: tuple[float, float] = number((0.97, 1.03), "1", "gains of a mode that is carried")
     first_rate: int = number(4, "1", "intervals that determine the rate at first")

@@ -7,6 +7,7 @@ graph. A new topic is one row of TOPICS, and a constant where code names it.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -16,6 +17,9 @@ NAMESPACE: Final = "/slosh"
 ACCEL: Final = "accel"
 IMU: Final = "imu"
 POSE: Final = "pose"
+TWIST: Final = "twist"
+JOINT_STATES: Final = "/joint_states"
+ODOMETRY: Final = "/odom"
 IMAGE: Final = "camera/image_raw"
 IMAGE_COMPRESSED: Final = "camera/image_raw/compressed"
 CAMERA_INFO: Final = "camera/camera_info"
@@ -83,6 +87,8 @@ class Topic(NamedTuple):
         latched: whether late subscribers receive earlier messages (transient local).
         recorded: whether the recorder records it by default.
         page: whether the operator's page reads it.
+        drives: value of the estimator's parameter `input` with which it drives the models; empty:
+            it does not.
     """
 
     name: str
@@ -93,6 +99,7 @@ class Topic(NamedTuple):
     latched: bool = False
     recorded: bool = True
     page: bool = False
+    drives: str = ""
 
     @property
     def is_absolute(self) -> bool:
@@ -118,9 +125,14 @@ _INPUT, _ANSWER, _SHARED = TopicRole.INPUT, TopicRole.ANSWER, TopicRole.SHARED
 _MANY = Publishers.MANY
 
 TOPICS: tuple[Topic, ...] = (
-    Topic(ACCEL, "geometry_msgs/msg/AccelStamped", _INPUT, remappable=True),
-    Topic(IMU, "sensor_msgs/msg/Imu", _INPUT, remappable=True),
-    Topic(POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True),
+    Topic(ACCEL, "geometry_msgs/msg/AccelStamped", _INPUT, remappable=True, drives="accel"),
+    Topic(IMU, "sensor_msgs/msg/Imu", _INPUT, remappable=True, drives="imu"),
+    Topic(POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True, drives="pose"),
+    Topic(
+        JOINT_STATES, "sensor_msgs/msg/JointState", _INPUT, _MANY, remappable=True, drives="joints"
+    ),
+    Topic(ODOMETRY, "nav_msgs/msg/Odometry", _INPUT, remappable=True, drives="odometry"),
+    Topic(TWIST, "geometry_msgs/msg/TwistStamped", _INPUT, remappable=True, drives="twist"),
     Topic(IMAGE, "sensor_msgs/msg/Image", _INPUT, remappable=True),
     Topic(IMAGE_COMPRESSED, "sensor_msgs/msg/CompressedImage", _INPUT, remappable=True),
     Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", _INPUT, remappable=True),
@@ -150,9 +162,9 @@ TOPICS: tuple[Topic, ...] = (
         remappable=True, page=True,
     ),
     Topic(CLOCK, "rosgraph_msgs/msg/Clock", _SHARED),
-    Topic(TF, "tf2_msgs/msg/TFMessage", _SHARED, _MANY),
-    Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", _SHARED, _MANY, latched=True),
-    Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", _SHARED, latched=True),
+    Topic(TF, "tf2_msgs/msg/TFMessage", _INPUT, _MANY, remappable=True, drives="tf"),
+    Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", _INPUT, _MANY, remappable=True, latched=True),
+    Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", _INPUT, remappable=True, latched=True),
 )  # fmt: skip
 SERVICES: tuple[Service, ...] = (
     Service(LOAD_MODEL, "slosh_msgs/srv/LoadModel", remappable=True),
@@ -162,6 +174,8 @@ SERVICES: tuple[Service, ...] = (
     Service(PLAN, "slosh_msgs/srv/PlanMotion"),
 )
 ACTIONS: tuple[Service, ...] = (Service(PLAN_MOTION, "slosh_msgs/action/PlanMotion"),)
+DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
+"""Topics that can drive the models, by the value of the estimator's parameter `input`."""
 
 
 class CellName(NamedTuple):
@@ -187,6 +201,19 @@ class CellName(NamedTuple):
         return any(
             row.role is TopicRole.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS
         )
+
+
+def is_input(topic: str, message_type: str = "") -> bool:
+    """Whether a robot, its planner or its camera publishes a topic, in whatever namespace.
+
+    Args:
+        topic: its full name.
+        message_type: its type; empty: not known.
+    """
+    if any(row.name == topic and row.role is TopicRole.INPUT for row in TOPICS):
+        return True
+    found = cell_name(topic, message_type)
+    return found is not None and found.is_input
 
 
 def cell_name(topic: str, message_type: str = "") -> CellName | None:

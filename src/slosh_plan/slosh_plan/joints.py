@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -11,26 +9,18 @@ import numpy as np
 import scipy
 
 from slosh_base.types import Array
+from slosh_estimator.robot import Mover, Robot
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.trajectory import PEAK_SPACING, Trajectory, dense
 
-HOW_TO_GET = (
-    "a motion of joints needs Pinocchio, which is not installed "
-    "(pip install -r requirements/joints.txt)"
-)
 MOST = 1e4
 """Of a joint's position, velocity or acceleration: more is no number of a machine."""
 JUMP = 1.5 * np.pi
 """No joint with stops turns so far from one point to the next [rad]: its angle wraps."""
 
 
-def available() -> bool:
-    """Whether Pinocchio is installed."""
-    return importlib.util.find_spec("pinocchio") is not None
-
-
-class Arm:
-    """A robot that carries the container.
+class Arm(Robot):
+    """A robot that carries the container, and whose motions are planned.
 
     Args:
         urdf: text of its description.
@@ -43,20 +33,7 @@ class Arm:
     """
 
     def __init__(self, urdf: str, tool_frame: str, name: str = "URDF") -> None:
-        if not available():
-            raise SloshPlanError(HOW_TO_GET)
-        self._pin: Any = importlib.import_module("pinocchio")
-        try:
-            self._model = self._pin.buildModelFromXML(urdf)
-        except (ValueError, RuntimeError, IndexError) as error:
-            reason = " ".join(str(error).split()) or "cannot be read"
-            raise SloshPlanError(f"{name}: is not a robot description: {reason[:200]}") from None
-        links = [one.name for one in self._model.frames if one.type == self._pin.FrameType.BODY]
-        if tool_frame not in links:
-            known = ", ".join(links)
-            raise SloshPlanError(f"{name}: no link {tool_frame!r} (it has {known:.200})")
-        self._frame = self._model.getFrameId(tool_frame)
-        self._name = name
+        super().__init__(urdf, tool_frame, name=name, error=SloshPlanError)
 
     def motion(
         self,
@@ -221,7 +198,14 @@ class Arm:
                 # A joint without stops is held as cosine and sine.
                 turned = [value] if place.nq == 1 else [np.cos(value), np.sin(value)]
                 q[place.idx_q : place.idx_q + place.nq] = turned
+            for mover, column in self._columns(joints):  # those that mimic others, too
+                mover.put(q, row[column])
             yield q
+
+    def _columns(self, joints: Sequence[str]) -> list[tuple[Mover, int]]:
+        """The joints that carry the container, each with the column that moves it."""
+        own = list(joints)
+        return [(mover, own.index(mover.joint)) for mover in self._movers if mover.joint in own]
 
     def joined(self, joints: Sequence[str], position: Array) -> Array:
         """(N, J) the same positions, angles that wrap joined."""
@@ -249,10 +233,10 @@ class Arm:
                 )
             if joints.count(joint) > 1:
                 raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
-        for number in model.supports[model.frames[self._frame].parentJoint]:
-            if number and model.names[number] not in joints:
+        for joint in self.carrying:
+            if joint not in joints:
                 raise SloshPlanError(
-                    f"{name}: joint {model.names[number]!r} carries the container and is missing"
+                    f"{name}: joint {joint!r} carries the container and is missing"
                 )
 
     def _moved(
@@ -260,14 +244,15 @@ class Arm:
     ) -> Trajectory:
         """The frame's motion, with exact derivatives."""
         pin, model = self._pin, self._model
-        data, places = model.createData(), [model.joints[model.getJointId(j)] for j in joints]
+        data, columns = model.createData(), self._columns(joints)
         found = np.empty((len(t), 13))
         world, local = pin.LOCAL_WORLD_ALIGNED, pin.LOCAL
         configurations = self._configurations(joints, states[0])
         for row, (q, rate, change) in enumerate(zip(configurations, *states[1:], strict=True)):
             v, a = np.zeros(model.nv), np.zeros(model.nv)
-            for place, speed, more in zip(places, rate, change, strict=True):
-                v[place.idx_v], a[place.idx_v] = speed, more
+            for mover, column in columns:
+                v[mover.rate_at] = mover.multiplier * rate[column]
+                a[mover.rate_at] = mover.multiplier * change[column]
             pin.forwardKinematics(model, data, q, v, a)
             pose = pin.updateFramePlacement(model, data, self._frame)
             found[row, :3] = pose.translation

@@ -6,14 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from slosh_base.files.bounded_text import read_text
-from slosh_base.files.errors import TextFileError
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.robot import read_urdf
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import JointLimits, limits_of, read_joint_limits
-
-LONGEST = 10_000_000
-"""Bytes; a robot with its cell has some hundred kilobytes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +63,4 @@ def read_arm(path: str | Path, tool_frame: str) -> Arm:
         raise SloshEstimatorError(
             f"{path}: give the link that holds the container: the tool frame"
         )
-    try:
-        text = read_text(path, LONGEST)
-    except TextFileError as error:
-        raise SloshEstimatorError(str(error)) from None
-    return Arm(text, tool_frame, str(path))
+    return Arm(read_urdf(path), tool_frame, str(path))

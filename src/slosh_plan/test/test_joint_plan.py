@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from slosh_estimator.robot import available
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import parse_model
 from slosh_plan import SloshPlanError
-from slosh_plan.joints import Arm, available
+from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import limits_of, read_joint_limits
 from slosh_plan.planning.joint_path import JointLeg, joint_path
 from slosh_plan.planning.limits import PlanLimits

@@ -6,8 +6,9 @@ import sys
 import numpy as np
 import pytest
 
+from slosh_estimator.robot import available
 from slosh_plan import SloshPlanError
-from slosh_plan.joints import Arm, available
+from slosh_plan.joints import Arm
 
 needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
 UPPER, FORE, CUP = 0.5, 0.4, 0.1

@@ -20,6 +20,7 @@ from trajectory_msgs.msg import (
     MultiDOFJointTrajectoryPoint,
 )
 
+from slosh_estimator.robot import available
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import parse_model
 from slosh_msgs.action import PlanMotion
@@ -27,7 +28,6 @@ from slosh_msgs.msg import MotionPlan, PlanRequest, SloshEstimate
 from slosh_msgs.srv import PlanMotion as PlanMotionService
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
-from slosh_plan.joints import available
 from slosh_plan.nodes import planner_node
 from slosh_plan.nodes.planner_node import THREADS, PlannerNode
 from slosh_plan.planning import optimise

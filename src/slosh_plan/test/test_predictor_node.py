@@ -21,6 +21,7 @@ from trajectory_msgs.msg import (
 )
 
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.motion_profiles import quintic
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome, SloshEstimate
@@ -29,7 +30,6 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales
-from slosh_plan.joints import available
 from slosh_plan.nodes.predict_messages import trajectory_of
 from slosh_plan.nodes.predictor_node import PredictorNode
 from slosh_plan.robot_file import read_arm

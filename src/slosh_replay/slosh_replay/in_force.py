@@ -10,6 +10,7 @@ from typing import Any
 from slosh_base.files.yaml_document import format_yaml
 from slosh_camera.calibrate.camera_file import parse_any_calibration
 from slosh_camera.optics.calibration import Calibration
+from slosh_estimator.inputs import TOPIC_NAMES
 from slosh_estimator.limits import Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
@@ -109,7 +110,7 @@ def has_camera(starts: Starts) -> bool:
 def input_topic(estimator: NodeStart | None) -> str:
     """What drives the models."""
     kind = estimator.parameters["input"] if estimator else topics.ACCEL
-    return topic_of(estimator, kind)
+    return topic_of(estimator, TOPIC_NAMES.get(kind, kind))
 
 
 def image_topic(camera: NodeStart | None) -> str:

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import scipy.io
 
+from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_base.files.errors import SloshFileError
+from slosh_estimator.robot import Robot, available
 from slosh_replay.tables.antisloshing import POSE_TOPIC, SURFACE_TOPIC, import_antisloshing
 
 RUN = "LE_2D_test"
@@ -46,6 +48,41 @@ def test_every_sample_is_in_the_bag(data: Path, tmp_path: Path):
     poses = [reader.decode(message) for message in reader.messages([POSE_TOPIC])]
     assert len(poses) == 30
     assert (poses[3].pose.position.y, poses[3].pose.orientation.w) == (0.2, 1.0)
+
+
+URDF = """<?xml version="1.0"?><link name="world"/><link name="axes_6"/>
+<joint name="q3_joint" type="revolute"><parent link="world"/><child link="axes_6"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
+
+
+def write_joints(folder: Path, text: str) -> None:
+    (folder / "arm.urdf").write_text(URDF)
+    (folder / "joints").mkdir()
+    (folder / "joints" / f"{RUN}.csv").write_text(text)
+
+
+def test_joints_are_kept_in_the_convention_of_the_arms_description(data: Path, tmp_path: Path):
+    write_joints(data, "".join(f"{0.002 * k:g};0.1;0.2;0.3;0.4;0.5;0.6\n" for k in range(30)))
+    (bag,) = import_antisloshing(data, tmp_path / "bags")
+    reader = BagReader(bag)
+    states = [reader.decode(message) for message in reader.messages(["/joint_states"])]
+    assert len(states) == 30
+    np.testing.assert_allclose(states[3].position, [0.1, 0.2, 0.3 - 1.57, 0.4, 0.5, 0.6])
+    (told,) = [reader.decode(one).data for one in reader.messages(["/robot_description"])]
+    if not available():
+        return
+    robot = Robot(told, "container", "world")
+    assert robot.carrying == ("q3_joint",)
+    position, turn = robot.pose({"q3_joint": -0.5 * np.pi})
+    # The cup hangs 80 mm in front of the flange, and stands upright where that points up.
+    np.testing.assert_allclose(position, [0.0, 0.0, 0.08], atol=1e-12)
+    np.testing.assert_allclose(np.abs(turn)[2:], [1.0, 0.0], atol=1e-9)
+
+
+def test_joints_that_are_no_table_are_named(data: Path, tmp_path: Path):
+    write_joints(data, "0;1;2;3\n")
+    with pytest.raises(SloshBagError, match="line 1: has 4 columns, expected t;q1;q2"):
+        import_antisloshing(data, tmp_path / "bags")
 
 
 def test_the_bag_says_that_its_clocks_are_unrelated(data: Path, tmp_path: Path):

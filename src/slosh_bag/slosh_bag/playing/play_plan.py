@@ -134,7 +134,7 @@ def _choose(request: PlayRequest, contents: BagContents) -> list[str]:
         if topic != CLOCK
         and include.search(topic)
         and not (exclude and exclude.search(topic))
-        and (not request.inputs or is_input(topic, contents.topics[topic].message_type))
+        and (not request.inputs or names.is_input(topic, contents.topics[topic].message_type))
     ]
     if not chosen:
         raise SloshBagError(
@@ -149,12 +149,6 @@ def _pattern(name: str, text: str) -> re.Pattern[str]:
         return re.compile(text)
     except re.error as error:
         raise SloshBagError(f"{name} = {text!r}: not a regular expression: {error}") from None
-
-
-def is_input(topic: str, message_type: str = "") -> bool:
-    """Whether a robot, its planner or its camera publishes the topic, in whatever namespace."""
-    found = names.cell_name(topic, message_type)
-    return found is not None and found.is_input
 
 
 def renamed(topic: str, namespace: str, message_type: str = "") -> str:

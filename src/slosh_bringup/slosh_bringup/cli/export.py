@@ -13,10 +13,10 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import Progress, Unit
 from slosh_bringup.errors import SloshBringupError
-from slosh_estimator.inputs import MESSAGE_TYPES
 from slosh_replay.tables.bag_table import NO_HEIGHTS, TableSettings, read_bag_table
 from slosh_report.text_table import aligned
 from slosh_tables.motion_table import SUFFIXES, is_motion_table, write_motion_table
@@ -52,11 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print the --list output as JSON")
     motion = parser.add_argument_group("motion table")
-    motion.add_argument(
-        "--input",
-        choices=list(MESSAGE_TYPES),
-        help="source of the motion (default: as recorded)",
-    )
+    add_input_options(motion)
     motion.add_argument(
         "--measured",
         metavar="TOPIC",
@@ -101,9 +97,11 @@ def export_motion(arguments: argparse.Namespace) -> int:
         raise SloshBringupError(f"{output}: a motion table must be named {' or '.join(SUFFIXES)}")
     check_apart([output], files_of(arguments.bag))
     check_targets([output], overwrite=arguments.overwrite)
+    wanted = wanted_input(arguments)
     settings = TableSettings(
-        kind=arguments.input, measured=arguments.measured, absolute=arguments.absolute
-    )
+        kind=None if wanted is None else wanted.kind, measured=arguments.measured,
+        absolute=arguments.absolute, inputs=wanted,
+    )  # fmt: skip
     with Progress("export", None, Unit("messages")) as progress:
         given = read_bag_table(arguments.bag, settings, progress.add)
     write_motion_table(output, given.table)

@@ -29,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     data_set = kinds.add_parser("antisloshing", help="the public AntiSloshing measurements")
     data_set.add_argument(
-        "folder", type=Path, help="folder of the data set, with heights/ and poses/"
+        "folder",
+        type=Path,
+        help="folder of the data set: heights/, poses/, and joints/ with the arm's URDF if any",
     )
     data_set.set_defaults(read=import_runs)
 

@@ -15,6 +15,7 @@ from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import NAMESPACE
 from slosh_bringup.new_cup import LENGTH, QUANTITIES, NewCup, lengths_of, next_steps, texts_of
+from slosh_estimator.robot import Robot, read_urdf
 from slosh_model.liquid import LIQUIDS, Liquid
 
 _TYPES = {"kg/m3": DENSITY, "m2/s": VISCOSITY}
@@ -66,6 +67,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-camera", action="store_true",
         help="describe a cell without a camera; only the estimate is monitored",
     )  # fmt: skip
+    robot = parser.add_argument_group("robot whose joint states drive the models")
+    robot.add_argument("--urdf", type=Path, metavar="FILE", help="robot description")
+    robot.add_argument(
+        "--tool-frame", metavar="LINK", help="link of the robot that holds the container"
+    )
     parser.add_argument("--json", action="store_true", help="print files and next steps as JSON")
     parser.add_argument(
         "--image-size", default=_IMAGE_SIZE, metavar="WxH",
@@ -115,9 +121,14 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
             f"{', '.join(missing)}: required; the command can ask for values only on a terminal"
         )
     lengths = lengths or _lengths(given)
+    if (arguments.urdf is None) != (arguments.tool_frame is None):
+        raise SloshBringupError("--urdf and --tool-frame must be given together")
+    if arguments.urdf is not None:
+        Robot(read_urdf(arguments.urdf), arguments.tool_frame, name=str(arguments.urdf))
     return NewCup(
         lengths, given["fill_height"], liquid, given.get("rim_height"),
         given.get("wall"), arguments.namespace, size, not (arguments.no_camera or shape), shape,
+        arguments.urdf, arguments.tool_frame or "",
     )  # fmt: skip
 
 

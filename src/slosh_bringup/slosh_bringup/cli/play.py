@@ -13,6 +13,7 @@ from slosh_bringup.cli.progress import IN_SECONDS, Progress
 from slosh_bringup.cli.quantities import RATE, time
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import READER_GONE, forget_readers
+from slosh_msgs_py.topics import TOPICS, TopicRole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--inputs", action="store_true",
-        help="play only what the robot, its planner and its camera publish: accel, imu, pose, "
-        "camera/..., planned_trajectory",
+        help="play only what the robot, its planner and its camera publish: "
+        f"{', '.join(row.name for row in TOPICS if row.role is TopicRole.INPUT)}",
     )  # fmt: skip
     parser.add_argument(
         "--clock", type=RATE, default=0.0, metavar="HZ",

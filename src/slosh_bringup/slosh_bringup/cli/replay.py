@@ -16,6 +16,7 @@ from slosh_bag.mcap_files.bag_folder import files_of
 from slosh_bag.reader import bag_files
 from slosh_base.files import check_apart, check_outside
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
@@ -61,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--estimator", type=int, default=1, metavar="N",
         help="number of the estimator to replay, for a topic with several; 1: the first",
     )  # fmt: skip
+    add_input_options(parser)
     parser.add_argument(
         "-o", "--output", type=Path,
         help="folder for results: a page, the figures and a bag of outputs for each bag, and "
@@ -124,6 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
 def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> list[Task]:
     """What is to be replayed, and what it must give."""
     tasks = []
+    given = wanted_input(arguments)
     for bag, name in zip(stated, unique_names([bag.path for bag in stated]), strict=True):
         expected = bag.expected
         model = arguments.model or (expected.model if expected else None)
@@ -134,7 +137,7 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
         unstated = bag.unstated and expected is not None
         task = Task(
             bag.path, name, model, arguments.cell, arguments.output, expected, unstated,
-            arguments.json, arguments.estimator,
+            arguments.json, arguments.estimator, given,
         )  # fmt: skip
         # A cluster's workers have working directories of their own.
         tasks.append(task.absolute() if arguments.scheduler else task)

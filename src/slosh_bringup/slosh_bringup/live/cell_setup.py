@@ -22,6 +22,8 @@ REMAPPABLE = (
     *(one.name for one in (*topics.SERVICES, *topics.ACTIONS) if one.remappable),
 )
 """Topics and services of the nodes, by the names that `remap` knows."""
+READING = ("input", "urdf", "tool_frame")
+"""Keys of a cell file that are the estimator's parameters of the same name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,7 @@ class CellSetup:
         parameters: ROS parameter file of all nodes; what it does not set is as the nodes have it.
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
+        reading: parameters of the estimator that say what drives it, as far as they are given.
     """
 
     model: Path
@@ -41,12 +44,13 @@ class CellSetup:
     parameters: Path
     namespace: str = NAMESPACE
     remap: Mapping[str, str] = field(default_factory=dict)
+    reading: Mapping[str, str] = field(default_factory=dict)
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """The nodes of NODES_OF_A_CELL; without a calibration no camera node."""
         own: dict[str, dict[str, str]] = {
             "recorder": {"output": str(bag)},
-            "estimator": {"model": str(self.model)},
+            "estimator": {"model": str(self.model), **self.reading},
             "camera": {"calibration": str(self.calibration)},
             "monitor": {},
         }
@@ -80,7 +84,7 @@ def read_setup(path: Path) -> CellSetup:
     document = source.value
     if not isinstance(document, dict):
         raise SloshBringupError(f"{path}: must be a mapping with the keys model and calibration")
-    known = ("model", "calibration", "camera", "parameters", "namespace", "remap")
+    known = ("model", "calibration", "camera", "parameters", "namespace", "remap", *READING)
     for key in document:
         if key not in known:
             raise SloshBringupError(
@@ -95,7 +99,25 @@ def read_setup(path: Path) -> CellSetup:
         parameters=_file(source, "parameters", default.parameters),
         namespace=namespace,
         remap=read_remap(source, namespace, document.get("remap") or {}),
+        reading=_reading(source),
     )
+
+
+def _reading(source: YamlDocument) -> dict[str, str]:
+    """What drives the estimator, as far as the file says."""
+    found = {}
+    for key in READING:
+        if key not in source.value:
+            continue
+        value = source.value[key]
+        if not isinstance(value, str):
+            raise SloshBringupError(f"{source.at(key)} = {shown(value)} must be a text")
+        found[key] = str(_file(source, key)) if key == "urdf" else value
+    if "input" in found and found["input"] not in topics.DRIVING:
+        raise SloshBringupError(
+            f"{source.at('input')} = {shown(found['input'])} must be {', '.join(topics.DRIVING)}"
+        )
+    return found
 
 
 def _has_camera(source: YamlDocument) -> bool:
@@ -149,11 +171,12 @@ def read_remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, st
         )
     for name in value:
         relative = name.removeprefix(f"{namespace.rstrip('/')}/")
-        if relative not in REMAPPABLE:
+        if not {relative, f"/{relative}"} & {*REMAPPABLE}:
             known = ", ".join(REMAPPABLE)
             place = source.where("remap", name)
             raise SloshBringupError(
                 f"{place}: remap: no such topic: {shown(name)} (known: {known})"
                 f"{did_you_mean(relative, REMAPPABLE)}"
             )
-    return dict(value)
+    whole = {name.strip("/") for name in REMAPPABLE if name.startswith("/")}
+    return {f"/{name}" if name in whole else name: other for name, other in value.items()}

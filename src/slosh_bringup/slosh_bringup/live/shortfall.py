@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slosh_bag.reader import BagReader, TopicInfo
 from slosh_bringup.live.run_data import RunData, facts_of
 from slosh_camera.measurement import Flag
+from slosh_estimator.inputs import MESSAGE_TYPES, TRANSFORMS
 from slosh_estimator.sight import UNUSABLE
 from slosh_msgs_py import topics
 from slosh_replay.in_force import Starts, has_camera, image_topic, input_topic
@@ -71,7 +72,8 @@ def _input(data: RunData, starts: Starts) -> str:
     if _count(data.topics, _own(data, "estimate", ESTIMATE)):
         return ""
     reasons = _named(facts, "dropped: ")
-    age = _seen(data.run.reader, topic).age if recorded else float("nan")
+    stamped = recorded and data.topics[topic].message_type != MESSAGE_TYPES[TRANSFORMS]
+    age = _seen(data.run.reader, topic).age if stamped else float("nan")
     old = f"; their stamps are {age:.1f} s behind this machine's clock" if age > LATE else ""
     return (
         f"{came} messages received on {topic}, but none could be "

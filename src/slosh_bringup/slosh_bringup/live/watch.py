@@ -15,7 +15,7 @@ from slosh_bringup.ready_wait import TELLING, UNHEARD, ReadyWait, sentence
 from slosh_bringup.watch.verdict import judge
 from slosh_estimator.limits import Source
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_msgs_py.node.readiness import COMPILING, READY, STATE
+from slosh_msgs_py.node.readiness import COMPILING, READY, STATE, WAITING
 from slosh_replay.in_force import in_force_lines, settings_document
 from slosh_replay.recording.settings import NodeStart, after
 
@@ -138,6 +138,7 @@ class LiveWatch:
         """Tells who takes long, and when it does no more."""
         state = report.facts.get(STATE, READY)
         text = "compiling, once on this machine" if state == COMPILING else ""
+        text = report.sentence if state == WAITING else text
         before, self._told[report.node] = self._told.get(report.node, ""), text
         if text != before:
             self._tell([f"{report.node}: {text or 'ready'}"])

@@ -15,7 +15,7 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.rivals import node_of
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    topics.ACCEL: (topics.ACCEL, topics.IMU, topics.POSE),
+    topics.ACCEL: tuple(row.name for row in topics.DRIVING.values() if not row.is_absolute),
     topics.IMAGE: (topics.IMAGE, topics.IMAGE_COMPRESSED),
     topics.ESTIMATE: (topics.ESTIMATE,),
     topics.FREE_SURFACE: (topics.FREE_SURFACE,),

@@ -21,6 +21,7 @@ from slosh_bag.mcap_files.bag_facts import read_facts
 from slosh_bag.mcap_files.bag_folder import METADATA
 from slosh_base.files import is_unfinished, new_folder
 from slosh_bringup.errors import SloshBringupError
+from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
 from slosh_replay.manifest import Expectation
 from slosh_replay.recorded_run import RecordedRun
@@ -58,6 +59,7 @@ class Task:
         unstated: there is a manifest, and it does not name the bag.
         figures: whether all figures are told.
         estimator: which, from 1, where several are mixed on one topic.
+        given: how the input is read; None: as the recorded estimator did.
     """
 
     bag: Path
@@ -69,6 +71,7 @@ class Task:
     unstated: bool = False
     figures: bool = False
     estimator: int = 1
+    given: WantedInput | None = None
 
     def absolute(self) -> Task:
         """The same with paths that do not hang on the working directory."""
@@ -125,13 +128,14 @@ def replay_task(task: Task) -> Replayed:
     run = RecordedRun(task.bag)
     model = read_model(task.model) if task.model else None
     if task.output is None:
-        result = replay_bag(run, model, cell=task.cell, estimator=task.estimator)
+        result = replay_bag(run, model, given=task.given, cell=task.cell, estimator=task.estimator)
     else:
         _check_pages(task.output / task.name)
         with new_bag(task.output / task.name) as outputs:
             result = replay_bag(
-                run, model, outputs=outputs, cell=task.cell, estimator=task.estimator
-            )
+                run, model, given=task.given, outputs=outputs, cell=task.cell,
+                estimator=task.estimator,
+            )  # fmt: skip
     result = replace(result, name=task.name)
     checked = _checked(result, task)
     if task.output is not None:

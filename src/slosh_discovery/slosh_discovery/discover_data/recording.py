@@ -31,7 +31,8 @@ from slosh_estimator.inputs import IMU, MESSAGE_TYPES, POSE, InputSettings
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.interpolation import columns_at
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.inputs import STAMP, recorded_inputs, stamps_of
+from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
+from slosh_replay.recording.inputs import STAMP, stamps_of
 from slosh_replay.recording.motion import FRAME, AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
 
@@ -100,16 +101,23 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
     """
     if sources.surface is None:
         raise SloshBagError(f"{path}: holds no measured heights (free_surface)")
-    how = recorded_inputs(sources.starts, sources.facts)
+    how = reading(reader, sources)
     container = _Container(sources, how)
     measured, compared = HeightCollector(), _Comparisons()
     takers = container.takers(reader.topics())
     takers[sources.surface] = (measured.fields, measured.add)
     if sources.comparison is not None:
         takers[sources.comparison] = (_COMPARISON_FIELDS, compared.add)
-    for block in reader.blocks(list(takers)):
-        names, take = takers[block.topic]
-        take(reader.columns(block, names))
+    blocks = InputBlocks(reader, sources, how)
+    for chunk in by_chunk(reader.blocks([*blocks.topics, *takers])):
+        own = [block for block in chunk if block.topic in blocks.topics]
+        if own:
+            container.add(blocks.columns(own))
+        for block in chunk:
+            if block.topic in takers:
+                names, take = takers[block.topic]
+                take(reader.columns(block, names))
+    blocks.check()
     heights, left_out = usable_heights(measured.measurements())
     if not len(heights.stamps):
         raise SloshBagError(f"{path}: holds no usable height in {sources.surface}")
@@ -133,8 +141,8 @@ class _Container:
         self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
 
     def takers(self, topics: Mapping[str, TopicInfo]) -> dict[str, Taker]:
-        """Who takes which of a bag's topics."""
-        found: dict[str, Taker] = {self._topic: (self._moved.fields, self._moved.add)}
+        """Who takes which of a bag's topics beside the input."""
+        found: dict[str, Taker] = {}
         if self._kind != "accel":
             return found
         beside: dict[str, Taker] = {
@@ -146,6 +154,10 @@ class _Container:
             if topic in topics and topics[topic].message_type == MESSAGE_TYPES[name]:
                 found[topic] = taker
         return found
+
+    def add(self, columns: Columns) -> None:
+        """Takes messages of the input that follow each other."""
+        self._moved.add(columns)
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:

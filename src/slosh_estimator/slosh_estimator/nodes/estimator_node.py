@@ -4,29 +4,39 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections import ChainMap
+from collections.abc import Mapping
 from functools import partial
+from threading import Event
 from typing import Any
 
-from geometry_msgs.msg import AccelStamped, PoseStamped
-from sensor_msgs.msg import Imu
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator import SOURCES
-from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
-from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.inputs import MESSAGE_TYPES, POSE_WINDOW, AnyInput, InputSettings
-from slosh_estimator.nodes.estimator_messages import fill, fill_reading, imu_sample
+from slosh_estimator.inputs import (
+    JOINTS,
+    MESSAGE_TYPES,
+    POSE_WINDOW,
+    ROBOT,
+    TOPIC_NAMES,
+    WINDOWED,
+    AnyInput,
+    InputSettings,
+)
+from slosh_estimator.nodes.estimator_messages import fill, fill_reading
+from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.requested_model import requested_model
 from slosh_estimator.nodes.state_publisher import StatePublisher
-from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.readings import has_readings
+from slosh_estimator.robot import Robot, read_urdf
 from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.validity import EstimateFlag, attitude_warning
@@ -39,11 +49,8 @@ from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.prepared import PreparedNode
 from slosh_msgs_py.node.readiness import READY, Progress
-from slosh_msgs_py.node.rivals import Rivals
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
-from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
-from slosh_msgs_py.stamps import to_nanoseconds
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
@@ -58,6 +65,14 @@ PARAMETERS = (
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec(
+        "urdf", "", "robot description (URDF, xacro) for the input joints; empty: the topic "
+        f"{topics.ROBOT_DESCRIPTION}"
+    ),
+    ParameterSpec(
+        "tool_frame", "", "link of the robot that is the container, or carries it; empty: "
+        "container_frame"
+    ),
     _dynamic(
         "max_gap", _GATE.max_gap, "longest gap in the input integrated across [s]", (1e-3, 1.0)
     ),
@@ -93,6 +108,11 @@ PARAMETERS = (
         "length of the window in which poses are differentiated [s]; estimates are delayed by "
         "half of it; 0.0: the longest window that preserves the model's modes", (0.0, 2.0),
     ),
+    ParameterSpec(
+        "smoothing", 0.0,
+        "delay of what is differentiated [s], half of the window; longer is less noisy; it also "
+        "chooses the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
+    ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
@@ -117,9 +137,11 @@ class EstimatorNode(PreparedNode):
         self._message.header.frame_id = values["container_frame"]
         self._reading.header.frame_id = values["container_frame"]
         self._kind = values["input"]
-        names = (values["input"], topics.ESTIMATE)
+        names = (TOPIC_NAMES[self._kind], topics.ESTIMATE)
+        self._given: dict[str, Any] = {}  # by fixed transforms
+        self._known = ChainMap(self._given, values)
         self._settings = SettingsPublisher(
-            self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, names
+            self, sources_digest(*SOURCES), arithmetic_fingerprint(), self._known, names
         )
         self._publisher = self.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
         self._readings = self.create_publisher(
@@ -127,22 +149,57 @@ class EstimatorNode(PreparedNode):
         )
         self._states = StatePublisher(self, values["container_frame"])
         self._flags = self._contested = 0
-        self._speakers = SpeakerWatch()
+        self._described, self._urdf, self._patient = Event(), "", later
+        if self._kind == JOINTS:
+            self._ask_for_the_robot()
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
         """Compiles or loads the models' kernel and what reads the input, and checks them."""
         load_telling(progress, "slosh_estimator.estimate_kernel")
-        if self._kind == topics.POSE:
+        if self._kind in WINDOWED:
             load_telling(progress, "slosh_estimator.pose_input")
+        if self._kind == JOINTS:
+            self._await_the_robot()
         self._estimator = Estimator(
             self._felt(self._model), at_rest=self._values["starts_at_rest"]
         )
 
+    def _ask_for_the_robot(self) -> None:
+        """Reads the robot's description, or subscribes to it."""
+        if self._values["urdf"]:
+            self._urdf = read_urdf(self._values["urdf"])
+            self._robot(self._values["urdf"])
+            self._described.set()
+            return
+
+        def described(message: String) -> None:
+            if not self._described.is_set():
+                self._urdf = message.data
+                self._described.set()
+
+        self.create_subscription(String, topics.ROBOT_DESCRIPTION, described, qos.EVENT)
+
+    def _await_the_robot(self) -> None:
+        topic = self.resolve_topic_name(topics.ROBOT_DESCRIPTION)
+        if not self._described.is_set():
+            text = f"no robot description on {topic} yet; or set urdf to its file"
+            if not self._patient:
+                raise SloshEstimatorError(f"input joints: {text}")
+            self.waits(text)
+            self._described.wait()
+        self._robot(topic)
+
+    def _robot(self, name: str) -> Robot:
+        """Refuses a description that does not fit."""
+        values = self._values
+        tool = values["tool_frame"] or values["container_frame"]
+        return Robot(self._urdf, tool, values["world_frame"], name)
+
     def _felt(self, model: Model) -> Model:
         """The model that runs: poses tell the attitude, so that gravity is felt in it."""
-        felt = model.feeling_gravity() if self._kind == topics.POSE else model
+        felt = model.feeling_gravity() if self._kind in WINDOWED else model
         self._added = "" if felt is model else ADDED
         if self._added:
             self.get_logger().info(self._added)
@@ -151,47 +208,30 @@ class EstimatorNode(PreparedNode):
     def begin(self) -> None:
         """Listens from now on."""
         self._set_names()
-        self._input = self._subscribe()
+        self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._announce_start()
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
-    def _subscribe(self) -> AnyInput:
-        self._input_health = InputHealth(self, self._kind, MESSAGE_TYPES[self._kind])
-        self._rivals = Rivals(self, self._kind, MESSAGE_TYPES[self._kind])
-        source = InputSettings.from_parameters(self._values).reader(self._kind)
-        if isinstance(source, AccelInput):
-            self._listen(AccelStamped, topics.ACCEL, partial(self._on_accel, source))
-        elif isinstance(source, ImuInput):
-            self._listen(Imu, topics.IMU, partial(self._on_imu, source))
-        else:
-            self._listen(PoseStamped, topics.POSE, partial(self._on_pose, source))
-        return source
+    @property
+    def _input(self) -> AnyInput:
+        return self._heard.source
 
-    def _listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
-        def heard(message: Any, info: Mapping[str, Any]) -> None:
-            number = info.get("publication_sequence_number")
-            arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
-            self._speakers.take(number, arrival or time.time_ns(), matched)
-            callback(message)
+    def _subscribe(self) -> None:
+        name = TOPIC_NAMES[self._kind]
+        self._input_health = InputHealth(self, name, MESSAGE_TYPES[self._kind])
+        how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
+        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
 
-        subscription = self.create_subscription(kind, topic, WithInfo(heard), qos.STREAM_IN)
-
-    def _on_accel(self, source: AccelInput, message: AccelStamped) -> None:
-        a, header = message.accel.linear, message.header
-        stamp = to_nanoseconds(header.stamp)
-        self._answer(stamp, source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now()))
-
-    def _on_imu(self, source: ImuInput, message: Imu) -> None:
-        stamp, force, rate = imu_sample(message)
-        self._answer(stamp, source.update(stamp, force, rate, self._now()))
-
-    def _on_pose(self, source: PoseInput, message: PoseStamped) -> None:
-        p, q = message.pose.position, message.pose.orientation
-        stamp = to_nanoseconds(message.header.stamp)
-        place, turn, frame = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), message.header.frame_id
-        self._answer(stamp, *source.update(stamp, place, turn, self._now(), frame))
+    def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
+        """Takes what fixed transforms say of the mounting; nothing was used before."""
+        self._given.update(parameters)
+        told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
+        self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
+        self._announce_start()
+        modes = modes_of(self._estimator.model)
+        return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.
@@ -210,7 +250,7 @@ class EstimatorNode(PreparedNode):
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
         flags = estimate.flags | self._contested
-        if self._speakers.contested:
+        if self._heard.contested:
             flags |= _CONTESTED
         self._flags |= flags
         gate = self._input.gate
@@ -254,6 +294,8 @@ class EstimatorNode(PreparedNode):
     def _announce_start(self) -> None:
         """Tells what the models work with from the next sample on, starting from rest."""
         files = {"model": format_model(self._estimator.model)}
+        if self._urdf:
+            files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
@@ -272,15 +314,11 @@ class EstimatorNode(PreparedNode):
     def _health(self) -> Health:
         fault = self._input_health.look(self._input.gate)
         faults = self._input_health.faults(self._input)
-        rivals = self._rivals.look()
-        self._contested = _CONTESTED if rivals else 0
-        if self._speakers.contested and not rivals:
-            rivals = (
-                f"a second publisher on {self.resolve_topic_name(self._kind)}: stop one of them"
-            )
+        rivals = self._heard.rivals()
+        self._contested = _CONTESTED if self._heard.rivalled else 0
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
-        warning = rivals or wrong or self._input.warning()
+        warning = rivals or self._heard.trouble() or wrong or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
@@ -304,7 +342,8 @@ class EstimatorNode(PreparedNode):
             **dropped,
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
-            **self._input_health.facts(gate),
+            **self._heard.facts(),
+            **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
         }

@@ -42,9 +42,13 @@ class InputHealth:
         self._faults: list[str] = []
         self._faulty_since = 0
 
-    def facts(self, gate: SampleGate) -> dict[str, str]:
-        """What others may hear, and this node does not."""
-        return self._topic.facts(gate.used + gate.dropped)
+    def facts(self, total: int) -> dict[str, str]:
+        """What others may hear, and this node does not.
+
+        Args:
+            total: messages that it has heard.
+        """
+        return self._topic.facts(total)
 
     def faults(self, source: AnyInput) -> str:
         """What sensor, driver or bus has newly done to the input, for a while; empty: nothing.

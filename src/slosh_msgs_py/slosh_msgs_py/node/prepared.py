@@ -9,7 +9,7 @@ from typing import Any
 
 from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
-from slosh_msgs_py.node.readiness import STARTING, Progress, Readiness
+from slosh_msgs_py.node.readiness import COMPILING, STARTING, Progress, Readiness
 
 
 class PreparedNode(GuardedNode, ABC):
@@ -61,11 +61,17 @@ class PreparedNode(GuardedNode, ABC):
             self.get_logger().warning(f"not ready yet: {what}")
         self.readiness.compiles(what)
 
+    def waits(self, what: str) -> None:
+        """Tells what is waited for; in the log, too."""
+        self.get_logger().warning(f"not ready: {what}")
+        self.readiness.waits(what)
+
     def is_prepared(self) -> None:
         """Takes up the work and tells so at once."""
         self.begin()
         if self.readiness.doing:
-            self.get_logger().info("compiled; ready")
+            did = "compiled; " if self.readiness.state == COMPILING else ""
+            self.get_logger().info(f"{did}ready")
         self.readiness.is_ready()
         self._report.report()
 

@@ -9,6 +9,8 @@ STATE: Final = "state"
 """The key in the diagnostics."""
 STARTING: Final = "starting"
 COMPILING: Final = "compiling"
+WAITING: Final = "waiting"
+"""For something that somebody else has to send."""
 READY: Final = "ready"
 RECORDED: Final = "recorded settings of"
 """The key of the recorder's diagnostics that lists the nodes whose settings are in the bag."""
@@ -21,7 +23,7 @@ class Readiness:
     """How far a node is with its start.
 
     Attributes:
-        state: STARTING, COMPILING or READY.
+        state: STARTING, COMPILING, WAITING or READY.
         doing: what takes so long, in words; empty: nothing does.
     """
 
@@ -33,6 +35,10 @@ class Readiness:
     def compiles(self, doing: str) -> None:
         """Something has to be compiled first."""
         self.state, self.doing = COMPILING, doing
+
+    def waits(self, doing: str) -> None:
+        """Something has to come first."""
+        self.state, self.doing = WAITING, doing
 
     def is_ready(self) -> None:
         """The node works from now on."""

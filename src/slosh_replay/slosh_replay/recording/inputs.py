@@ -14,9 +14,10 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.gate import DROPPED, GateSettings, SampleVerdict
 from slosh_estimator.imu_input import ImuInput
-from slosh_estimator.inputs import InputSettings
+from slosh_estimator.inputs import POSE, POSES, ROBOT, InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import Modes, gap_sentence, modes_of
+from slosh_estimator.velocity_input import Twist, VelocityInput
 from slosh_metrics.input_checks.input_faults import MIXED_INPUT
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.indices import QW, QX, QY, QZ
@@ -36,6 +37,11 @@ _FIELDS = {
         "pose.position.x", "pose.position.y", "pose.position.z", "pose.orientation.x",
         "pose.orientation.y", "pose.orientation.z", "pose.orientation.w",
     ),
+    "odometry": (
+        *(f"twist.twist.{what}.{axis}" for what in ("linear", "angular") for axis in "xyz"),
+        *(f"pose.pose.orientation.{axis}" for axis in "xyzw"),
+    ),
+    "twist": (*(f"twist.{what}.{axis}" for what in ("linear", "angular") for axis in "xyz"),),
 }  # fmt: skip
 _FRAME = "header.frame_id"
 MIXED = 0.05
@@ -56,13 +62,22 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
     """
     started = first(starts, "estimator")
     if started is not None:
-        settings = settings_of(started, InputSettings.from_parameters)
-        return settings._replace(modes=_modes(started))
+        return settings_of_start(started)._replace(modes=_modes(started))
     # Nobody could tell the world's frame: poses are taken as they come, and that is told.
     if TABLE_COLUMNS in facts:
         unbounded = GateSettings(max_jump=math.inf, confirms=False)
         return InputSettings(gate=unbounded, any_world=True)
     return InputSettings(any_world=True)
+
+
+def settings_of_start(start: NodeStart) -> InputSettings:
+    """How an estimator that started so reads its input.
+
+    Raises:
+        SloshBagError: a parameter is missing or cannot be.
+    """
+    found = settings_of(start, InputSettings.from_parameters)
+    return found._replace(urdf=start.files.get(ROBOT, ""))
 
 
 def _modes(start: NodeStart) -> Modes:
@@ -71,14 +86,19 @@ def _modes(start: NodeStart) -> Modes:
 
 def fields(kind: str) -> tuple[str, ...]:
     """The fields of a kind's message that `InputReader.samples` needs."""
-    return (*STAMP, _FRAME, *_FIELDS[kind])
+    return (*STAMP, _FRAME, *_FIELDS[_columns_of(kind)])
+
+
+def _columns_of(kind: str) -> str:
+    """The kind whose columns are read: joint states and transforms are poses by then."""
+    return POSE if kind in POSES else kind
 
 
 class InputReader:
     """Turns columns of messages into samples, by the node's own adapters.
 
     Args:
-        kind: 'accel', 'imu' or 'pose'.
+        kind: of the input, see `slosh_estimator.inputs`.
         settings: of the node.
         chosen: whether only messages come that the node used.
 
@@ -201,7 +221,7 @@ class InputReader:
             rows: indices of those to take, in order.
         """
         adapter = self._adapter
-        values = np.column_stack([columns[name][rows] for name in _FIELDS[self.kind]])
+        values = np.column_stack([columns[name][rows] for name in _FIELDS[_columns_of(self.kind)]])
         if isinstance(adapter, AccelInput):
             samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
             self._slow = adapter.sampling.sentence() or self._slow
@@ -213,6 +233,8 @@ class InputReader:
                 sample = adapter.update(stamp, *_imu(row))
                 if sample is not None:
                     found.append(sample)
+            elif isinstance(adapter, VelocityInput):
+                found += adapter.update_twist(_twist(stamp, row, frame))
             else:
                 found += adapter.update(stamp, tuple(row[:3]), tuple(row[3:]), None, frame)
         self._slow = adapter.sampling.sentence() or self._slow
@@ -233,6 +255,16 @@ class InputReader:
             return []
         text = ignored_text(model, self._tilted)
         return [text] if text else []
+
+
+def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
+    """Odometry tells the attitude, and its twist is in the axes of the frame that moves."""
+    vx, vy, vz, wx, wy, wz, *turn = row
+    linear, angular = (vx, vy, vz), (wx, wy, wz)
+    if not turn:
+        return Twist(stamp_ns, linear, angular, None, frame)
+    x, y, z, w = turn
+    return Twist(stamp_ns, linear, angular, (x, y, z, w))
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:

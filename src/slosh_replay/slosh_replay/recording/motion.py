@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from slosh_bag.errors import SloshBagError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.inputs import InputSettings
+from slosh_estimator.inputs import WINDOWED, InputSettings
 from slosh_estimator.rotation import matrix_from_rpy
 from slosh_estimator.sample import Samples
 from slosh_metrics.input_checks.table_checks import InputDoubt
@@ -54,7 +54,7 @@ class MotionCollector:
     """Takes the messages of one input, as columns.
 
     Args:
-        kind: accel, imu or pose.
+        kind: of the input.
         settings: how they are read.
 
     Attributes:
@@ -112,7 +112,7 @@ class MotionCollector:
         )
         if self._kind == "accel":
             return motion
-        if self._kind == "pose":
+        if self._kind in WINDOWED:
             poses = np.concatenate([p.poses for p in self._samples if p.poses is not None])
             return replace(motion, attitude=poses[:, :4], angular_velocity=poses[:, 4:7])
         turns = at_stamps(stamps, np.concatenate(self._stamps), np.concatenate(self._turns))

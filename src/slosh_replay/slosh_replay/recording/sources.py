@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader, TopicInfo
-from slosh_estimator.inputs import MESSAGE_TYPES
+from slosh_estimator.inputs import JOINTS, MESSAGE_TYPES, TOPIC_NAMES
 from slosh_msgs_py import topics
 from slosh_replay.recording import settings, states
 from slosh_replay.recording.settings import NodeStart
@@ -25,7 +25,7 @@ class Sources(NamedTuple):
     """Topics of a bag that a replay reads, and what they say about it.
 
     Attributes:
-        kind: of the input: 'accel', 'imu' or 'pose'.
+        kind: of the input, see `slosh_estimator.inputs`.
         topics: finds all topics of the cell.
         input, surface: topics.
         estimate, comparison: topics of what was recorded live; None: there is none.
@@ -43,6 +43,13 @@ class Sources(NamedTuple):
     starts: tuple[NodeStart, ...]
     facts: Mapping[str, str]
     state: str | None = None
+
+    def without_answers_to_others(self) -> Sources:
+        """The same without what was recorded of another input, which is not expected again."""
+        started = settings.first(self.starts, "estimator")
+        if started is None or started.parameters.get("input", self.kind) == self.kind:
+            return self
+        return self._replace(estimate=None, comparison=None, state=None)
 
 
 def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[NodeStart]:
@@ -82,8 +89,12 @@ def find_sources(
     if kind is None and started is not None:
         kind = started.parameters.get("input")
     wanted = list(MESSAGE_TYPES) if kind is None else [kind]
+    if kind is None and found.topic("robot_description", _TYPES[topics.ROBOT_DESCRIPTION]) is None:
+        # Joints tell nothing without the robot's description.
+        wanted.sort(key=lambda name: name == JOINTS)
     for name in wanted:
-        topic = found.topic(name, MESSAGE_TYPES.get(name, ""))
+        last = TOPIC_NAMES.get(name, name).strip("/")
+        topic = found.topic(last, MESSAGE_TYPES.get(name, ""))
         if topic is not None:
             found.settle(topic)
             return Sources(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from slosh_bag.columns.cdr_columns import ColumnReader
 from slosh_bag.errors import SloshBagError
-from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import SEVERAL
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator import SOURCES
-from slosh_estimator.inputs import InputSettings
+from slosh_estimator.inputs import WINDOWED, InputSettings, WantedInput
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
@@ -27,7 +26,7 @@ from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
 from slosh_msgs_py.topics import COMPARISON, ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording import inputs, settings
+from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
     TABLE_COLUMNS,
     TABLE_ORIGIN,
@@ -38,6 +37,7 @@ from slosh_replay.recording.facts import (
     shared_topics_line,
 )
 from slosh_replay.recording.heights import WAVE_FIELDS, measurements
+from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
@@ -63,7 +63,7 @@ def replay_bag(
     path: str | Path | RecordedRun,
     model: Model | None = None,
     monitor: MonitorSettings | None = None,
-    given: InputSettings | None = None,
+    given: InputSettings | WantedInput | None = None,
     outputs: Outputs | None = None,
     cell: str | None = None,
     estimator: int = 1,
@@ -81,7 +81,8 @@ def replay_bag(
         model: to replay with; None: the one that the estimator had when it was recorded, or water
             in the container that the bag's metadata gives.
         monitor: limits that are watched; None: those of the recorded monitor.
-        given: how the input is read; None: as the recorded estimator did.
+        given: how the input is read, or in what other than by the recorded estimator; None: as
+            by that.
         outputs: receives estimates, comparisons and events as they come.
         cell: namespace of the topics; None: the bag's only or first cell.
         estimator: which, from 1, where several were mixed on one topic; by their first estimates.
@@ -97,6 +98,7 @@ def replay_bag(
     sources, several = _estimators(reader, sources)
     sources = _unmixed(sources)
     sources = sources._replace(starts=_heard_starts(reader, sources))
+    sources = sources.without_answers_to_others()
     mixed = mixed_topics(sources.facts)
     if not 1 <= estimator <= max(several, 1):
         raise SloshBagError(f"{path}: estimator {estimator} of {several}: there is no such one")
@@ -106,7 +108,7 @@ def replay_bag(
     started = settings.first(sources.starts, "estimator")
     recorded = settings.model_of(started) if started else None
     used = model or recorded or _noted_model(path, sources.facts)
-    how = given or inputs.recorded_inputs(sources.starts, sources.facts)
+    how = reading(reader, sources, given)
     watched, limit_changes = (monitor, []) if monitor else _monitor_settings(sources)
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
@@ -115,7 +117,7 @@ def replay_bag(
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
-    if sources.estimate and sources.kind != "pose":
+    if sources.estimate and sources.kind not in WINDOWED:
         matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
     input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
     setting = Setting(
@@ -128,23 +130,25 @@ def replay_bag(
         known=KnownState(verifiers.get(ESTIMATE)) if sources.state else None,
         counter=None if sources.state or matcher is None or mixed else KnownState(None),
         changes=_changes(sources, used, follow=model is None),
-        follows_input=given is None,
+        follows_input=not isinstance(given, InputSettings),
         starts=sources.starts,
         outputs=outputs or Outputs(),
     )
     unrelated = clocks_unrelated(sources.facts)
+    blocks = InputBlocks(reader, sources, how)
     one = OneEstimator(estimator) if sources.estimate in mixed else None
     with Series(4) as series:
         stream = ReplayStream(
             str(path), nodes, setting, series, verifiers=verifiers, unrelated=unrelated
         )
-        for chunk in feed(reader, sources, heard):
+        for chunk in feed(reader, sources, heard, blocks):
             for batch in chunk:
                 _hand_over(batch, sources, heard, stream, one)
             stream.advance()
+        blocks.check()
         stream.advance(final=True)
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
-    said = [*_unfelt(path, sources, used), *input_reader.ignored_tilt(used)]
+    said = [*_unfelt(path, sources, used), *input_reader.ignored_tilt(used), blocks.trouble()]
     if several > 1:
         said.append(
             f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
@@ -264,7 +268,7 @@ class TopicBatch(NamedTuple):
 
 
 def feed(
-    reader: BagReader, sources: Sources, heard: Mapping[str, NodeTopic]
+    reader: BagReader, sources: Sources, heard: Mapping[str, NodeTopic], inputs_of: InputBlocks
 ) -> Iterator[list[TopicBatch]]:
     """The messages that a replay reads, chunk by chunk in the order of the recording.
 
@@ -272,34 +276,28 @@ def feed(
         reader: of the bag.
         sources: what to read.
         heard: further topics that nodes read or give, by their full names.
+        inputs_of: reads the input.
     """
     wanted = {full: (*STAMP, *topic.fields) for full, topic in heard.items()}
-    wanted[sources.input] = inputs.fields(sources.kind)
     if sources.surface is not None:
         wanted[sources.surface] = WAVE_FIELDS
     read = ColumnReader(reader.typestore_of)
-    topics = [*wanted, *([sources.state] if sources.state else [])]
+    topics = [*inputs_of.topics, *wanted, *([sources.state] if sources.state else [])]
     for blocks in by_chunk(reader.blocks(topics)):
-        yield [
+        own = [block for block in blocks if block.topic in inputs_of.topics]
+        batches = [
             TopicBatch(block.topic, {}, int(block.log_ns[-1]), states_of(reader, block))
             if block.topic == sources.state
             else TopicBatch(
                 block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
             )
             for block in blocks
+            if block.topic not in inputs_of.topics
         ]
-
-
-def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
-    """The blocks of each chunk together: within one, whole topics follow each other."""
-    chunk: list[MessageBlock] = []
-    for block in blocks:
-        if chunk and block.buffer.base is not chunk[0].buffer.base:
-            yield chunk
-            chunk = []
-        chunk.append(block)
-    if chunk:
-        yield chunk
+        if own:
+            last_ns = max(int(block.log_ns[-1]) for block in own)
+            batches.insert(0, TopicBatch(sources.input, inputs_of.columns(own), last_ns))
+        yield batches
 
 
 def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTopic]:

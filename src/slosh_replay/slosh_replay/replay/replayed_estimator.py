@@ -13,7 +13,8 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sampling import modes_of
 from slosh_msgs_py.topics import ESTIMATE
-from slosh_replay.recording.settings import NodeStart, model_of, settings_of, starts_at_rest
+from slosh_replay.recording.inputs import settings_of_start
+from slosh_replay.recording.settings import NodeStart, model_of, starts_at_rest
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.input_matching import Decision
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
@@ -156,7 +157,7 @@ class ReplayedEstimator:
         """How the node reads its input from then on; None: the replay does not follow it."""
         if not self.setting.follows_input or "input" not in start.parameters:
             return None
-        return settings_of(start, InputSettings.from_parameters)
+        return settings_of_start(start)
 
     def _restart(self, start: NodeStart | None = None) -> None:
         """The node's process was a new one from here on; None: what it tells is not known."""

@@ -5,14 +5,20 @@ A run is two files: `poses/RUN.csv[.gz]`, the commanded pose of the container (5
 the robot saw (`slosh_times` [s], `slosh_heights` [mm], about 60 Hz). The clocks of the two are
 unrelated; the bag keeps both as they are, and its metadata says so. Outliers are kept too: a bag
 holds data.
+
+For some runs there are the commanded positions of the arm's joints, `joints/RUN.csv[.gz]` (500 Hz,
+`t;q1;…;q6`), and beside the folders its URDF: they become `/joint_states` and
+`/robot_description`, so that `--input joints` replays what `--input pose` does. Their third joint
+is zero where the arm is straight, 1.57 rad from the zero of the URDF; the cup is 80 mm in front of
+the flange. The forearm of the poses is 0.6471 m long, that of the URDF 0.64707 m.
 """
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.io
@@ -21,9 +27,12 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
 from slosh_base.files import check_free, new_folder
-from slosh_base.files.bounded_text import bounded_text
+from slosh_base.files.bounded_text import bounded_text, read_text
+from slosh_base.files.errors import TextFileError
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
+from slosh_estimator.robot import LONGEST
+from slosh_msgs_py.topics import JOINT_STATES, ROBOT_DESCRIPTION
 from slosh_replay.recording.facts import CLOCKS, CONTAINER_FILL_HEIGHT, CONTAINER_RADIUS, UNRELATED
 
 RADIUS = 0.049
@@ -41,7 +50,18 @@ METADATA = {
     CONTAINER_FILL_HEIGHT: repr(FILL_HEIGHT),
     "source": "AntiSloshing, Motions_10_10_2024, (c) 2025 Simone Soprani, MIT licence",
 }
-_POSE_COLUMNS = 8
+JOINT_TOPIC, JOINT_TYPE = JOINT_STATES, "sensor_msgs/msg/JointState"
+TEXT_TYPE = "std_msgs/msg/String"
+JOINTS = tuple(f"q{number}_joint" for number in range(1, 7))
+ZEROS = (0.0, 0.0, 1.57, 0.0, 0.0, 0.0)
+"""Of the tables in the URDF's convention [rad]."""
+CUP = """
+<link name="container"/>
+<joint name="cup" type="fixed"><parent link="axes_6"/><child link="container"/>
+  <origin xyz="0.08 0 0" rpy="3.141592653589793 -1.5707963267948966 0"/></joint>
+"""
+"""What the description of the arm lacks: its cup."""
+_POSE_COLUMNS, _JOINT_COLUMNS = 8, 7
 _FLOAT_FIELDS = (
     "msh_stddev", "azimuth", "fitted_msh", "fitted_msh_stddev", "fitted_azimuth", "sh_left",
     "sh_right", "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v",
@@ -70,9 +90,10 @@ def import_antisloshing(
     runs = find_runs(folder)
     for run, _, _ in runs:
         check_free(output / run)
+    arm = read_arm(folder)
     for run, heights, poses in runs:
         bag = output / run
-        import_run(heights, poses, bag, run)
+        import_run(heights, poses, bag, run, arm)
         progress(run)
         bags.append(bag)
     return bags
@@ -99,8 +120,44 @@ def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
     return [(run, heights[run], poses[run]) for run in sorted(heights)]
 
 
-def import_run(heights: Path, poses: Path, bag: Path, run: str) -> None:
+class RecordedArm(NamedTuple):
+    """The arm of the data set: its description, and the files of its joints by run."""
+
+    urdf: str
+    joints: Mapping[str, Path]
+
+
+def read_arm(folder: Path) -> RecordedArm | None:
+    """The arm; None: the data set does not hold it.
+
+    Raises:
+        SloshBagError: its description cannot be read.
+    """
+    described = sorted(folder.glob("*.urdf"))
+    joints = {
+        path.name.removesuffix(".gz").removesuffix(".csv"): path
+        for path in sorted((folder / "joints").glob("*.csv*"))
+    }
+    if not described or not joints:
+        return None
+    try:
+        text = read_text(described[0], LONGEST)
+    except TextFileError as error:
+        raise SloshBagError(str(error)) from None
+    body, end, rest = text.rpartition("</robot>")
+    return RecordedArm(f"{body}{CUP}{end}{rest}" if end else f"{text}{CUP}", joints)
+
+
+def import_run(
+    heights: Path, poses: Path, bag: Path, run: str, arm: RecordedArm | None = None
+) -> None:
     """Writes one run's bag.
+
+    Args:
+        heights, poses: its files.
+        bag: the bag's folder.
+        run: its name.
+        arm: that moved the cup; None: not known.
 
     Raises:
         SloshBagError: a file is broken.
@@ -123,7 +180,16 @@ def import_run(heights: Path, poses: Path, bag: Path, run: str) -> None:
             (stamp, POSE_TOPIC, store.serialize_cdr(message, POSE_TYPE))
             for stamp, message in _poses(store.types, motion)
         )
-        for stamp, topic, data in sorted((*surfaces, *commands), key=lambda entry: entry[0]):
+        entries = [*surfaces, *commands]
+        if arm is not None and run in arm.joints:
+            writer.add_topic(JOINT_TOPIC, JOINT_TYPE)
+            writer.add_topic(ROBOT_DESCRIPTION, TEXT_TYPE)
+            told = _joints(store.types, read_joints(arm.joints[run]), arm.urdf)
+            entries += [
+                (stamp, topic, store.serialize_cdr(message, kind))
+                for stamp, topic, kind, message in told
+            ]
+        for stamp, topic, data in sorted(entries, key=lambda entry: entry[0]):
             writer.write(topic, bytes(data), stamp)
 
 
@@ -158,23 +224,36 @@ def read_poses(path: Path) -> Array:
         SloshBagError: the file is empty or cut off, has other columns, holds something that is no
             finite number, time does not increase; one line with the file and the line.
     """
-    with bounded_text(path, "poses are t;x;y;z;qx;qy;qz;qw") as text:
+    return _rows(path, "t;x;y;z;qx;qy;qz;qw", _POSE_COLUMNS)
+
+
+def read_joints(path: Path) -> Array:
+    """T and the six joints' positions, (N, 7) [s, rad], in the convention of the URDF.
+
+    Raises:
+        SloshBagError: as `read_poses`.
+    """
+    rows = _rows(path, "t;q1;q2;q3;q4;q5;q6", _JOINT_COLUMNS).copy()
+    rows[:, 1:] -= ZEROS
+    return rows
+
+
+def _rows(path: Path, columns: str, count: int) -> Array:
+    with bounded_text(path, f"rows are {columns}") as text:
         values = array("d")
         for line, row in enumerate(text, start=1):
-            values.extend(_pose(path, line, row))
+            values.extend(_row(path, line, row, columns, count))
     if not values:
-        raise SloshBagError(f"{path}: is empty; poses are t;x;y;z;qx;qy;qz;qw")
-    poses = np.frombuffer(values, np.float64).reshape(-1, _POSE_COLUMNS)
-    _check_times(path, "t", poses[:, 0], first_line=1)
-    return poses
+        raise SloshBagError(f"{path}: is empty; rows are {columns}")
+    rows = np.frombuffer(values, np.float64).reshape(-1, count)
+    _check_times(path, "t", rows[:, 0], first_line=1)
+    return rows
 
 
-def _pose(path: Path, line: int, row: str) -> list[float]:
+def _row(path: Path, line: int, row: str, columns: str, count: int) -> list[float]:
     cells = row.strip().split(";")
-    if len(cells) != _POSE_COLUMNS:
-        raise SloshBagError(
-            f"{path}: line {line}: has {len(cells)} columns, expected t;x;y;z;qx;qy;qz;qw"
-        )
+    if len(cells) != count:
+        raise SloshBagError(f"{path}: line {line}: has {len(cells)} columns, expected {columns}")
     try:
         values = [float(cell) for cell in cells]
     except ValueError:
@@ -211,6 +290,18 @@ def _poses(types: Any, motion: Array) -> Iterator[tuple[int, Any]]:
         stamp = ORIGIN_NS + round(t * 1e9)
         place = pose(position=point(x=x, y=y, z=z), orientation=turn(x=qx, y=qy, z=qz, w=qw))
         yield stamp, stamped(header=_header(types, stamp, "world"), pose=place)
+
+
+def _joints(types: Any, motion: Array, urdf: str) -> Iterator[tuple[int, str, str, Any]]:
+    none = np.empty(0)
+    yield ORIGIN_NS, ROBOT_DESCRIPTION, TEXT_TYPE, types[TEXT_TYPE](data=urdf)
+    for t, *positions in motion.tolist():
+        stamp = ORIGIN_NS + round(t * 1e9)
+        state = types[JOINT_TYPE](
+            header=_header(types, stamp, ""), name=list(JOINTS), position=np.array(positions),
+            velocity=none, effort=none,
+        )  # fmt: skip
+        yield stamp, JOINT_TOPIC, JOINT_TYPE, state
 
 
 def _surfaces(types: Any, times: Array, heights: Array) -> Iterator[tuple[int, Any]]:

@@ -8,7 +8,7 @@ height stays at its own moment. Where the stamps coincide nothing is interpolate
 |---|---|---|---|
 | accel | as published | the imu's orientation | the imu's angular velocity |
 | imu | Rz(ψ) f - g ẑ, with gravity's share along a tilted floor | the yaw ψ alone | the imu's |
-| pose | second derivative of the position | the pose's orientation | from the orientations |
+| pose, joints, tf | second derivative of the position | the pose's | from orientations |
 
 For accel the imu counts only where it is in the container's frame, beside an accel in the
 world's, and has a sample at every stamp of accel: as in the bag of a table.
@@ -31,10 +31,10 @@ from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, TopicInfo, messages_of
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
-from slosh_estimator.inputs import IMU, InputSettings
+from slosh_estimator.inputs import IMU, InputSettings, WantedInput
 from slosh_replay.recording.facts import TABLE_COLUMNS, TABLE_ORIGIN, clocks_unrelated
 from slosh_replay.recording.heights import HeightCollector, Measurements
-from slosh_replay.recording.inputs import recorded_inputs
+from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.motion import AttitudeCollector, MotionCollector, RecordedMotion
 from slosh_replay.recording.sources import Sources, find_sources
 from slosh_replay.tables.table_bag import (
@@ -58,18 +58,19 @@ class TableSettings:
     """How a table is made of a bag.
 
     Attributes:
-        kind: accel, imu or pose; None: what the recorded estimator read, or the first of them
+        kind: of the input; None: what the recorded estimator read, or the first of them
             that the bag holds.
         measured: topic of the measured heights; 'none': without; None: free_surface, if any.
         absolute: t is the stamp; otherwise it counts from the first row, or in the bag of a
             table from that table's own origin.
-        inputs: how the input is read; None: as the recorded estimator did.
+        inputs: how the input is read, or in what other than by the recorded estimator; None: as
+            by that.
     """
 
     kind: str | None = None
     measured: str | None = None
     absolute: bool = False
-    inputs: InputSettings | None = None
+    inputs: InputSettings | WantedInput | None = None
 
 
 class BagTable(NamedTuple):
@@ -109,7 +110,7 @@ def read_bag_table(
     chosen = settings or TableSettings()
     reader = BagReader(path)
     sources = find_sources(path, reader, chosen.kind)
-    how = chosen.inputs or recorded_inputs(sources.starts, sources.facts)
+    how = reading(reader, sources, chosen.inputs)
     topics, facts = reader.topics(), sources.facts
     columns = facts.get(TABLE_COLUMNS, "").split(",") if chosen.measured is None else []
     surface = _surface(path, topics, chosen.measured, sources, MSH in columns)
@@ -120,17 +121,24 @@ def read_bag_table(
         )
     collector = MotionCollector(sources.kind, how)
     beside, heights = AttitudeCollector(how.frames[1]), TableHeights(columns)
-    takers: dict[str, _Taker] = {sources.input: (collector.fields, collector.add)}
+    blocks = InputBlocks(reader, sources, how)
+    takers: dict[str, _Taker] = {}
     if sources.kind == "accel":
         takers |= _beside(topics, sources.input, IMU, IMU_TYPE, (beside.fields, beside.add))
     if surface:
         takers[surface] = (heights.surfaces.fields, heights.surfaces.add)
     if surface and chosen.measured is None:
         takers |= _beside(topics, surface, HEIGHTS, HEIGHTS_TYPE, (None, heights.add_walls))
-    for block in reader.blocks(list(takers)):
-        names, take = takers[block.topic]
-        take(reader.columns(block, names) if names else _decoded(reader, block))
-        progress(len(block))
+    for chunk in by_chunk(reader.blocks([*blocks.topics, *takers])):
+        own = [block for block in chunk if block.topic in blocks.topics]
+        if own:
+            collector.add(blocks.columns(own))
+        for block in chunk:
+            if block.topic in takers:
+                names, take = takers[block.topic]
+                take(reader.columns(block, names) if names else _decoded(reader, block))
+            progress(len(block))
+    blocks.check()
     motion = collector.motion(path, sources.input)
     if sources.kind == "accel" and collector.in_world:
         motion = beside.added_to(motion)
@@ -145,7 +153,8 @@ def read_bag_table(
         placed.eta_azimuth,
         placed.eta,
     )
-    notes = (*reader.warnings, *collector.notes(), *placed.notes)
+    told = [blocks.trouble()] if blocks.trouble() else []
+    notes = (*reader.warnings, *told, *collector.notes(), *placed.notes)
     return BagTable(table, origin, sources.input, surface, notes)
 
 

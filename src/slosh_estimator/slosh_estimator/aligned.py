@@ -1,0 +1,148 @@
+"""Streams of timed values, such as the joints of several drivers, brought to the same moments.
+
+The moments are those of the slowest stream that moves: nothing is made up between its values. The
+others are interpolated linearly there; what has not moved yet is held. Where all come in one
+stream, or with the same stamps, nothing is interpolated at all.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Hashable, Set
+from typing import Generic, TypeVar
+
+from slosh_estimator.sample import SECONDS_PER_NS
+from slosh_estimator.tuning import TUNING
+
+Values = tuple[float, ...]
+Mix = Callable[[Values, Values, float], Values]
+"""Between two values, at a share of the way."""
+
+
+Key = TypeVar("Key", bound=Hashable)
+
+
+class AlignedStreams(Generic[Key]):
+    """Takes values of streams, gives rows of all of them.
+
+    Args:
+        mix: interpolates.
+        is_complete: tells whether all streams have come.
+    """
+
+    def __init__(self, mix: Mix, is_complete: Callable[[], bool]) -> None:
+        self._mix, self._is_complete = mix, is_complete
+        self._streams: dict[Key, _Stream] = {}
+        self._leader: _Stream | None = None
+
+    @property
+    def keys(self) -> Set[Key]:
+        """The streams that have come."""
+        return self._streams.keys()
+
+    @property
+    def moved(self) -> bool:
+        """Whether anything has moved."""
+        return any(stream.moved for stream in self._streams.values())
+
+    def silent(self) -> tuple[Key, float] | None:
+        """The stream that is farthest behind the others, and by how much [s]; None: none is."""
+        if not self._streams:
+            return None
+        key, stream = min(self._streams.items(), key=lambda item: item[1].newest_ns)
+        behind = max(one.newest_ns for one in self._streams.values()) - stream.newest_ns
+        late = behind > TUNING.silent_ns + TUNING.silent_intervals * stream.interval_ns
+        return (key, behind * SECONDS_PER_NS) if stream.moved and late else None
+
+    def forget(self) -> None:
+        """Forgets all."""
+        self._streams.clear()
+        self._leader = None
+
+    def add(self, key: Key, stamp_ns: int, values: Values) -> None:
+        """Takes a stream's values at a stamp [ns]; one that comes too late is left out."""
+        stream = self._streams.get(key)
+        if stream is None:
+            stream = self._streams[key] = _Stream(values)
+        elif stream.newest_ns - stamp_ns > TUNING.set_back_ns:
+            self.forget()
+            stream = self._streams[key] = _Stream(values)
+        stream.take(stamp_ns, values)
+
+    def rows(self) -> list[tuple[int, dict[Key, Values]]]:
+        """Stamps [ns] and the values of all streams then, as far as they are complete now."""
+        if not self._is_complete():
+            return []
+        leader = self._choose()
+        others = [(k, s) for k, s in self._streams.items() if s is not leader]
+        own = next(k for k, s in self._streams.items() if s is leader)
+        found = []
+        while leader.waiting:
+            stamp_ns, values = leader.waiting[0]
+            if any(stream.moved and stream.newest_ns < stamp_ns for _, stream in others):
+                break
+            leader.waiting.popleft()
+            at = {key: stream.at(stamp_ns, self._mix) for key, stream in others}
+            if all(at.values()):
+                found.append((stamp_ns, {own: values, **at}))
+        for _, stream in others:
+            stream.waiting.clear()
+        return found
+
+    def _choose(self) -> _Stream:
+        """The slowest stream of those that have moved; of all before anything has."""
+        streams = list(self._streams.values())
+        moving = [stream for stream in streams if stream.moved] or streams
+        slowest = max(moving, key=lambda stream: stream.interval_ns)
+        leader = self._leader
+        if leader not in moving or slowest.interval_ns > TUNING.slower * leader.interval_ns:
+            leader = self._leader = slowest
+        return leader
+
+
+class _Stream:
+    """The newest values of a stream.
+
+    Attributes:
+        newest_ns: stamp of the newest one [ns].
+        interval_ns: usual time between two [ns]; 0: not known.
+        moved: whether it has left its first values.
+        waiting: stamps and values that have not led a row yet.
+    """
+
+    def __init__(self, values: Values) -> None:
+        self.newest_ns = -(2**62)
+        self.interval_ns = 0.0
+        self.moved = False
+        self.waiting: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
+        self._first = values
+        self._kept: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
+
+    def take(self, stamp_ns: int, values: Values) -> None:
+        """Takes values; those of a stamp that has been are left out."""
+        if stamp_ns <= self.newest_ns:
+            return
+        if self._kept:
+            apart = stamp_ns - self.newest_ns
+            share = 0.1 if self.interval_ns else 1.0
+            self.interval_ns += share * (apart - self.interval_ns)
+        self.newest_ns = stamp_ns
+        self._kept.append((stamp_ns, values))
+        self.waiting.append((stamp_ns, values))
+        if not self.moved:
+            pairs = zip(values, self._first, strict=True)
+            self.moved = any(abs(one - first) > TUNING.moved for one, first in pairs)
+
+    def at(self, stamp_ns: int, mix: Mix) -> Values:
+        """The values at a stamp; the newest ones behind all, empty before the first."""
+        after = self._kept[-1]
+        if stamp_ns >= after[0]:
+            return after[1]
+        for before in reversed(self._kept):
+            if before[0] == stamp_ns:
+                return before[1]
+            if before[0] < stamp_ns:
+                share = (stamp_ns - before[0]) / (after[0] - before[0])
+                return mix(before[1], after[1], share)
+            after = before
+        return ()

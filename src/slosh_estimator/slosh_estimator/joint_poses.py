@@ -1,0 +1,146 @@
+"""Poses of the container from a robot's joint states (sensor_msgs/JointState).
+
+Each state gives the pose at its stamp by forward kinematics, which is exact; what differentiates
+is the filter of poses (`slosh_estimator.pose_filter`), the same for a tracker and for joints.
+So names may come in any order, with joints of grippers among them, and from several publishers;
+see `slosh_estimator.aligned`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from slosh_estimator.aligned import AlignedStreams, Values
+from slosh_estimator.joint_velocities import JointVelocities
+from slosh_estimator.robot import Robot
+from slosh_estimator.timed_pose import TimedPose
+from slosh_estimator.tuning import TUNING
+
+_Layout = tuple[tuple[str, ...], tuple[int, ...]]
+"""Of names: the joints among them that carry the container, and where they stand."""
+
+
+class JointPoses:
+    """Turns joint states into poses.
+
+    Args:
+        robot: that carries the container.
+
+    Attributes:
+        velocities: whether those of the messages agree with the positions.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._layouts: dict[tuple[str, ...], _Layout] = {}
+        self._owners: dict[str, tuple[str, ...]] = {}
+        self._streams: AlignedStreams[tuple[str, ...]] = AlignedStreams(
+            _between, self._is_complete
+        )
+        self._seen: dict[str, None] = {}
+        self._states = 0
+        self._wrong = self._twice = ""
+        self.velocities = JointVelocities()
+
+    def take(
+        self,
+        stamp_ns: int,
+        names: Sequence[str],
+        positions: Sequence[float],
+        velocities: Sequence[float] = (),
+    ) -> list[TimedPose]:
+        """The poses that a state makes known, in order; mostly one.
+
+        Args:
+            stamp_ns: the moment [ns].
+            names: (J,) of the joints, in any order.
+            positions: (J,) [rad or m]; empty: the message tells none.
+            velocities: (J,) [rad/s or m/s]; empty: it tells none.
+        """
+        known = self._layouts.get(tuple(names)) or self._layout(tuple(names))
+        joints, places = known
+        self._states += 1
+        if not joints or not positions:
+            return []
+        if len(positions) != len(names):
+            self._wrong = f"a joint state has {len(positions)} positions for {len(names)} names"
+            return []
+        values = tuple([positions[place] for place in places])
+        if len(velocities) == len(names):
+            self.velocities.take(stamp_ns, values, [velocities[place] for place in places])
+        if len(joints) == len(self._robot.carrying):  # as nearly always
+            return [self._posed(stamp_ns, dict(zip(joints, values, strict=True)))]
+        self._streams.add(joints, stamp_ns, values)
+        return [
+            self._posed(
+                at_ns,
+                {
+                    joint: value
+                    for own, at in found.items()
+                    for joint, value in zip(own, at, strict=True)
+                },
+            )
+            for at_ns, found in self._streams.rows()
+        ]
+
+    def trouble(self) -> str:
+        """Why there are no poses, or wrong ones, in a line; empty: not known."""
+        missing = [joint for joint in self._robot.carrying if joint not in self._owners]
+        if missing and self._states >= TUNING.first_states:
+            came = ", ".join(self._seen) or "no joint"
+            return (
+                f"the joint states lack {', '.join(missing)}, on which the container depends; "
+                f"they hold {came:.200}"
+            )
+        silent = self._streams.silent()
+        if silent is not None:
+            return f"no joint states of {', '.join(silent[0])} for {silent[1]:.1f} s"
+        return self._wrong or self._twice or self._robot.beyond
+
+    @property
+    def groups(self) -> int:
+        """How many publishers tell joints, as far as the names beside each other show."""
+        return len(self._layouts)
+
+    def facts(self) -> dict[str, str]:
+        """For the diagnostics."""
+        return {"joints": ", ".join(self._robot.carrying), **self.velocities.facts()}
+
+    def _posed(self, stamp_ns: int, positions: dict[str, float]) -> TimedPose:
+        return TimedPose(stamp_ns, *self._robot.pose(positions))
+
+    def _is_complete(self) -> bool:
+        known = set(self._owners.values())
+        return len(self._owners) == len(self._robot.carrying) and known <= self._streams.keys
+
+    def _layout(self, names: tuple[str, ...]) -> _Layout:
+        """Learns which of the names matter; a joint is of the publisher that told it first."""
+        self._seen.update(dict.fromkeys(names))
+        joints = tuple(name for name in self._robot.carrying if name in names)
+        taken = [j for j in joints if self._owners.get(j, joints) != joints]
+        if len(joints) == len(self._robot.carrying) and not taken:
+            self._owners.update(dict.fromkeys(joints, joints))
+        elif taken:
+            self._twice = (
+                f"joint {taken[0]} comes in joint states with different names beside it: "
+                "those that came first are used"
+            )
+            joints = ()
+        else:
+            self._owners.update(dict.fromkeys(joints, joints))
+        found = joints, tuple(names.index(joint) for joint in joints)
+        if len(self._layouts) < TUNING.kept_states:
+            self._layouts[names] = found
+        return found
+
+
+def _between(one: Values, other: Values, share: float) -> Values:
+    """Between two positions of joints; an angle that wraps at ±π goes on."""
+    found = []
+    for a, b in zip(one, other, strict=True):
+        step = b - a
+        if abs(step) > math.pi:
+            step = math.remainder(step, math.tau)
+        found.append(a + share * step)
+    return tuple(found)

@@ -1,0 +1,78 @@
+"""The poses of a sliding window, as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from slosh_estimator.rotation import Vector
+
+NUMBERS = 7
+"""Of a pose: position and quaternion."""
+
+
+class KeptPoses:
+    """The poses of a window, as columns.
+
+    Attributes:
+        stamps: (N,) [ns].
+        values: (N, 7) position [m] and quaternion x, y, z, w.
+    """
+
+    def __init__(self) -> None:
+        self._all_stamps = np.zeros(64, dtype=np.int64)
+        self._all_values = np.zeros((64, NUMBERS))
+        self.clear()
+
+    def __len__(self) -> int:
+        return self._size
+
+    @property
+    def newest_ns(self) -> int:
+        """Stamp of the newest one [ns]."""
+        return int(self._all_stamps[self._size - 1])
+
+    @property
+    def newest_position(self) -> Vector:
+        """Position of the newest one [m]."""
+        x, y, z = self._all_values[self._size - 1, :3].tolist()
+        return x, y, z
+
+    def clear(self) -> None:
+        """Forgets all."""
+        self._resize(0)
+
+    def append(self, stamp_ns: int, values: tuple[float, ...]) -> None:
+        """Takes one more."""
+        if self._size == len(self._all_stamps):
+            self._all_stamps = np.concatenate([self._all_stamps, self._all_stamps])
+            self._all_values = np.concatenate([self._all_values, self._all_values])
+        self._all_stamps[self._size], self._all_values[self._size] = stamp_ns, values
+        self._resize(self._size + 1)
+
+    def forget(self, count: int) -> int:
+        """Drops the oldest ones; returns how many."""
+        if count <= 0:
+            return 0
+        rest = self._size - count
+        self._all_stamps[:rest] = self._all_stamps[count : self._size]
+        self._all_values[:rest] = self._all_values[count : self._size]
+        self._resize(rest)
+        return count
+
+    def rows(self, first: int) -> list[float]:
+        """From one on: stamp before the newest one's [ns], position, quaternion; in a row."""
+        back = (self.stamps[first:] - self.stamps[-1:]).astype(np.float64)
+        table: list[float] = np.column_stack([back, self.values[first:]]).ravel().tolist()
+        return table
+
+    def fill(self, newest_ns: int, rows: Sequence[float]) -> None:
+        """Takes what `rows` of others gave, with the stamp of their newest one [ns]."""
+        self.clear()
+        for back, *values in np.reshape(rows, (-1, NUMBERS + 1)).tolist():
+            self.append(newest_ns + round(back), tuple(values))
+
+    def _resize(self, size: int) -> None:
+        self._size = size
+        self.stamps, self.values = self._all_stamps[:size], self._all_values[:size]

@@ -1,0 +1,289 @@
+"""The estimator's input over ROS: its topics, and what turns their messages into samples."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+
+from slosh_estimator.accel_input import AccelInput
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.fixed_frames import FixedFrames
+from slosh_estimator.gate import SampleVerdict
+from slosh_estimator.imu_input import ImuInput
+from slosh_estimator.inputs import (
+    MESSAGE_TYPES,
+    MOUNTED,
+    POSED,
+    TOPIC_NAMES,
+    AnyInput,
+    InputSettings,
+)
+from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.mounting import Quaternion
+from slosh_estimator.nodes.estimator_messages import imu_sample
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.sample import Sample
+from slosh_estimator.timed_pose import TimedPose
+from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_estimator.velocity_input import Twist, VelocityInput
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import find_type
+from slosh_msgs_py.node.rivals import Rivals
+from slosh_msgs_py.node.speakers import SpeakerWatch, WithInfo
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_msgs_py.topics import Publishers
+
+MIXED = 10
+"""One publisher stamps no such share of its messages, one in so many, before the one ahead."""
+PATIENCE = 2.0
+"""So long fixed transforms are waited for, where somebody publishes them [s]."""
+TF_TYPE = topics.DRIVING["tf"].type
+Answer = Callable[..., None]
+"""Takes the stamp of an input [ns] and the samples that it made known."""
+
+
+class HeardInput:
+    """Subscribes to an input.
+
+    Args:
+        node: the node.
+        kind: of the input.
+        settings: how it is read.
+        now: the time [ns].
+        answer: is called with each message's stamp and samples.
+        mounted: is told the parameters that fixed transforms give, before the first sample.
+
+    Attributes:
+        source: what turns messages into samples.
+        poses: what turns them into poses before; None: nothing needs to.
+        rivalled: whether `rivals` found other publishers.
+        count: messages so far, of use or not.
+
+    Raises:
+        SloshEstimatorError: the robot's description does not fit, or the messages' type is not
+            installed.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: str,
+        settings: InputSettings,
+        now: Callable[[], int],
+        answer: Answer,
+        mounted: Callable[[Mapping[str, Any]], InputSettings],
+    ) -> None:
+        self._node, self._kind, self._now, self._answer = node, kind, now, answer
+        self._settings, self._mounted = settings, mounted
+        self._fixed, self._first = FixedFrames(), 0.0
+        self._decided, self._unconnected = kind not in MOUNTED, ""
+        self._world = settings.frames[0]
+        self.source: AnyInput = settings.reader(kind)
+        self.poses = settings.poses(kind)
+        row = topics.DRIVING[kind]
+        self.rivalled, self.count = False, 0
+        self._is_shared = row.publishers is Publishers.MANY
+        self._speakers = SpeakerWatch()
+        self._rivals = Rivals(node, row.name, row.type)
+        takers: dict[str, Callable[[Any], None]] = {
+            "accel": self._on_accel, "imu": self._on_imu, "pose": self._on_pose,
+            "joints": self._on_joints, "tf": partial(self._on_transforms, fixed=False),
+            "odometry": self._on_odometry, "twist": self._on_twist,
+        }  # fmt: skip
+        self._listen(row.name, takers[kind])
+        if not self._decided:
+            self._hear_fixed()
+        if isinstance(self.poses, TransformPoses):
+            kind_of = message_class(row.type)
+            fixed = partial(self._on_transforms, fixed=True)
+            node.create_subscription(kind_of, topics.TF_STATIC, fixed, qos.EVENT)
+
+    def _hear_fixed(self) -> None:
+        """Hears how frames are fixed to each other, where their messages are installed."""
+        try:
+            kind = message_class(TF_TYPE)
+        except SloshEstimatorError:
+            self._decided = True
+            return
+        self._node.create_subscription(kind, topics.TF_STATIC, self._on_fixed, qos.EVENT)
+
+    def _on_fixed(self, message: Any) -> None:
+        links = [_transform(one) for one in message.transforms]
+        self._fixed.take(links)
+        if isinstance(self.poses, TransformPoses):
+            self.poses.take(links, fixed=True)
+
+    def _hear_moving(self) -> None:
+        """Hears how the frame of poses moves, from now on."""
+        if isinstance(self.poses, TransformPoses):
+            self.poses.take(self._fixed.links, fixed=True)
+            take = partial(self._on_transforms, fixed=False)
+            self._node.create_subscription(message_class(TF_TYPE), topics.TF, take, qos.STREAM_IN)
+
+    def _is_mounted(self, frame: str) -> bool:
+        """Whether it is known how what comes in a frame is mounted; a while is waited for that."""
+        if self._decided:
+            return True
+        found = self._settings.mounted(self._kind, frame, self._fixed)
+        self._first = self._first or time.monotonic()
+        moving = self._node.count_publishers(topics.TF) > 0
+        speaks = self._node.count_publishers(topics.TF_STATIC) > 0
+        if found is None and speaks and time.monotonic() - self._first < PATIENCE:
+            return False
+        self._decided = True
+        if found is None:
+            found = self._settings.mounted(self._kind, frame, self._fixed, moving=moving)
+        if found:
+            how = self._mounted(found)
+            self.source, self.poses = how.reader(self._kind), how.poses(self._kind)
+            self._hear_moving()
+        elif found is None and speaks:
+            self._unconnected = frame
+        return True
+
+    @property
+    def contested(self) -> bool:
+        """Whether several publishers speak where one may, as of the newest message."""
+        return self._speakers.contested
+
+    def rivals(self) -> str:
+        """Who speaks beside the one that may, in a line; empty: nobody."""
+        if self._is_shared:
+            return self._too_many()
+        found = self._rivals.look()
+        self.rivalled = bool(found)
+        if self.contested and not found:
+            name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
+            return f"a second publisher on {name}: stop one of them"
+        return found
+
+    def _too_many(self) -> str:
+        """Whether two publishers tell the same joints, in a line; empty: nothing speaks for it."""
+        if not isinstance(self.poses, JointPoses):
+            return ""
+        name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
+        count, gate = self._node.count_publishers(name), self.source.gate
+        mixed = gate.counts[SampleVerdict.DISORDERED] + gate.counts[SampleVerdict.REPEATED]
+        if count <= self.poses.groups or MIXED * mixed <= gate.used:
+            return ""
+        return f"{count} publishers on {name} for {self.poses.groups} set of joints: stop one"
+
+    def trouble(self) -> str:
+        """Why no pose follows from the messages, in a line; empty: it does."""
+        return self.poses.trouble() if self.poses is not None else ""
+
+    def facts(self) -> dict[str, str]:
+        """For the diagnostics."""
+        told = {} if self.poses is None else self.poses.facts()
+        if self._unconnected:
+            told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"
+        return told
+
+    def _listen(self, topic: str, callback: Callable[[Any], None]) -> None:
+        kind = message_class(MESSAGE_TYPES[self._kind])
+
+        def shared(message: Any) -> None:
+            self.count += 1
+            callback(message)
+
+        def heard(message: Any, info: Mapping[str, Any]) -> None:
+            self.count += 1
+            number = info.get("publication_sequence_number")
+            arrival, matched = info["received_timestamp"], subscription.get_publisher_count()
+            self._speakers.take(number, arrival or time.time_ns(), matched)
+            callback(message)
+
+        # Several publishers may speak of different joints or transforms.
+        take = shared if self._is_shared else WithInfo(heard)
+        subscription = self._node.create_subscription(kind, topic, take, qos.STREAM_IN)
+
+    def _on_accel(self, message: Any) -> None:
+        a, header = message.accel.linear, message.header
+        if not self._is_mounted(header.frame_id):
+            return
+        assert isinstance(self.source, AccelInput)
+        stamp = to_nanoseconds(header.stamp)
+        found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
+        self._answer(stamp, found)
+
+    def _on_imu(self, message: Any) -> None:
+        if not self._is_mounted(message.header.frame_id):
+            return
+        assert isinstance(self.source, ImuInput)
+        stamp, force, rate = imu_sample(message)
+        self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
+
+    def _on_pose(self, message: Any) -> None:
+        if not self._is_mounted(message.header.frame_id):
+            return
+        p, q = message.pose.position, message.pose.orientation
+        stamp = to_nanoseconds(message.header.stamp)
+        place, turn, frame = (p.x, p.y, p.z), (q.x, q.y, q.z, q.w), message.header.frame_id
+        if isinstance(self.poses, TransformPoses):
+            found = self.poses.take([Transform(frame, POSED, stamp, place, turn)])
+            self._on_poses(found, self._world)
+        else:
+            self._on_poses([TimedPose(stamp, place, turn)], frame)
+
+    def _on_odometry(self, message: Any) -> None:
+        q = message.pose.pose.orientation
+        self._on_velocity(message, message.twist.twist, (q.x, q.y, q.z, q.w))
+
+    def _on_twist(self, message: Any) -> None:
+        self._on_velocity(message, message.twist, None, message.header.frame_id)
+
+    def _on_velocity(
+        self, message: Any, twist: Any, attitude: Quaternion | None, frame: str = ""
+    ) -> None:
+        assert isinstance(self.source, VelocityInput)
+        v, w = twist.linear, twist.angular
+        stamp = to_nanoseconds(message.header.stamp)
+        found = Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), attitude, frame)
+        self._answer(stamp, *self.source.update_twist(found, self._now()))
+
+    def _on_joints(self, message: Any) -> None:
+        assert isinstance(self.poses, JointPoses)
+        stamp = to_nanoseconds(message.header.stamp)
+        found = self.poses.take(stamp, message.name, message.position, message.velocity)
+        self._on_poses(found, self._world)
+
+    def _on_transforms(self, message: Any, *, fixed: bool) -> None:
+        assert isinstance(self.poses, TransformPoses)
+        found = self.poses.take(map(_transform, message.transforms), fixed=fixed)
+        self._on_poses(found, self._world)
+
+    def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
+        assert isinstance(self.source, PoseInput)
+        for stamp, position, quaternion in poses:
+            found: list[Sample] = self.source.update(
+                stamp, position, quaternion, self._now(), frame
+            )
+            self._answer(stamp, *found)
+
+
+def message_class(name: str) -> Any:
+    """The class of a message type.
+
+    Raises:
+        SloshEstimatorError: it is not installed.
+    """
+    try:
+        return find_type(name)
+    except (ImportError, AttributeError):
+        package = name.partition("/")[0]
+        raise SloshEstimatorError(
+            f"messages of {name} are not installed here; install the ROS package {package} "
+            f"(apt install ros-jazzy-{package.replace('_', '-')})"
+        ) from None
+
+
+def _transform(message: Any) -> Transform:
+    place, turn = message.transform.translation, message.transform.rotation
+    return Transform(
+        message.header.frame_id, message.child_frame_id, to_nanoseconds(message.header.stamp),
+        (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w),
+    )  # fmt: skip

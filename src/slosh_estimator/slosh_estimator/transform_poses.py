@@ -1,0 +1,144 @@
+"""Poses of the container out of a tree of transforms (tf2_msgs/TFMessage).
+
+The chain from the world to the container is found as the transforms come; what is fixed is kept,
+what moves is brought to the moments of its slowest link (`slosh_estimator.aligned`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from slosh_estimator.aligned import AlignedStreams, Values
+from slosh_estimator.mounting import Quaternion, composed
+from slosh_estimator.rotation import Vector
+from slosh_estimator.timed_pose import TimedPose
+from slosh_estimator.tuning import TUNING
+
+
+class Transform(NamedTuple):
+    """Parent ← child at a stamp.
+
+    Attributes:
+        parent, child: names of the frames.
+        stamp_ns: the moment [ns].
+        position: of the child's origin in the parent [m].
+        quaternion: x, y, z, w.
+    """
+
+    parent: str
+    child: str
+    stamp_ns: int
+    position: Vector
+    quaternion: Quaternion
+
+
+class TransformPoses:
+    """Finds poses of one frame in another.
+
+    Args:
+        world, container: names of the frames.
+    """
+
+    def __init__(self, world: str, container: str) -> None:
+        self._world, self._container = world.lstrip("/"), container.lstrip("/")
+        self._parents: dict[str, str] = {}
+        self._fixed: dict[str, Transform] = {}
+        self._chain: tuple[str, ...] = ()
+        self._streams: AlignedStreams[str] = AlignedStreams(_between, self._is_complete)
+        self._count = 0
+        self._since_ns = 0
+        self._newest_ns = 0
+
+    def take(self, transforms: Iterable[Transform], *, fixed: bool = False) -> list[TimedPose]:
+        """The poses that transforms make known, in order.
+
+        Args:
+            transforms: of one message.
+            fixed: whether they hold for all time.
+        """
+        fed = False
+        for one in transforms:
+            child, parent = one.child.lstrip("/"), one.parent.lstrip("/")
+            if self._parents.get(child) != parent:
+                self._parents[child] = parent
+                self._find_chain()
+            if fixed:
+                self._fixed[child] = one
+            elif child in self._chain and child not in self._fixed:
+                self._newest_ns = max(self._newest_ns, one.stamp_ns)
+                self._since_ns = self._since_ns or one.stamp_ns
+                self._streams.add(child, one.stamp_ns, (*one.position, *one.quaternion))
+                fed = True
+        self._count += not fixed
+        return [self._pose(*row) for row in self._streams.rows()] if fed else []
+
+    def trouble(self) -> str:
+        """Why there are no poses, or wrong ones, in a line; empty: not known."""
+        if self._count < TUNING.first_states:
+            return ""
+        if not self._chain:
+            return (
+                f"the transforms do not connect {self._world!r} with {self._container!r}: "
+                f"{self._container!r} {self._ends()}; set world_frame and container_frame to "
+                "frames of one tree"
+            )
+        silent = self._streams.silent()
+        if silent is not None:
+            return f"no transform of {silent[0]!r} for {silent[1]:.1f} s"
+        still = self._newest_ns - self._since_ns
+        if not self._streams.moved and still > TUNING.still_ns:
+            return (
+                f"nothing has moved between {self._world!r} and {self._container!r} for "
+                f"{still * 1e-9:.0f} s: {' → '.join((self._world, *reversed(self._chain)))}"
+            )
+        return ""
+
+    def facts(self) -> dict[str, str]:
+        """For the diagnostics."""
+        chain = (self._world, *reversed(self._chain)) if self._chain else ("none",)
+        return {"chain of transforms": " → ".join(chain)}
+
+    def _ends(self) -> str:
+        if self._container not in self._parents:
+            return f"is no frame of theirs (they have {', '.join(self._parents):.200})"
+        return f"hangs on {self._path(self._container)[-1]!r}"
+
+    def _path(self, frame: str) -> list[str]:
+        """The frame and those it hangs on, up to the root."""
+        found = [frame]
+        while found[-1] in self._parents and self._parents[found[-1]] not in found:
+            found.append(self._parents[found[-1]])
+        return found
+
+    def _find_chain(self) -> None:
+        path = self._path(self._container)
+        there = self._world in path
+        chain = tuple(path[: path.index(self._world)]) if there else ()
+        if chain != self._chain:
+            self._chain = chain
+            self._streams.forget()
+
+    def _is_complete(self) -> bool:
+        known = self._streams.keys
+        return bool(self._chain) and all(c in self._fixed or c in known for c in self._chain)
+
+    def _pose(self, stamp_ns: int, values: dict[str, Values]) -> TimedPose:
+        position: Vector = (0.0, 0.0, 0.0)
+        quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+        for child in self._chain:  # from the container outwards
+            fixed = self._fixed.get(child)
+            if fixed is not None:
+                outer = fixed.position, fixed.quaternion
+            else:
+                x, y, z, qx, qy, qz, qw = values[child]
+                outer = (x, y, z), (qx, qy, qz, qw)
+            position, quaternion = composed(outer, (position, quaternion))
+        return TimedPose(stamp_ns, position, quaternion)
+
+
+def _between(one: Values, other: Values, share: float) -> Values:
+    """Between two transforms: position and quaternion, which stays short of its length."""
+    same = sum(a * b for a, b in zip(one[3:], other[3:], strict=True)) >= 0.0
+    signed = other if same else (*other[:3], *(-q for q in other[3:]))
+    return tuple(a + share * (b - a) for a, b in zip(one, signed, strict=True))

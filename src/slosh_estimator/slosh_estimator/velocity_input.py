@@ -1,0 +1,150 @@
+"""Velocities of a frame that carries the container (Odometry, TwistStamped).
+
+They are differentiated once, by the same window as poses. The velocity of the container's origin
+is v + ω × r, in the world's axes. Odometry tells the attitude; where a twist alone is known the
+container counts as upright, and its yaw is the integral of the angular velocity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.gate import GateSettings
+from slosh_estimator.mounting import (
+    Quaternion,
+    SensorTransform,
+    composed,
+    rotated,
+    sensor_from_container,
+)
+from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.rotation import Vector
+from slosh_estimator.sample import SECONDS_PER_NS, Sample
+from slosh_estimator.tuning import TUNING
+
+_NOWHERE: Vector = (0.0, 0.0, 0.0)
+_OWN = 8
+"""Numbers of the memory beside those of the window: yaw, its rate, place, velocity."""
+
+
+class Twist(NamedTuple):
+    """How a frame moves.
+
+    Attributes:
+        stamp_ns: the moment [ns].
+        linear: velocity of its origin [m/s].
+        angular: velocity [rad/s].
+        attitude: x, y, z, w, world ← frame; None: not known.
+        frame: whose axes the velocities have.
+    """
+
+    stamp_ns: int
+    linear: Vector
+    angular: Vector
+    attitude: Quaternion | None = None
+    frame: str = ""
+
+
+class VelocityInput(PoseInput):
+    """Takes velocities.
+
+    Args:
+        settings: limits of the gate.
+        window: length of the window [s]; 0.0: the longest that carries the modes.
+        transform: container ← the frame that moves.
+        frames: names of the world's frame, and of the container's. Velocities in any other have
+            the axes of the frame that moves, too; see `update_twist`.
+        checks: see `InputSettings`.
+        noun: what comes, in the plural.
+        smoothing: see `PoseInput`.
+    """
+
+    ORDER = 1
+    LARGEST = TUNING.fastest_move
+
+    def __init__(
+        self,
+        settings: GateSettings,
+        window: float = 0.0,
+        transform: SensorTransform | None = None,
+        frames: tuple[str, str] = ("world", "container"),
+        checks: bool | None = True,
+        noun: str = "velocities",
+        smoothing: float = 0.0,
+    ) -> None:
+        super().__init__(settings, window, None, None, True, checks, noun, smoothing)
+        mount = transform or SensorTransform()
+        turn = sensor_from_container(mount)
+        self._held = rotated(turn, mount.to_origin), turn  # where the container stands in it
+        self._world = frames[0]
+        self._yaw = self._rate = 0.0
+        self._place, self._velocity = _NOWHERE, _NOWHERE
+        self._last_ns = 0
+
+    def update_twist(self, twist: Twist, now_ns: int | None = None) -> list[Sample]:
+        """The samples that a velocity makes known; see `PoseInput.update`.
+
+        Args:
+            twist: in the world's axes where its frame is the world's, else in the moving frame's.
+            now_ns: the time of arrival [ns].
+        """
+        stamp_ns, linear, angular, attitude, frame = twist
+        in_world = bool(frame) and frame.lstrip("/") == self._world
+        turned = self._integrated(stamp_ns, angular[2]) if attitude is None else attitude
+        if not in_world:
+            linear, angular = rotated(turned, linear), rotated(turned, angular)
+        x, y, z = rotated(turned, self._held[0])
+        wx, wy, wz = angular
+        velocity = (
+            linear[0] + wy * z - wz * y, linear[1] + wz * x - wx * z, linear[2] + wx * y - wy * x
+        )  # fmt: skip
+        held = composed((_NOWHERE, turned), (_NOWHERE, self._held[1]))[1]
+        return self.update(stamp_ns, velocity, held, now_ns)
+
+    @property
+    def memory(self) -> list[float]:
+        """What the next samples depend on, beside the last one's stamp."""
+        return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
+
+    def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
+        """Goes on behind the message that another reader used last, with its memory.
+
+        Raises:
+            SloshEstimatorError: the memory is of another kind of input.
+        """
+        if len(memory) < _OWN:
+            raise SloshEstimatorError(
+                f"saved state of a velocity input with {len(memory)} values: wrong number"
+            )
+        self._yaw, self._rate, *rest = memory[:_OWN]
+        self._place = rest[0], rest[1], rest[2]
+        self._velocity = rest[3], rest[4], rest[5]
+        self._last_ns = stamp_ns
+        super().take_up(stamp_ns, memory[_OWN:])
+
+    def _integrated(self, stamp_ns: int, rate: float) -> Quaternion:
+        """The attitude of what stays upright and turns about z."""
+        seconds = (stamp_ns - self._last_ns) * SECONDS_PER_NS
+        if 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS and math.isfinite(rate):
+            self._yaw += 0.5 * seconds * (self._rate + rate)
+        self._rate = rate if math.isfinite(rate) else 0.0
+        return 0.0, 0.0, math.sin(0.5 * self._yaw), math.cos(0.5 * self._yaw)
+
+    def _place_of(self, stamp_ns: int, vector: Vector) -> Vector:
+        """The place by the velocities so far, for the check; it drifts."""
+        seconds = (stamp_ns - self._last_ns) * SECONDS_PER_NS
+        if 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
+            x, y, z = (
+                p + 0.5 * seconds * (a + b)
+                for p, a, b in zip(self._place, self._velocity, vector, strict=True)
+            )
+            self._place = x, y, z
+        self._last_ns, self._velocity = stamp_ns, vector
+        return self._place
+
+    def _jumped(self, stamp_ns: int, position: Vector) -> bool:
+        """A velocity that jumps is an acceleration, which the estimate shows."""
+        return False

@@ -1,0 +1,126 @@
+"""A chain of transforms as poses of the container."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slosh_estimator.transform_poses import Transform, TransformPoses
+
+MS = 1_000_000
+BEGIN = 1_700_000_000_000_000_000
+STRAIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def turn(yaw):
+    return (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+
+
+def link(parent, child, place=(0.0, 0.0, 0.0), quaternion=STRAIGHT, ms=0.0):
+    return Transform(parent, child, BEGIN + round(ms * MS), place, quaternion)
+
+
+FIXED = [link("world", "base", (1.0, 0.0, 0.0), turn(0.5)), link("tool", "cup", (0.0, 0.1, 0.0))]
+
+
+def chain(fixed=FIXED):
+    poses = TransformPoses("world", "cup")
+    poses.take(fixed, fixed=True)
+    return poses
+
+
+def rail(ms):
+    return link("base", "rail", (0.002 * ms, 0.0, 0.0), ms=ms)
+
+
+def wrist(ms):
+    return link("rail", "tool", (0.0, 0.0, 0.3), turn(0.003 * ms), ms)
+
+
+def expected(ms):
+    """Of the cup, worked out by hand."""
+    along, yaw = 0.002 * ms, 0.5 + 0.003 * ms
+    return (
+        1.0 + along * math.cos(0.5) - 0.1 * math.sin(yaw),
+        along * math.sin(0.5) + 0.1 * math.cos(yaw), 0.3,
+    )  # fmt: skip
+
+
+def test_links_of_one_message_give_one_pose():
+    poses, found = chain(), []
+    for ms in range(0, 400, 8):
+        found += poses.take([wrist(ms), rail(ms), link("base", "lamp", ms=ms)])
+    # At the first message the chain is not known before its last link.
+    assert [pose.stamp_ns for pose in found] == [BEGIN + ms * MS for ms in range(8, 400, 8)]
+    for k, pose in enumerate(found, start=1):
+        assert pose.position == pytest.approx(expected(8 * k), abs=1e-12)
+    assert poses.trouble() == ""
+    assert poses.facts() == {"chain of transforms": "world → base → rail → tool → cup"}
+
+
+def test_the_slowest_link_that_moves_leads():
+    poses, found = chain(), []
+    for ms in range(1000):
+        found += poses.take([wrist(ms + 0.3)])
+        if ms % 10 == 0:
+            found += poses.take([rail(ms)])
+    late = found[20:]
+    assert np.diff([pose.stamp_ns for pose in late]) == pytest.approx(10 * MS)
+    for pose in late:
+        assert pose.position == pytest.approx(expected((pose.stamp_ns - BEGIN) / MS), abs=1e-6)
+
+
+def test_a_link_that_stands_on_tf_does_not_lead():
+    poses, found = chain(), []
+    for ms in range(600):
+        found += poses.take([wrist(ms)])
+        if ms % 100 == 0:
+            found += poses.take([link("base", "rail", ms=ms)])
+    assert np.diff([pose.stamp_ns for pose in found[1:]]) == pytest.approx(MS)
+    assert len(found) > 590
+
+
+def test_fixed_links_may_come_last_and_names_have_slashes_in_front():
+    poses = TransformPoses("/world", "cup")
+    assert poses.take([rail(0), wrist(0)]) == []
+    poses.take([one._replace(parent=f"/{one.parent}") for one in FIXED], fixed=True)
+    assert len(poses.take([rail(8), wrist(8)])) == 1
+    assert len(poses.take([rail(16), wrist(16)])) == 1
+
+
+def test_a_chain_that_is_not_there_is_told():
+    poses = TransformPoses("world", "cup")
+    for ms in range(60):
+        poses.take([rail(ms), wrist(ms)])
+    assert "'cup' is no frame of theirs (they have rail, tool)" in poses.trouble()
+    poses.take([link("tool", "cup")], fixed=True)
+    assert poses.trouble() == (
+        "the transforms do not connect 'world' with 'cup': 'cup' hangs on 'base'; set world_frame "
+        "and container_frame to frames of one tree"
+    )
+
+
+def test_a_chain_in_which_nothing_moves_is_told():
+    poses = chain()
+    for second in range(60):
+        poses.take([link("base", "rail", ms=1e3 * second), link("rail", "tool", ms=1e3 * second)])
+    assert poses.trouble() == (
+        "nothing has moved between 'world' and 'cup' for 59 s: world → base → rail → tool → cup"
+    )
+    poses.take([rail(60e3), wrist(60e3)])
+    assert poses.trouble() == ""
+
+
+def test_a_loop_ends():
+    poses = TransformPoses("world", "cup")
+    for ms in range(60):
+        assert poses.take([link("cup", "tool", ms=ms), link("tool", "cup", ms=ms)]) == []
+    assert "do not connect" in poses.trouble()
+
+
+def test_a_link_that_hangs_on_another_parent_now_is_followed():
+    poses = chain()
+    poses.take([rail(0), wrist(0)])
+    poses.take([link("base", "tool", (0.0, 0.0, 0.5), ms=8)])
+    (found,) = poses.take([link("base", "tool", (0.0, 0.0, 0.5), ms=16)])
+    assert found.position[2] == 0.5

@@ -1,0 +1,209 @@
+"""The blocks of a bag's input as columns of `recording.inputs.fields`, whatever its messages are.
+
+Joint states and transforms become poses here, by what the node itself uses, and are columns of
+poses from here on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_bag.columns.cdr_columns import ColumnReader
+from slosh_bag.errors import SloshBagError
+from slosh_bag.mcap_files.chunks import MessageBlock
+from slosh_bag.reader import BagReader, messages_of, stamp_ns
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.fixed_frames import FixedFrames
+from slosh_estimator.inputs import JOINTS, MOUNTED, POSE, POSED, InputSettings, WantedInput
+from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.timed_pose import TimedPose
+from slosh_estimator.transform_poses import Transform, TransformPoses
+from slosh_msgs_py import topics
+from slosh_replay.recording.inputs import fields, recorded_inputs
+from slosh_replay.recording.settings import first
+from slosh_replay.recording.sources import Sources
+
+Columns = Mapping[str, NDArray[Any]]
+_FRAME = "header.frame_id"
+
+
+class InputBlocks:
+    """Reads an input's blocks.
+
+    Args:
+        reader: of the bag.
+        sources: its topics.
+        how: the input is read.
+
+    Attributes:
+        topics: whose blocks it reads.
+
+    Raises:
+        SloshBagError: joints without a robot's description, or with one that does not fit.
+    """
+
+    def __init__(self, reader: BagReader, sources: Sources, how: InputSettings) -> None:
+        self._reader = reader
+        self._columns = ColumnReader(reader.typestore_of)
+        self._fields = fields(sources.kind)
+        self._world = how.frames[0]
+        self._count = 0
+        if sources.kind == JOINTS and not how.urdf:
+            how = how._replace(urdf=_description(reader, sources))
+        try:
+            self._poses = how.poses(sources.kind)
+        except SloshEstimatorError as error:
+            raise SloshBagError(f"{reader.path}: {sources.input}: {error}") from None
+        self.topics: tuple[str, ...] = (sources.input,)
+        if sources.kind == POSE and isinstance(self._poses, TransformPoses):
+            self.topics += (sources.topics.topic("tf", _row(topics.TF).type) or "",)
+        if isinstance(self._poses, TransformPoses):
+            for message in _latched(reader, sources, topics.TF_STATIC):
+                self._poses.take(map(_transform, message.transforms), fixed=True)
+
+    def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
+        """The values of the input's blocks of a chunk.
+
+        Args:
+            blocks: of `topics`, at least one.
+
+        Raises:
+            SloshBagError: a message is not of its type.
+        """
+        if self._poses is None:
+            return self._columns.columns(blocks[0], self._fields)
+        found: list[TimedPose] = []
+        messages = [message for block in blocks for message in messages_of(block)]
+        if len(blocks) > 1:  # in the order in which the node heard them
+            messages.sort(key=lambda message: message.log_ns)
+        for message in messages:
+            found += self._taken(self._reader.decode(message))
+        self._count += len(found)
+        return _pose_columns(found, self._world)
+
+    def _taken(self, message: Any) -> list[TimedPose]:
+        """The poses that a message makes known."""
+        if isinstance(self._poses, JointPoses):
+            positions, velocities = message.position.tolist(), message.velocity.tolist()
+            return self._poses.take(stamp_ns(message), message.name, positions, velocities)
+        assert isinstance(self._poses, TransformPoses)
+        if hasattr(message, "transforms"):
+            return self._poses.take(map(_transform, message.transforms))
+        p, q = message.pose.position, message.pose.orientation
+        link = Transform(
+            message.header.frame_id, POSED, stamp_ns(message), (p.x, p.y, p.z),
+            (q.x, q.y, q.z, q.w),
+        )  # fmt: skip
+        return self._poses.take([link])
+
+    def trouble(self) -> str:
+        """Why messages told no pose, or a wrong one; empty: nothing is known to be wrong."""
+        return self._poses.trouble() if self._poses is not None else ""
+
+    def check(self) -> None:
+        """Is asked when all has come.
+
+        Raises:
+            SloshBagError: no pose came out of the messages.
+        """
+        if self._poses is not None and not self._count:
+            reason = self.trouble() or "no pose of the container follows from the messages"
+            raise SloshBagError(f"{self._reader.path}: {reason}")
+
+
+def reading(
+    reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None = None
+) -> InputSettings:
+    """How the input of a bag is read.
+
+    Args:
+        reader: of the bag.
+        sources: its topics.
+        given: how it is read, or in what other than by the recorded estimator; None: as by that.
+
+    Raises:
+        SloshBagError: a recorded parameter is missing or cannot be.
+    """
+    if isinstance(given, InputSettings):
+        return _mounted(reader, sources, given)
+    recorded = recorded_inputs(sources.starts, sources.facts)
+    return _mounted(reader, sources, recorded if given is None else given.over(recorded))
+
+
+def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
+    """With what the bag's fixed transforms say of the input's frame.
+
+    A recorded estimator has told what it took from them.
+    """
+    if sources.kind not in MOUNTED or first(sources.starts, "estimator") is not None:
+        return how
+    fixed = FixedFrames()
+    for message in _latched(reader, sources, topics.TF_STATIC):
+        fixed.take(map(_transform, message.transforms))
+    block = next(iter(reader.blocks([sources.input])), None)
+    if block is None:
+        return how
+    frame = str(reader.columns(block, [_FRAME])[_FRAME][0])
+    moving = sources.topics.topic("tf", _row(topics.TF).type) is not None
+    found = how.mounted(sources.kind, frame, fixed, moving=moving)
+    return how.with_mounting(found) if found else how
+
+
+def _pose_columns(poses: list[TimedPose], frame: str) -> dict[str, NDArray[Any]]:
+    stamps = np.array([pose.stamp_ns for pose in poses], dtype=np.int64)
+    values = np.array([(*p.position, *p.quaternion) for p in poses], np.float64).reshape(-1, 7)
+    seconds, nanoseconds, name, *numbers = fields(POSE)
+    found: dict[str, NDArray[Any]] = {
+        seconds: stamps // SECOND,
+        nanoseconds: stamps % SECOND,
+        name: np.full(len(poses), frame, dtype=object),
+    }
+    return found | dict(zip(numbers, values.T, strict=True))
+
+
+def _transform(message: Any) -> Transform:
+    place, turn = message.transform.translation, message.transform.rotation
+    return Transform(
+        message.header.frame_id, message.child_frame_id, stamp_ns(message),
+        (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w),
+    )  # fmt: skip
+
+
+def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
+    """The blocks of each chunk together: within one, whole topics follow each other."""
+    chunk: list[MessageBlock] = []
+    for block in blocks:
+        if chunk and block.buffer.base is not chunk[0].buffer.base:
+            yield chunk
+            chunk = []
+        chunk.append(block)
+    if chunk:
+        yield chunk
+
+
+def _row(name: str) -> topics.Topic:
+    return next(row for row in topics.TOPICS if row.name == name)
+
+
+def _latched(reader: BagReader, sources: Sources, name: str) -> Iterator[Any]:
+    """The decoded messages of a topic with few."""
+    row = _row(name)
+    topic = sources.topics.topic(name.strip("/"), row.type)
+    for block in reader.look_up([topic]) if topic else ():
+        for message in messages_of(block):
+            yield reader.decode(message)
+
+
+def _description(reader: BagReader, sources: Sources) -> str:
+    text = next((str(one.data) for one in _latched(reader, sources, topics.ROBOT_DESCRIPTION)), "")
+    if not text:
+        raise SloshBagError(
+            f"{reader.path}: holds joint states in {sources.input} and no robot description; give "
+            "it with --urdf FILE --tool-frame LINK"
+        )
+    return text

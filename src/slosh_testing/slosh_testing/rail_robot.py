@@ -1,0 +1,51 @@
+"""A small robot on a rail, with its kinematics written down by hand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+UPPER, FORE, CUP = 0.5, 0.4, 0.1
+JOINTS = ("rail", "shoulder", "elbow", "wrist")
+RAIL_URDF = (Path(__file__).resolve().parents[3] / "examples" / "robot.urdf").read_text(
+    encoding="utf-8"
+)
+
+
+def cup_position(rail: Any, shoulder: Any, elbow: Any, wrist: Any = 0.0) -> Any:
+    """Where the cup stands for positions of the joints [m]; arrays give (N, 3)."""
+    toward = shoulder + elbow
+    side, up = -CUP * np.sin(wrist), CUP * np.cos(wrist)
+    return np.stack(
+        [
+            UPPER * np.cos(shoulder) + FORE * np.cos(toward) - side * np.sin(toward),
+            rail + UPPER * np.sin(shoulder) + FORE * np.sin(toward) + side * np.cos(toward),
+            up + 0.0 * toward,
+        ],
+        axis=-1,
+    )
+
+
+def swung(t: Any, seconds: float = 2.0) -> Any:
+    """(N, 4) positions of JOINTS at times t [s]: at rest before 0 and behind `seconds`."""
+    x = np.clip(np.asarray(t) / seconds, 0.0, 1.0)
+    ease = x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
+    return np.stack([0.5 * ease, 0.9 * ease - 0.4, 0.3 - 1.2 * ease, 0.0 * ease], axis=-1)
+
+
+def acceleration(t: Any, step: float = 1e-4) -> Any:
+    """(N, 3) of the cup [m/s²], by differences of the kinematics."""
+    places = [cup_position(*swung(np.asarray(t) + k * step).T) for k in (-1, 0, 1)]
+    return (places[0] - 2.0 * places[1] + places[2]) / step**2
+
+
+def quaternion(shoulder: float, elbow: float, wrist: float) -> tuple[float, float, float, float]:
+    """Attitude world ← cup."""
+    yaw, half = 0.5 * (shoulder + elbow), 0.5 * wrist
+    return (
+        math.cos(yaw) * math.sin(half), math.sin(yaw) * math.sin(half),
+        math.sin(yaw) * math.cos(half), math.cos(yaw) * math.cos(half),
+    )  # fmt: skip

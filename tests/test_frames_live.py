@@ -1,0 +1,216 @@
+"""Inputs whose frames are those of a robot: transforms, mountings, odometry; live and replayed."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from nav_msgs.msg import Odometry
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import Imu
+
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
+from slosh_replay.replay import replay_bag
+from slosh_testing.rail_robot import acceleration, cup_position, quaternion, swung
+
+pytestmark = pytest.mark.timeout(200)
+TEXT = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
+PATIENCE, SECOND = 60.0, 1_000_000_000
+TIMES = np.arange(-0.5, 2.6, 0.005)
+
+
+class Robot:
+    """Speaks on some topics, and hears the estimator.
+
+    Attributes:
+        health: last sentence and facts of each node.
+        estimates: what has come.
+    """
+
+    def __init__(self) -> None:
+        self.node = Node("robot", namespace="/slosh")
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self.estimates: list[SloshEstimate] = []
+        self.health: dict[str, tuple[str, dict[str, str]]] = {}
+        hear = self.node.create_subscription
+        hear(SloshEstimate, topics.ESTIMATE, self.estimates.append, qos.STREAM_IN)
+        hear(DiagnosticArray, topics.DIAGNOSTICS, self._take, qos.DIAGNOSTICS)
+
+    def _take(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            self.health[status.name.rpartition("/")[2]] = status.message, values
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, f"waited in vain for {what}: {self.health}"
+            self._executor.spin_once(timeout_sec=0.01)
+
+    def play(self, kind: type, topic: str, made: Callable[[float, Any], Any]) -> np.ndarray:
+        """Sends messages of the motion; returns times [s] and accelerations of the estimates."""
+        publisher = self.node.create_publisher(kind, topic, qos.STREAM_OUT)
+        self.until(lambda: publisher.get_subscription_count() >= 2, "two readers")
+        begin = time.time_ns()
+        for k, t in enumerate(TIMES.tolist()):
+            publisher.publish(made(t, to_time(begin + round(t * 1e9))))
+            if k % 10 == 0 and self.estimates:
+                reached = begin + round(t * 1e9) - SECOND // 2
+                self.until(lambda at=reached: self.newest_ns >= at, "the estimates to follow")
+            else:
+                self._executor.spin_once(timeout_sec=0.002)
+        last = begin + round(TIMES[-1] * 1e9) - SECOND // 4
+        self.until(lambda: self.newest_ns > last, "the last one")
+        return np.array(
+            [
+                ((to_nanoseconds(one.header.stamp) - begin) * 1e-9, *one.acceleration)
+                for one in self.estimates
+            ]
+        )
+
+    @property
+    def newest_ns(self) -> int:
+        return to_nanoseconds(self.estimates[-1].header.stamp) if self.estimates else 0
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+@contextmanager
+def cell(folder: Path, domain: int, **own: str) -> Iterator[Robot]:
+    """An estimator, a recorder, and the robot."""
+    (folder / "model.yaml").write_text(TEXT)
+    given = {"model": str(folder / "model.yaml"), "max_age": "600.0", **own}
+    recorder = NodeProcess("recorder", (), {"output": str(folder / "bag")})
+    rclpy.init()
+    robot = Robot()
+    try:
+        with NodeGroup("/slosh", folder / "logs", node_environment(domain)) as group:
+            for process in (NodeProcess("estimator", (), given), recorder):
+                group.start(process)
+            robot.until(
+                lambda: robot.health.get("estimator", ("", {}))[1].get("state") == "ready",
+                "the estimator",
+            )
+            yield robot
+    finally:
+        robot.close()
+        rclpy.shutdown()
+
+
+def check(found: np.ndarray, folder: Path) -> None:
+    """The acceleration is the true one, and the recording gives the same numbers again."""
+    true = acceleration(found[:, 0])
+    assert len(found) > 0.9 * len(TIMES) - 40
+    assert np.abs(found[:, 1:] - true).max() < 0.02 * np.abs(true).max()
+    verification = replay_bag(folder / "bag").verification
+    assert verification is not None
+    assert verification.exact, verification.lines()
+
+
+def link(parent: str, child: str, place: Any, turn: Any, stamp: Any = None) -> TransformStamped:
+    message = TransformStamped(child_frame_id=child)
+    message.header.frame_id = parent
+    message.header.stamp = stamp or message.header.stamp
+    p, q = message.transform.translation, message.transform.rotation
+    p.x, p.y, p.z = map(float, place)
+    q.x, q.y, q.z, q.w = map(float, turn)
+    return message
+
+
+def fixed(robot: Robot, *links: TransformStamped) -> None:
+    """Publishes transforms that hold for all time."""
+    kind = pytest.importorskip("tf2_msgs.msg").TFMessage
+    publisher = robot.node.create_publisher(kind, topics.TF_STATIC, qos.EVENT)
+    publisher.publish(kind(transforms=list(links)))
+
+
+STRAIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def test_a_chain_of_transforms(tmp_path: Path, domain: int) -> None:
+    kind = pytest.importorskip("tf2_msgs.msg").TFMessage
+    with cell(tmp_path, domain, input="tf") as robot:
+        fixed(robot, link("tool", "container", (0.0, 0.0, 0.1), STRAIGHT))
+
+        def made(t: float, stamp: Any) -> Any:
+            rail, *angles = swung(t).tolist()
+            x, y, z = cup_position(0.0, *angles).tolist()
+            tool = link("carriage", "tool", (x, y, z - 0.1), quaternion(*angles), stamp)
+            return kind(
+                transforms=[link("world", "carriage", (0.0, rail, 0.0), STRAIGHT, stamp), tool]
+            )
+
+        found = robot.play(kind, topics.TF, made)
+    check(found, tmp_path)
+
+
+def test_an_imu_is_mounted_as_the_fixed_transforms_say(tmp_path: Path, domain: int) -> None:
+    pytest.importorskip("tf2_msgs")
+    with cell(tmp_path, domain, input="imu") as robot:
+        fixed(robot, link("container", "imu_link", (0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0)))
+
+        def made(t: float, stamp: Any) -> Any:
+            message = Imu()
+            message.header.stamp, message.header.frame_id = stamp, "imu_link"
+            x, y, z = acceleration(t).tolist()
+            force = message.linear_acceleration
+            force.x, force.y, force.z = x, -y, -z - 9.81  # upside down
+            return message
+
+        found = robot.play(Imu, topics.IMU, made)
+    check(found, tmp_path)
+
+
+def test_poses_in_a_frame_that_moves(tmp_path: Path, domain: int) -> None:
+    """The tracker rides on the carriage, whose own motion counts."""
+    kind = pytest.importorskip("tf2_msgs.msg").TFMessage
+    with cell(tmp_path, domain, input="pose") as robot:
+        transforms = robot.node.create_publisher(kind, topics.TF, qos.STREAM_OUT)
+
+        def made(t: float, stamp: Any) -> Any:
+            rail, *angles = swung(t).tolist()
+            carriage = link("world", "carriage", (0.0, rail, 0.0), STRAIGHT, stamp)
+            transforms.publish(kind(transforms=[carriage]))
+            message = PoseStamped()
+            message.header.stamp, message.header.frame_id = stamp, "carriage"
+            p, q = message.pose.position, message.pose.orientation
+            p.x, p.y, p.z = cup_position(0.0, *angles).tolist()
+            q.x, q.y, q.z, q.w = quaternion(*angles)
+            return message
+
+        found = robot.play(PoseStamped, topics.POSE, made)
+    check(found, tmp_path)
+
+
+def test_odometry(tmp_path: Path, domain: int) -> None:
+    with cell(tmp_path, domain, input="odometry") as robot:
+
+        def made(t: float, stamp: Any) -> Any:
+            message = Odometry()
+            message.header.stamp, message.child_frame_id = stamp, "base_link"
+            yaw = [float(swung(t + k * 1e-5)[1:3].sum()) for k in (-1, 0, 1)]
+            before, after = (cup_position(*swung(t + k * 1e-5)) for k in (-1, 1))
+            vx, vy, _ = ((after - before) / 2e-5).tolist()
+            c, s = float(np.cos(yaw[1])), float(np.sin(yaw[1]))
+            twist = message.twist.twist
+            twist.linear.x, twist.linear.y = c * vx + s * vy, c * vy - s * vx
+            twist.angular.z = (yaw[2] - yaw[0]) / 2e-5
+            turn = message.pose.pose.orientation
+            turn.z, turn.w = float(np.sin(yaw[1] / 2)), float(np.cos(yaw[1] / 2))
+            return message
+
+        found = robot.play(Odometry, topics.ODOMETRY, made)
+    check(found, tmp_path)

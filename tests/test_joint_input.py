@@ -1,0 +1,196 @@
+"""A robot that publishes its joints alone: estimated live, recorded, and replayed bit for bit."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_estimator.robot import available
+from slosh_model.model_text import parse_model
+from slosh_model.simulate import Inputs, simulate
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds, to_time
+from slosh_replay.replay import replay_bag
+from slosh_testing.rail_robot import JOINTS, RAIL_URDF, acceleration, swung
+
+pytestmark = [
+    pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed"),
+    pytest.mark.timeout(200),
+]
+TEXT = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
+effects: [{name: vertical_acceleration}, {name: surface_nonlinearity, alpha: 0.58}]
+"""
+PATIENCE, SECOND = 60.0, 1_000_000_000
+
+
+class Driver:
+    """The drivers of arm, rail and gripper, and who hears the estimator.
+
+    Attributes:
+        estimates: what has come.
+        health: last sentence and facts of each node.
+    """
+
+    def __init__(self) -> None:
+        self.node = Node("driver", namespace="/slosh")
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self.estimates: list[SloshEstimate] = []
+        self.health: dict[str, tuple[str, dict[str, str]]] = {}
+        self._describe = self.node.create_publisher(String, topics.ROBOT_DESCRIPTION, qos.EVENT)
+        self.states = [
+            self.node.create_publisher(JointState, topics.JOINT_STATES, qos.STREAM_OUT)
+            for _ in range(2)
+        ]
+        hear = self.node.create_subscription
+        hear(SloshEstimate, topics.ESTIMATE, self.estimates.append, qos.STREAM_IN)
+        hear(DiagnosticArray, topics.DIAGNOSTICS, self._take, qos.DIAGNOSTICS)
+
+    def _take(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            self.health[status.name.rpartition("/")[2]] = status.message, values
+
+    def until(self, condition: Callable[[], object], what: str) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, f"waited in vain for {what}: {self.health}"
+            self._executor.spin_once(timeout_sec=0.01)
+
+    def describe(self) -> None:
+        self._describe.publish(String(data=RAIL_URDF))
+
+    def play(self, times: np.ndarray) -> int:
+        """Sends the joints at times [s] from now on; returns when that was [ns]."""
+        begin = time.time_ns()
+        for k, t in enumerate(times.tolist()):
+            stamp = to_time(begin + round(t * 1e9))
+            rail, *arm = swung(t).tolist()
+            message = JointState(name=["jaw", *JOINTS[:0:-1]], position=[0.01, *arm[::-1]])
+            message.header.stamp = stamp
+            self.states[0].publish(message)
+            if k % 2 == 0:
+                message = JointState(name=["rail"], position=[rail])
+                message.header.stamp = stamp
+                self.states[1].publish(message)
+            if k % 10 == 0 and self.estimates:
+                reached = begin + round(t * 1e9) - SECOND // 2
+                self.until(lambda at=reached: self.newest_ns >= at, "the estimates to follow")
+            else:
+                self._executor.spin_once(timeout_sec=0.002)
+        self.until(
+            lambda: self.newest_ns > begin + round(times[-1] * 1e9) - SECOND // 4, "the last one"
+        )
+        return begin
+
+    @property
+    def newest_ns(self) -> int:
+        return to_nanoseconds(self.estimates[-1].header.stamp) if self.estimates else 0
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+@contextmanager
+def cell(folder: Path, domain: int, *others: NodeProcess, **own: str) -> Iterator[Driver]:
+    """An estimator with the input joints, and the robot's drivers."""
+    (folder / "model.yaml").write_text(TEXT)
+    given = {
+        "model": str(folder / "model.yaml"), "input": "joints", "tool_frame": "cup",
+        "max_age": "600.0", **own,
+    }  # fmt: skip
+    rclpy.init()
+    driver = Driver()
+    try:
+        with NodeGroup("/slosh", folder / "logs", node_environment(domain)) as group:
+            for process in (NodeProcess("estimator", (), given), *others):
+                group.start(process)
+            yield driver
+    finally:
+        driver.close()
+        rclpy.shutdown()
+
+
+def truth(t: np.ndarray) -> np.ndarray:
+    """The wave [m] of the true acceleration."""
+    fine = np.arange(t[0], t[-1], 0.001)
+    response, _ = simulate(parse_model(TEXT), Inputs(fine, acceleration(fine)))
+    return np.interp(t, fine, response.msh)
+
+
+def test_joints_of_two_drivers_live_and_replayed(tmp_path: Path, domain: int) -> None:
+    bag = tmp_path / "bag"
+    recorder = NodeProcess("recorder", (), {"output": str(bag)})
+    with cell(tmp_path, domain, recorder) as driver:
+        waiting = "not ready, waiting: no robot description on /robot_description yet"
+        driver.until(
+            lambda: waiting in driver.health.get("estimator", ("",))[0], "the node to wait"
+        )
+        driver.describe()
+        driver.until(
+            lambda: driver.health["estimator"][1].get("state") == "ready", "the estimator"
+        )
+        driver.until(
+            lambda: all(one.get_subscription_count() >= 2 for one in driver.states), "two readers"
+        )
+        times = np.arange(-0.5, 2.8, 0.004)
+        begin = driver.play(times)
+        facts = driver.health["estimator"][1]
+    assert facts["joints"] == "rail, shoulder, elbow, wrist"
+    t = np.array([(to_nanoseconds(one.header.stamp) - begin) * 1e-9 for one in driver.estimates])
+    msh, true = np.array([one.nonlinear.msh for one in driver.estimates]), truth(t)
+    assert true.max() > 0.005
+    assert np.sqrt(np.mean((msh - true) ** 2)) < 0.02 * true.max()
+    assert not any(one.flags for one in driver.estimates[len(t) // 2 :])
+    result = replay_bag(bag)
+    assert result.verification is not None
+    assert result.verification.exact
+    assert result.counters["samples_used"] > 350
+
+
+def test_a_joint_that_nobody_publishes_is_told(tmp_path: Path, domain: int) -> None:
+    (tmp_path / "robot.urdf").write_text(RAIL_URDF)
+    with cell(tmp_path, domain, urdf=str(tmp_path / "robot.urdf")) as driver:
+        driver.until(lambda: driver.states[0].get_subscription_count(), "a reader")
+
+        def told() -> bool:
+            message = JointState(name=["rail", "elbow"], position=[0.0, 0.1])
+            message.header.stamp = to_time(time.time_ns())
+            driver.states[0].publish(message)
+            return (
+                "the joint states lack shoulder, wrist" in driver.health.get("estimator", " ")[0]
+            )
+
+        driver.until(told, "what is missing")
+
+
+def test_two_publishers_of_the_same_joints_are_told(tmp_path: Path, domain: int) -> None:
+    (tmp_path / "robot.urdf").write_text(RAIL_URDF)
+    with cell(tmp_path, domain, urdf=str(tmp_path / "robot.urdf")) as driver:
+        driver.until(
+            lambda: all(one.get_subscription_count() for one in driver.states), "a reader"
+        )
+
+        def told() -> bool:
+            now = time.time_ns()
+            for late, publisher in enumerate(driver.states):
+                message = JointState(name=list(JOINTS), position=[0.0, 0.1, 0.2, 0.3])
+                message.header.stamp = to_time(now - 30_000_000 * late)
+                publisher.publish(message)
+            said = driver.health.get("estimator", " ")[0]
+            return "2 publishers on /joint_states for 1 set of joints: stop one" in said
+
+        driver.until(told, "the second publisher")

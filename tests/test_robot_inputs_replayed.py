@@ -1,0 +1,273 @@
+"""Bags of robots as they are: transforms, odometry, twists and joints, without any cell."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slosh_bag.bag_writer import BagWriter
+from slosh_bag.definitions import Definitions
+from slosh_bag.reader import BagReader
+from slosh_bringup.cli.main import main
+from slosh_estimator.robot import available
+from slosh_model.model_text import parse_model
+from slosh_model.simulate import Inputs, simulate
+from slosh_replay.recording.sources import find_sources
+from slosh_replay.replay import replay_bag
+from slosh_tables.motion_table import read_motion_table
+from slosh_testing.rail_robot import (
+    JOINTS,
+    RAIL_URDF,
+    acceleration,
+    cup_position,
+    quaternion,
+    swung,
+)
+
+BEGIN = 1_700_000_000_000_000_000
+TEXT = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
+effects: [{name: vertical_acceleration}, {name: surface_nonlinearity, alpha: 0.58}]
+"""
+TIMES = np.arange(-0.5, 2.8, 0.004)
+STEP = 1e-5
+Message = tuple[str, str, int, Any]
+
+
+class Maker:
+    """Makes messages of the types that a bag may hold."""
+
+    def __init__(self) -> None:
+        self.definitions = Definitions()
+        for kind in (
+            "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry",
+            "geometry_msgs/msg/TwistStamped", "std_msgs/msg/String", "sensor_msgs/msg/Imu",
+            "geometry_msgs/msg/PoseStamped",
+        ):  # fmt: skip
+            self.definitions.hash(kind)
+        self._types = self.definitions.typestore.types
+
+    def header(self, t: float, frame: str = "") -> Any:
+        stamp = BEGIN + round(t * 1e9)
+        time = self._types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
+        return self._types["std_msgs/msg/Header"](time, frame)
+
+    def vector(self, x: float, y: float, z: float, kind: str = "Vector3") -> Any:
+        return self._types[f"geometry_msgs/msg/{kind}"](x, y, z)
+
+    def turn(self, x: float, y: float, z: float, w: float) -> Any:
+        return self._types["geometry_msgs/msg/Quaternion"](x, y, z, w)
+
+    def twist(self, t: float) -> Any:
+        """Of the cup, in the world's axes."""
+        before, after = (cup_position(*swung(t + k * STEP)) for k in (-1, 1))
+        yaw = [float(swung(t + k * STEP)[1:3].sum()) for k in (-1, 1)]
+        linear = ((after - before) / (2 * STEP)).tolist()
+        rate = (yaw[1] - yaw[0]) / (2 * STEP)
+        return self._types["geometry_msgs/msg/Twist"](
+            self.vector(*linear), self.vector(0.0, 0.0, rate)
+        )
+
+    def joints(self) -> Iterator[Message]:
+        text = self._types["std_msgs/msg/String"](RAIL_URDF.replace('"cup"', '"container"'))
+        yield "/robot_description", "std_msgs/msg/String", BEGIN - 10**9, text
+        for t in TIMES.tolist():
+            kind = "sensor_msgs/msg/JointState"
+            none, at = np.empty(0), swung(t)
+            state = self._types[kind](self.header(t), list(JOINTS), at, none, none)
+            yield "/joint_states", kind, BEGIN + round(t * 1e9), state
+
+    def transforms(self) -> Iterator[Message]:
+        kind = "tf2_msgs/msg/TFMessage"
+
+        def link(t: float, parent: str, child: str, place: Any, turn: Any) -> Any:
+            moved = self._types["geometry_msgs/msg/Transform"](
+                self.vector(*place), self.turn(*turn)
+            )
+            stamped = self._types["geometry_msgs/msg/TransformStamped"]
+            return stamped(self.header(t, parent), child, moved)
+
+        straight = (0.0, 0.0, 0.0, 1.0)
+        fixed = link(0.0, "tool", "container", (0.0, 0.0, 0.1), straight)
+        # It is recorded late, as by a recorder that hears latched messages last.
+        yield "/tf_static", kind, BEGIN + 10**9, self._types[kind]([fixed])
+        for t in TIMES.tolist():
+            rail, *angles = swung(t).tolist()
+            x, y, z = cup_position(0.0, *angles).tolist()
+            links = [
+                link(t, "carriage", "tool", (x, y, z - 0.1), quaternion(*angles)),
+                link(t, "world", "carriage", (0.0, rail, 0.0), straight),
+            ]
+            yield "/tf", kind, BEGIN + round(t * 1e9), self._types[kind](links)
+
+    def twists(self) -> Iterator[Message]:
+        kind = "geometry_msgs/msg/TwistStamped"
+        for t in TIMES.tolist():
+            message = self._types[kind](self.header(t, "world"), self.twist(t))
+            yield "/robot/twist", kind, BEGIN + round(t * 1e9), message
+
+    def poses(self) -> Iterator[Message]:
+        """Of the cup in the frame of the robot's base, which stands turned in the world."""
+        kind, half = "geometry_msgs/msg/PoseStamped", 0.35
+        transform = self._types["geometry_msgs/msg/Transform"](
+            self.vector(1.0, 2.0, 0.0), self.turn(0.0, 0.0, np.sin(half), np.cos(half))
+        )
+        link = self._types["geometry_msgs/msg/TransformStamped"](
+            self.header(0.0, "world"), "base", transform
+        )
+        fixed = "tf2_msgs/msg/TFMessage"
+        yield "/tf_static", fixed, BEGIN, self._types[fixed]([link])
+        c, s = np.cos(2 * half), np.sin(2 * half)
+        for t in TIMES.tolist():
+            x, y, z = (cup_position(*swung(t)) - (1.0, 2.0, 0.0)).tolist()
+            place = self.vector(c * x + s * y, c * y - s * x, z, "Point")
+            pose = self._types["geometry_msgs/msg/Pose"](place, self.turn(0.0, 0.0, 0.0, 1.0))
+            message = self._types[kind](self.header(t, "base"), pose)
+            yield "/slosh/pose", kind, BEGIN + round(t * 1e9), message
+
+    def riding(self) -> Iterator[Message]:
+        """Poses of the cup in the frame of the carriage, which moves."""
+        kind, tree = "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
+        straight = self.turn(0.0, 0.0, 0.0, 1.0)
+        for t in TIMES.tolist():
+            rail, *angles = swung(t).tolist()
+            transform = self._types["geometry_msgs/msg/Transform"](
+                self.vector(0.0, rail, 0.0), straight
+            )
+            link = self._types["geometry_msgs/msg/TransformStamped"](
+                self.header(t, "world"), "carriage", transform
+            )
+            stamp = BEGIN + round(t * 1e9)
+            yield "/tf", tree, stamp, self._types[tree]([link])
+            place = self.vector(*cup_position(0.0, *angles).tolist(), "Point")
+            pose = self._types["geometry_msgs/msg/Pose"](place, straight)
+            message = self._types[kind](self.header(t, "carriage"), pose)
+            yield "/slosh/pose", kind, stamp, message
+
+    def imu(self) -> Iterator[Message]:
+        """A sensor on the cup, upside down and turned, as the fixed transforms say."""
+        kind, half = "sensor_msgs/msg/Imu", 0.35
+        # Container <- sensor: a half turn about x, then 0.7 rad about z.
+        turn = self.turn(np.cos(half), np.sin(half), 0.0, 0.0)
+        transform = self._types["geometry_msgs/msg/Transform"](self.vector(0.0, 0.0, 0.1), turn)
+        link = self._types["geometry_msgs/msg/TransformStamped"](
+            self.header(0.0, "container"), "imu_link", transform
+        )
+        fixed = "tf2_msgs/msg/TFMessage"
+        yield "/tf_static", fixed, BEGIN, self._types[fixed]([link])
+        none = np.zeros(9)
+        felt = acceleration(TIMES) + np.array([0.0, 0.0, 9.81])
+        rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
+        for t, force in zip(TIMES.tolist(), rotation.inv().apply(felt).tolist(), strict=True):
+            message = self._types[kind](
+                self.header(t, "imu_link"), self.turn(0.0, 0.0, 0.0, 1.0), none,
+                self.vector(0.0, 0.0, 0.0), none, self.vector(*force), none,
+            )  # fmt: skip
+            yield "/imu/data/imu", kind, BEGIN + round(t * 1e9), message
+
+    def odometry(self) -> Iterator[Message]:
+        kind, none = "nav_msgs/msg/Odometry", np.zeros(36)
+        for t in TIMES.tolist():
+            twist, yaw = self.twist(t), float(swung(t)[1:3].sum())
+            c, s, v = np.cos(yaw), np.sin(yaw), twist.linear
+            own = self.vector(float(c * v.x + s * v.y), float(c * v.y - s * v.x), v.z)
+            twist = self._types["geometry_msgs/msg/Twist"](own, twist.angular)
+            pose = self._types["geometry_msgs/msg/Pose"](
+                self.vector(0.0, 0.0, 0.0, "Point"),
+                self.turn(0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)),
+            )
+            with_ = self._types["geometry_msgs/msg/PoseWithCovariance"](pose, none)
+            moved = self._types["geometry_msgs/msg/TwistWithCovariance"](twist, none)
+            message = self._types[kind](self.header(t, "odom"), "base_link", with_, moved)
+            yield "/odom", kind, BEGIN + round(t * 1e9), message
+
+
+def write(folder: Path, made: Callable[[Maker], Iterator[Message]]) -> Path:
+    maker = Maker()
+    entries = sorted(made(maker), key=lambda entry: entry[2])
+    with BagWriter(folder, maker.definitions, {}) as writer:
+        for topic, kind, log_ns, message in entries:
+            writer.add_topic(topic, kind)
+            data = bytes(maker.definitions.typestore.serialize_cdr(message, kind))
+            writer.write(topic, data, log_ns)
+    return folder
+
+
+def truth() -> float:
+    """The highest wave of the true acceleration [m]."""
+    fine = np.arange(TIMES[0], TIMES[-1], 0.001)
+    response, _ = simulate(parse_model(TEXT), Inputs(fine, acceleration(fine)))
+    return float(response.msh.max())
+
+
+ROBOTS = [
+    pytest.param(
+        Maker.joints, "joints", "/joint_states",
+        marks=pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed"),
+    ),
+    (Maker.transforms, "tf", "/tf"),
+    (Maker.odometry, "odometry", "/odom"),
+    (Maker.twists, "twist", "/robot/twist"),
+    (Maker.poses, "pose", "/slosh/pose"),
+    (Maker.riding, "pose", "/slosh/pose"),
+    (Maker.imu, "imu", "/imu/data/imu"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("made", "kind", "topic"), ROBOTS)
+def test_the_input_of_a_bag_is_found_and_gives_the_true_motion(
+    tmp_path, made, kind, topic, capsys
+):
+    bag = write(tmp_path / "bag", made)
+    table = tmp_path / "motion.csv"
+    assert main(["export", str(bag), "--motion", "--absolute", "-o", str(table)]) == 0
+    assert f"from {topic}, no heights" in capsys.readouterr().out
+    motion = read_motion_table(table)
+    true = acceleration(motion.t - BEGIN * 1e-9)
+    assert np.abs(motion.acceleration - true).max() < 0.01 * np.abs(true).max()
+    shifted = Inputs(motion.t - motion.t[0], motion.acceleration)
+    found = simulate(parse_model(TEXT), shifted)[0].msh.max()
+    assert found == pytest.approx(truth(), rel=0.01)
+    result = replay_bag(bag, parse_model(TEXT))
+    assert result.counters["samples_used"] > 0.98 * len(TIMES)
+    assert [line for line in result.warnings if "no measured" not in line] == []
+
+
+def test_a_bag_with_joints_and_without_a_description_says_what_to_give(tmp_path, capsys):
+    bag = write(
+        tmp_path / "bag",
+        lambda maker: (one for one in maker.joints() if one[0] != "/robot_description"),
+    )
+    (tmp_path / "model.yaml").write_text(TEXT)
+    words = ["replay", str(bag), "--model", str(tmp_path / "model.yaml")]
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert "holds joint states in /joint_states and no robot description" in said
+    if not available():
+        return
+    (tmp_path / "robot.urdf").write_text(RAIL_URDF)
+    robot = ["--urdf", str(tmp_path / "robot.urdf")]
+    assert main([*words, *robot, "--tool-frame", "spoon"]) == 2
+    assert "no link 'spoon' (it has world" in capsys.readouterr().err
+    assert main([*words, *robot, "--tool-frame", "cup"]) == 0
+
+
+def test_transforms_are_taken_before_joints_that_nobody_describes(tmp_path):
+    def both(maker: Maker) -> Iterator[Message]:
+        yield from (one for one in maker.joints() if one[0] == "/joint_states")
+        yield from maker.transforms()
+
+    bag = write(tmp_path / "bag", both)
+    assert find_sources(bag, BagReader(bag)).kind == "tf"
+
+
+def test_a_chain_that_is_not_in_the_bag_is_told(tmp_path, capsys):
+    bag = write(
+        tmp_path / "bag", lambda maker: (one for one in maker.transforms() if one[0] == "/tf")
+    )
+    (tmp_path / "model.yaml").write_text(TEXT)
+    assert main(["replay", str(bag), "--model", str(tmp_path / "model.yaml")]) == 2
+    assert "the transforms do not connect 'world' with 'container'" in capsys.readouterr().err
