@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -12,9 +13,9 @@ from slosh_bringup.processes import node_environment
 from slosh_model import Model, format_model
 from slosh_replay.replay import replay_bag
 from slosh_testing.live_processes import live_process
-from slosh_testing.rectangle_robot import TANK, write_camera
+from tests.rectangle_robot import TANK, write_camera
 
-ROBOT = (sys.executable, "-m", "slosh_testing.rectangle_robot")
+ROBOT = (sys.executable, Path(__file__).with_name("rectangle_robot.py"))
 pytestmark = pytest.mark.timeout(200)
 
 

@@ -1,6 +1,6 @@
 """A linear drive with a rectangular tank and a camera beside it, as a process that speaks DDS.
 
-    python -m slosh_testing.rectangle_robot
+    python tests/rectangle_robot.py
 
 Publishes a motion along x and pictures of what the liquid does, and ends with the motion.
 The liquid is TM20's pendulum; the pictures are drawn by other means than the camera node's.
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tools"))
 
 from side_view_scene import Liquid, Look, Setup, draw  # noqa: E402
