@@ -11,9 +11,9 @@ at rtol 1e-8, which a user would write. The claim: below 60 s on two cores, and 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import numpy as np
+from measuring import timed
 from scipy.integrate import solve_ivp
 
 from slosh_discovery.discover import MeasuredMotion, discover
@@ -66,13 +66,6 @@ def scipy_once(inputs: Inputs) -> int:
         ]  # fmt: skip
 
     return len(solve_ivp(rate, (0.0, SECONDS), np.zeros(4), rtol=1e-8, max_step=0.02).t)
-
-
-def timed(work: Callable[[], object]) -> float:
-    """Seconds."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
 
 
 def main() -> None:

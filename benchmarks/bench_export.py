@@ -14,7 +14,6 @@ import argparse
 import csv
 import json
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,7 +24,7 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from process_memory import peak_memory
+from measuring import greatest_memory, peak_memory
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
@@ -142,7 +141,7 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
                 run()
                 times[label].append(time.process_time() - begin)
         memory = [
-            greatest_memory(write_bag(folder / f"long{factor}", seconds * factor))
+            greatest_memory(__file__, write_bag(folder / f"long{factor}", seconds * factor))
             for factor in (1, LONGER)
         ]
     count = 2 * round(seconds * RATE)
@@ -156,15 +155,6 @@ def compare(seconds: float, turns: int) -> dict[str, Any]:
         "goal": GOAL,
         "memory_goal": MEMORY_GOAL,
     }
-
-
-def greatest_memory(bag: Path) -> float:
-    """Of a process that exports a bag to CSV and to Parquet [MiB]."""
-    done = subprocess.run(
-        [sys.executable, __file__, "--measure", str(bag)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    return float(done.stdout)
 
 
 def main() -> int:

@@ -16,11 +16,11 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from measuring import timed
 from scipy.integrate import solve_ivp
 
 from slosh_model.batch import wall_heights
@@ -132,13 +132,6 @@ def check_equal(
         simulator, dt = Simulator(model), 1.0 / RATE
         online = [simulator.step(dt, *row) for row in motion.acceleration.tolist()]
         assert np.allclose(heights, online, rtol=1e-12, atol=1e-15), "the batch disagrees"
-
-
-def timed(action: Callable[[], object]) -> float:
-    """How long it takes [s]."""
-    started = time.perf_counter()
-    action()
-    return time.perf_counter() - started
 
 
 def step_by_step(model: Model, acceleration: np.ndarray) -> Callable[[], None]:

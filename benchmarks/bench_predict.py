@@ -17,13 +17,12 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import rclpy
+from measuring import timed
 from rclpy.node import Node
 
 from slosh_model import Cylinder, Model, format_model, simulate
@@ -67,13 +66,6 @@ def scan_beside_loop(rounds: int) -> tuple[float, float]:
         scans.append(timed(lambda: safe_scales(MODEL, one, LIMITS)))
         loops.append(EVERY * timed(loop))
     return statistics.median(scans), statistics.median(loops)
-
-
-def timed(run: Callable[[], object]) -> float:
-    """Seconds that it takes."""
-    begin = time.perf_counter()
-    run()
-    return time.perf_counter() - begin
 
 
 def request(*, empty: bool = False, scales: bool = False) -> PredictSlosh.Request:

@@ -33,7 +33,7 @@ import numpy as np
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from process_memory import peak_memory
+from measuring import greatest_memory, peak_memory
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.columns.cdr_columns import write_messages
@@ -50,7 +50,7 @@ from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.replay import ReplayResult, replay_bag
-from slosh_replay.replay.monitor_feed import Heights, MonitorFeed
+from slosh_replay.replay.monitor_feed import MonitoredHeights, MonitorFeed
 from slosh_replay.replay.verification import COMPARED, estimate_columns
 
 REAL_TIME_GOAL = 100.0
@@ -141,7 +141,7 @@ def measured(estimates: Estimates, images: Any) -> Columns:
 def compared(estimates: Estimates, images: Any) -> Columns:
     """Fields of SloshComparison."""
     feed = MonitorFeed(MonitorSettings())
-    heights = Heights(
+    heights = MonitoredHeights(
         estimates.stamps, estimates.heights[:, 0, 0], estimates.heights[:, 1, 0], estimates.flags
     )
     values = measured(estimates, images)
@@ -278,24 +278,15 @@ def memory(bag: Path, short: Path) -> dict[str, Any]:
         copies.append(short.with_name(f"copy{number}"))
         shutil.copytree(short, copies[-1])
     figures = {
-        "short": greatest_memory([short]),
-        "long": greatest_memory([bag]),
-        "many": greatest_memory(copies),
+        "short": greatest_memory(__file__, short),
+        "long": greatest_memory(__file__, bag),
+        "many": greatest_memory(__file__, *copies),
     }
     return {
         "memory_mib": {name: round(value) for name, value in figures.items()},
         "length_ratio": round(figures["long"] / figures["short"], 3),
         "number_ratio": round(figures["many"] / figures["short"], 3),
     }
-
-
-def greatest_memory(bags: list[Path]) -> float:
-    """Of a process that replays bags as the command does [MiB]."""
-    done = subprocess.run(
-        [sys.executable, __file__, "--measure", *map(str, bags)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    return float(done.stdout.splitlines()[-1])
 
 
 def measure(bags: list[Path]) -> int:

@@ -44,12 +44,6 @@ def test_an_environment_on_path_makes_no_difference(tmp_path, monkeypatch):
     assert bootstrap.environment_inputs(without)[0].startswith(str(without).encode())
 
 
-def test_the_base_of_an_environment_is_found(tmp_path):
-    inside = make_venv(tmp_path / FOLDER) / "python"
-    assert bootstrap.base_interpreter(str(inside)) == bootstrap.base_interpreter(sys.executable)
-    assert bootstrap.base_interpreter("false") is None
-
-
 def test_what_was_on_path_before_stays_out_but_for_this_checkouts_own(place):
     own = f"{place}/.venv/bin"
     after = f"{place}/ros2_ws/install/bin:{own}:/usr/bin"
@@ -75,19 +69,6 @@ def test_the_environments_file_is_read_by_a_shell(place, monkeypatch):
     assert done.stdout.decode().splitlines() == [f"{place}/.venv/bin:/usr/bin", packages]
     (pth,) = place.rglob("slosh_workspace.pth")
     assert pth.read_text("utf-8").splitlines() == packages.split(":")
-
-
-def test_the_slosh_command_finds_its_checkout(place, monkeypatch):
-    sourced = {"PYTHONPATH": "/x", "AMENT_PREFIX_PATH": f"{place}/ros2_ws/install"}
-    monkeypatch.setattr(bootstrap, "sourced", lambda script, environment: sourced)
-    bootstrap.write_environment({})
-    (place / "tools").mkdir()
-    (place / "tools/run").write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
-    (place / "tools/run").chmod(0o755)
-    command = place / ".venv/bin/slosh"
-    done = subprocess.run([command, "a b"], capture_output=True, text=True, check=True)
-    target = f"{place}/ros2_ws/install/bin/slosh"
-    assert done.stdout.splitlines() == ["python", "-S", target, "a b"]
 
 
 def test_a_workspace_that_cannot_be_sourced_is_told(place, monkeypatch):
@@ -123,14 +104,3 @@ def test_a_path_with_a_blank_an_umlaut_and_a_quote_is_taken(place):
     bootstrap.check_place()
     assert not bootstrap.PLAIN.fullmatch(str(place))
     assert bootstrap.PLAIN.fullmatch("/home/me/slosh-1.0/.venv")
-
-
-def test_code_that_python_keeps_beside_a_launch_file_builds_nothing_anew(place):
-    for name in ("ros2_ws/colcon-defaults.yaml", ".venv/.environment", "src/a/launch/a.launch.py"):
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        (place / name).touch()
-    before = bootstrap.workspace_inputs()
-    (place / "src/a/launch/__pycache__").mkdir()
-    assert bootstrap.workspace_inputs() == before
-    (place / "src/a/launch/b.launch.py").touch()
-    assert bootstrap.workspace_inputs() != before

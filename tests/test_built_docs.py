@@ -63,12 +63,6 @@ def test_nothing_is_loaded_from_outside(built):
         assert not re.search(r"(@import|url\()\s*['\"]?(https?:)?//", text), sheet.name
 
 
-def test_formulae_are_written_and_not_fetched(built):
-    page = built / "physics.html"
-    assert Addresses(page).formulae > 50
-    assert not re.search(r"<m[ion][^>]*>[^<]*\\", page.read_text(encoding="utf-8"))
-
-
 def test_generated_text_is_in_its_pages(built):
     for name, effect in EFFECTS.items():
         page = (built / "effects" / f"{name}.html").read_text(encoding="utf-8")
@@ -82,12 +76,3 @@ def test_generated_text_is_in_its_pages(built):
         assert f'id="{node}"' in interfaces
         for spec in importlib.import_module(module).PARAMETERS:
             assert f">{spec.name}<" in interfaces
-
-
-def test_there_is_an_icon_and_the_words_to_search(built):
-    index = (built / "index.html").read_text(encoding="utf-8")
-    assert re.search(r'rel="shortcut icon" href="_static/icon\.svg"', index)
-    words = (built / "searchindex.js").read_text(encoding="utf-8")
-    # A script, which a page may load from a file; data it may not.
-    assert words.startswith("Search.setIndex(")
-    assert "damp" in words

@@ -14,7 +14,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_bringup.processes import NodeGroup, NodeProcess
 from slosh_replay.replay import replay_bag
 from slosh_replay.split import split_bag
-from slosh_testing.robot import Robot, nodes_and_robot, swing
+from slosh_testing.robot import RobotNode, nodes_and_robot, swing
 
 LIBRARY = Path(__file__).with_name("set_clock.c")
 HOUR = 3600
@@ -45,7 +45,7 @@ def set_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int]
 @pytest.fixture
 def cell(
     set_clock: Callable[[int], None], tmp_path: Path, domain: int
-) -> Iterator[tuple[NodeGroup, Robot]]:
+) -> Iterator[tuple[NodeGroup, RobotNode]]:
     with nodes_and_robot(tmp_path, domain) as (group, robot):
         group.start(NodeProcess("recorder", (), {"output": str(tmp_path / "bag")}))
         start = time.monotonic()
@@ -55,11 +55,11 @@ def cell(
         yield group, robot
 
 
-def is_well(robot: Robot) -> bool:
+def is_well(robot: RobotNode) -> bool:
     return bool(robot.comparisons) and robot.health.get("estimator", (1,))[0] == OK
 
 
-def recorded(robot: Robot) -> int:
+def recorded(robot: RobotNode) -> int:
     """As the recorder says."""
     told = re.match(r"(\d+) messages", robot.health["recorder"][1])
     return int(told[1]) if told else 0  # it may tell of a lost message first
@@ -67,7 +67,7 @@ def recorded(robot: Robot) -> int:
 
 @pytest.mark.long
 def test_an_hour_back_and_forward_again(
-    cell: tuple[NodeGroup, Robot], set_clock: Callable[[int], None], tmp_path: Path
+    cell: tuple[NodeGroup, RobotNode], set_clock: Callable[[int], None], tmp_path: Path
 ) -> None:
     group, robot = cell
     before = max(estimate.nonlinear.msh for estimate in robot.estimates)

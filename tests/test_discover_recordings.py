@@ -12,7 +12,7 @@ from slosh_discovery.discover.input_noise import estimate_input_noise
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.unrelated import felt_acceleration
-from slosh_discovery.discovering import recorded_cell, recorded_model
+from slosh_discovery.discovering import recorded_model
 from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
@@ -20,7 +20,6 @@ from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.recording.settings import model_of
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.tables.antisloshing import find_runs, import_run
-from slosh_testing.live_bag import LiveBag
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 BAGS = REPOSITORY / "bags"
@@ -71,16 +70,6 @@ class TestShippedBags:
             noise = estimate_input_noise(finding.motions[0].motion.inputs)
             assert noise is not None
             assert noise.stddev == pytest.approx(0.02, rel=0.05)
-
-    def test_the_command_that_loads_a_found_model_names_the_recorded_cell(
-        self, tmp_path: Path
-    ) -> None:
-        recorded = LiveBag()
-        recorded.namespace = "/left/cup"
-        bag = recorded.write(tmp_path / "day" / "bag")
-        for data in (bag, bag / "bag_0.mcap", bag.parent):
-            assert recorded_cell([tmp_path / "table.csv", data]) == "/left/cup"
-        assert recorded_cell([BAGS]) == recorded_cell([tmp_path / "table.csv"]) == "/slosh"
 
     def test_a_day_begins_with_what_the_monitor_saw_to_be_off_most(self) -> None:
         found = day_motions(BAGS)
@@ -134,25 +123,3 @@ class TestMeasuredRuns:
                 RecordedMotion(stamped, motion.inputs.acceleration, motion.inputs.attitude)
             )
             assert rms(motion, CUP, felt) < 4e-3, motion.name
-
-    @pytest.mark.long
-    def test_without_a_known_container_the_onset_lays_them_over_each_other(
-        self, bags: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        path = bags / RUNS[0]
-        (known,) = read_motions(path)
-        monkeypatch.setattr(
-            "slosh_discovery.discover_data.unrelated.noted_model", lambda facts: None
-        )
-        notes: list[str] = []
-        (blind,) = read_motions(path, tell=notes.append)
-        assert "by the onset" in notes[-1]
-        assert abs(start_of(blind) - start_of(known)) < 0.15
-        (given,) = read_motions(path, CUP)
-        assert start_of(given) == pytest.approx(start_of(known), abs=1e-6)
-
-
-def start_of(motion: MeasuredMotion) -> float:
-    """When the height first comes to half its peak [s]."""
-    assert motion.msh is not None
-    return float(motion.t[np.argmax(motion.msh > 0.5 * motion.msh.max())])

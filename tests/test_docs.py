@@ -196,7 +196,8 @@ def test_what_a_command_writes_is_there_for_the_next():
     reader = Reader()
     reader.take(words_of("slosh motion quintic --speed 20 --stroke 0.3 -o move.csv"))
     reader.take(words_of("slosh simulate model.yaml move.csv -o heights.csv"))
-    reader.take(words_of("tools/run python tools/scenes/render.py hd -o out/scenes  # or: all"))
+    drawn = "tools/run python validation/scenes/render.py hd -o out/scenes  # or: all"
+    reader.take(words_of(drawn))
     reader.take(words_of("cd out/scenes/hd"))
     reader.take(words_of("slosh detect a.png b.png --camera camera.yaml -o heights.csv"))
 

@@ -7,7 +7,7 @@ import pytest
 from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import topics
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_testing.robot import GRAVITY, Robot, nodes_and_robot
+from slosh_testing.robot import GRAVITY, RobotNode, nodes_and_robot
 
 WARN, ERROR = 1, 2
 DOUBTFUL = SloshEstimate.INPUT_DOUBTFUL
@@ -15,11 +15,11 @@ DOWN = (1.0, 0.0, 0.0, 0.0)
 pytestmark = pytest.mark.timeout(120)
 
 
-def flagged(robot: Robot) -> bool:
+def flagged(robot: RobotNode) -> bool:
     return bool(robot.estimates and robot.estimates[-1].flags & DOUBTFUL)
 
 
-def says(robot: Robot, level: int, sentence: str) -> bool:
+def says(robot: RobotNode, level: int, sentence: str) -> bool:
     said = robot.health.get("estimator", (0, ""))
     return said[0] == level and sentence in said[1]
 
@@ -51,17 +51,3 @@ def test_a_tool_that_points_down_is_flagged_and_the_remedy_cures_it(
     with cured as (_, robot):
         robot.for_seconds(1.5)
         assert not flagged(robot)
-
-
-@pytest.mark.long
-def test_poses_in_another_frame_are_refused_and_the_remedy_is_told(
-    tmp_path: Path, domain: int
-) -> None:
-    with nodes_and_robot(tmp_path, domain, kind=topics.POSE) as (_, robot):
-        robot.frame = ""
-        robot.until(lambda: says(robot, WARN, "poses without a frame"), "a remark")
-        robot.frame = "camera_optical"
-        robot.until(
-            lambda: says(robot, ERROR, "'camera_optical' are dropped: publish them in 'world'"),
-            "the reason",
-        )

@@ -75,21 +75,6 @@ def test_a_small_disk_fills_up_and_recording_goes_on_when_there_is_room(disk):
     assert reader.warnings == []
 
 
-def test_a_recording_that_ends_on_a_nearly_full_disk_keeps_what_fits_and_notes_the_rest(disk):
-    """More waits than there is room for: some of it is better than nothing of it."""
-    for _ in range(400):
-        disk.add()
-    written = sum(disk.recorder.status().written.values())
-    os.truncate(disk.ballast, 25 * MEGABYTE)  # room for 150 of the 400
-    disk.recorder.close()
-    status = disk.recorder.status()
-    kept = [numbered(message.data) for message in BagReader(disk.bag).messages()]
-    assert kept == list(range(len(kept)))
-    assert len(kept) > written + 100
-    assert status.lost == disk.count - len(kept) > 100
-    assert BagReader(disk.bag).metadata()["messages_lost"] == str(status.lost)
-
-
 def test_a_deleted_bag_is_noticed_counted_and_begun_anew(tmp_path):
     recorder = Recorder(tmp_path / "bag")
     recorder.add_topic("/h", "std_msgs/msg/Header", Qos())

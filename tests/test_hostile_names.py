@@ -154,12 +154,6 @@ def check_file(path: Path) -> None:
         assert len({len(row) for row in csv.reader(text.splitlines())}) == 1
 
 
-def test_a_reason_stands_behind_a_name_of_a_hundred_kilobytes(shop: Shop) -> None:
-    _, said = said_by(shop.words("export IN-long --format csv -o OUT-long"))
-    assert said.startswith("slosh export: ")
-    assert said.endswith(": File name too long\n")
-
-
 def test_a_topic_is_never_a_path(shop: Shop, tmp_path: Path) -> None:
     out = tmp_path / "a" / "b" / "tables"
     code, said = said_by(["export", *shop.words("IN-topics"), "--format", "csv", "-o", str(out)])

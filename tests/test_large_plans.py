@@ -9,20 +9,15 @@ import numpy as np
 import psutil
 import pytest
 import rclpy
-from geometry_msgs.msg import Transform
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import (
-    JointTrajectory,
-    JointTrajectoryPoint,
     MultiDOFJointTrajectory,
 )
 
 from slosh_model.motion_profiles import quintic
-from slosh_msgs import srv
 from slosh_msgs.msg import MotionPrediction
 from slosh_msgs_py import qos, topics
-from slosh_msgs_py.point_arrays import arrays_of, service_with_point_arrays
 from slosh_testing.live_processes import until
 
 MODEL = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\ndamping_ratio: auto\n"
@@ -100,41 +95,6 @@ def test_200000_points_are_predicted_within_bounds(predictor: psutil.Process, pr
     refused = told(large_trajectory(MOST + 1))
     assert refused.state == MotionPrediction.REFUSED
     assert "200001 points are more than 200000" in refused.description
-
-
-def test_point_arrays_are_what_the_messages_say() -> None:
-    data = large_trajectory(3)
-    message = deserialize_message(data, MultiDOFJointTrajectory)
-    message.points[1].velocities = []
-    message.points[2].transforms += [Transform(), Transform()]
-    message.points[2].transforms[0].translation.y = 7.0
-    read = arrays_of(message.points, MOST)
-    assert read.t.tolist() == [0.0, 0.001, 0.002]
-    assert read.values["velocities"] is None
-    assert read.sizes["transforms"].tolist() == [1, 1, 3]
-    assert read.values["transforms"][2].tolist() == [0.4, 7.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-    assert read.values["accelerations"].shape == (3, 6)
-    assert len(arrays_of(message.points, 2)) == 3
-    assert len(arrays_of(message.points, 2).t) == 0
-
-
-def test_other_fields_of_a_request_come_as_they_are() -> None:
-    made = srv.PredictSlosh.Request(model_path="a" * 99, limit=3.0, sigma=4.0, time=[1.0, 2.0])
-    made.trajectory.points = deserialize_message(
-        large_trajectory(2), MultiDOFJointTrajectory
-    ).points
-    made.joint_trajectory = JointTrajectory(
-        joint_names=["a", "b"],
-        points=[JointTrajectoryPoint(positions=[0.5, k]) for k in (1.0, 2.0)],
-    )
-    paths = (("trajectory",), ("joint_trajectory",))
-    service = service_with_point_arrays(srv.PredictSlosh, paths, MOST)
-    read = deserialize_message(serialize_message(made), service.Request)
-    assert (read.model_path, read.limit, read.sigma) == ("a" * 99, 3.0, 4.0)
-    assert list(read.time) == [1.0, 2.0]
-    assert list(read.joint_trajectory.joint_names) == ["a", "b"]
-    assert read.joint_trajectory.points.values["positions"].tolist() == [[0.5, 1.0], [0.5, 2.0]]
-    assert read.trajectory.points.t.tolist() == [0.0, 0.001]
 
 
 def peak_of(process: psutil.Process) -> int:

@@ -7,10 +7,9 @@ from datetime import datetime
 import pytest
 
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.launched_cell import LaunchedCell
 from slosh_bringup.processes import LONGEST_PAUSE, NODES
-from tests.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
+from slosh_testing.launch_stand_in import Launch, Node, ParameterValue, read_launch_file
 
 NOW = datetime(2026, 11, 25, 9, 30, 1)
 
@@ -58,15 +57,6 @@ def test_the_default_cell(described, tmp_path):
         assert node.package == NODES[name].partition(".")[0]
         assert node.namespace == "/slosh"
         assert node.parameters[0].endswith("config/cell.yaml")
-
-
-def test_a_cell_without_a_camera(described, tmp_path):
-    nodes = described(camera="false", record="false", input="imu", remap="{imu: /arm/imu}")
-    assert list(nodes) == ["estimator", "monitor"]
-    assert nodes["monitor"][1] == {"camera": False}
-    assert nodes["estimator"][1]["input"] == "imu"
-    assert nodes["estimator"][0].remappings == [("imu", "/arm/imu")]
-    assert not (tmp_path / "out").exists()
 
 
 def test_services_page_and_robot(described, tmp_path):
@@ -119,12 +109,6 @@ def test_a_wrong_argument_is_one_line_and_starts_nothing(launch, tmp_path, argum
     assert not (tmp_path / "out").exists()
 
 
-def test_every_argument_has_a_default_and_a_description(launch):
-    with launch(record="false", camera="maybe") as cell:
-        assert all(one.description for one in cell.declared.values())
-        assert {one.default_value for one in cell.declared.values()} > {"", "true", "false"}
-
-
 def ended(cell, name, code, times):
     return [cell.ended(name, code, at) for at in times]
 
@@ -147,18 +131,6 @@ def test_a_recorder_that_is_started_again_leaves_what_is_recorded(monkeypatch, t
     again = ended(cell, "recorder", 1, [0.0, 100.0])
     assert [one.process.parameters["output"] for one in again] == [f"{bag}_2", f"{bag}_3"]
     assert again[0].text.endswith(f"in 1 s, recording to {bag}_2")
-
-
-def test_what_refuses_its_parameters_ends_the_launch_but_for_the_page(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    cell = LaunchedCell({"watch": "true", "simulate": "true"}, NOW, print)
-    for name in ("recorder", "estimator", "camera", "monitor"):
-        with pytest.raises(SloshBringupError, match=f"node {name} refuses its parameters"):
-            cell.ended(name, 2, 0.0)
-    assert cell.ended("watch", 2, 0.0) is None
-    assert cell.ended("cell", 0, 0.0) is None
-    with pytest.raises(SloshBringupError, match="nothing is played"):
-        cell.ended("cell", 1, 0.0)
 
 
 def bags(tmp_path):

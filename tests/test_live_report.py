@@ -2,16 +2,12 @@
 
 import json
 import math
-from pathlib import Path
 
 import pytest
 
-from slosh_bag.mcap_files.mcap_walk import McapWalk
 from slosh_bringup.live.report import REPORT, RESULT, make_live_report
 from slosh_camera.measurement import Flag
 from slosh_testing.live_bag import MS, LiveBag
-
-BAGS = Path(__file__).resolve().parents[1] / "bags"
 
 
 def written(folder, problems, *, began=True):
@@ -95,25 +91,3 @@ def test_no_bag_at_all_is_a_report_too(tmp_path):
     assert found.reasons[1].startswith("nothing was recorded: ")
     assert "node recorder ended" in (tmp_path / REPORT).read_text()
     assert json.loads((tmp_path / RESULT).read_text())["nothing_because"] == list(found.reasons)
-
-
-def test_a_run_that_never_began_has_one_reason(tmp_path):
-    found, *_ = results(
-        tmp_path, live_bag("accel", "estimate", "free_surface"), ("monitor refused",), began=False
-    )
-    assert found.reasons == ("monitor refused",)
-
-
-def test_no_part_of_a_report_is_left(tmp_path):
-    results(tmp_path, live_bag("free_surface"))
-    assert {path.name for path in tmp_path.iterdir()} == {"bag", REPORT, RESULT}
-
-
-def test_a_recording_is_walked_over_twice(monkeypatch):
-    """Once for what was said live, once to replay it; settings and images are looked up."""
-    walks = []
-    chunks = McapWalk.chunks
-    monkeypatch.setattr(McapWalk, "chunks", lambda walk: walks.append(walk.path) or chunks(walk))
-    report = make_live_report(BAGS / "l", "Cell")
-    assert report.result.replayed is not None
-    assert len(walks) == 2

@@ -13,9 +13,8 @@ from typing import Any
 import pytest
 
 from slosh_bringup.processes import NodeProcess, config_folder, node_environment
-from tests.who_hears import ENOUGH
+from slosh_testing.who_hears import ENOUGH
 
-WHO_HEARS = Path(__file__).with_name("who_hears.py")
 HERE, THERE = "10.213.77.1", "10.213.77.2"
 # An estimator starts slowly on a busy machine [s]; who hears nothing is given less time.
 ROBOT_WAITS, STRANGER_WAITS = 60.0, 6.0
@@ -62,7 +61,7 @@ def process(words: list[str], environment: Mapping[str, str]) -> Iterator[subpro
 
 def listener(role: str, seconds: float) -> list[str]:
     """Words that start who listens."""
-    return [sys.executable, str(WHO_HEARS), role, str(seconds)]
+    return [sys.executable, "-m", "slosh_testing.who_hears", role, str(seconds)]
 
 
 def answer_of(listening: subprocess.Popen[str]) -> dict[str, Any]:

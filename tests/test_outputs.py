@@ -215,18 +215,6 @@ def test_a_folder_of_results_that_would_meet_an_input_is_refused(own, capsys, li
     assert not (own / "full" / "A").exists()
 
 
-def test_two_outputs_are_not_one_file(own, tmp_path, capsys):
-    for line in (
-        f"{DETECT} -o OUT --strip OUT",
-        f"{DETECT} -o NEW --strip OUT --worst OUT 2",
-        f"{CALIBRATE} -o OUT --picture OUT",
-    ):
-        words = words_of(line, own, OUT=tmp_path / "out.png", NEW=tmp_path / "new.csv")
-        assert main(words) == 2
-        assert "out.png: is given for two outputs" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == [own]
-
-
 @pytest.mark.long
 def test_replays_pages_do_not_replace_a_strangers(own, tmp_path, capsys):
     place = tmp_path / "place"
@@ -460,24 +448,6 @@ def test_ctrl_c_leaves_what_was_there(shop, place, name):
     assert [path for path in place.rglob("*") if is_unfinished(path)] == []
     if name in FOLDERS - {"import antisloshing"}:  # one run may be whole
         assert list(place.iterdir()) == []
-
-
-@pytest.mark.long
-def test_ctrl_c_leaves_nothing_unfinished_of_many_processes(own, place):
-    """The processes that replay are killed at their work; who started them tidies up."""
-    for number in range(3):
-        shutil.copytree(own / "recording", own / "many" / f"run_{number}")
-    process = start(words_of("replay SHOP/many --jobs 2 -o OUT", own, OUT=place))
-    deadline = time.monotonic() + PATIENCE
-    while not any(map(is_unfinished, place.rglob("*"))):
-        assert process.poll() is None, "it was too fast"
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
-    process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=PATIENCE)
-    assert (process.returncode, told.splitlines()[-1]) == (1, "slosh: stopped")
-    assert not any(map(is_unfinished, place.rglob("*")))
-    assert all(any(path.iterdir()) for path in place.iterdir() if path.is_dir())
 
 
 def seem_untouched(before):

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from slosh_discovery.discover import MeasuredMotion, discover
-from slosh_discovery.discover_data import read_motions
-from slosh_model import Cylinder, Inputs, Model, predicted_heights, read_model, simulate
+from slosh_model import Cylinder, Inputs, Model, predicted_heights, simulate
 from slosh_replay import replay_bag
 from slosh_tables import MotionTable, read_motion_table, write_motion_table
 
@@ -122,29 +121,6 @@ def results():
     }
 
 
-@pytest.mark.long
-def test_a_result_says_in_one_line_what_it_is(results):
-    for value in (*results.values(), *results["finding"].motions):
-        text = repr(value)
-        assert text.startswith(f"{type(value).__name__}(")
-        assert len(text) < 150
-        assert "\n" not in text
-    assert "no measured height" in repr(results["table"])
-    assert "upright, acceleration up to 3.13 m/s²" in repr(MOTION)
-    top = 1e3 * results["response"].msh.max()
-    assert f"height up to {top:.1f} mm" in repr(results["response"])
-
-
-@pytest.mark.long
-def test_what_is_simulated_is_a_table(results):
-    response = results["response"]
-    frame = response.to_pandas()
-    assert frame.index.name == "t"
-    assert np.array_equal(frame.index, T)
-    assert list(frame) == ["msh", "azimuth", "sh_x", "sh_y"]
-    assert np.array_equal(frame["msh"], response.msh)
-
-
 def test_a_motion_table_goes_through_pandas_and_back(tmp_path):
     eta = np.sin(T)[:, np.newaxis] * [0.001, 0.002]
     table = MotionTable(
@@ -160,24 +136,6 @@ def test_a_motion_table_goes_through_pandas_and_back(tmp_path):
         assert np.array_equal(getattr(ours, name), getattr(theirs, name), equal_nan=True)
     motion = ours.inputs()
     assert np.array_equal(simulate(MODEL, motion)[0].msh, simulate(MODEL, MOTION)[0].msh)
-
-
-def test_a_replay_is_a_table_from_its_first_image_on(results):
-    replay = results["replay"]
-    frame = replay.to_pandas()
-    assert (frame.index[0], frame.index.name) == (0.0, "t")
-    assert frame.index[-1] == pytest.approx(replay.seconds)
-    assert np.array_equal(frame["stamp"], replay.stamps)
-    assert np.array_equal(frame["3D-NL"], replay.heights["3D-NL"], equal_nan=True)
-
-
-def test_a_finding_is_a_table_of_what_was_fitted(results):
-    finding = results["finding"]
-    frame = finding.to_pandas()
-    assert frame.index[0] == "height_scale" == finding.effects[0].name
-    assert "" in frame.index  # the model as it is
-    assert frame["probability"].sum() == pytest.approx(1.0)
-    assert not frame["fit_rms"].isna().any()
 
 
 @pytest.mark.parametrize(
@@ -218,11 +176,3 @@ def test_without_the_library_one_line_says_which(results, monkeypatch, library, 
     for name in ("response", "replay", "finding"):
         with pytest.raises(ImportError, match=f"needs {library}: pip install {library}$"):
             getattr(results[name], ask)()
-
-
-def test_models_and_recordings_are_named_by_text_or_path():
-    path = ROOT / "src/slosh_bringup/config/model.yaml"
-    assert read_model(str(path)) == read_model(path)
-    bag = ROOT / "bags" / "c3"
-    by_text, by_path = read_motions(str(bag)), read_motions(bag)
-    assert [motion.name for motion in by_text] == [motion.name for motion in by_path]

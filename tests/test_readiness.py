@@ -1,95 +1,16 @@
 """A cell begins when its nodes are ready, and says who is not."""
 
-import contextlib
-import json
 import os
 import re
 import signal
-import threading
 import time
 
 import pytest
 
 from slosh_bag.reader import BagReader
-from slosh_testing.live_processes import PATIENCE, alive, live_process
+from slosh_testing.live_processes import PATIENCE, live_process
 
 pytestmark = pytest.mark.long
-COMPILATION = 300.0
-"""Of everything, on a busy machine [s]."""
-
-
-@pytest.mark.timeout(2 * COMPILATION)
-def test_a_demo_without_compiled_code_waits_for_it_and_misses_nothing(tmp_path):
-    folder = tmp_path / "out" / "latest"
-    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    words = ("demo", "--motion", "l", "-o", str(folder.parent))
-    with live_process(*words, output=tmp_path / "words", environment=environment) as running:
-        assert running.process.wait(COMPILATION) == 0, running.said
-        said = running.said
-    for node in ("estimator", "camera"):
-        waiting = f"{node}: compiling, once on this machine"
-        assert said.index(waiting) < said.index(f"{node}: ready") < said.index("ready: recording")
-    result = json.loads((folder / "result.json").read_text())
-    assert result["agreements"][0]["count"] > 50
-    sent = dict.fromkeys(("/slosh/accel", "/slosh/free_surface", "/slosh/estimate"), 0)
-    first = dict(sent)
-    for message in BagReader(folder / "bag").messages(list(sent)):
-        sent[message.topic] += 1
-        first[message.topic] = first[message.topic] or message.log_ns
-    assert sent["/slosh/accel"] == 6465
-    # From the very first sample on, not from the middle of the motion.
-    assert abs(first["/slosh/estimate"] - first["/slosh/accel"]) < 1_000_000_000
-    assert abs(first["/slosh/free_surface"] - first["/slosh/accel"]) < 1_000_000_000
-    for node in ("estimator", "camera"):
-        log = (folder / "logs" / f"{node}.log").read_text()
-        assert "not ready yet: compiling slosh_" in log
-        assert log.count("compiling") == 1
-    # Where it is no terminal each line is kept, and 32 functions are compiled by five nodes.
-    assert len(said.partition("ready: recording")[0].splitlines()) <= 20
-
-
-@contextlib.contextmanager
-def slowed(pids, share):
-    """Lets processes run for a share of the time alone, as a machine does that is too slow."""
-    stop = threading.Event()
-
-    def pause():
-        while not stop.is_set():
-            for number, seconds in ((signal.SIGSTOP, 1.0 - share), (signal.SIGCONT, share)):
-                for pid in pids:
-                    with contextlib.suppress(ProcessLookupError):
-                        os.kill(pid, number)
-                stop.wait(seconds)
-
-    thread = threading.Thread(target=pause)
-    thread.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        thread.join()
-        for pid in pids:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
-
-
-@pytest.mark.timeout(2 * PATIENCE)
-def test_a_machine_that_is_too_slow_is_told_with_figures(tmp_path):
-    folder = tmp_path / "out" / "latest"
-    words = ("demo", "--motion", "l", "-o", str(folder.parent))
-    with live_process(*words, output=tmp_path / "words") as running:
-        nodes = running.wait_for_nodes(5)
-        running.wait_for(lambda: "ready: recording" in running.said, "the nodes")
-        slow = [nodes[name] for name in ("estimator", "camera")]
-        with slowed(slow, 0.1):
-            running.wait_for(lambda: not alive(nodes["cell"]), "the motion's end")
-        running.end()
-        said = running.said
-    assert "this machine is too slow for the demonstration: " in said
-    assert " samples were late or lost" in said
-    assert " images were not measured" in said
-    assert "share no finite moment" not in said
-    assert "too slow" in (folder / "report.html").read_text()
 
 
 @pytest.mark.timeout(2 * PATIENCE)

@@ -15,7 +15,7 @@ from slosh_replay.replay import replay_bag
 from slosh_testing.live_processes import live_process
 from tests.rectangle_robot import TANK, write_camera
 
-ROBOT = Path(__file__).resolve().parent / "rectangle_robot.py"
+ROBOT = (sys.executable, Path(__file__).with_name("rectangle_robot.py"))
 pytestmark = pytest.mark.timeout(200)
 
 
@@ -30,7 +30,7 @@ def run(domain, tmp_path_factory):
     words = ("cell", "--config", str(path), "-o", str(folder / "out"))
     with live_process(*words, output=folder / "words") as running:
         running.wait_for_nodes(4)
-        robot = subprocess.Popen([sys.executable, ROBOT], env=node_environment(domain))
+        robot = subprocess.Popen(ROBOT, env=node_environment(domain))
         try:
             running.wait_for(lambda: robot.poll() is not None, "the motion's end")
         finally:

@@ -12,13 +12,11 @@ from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_model.model_text import parse_model
 from slosh_replay.recording.heights import measurements
 from slosh_replay.recording.input_blocks import InputBlocks
 from slosh_replay.recording.sources import find_sources
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.checking import excesses
-from slosh_replay.replay.output_bag import OutputBag
 from slosh_replay.replay.replay_bag import feed
 from slosh_replay.replay.stream import ReplayStream
 from slosh_testing.bags import copied
@@ -87,11 +85,6 @@ def test_a_process_that_ended_before_it_estimated_is_nobodys_start(live, tmp_pat
     live.unrecorded = {index + 1}
     replayed = replay_bag(live.write(tmp_path / "bag"))
     assert replayed.verification.exact, replayed.verification.lines()
-
-
-def test_late_images_are_the_same_as_punctual_ones(eventful, live, tmp_path):
-    late, prompt = replay_bag(eventful), replay_bag(busy(live).write(tmp_path / "bag"))
-    assert everything(late) == everything(prompt)
 
 
 def test_one_image_from_the_future_changes_nothing_else(live, tmp_path, monkeypatch):
@@ -169,15 +162,6 @@ def test_a_found_model_replays_as_it_ran_and_agrees_with_its_camera(tmp_path, ki
     assert other["3D-NL"].sigma > 1e-4
 
 
-def test_a_recorded_input_is_taken_before_another_one(live, tmp_path):
-    """The bag holds accelerations too, but its estimator read the IMU."""
-    imu = LiveBag("imu")
-    live.topics = {"accel"}
-    result = replay_bag(imu.write(tmp_path / "bag", beside=[live]))
-    assert result.source == "/slosh/imu"
-    assert result.verification.exact
-
-
 def test_without_images_the_estimates_are_verified_all_the_same(live, tmp_path):
     live.topics = {"accel", "estimate", "settings"}
     result = replay_bag(live.write(tmp_path / "bag"))
@@ -185,15 +169,6 @@ def test_without_images_the_estimates_are_verified_all_the_same(live, tmp_path):
     assert (result.accuracy, result.counters["images"], result.warnings) == ((), 0, ())
     assert len(result.motions) == 0
     json.loads(result.to_json(series=True))
-
-
-def test_without_estimates_all_inputs_count(live, tmp_path):
-    live.unused = {700, 701}
-    live.topics = {"accel", "free_surface", "settings"}
-    result = replay_bag(live.write(tmp_path / "bag"))
-    assert result.verification is None
-    assert result.counters["samples_used"] == 2500
-    assert "not_used_live" not in result.counters
 
 
 def test_without_settings_a_model_is_needed_and_the_estimates_are_followed(live, tmp_path):
@@ -206,20 +181,6 @@ def test_without_settings_a_model_is_needed_and_the_estimates_are_followed(live,
     assert result.verification.exact
     assert result.counters["not_used_live"] == 2
     assert result.events
-
-
-def test_the_bags_facts_give_a_container(live, tmp_path):
-    live.topics = {"accel", "free_surface"}
-    live.facts = {"container_radius": "0.05", "container_fill_height": "0.07"}
-    result = replay_bag(live.write(tmp_path / "bag"))
-    assert result.model.container.radius == 0.05
-    assert [row.name for row in result.accuracy] == ["2D-L", "3D-L", "2D-NL", "3D-NL"]
-
-
-def test_only_images_are_refused(live, tmp_path):
-    live.topics = {"estimate", "free_surface", "settings"}
-    with pytest.raises(SloshBagError, match=r"holds no message of accel; the model has no input"):
-        replay_bag(live.write(tmp_path / "bag"))
 
 
 def test_a_camera_that_saw_nothing_is_told_and_the_rest_is_replayed(live, tmp_path):
@@ -252,23 +213,6 @@ def without_input(bag, folder, first, last):
     return copied(bag, folder, kept)
 
 
-def test_inputs_that_the_recorder_lost_are_said_to_be_missing(live, tmp_path):
-    bag = without_input(live.write(tmp_path / "whole"), tmp_path / "bag", 1001, 1004)
-    found = replay_bag(bag).verification
-    assert found.missing == 3
-    assert any("the recording has no usable input" in line for line in found.lines())
-
-
-def test_a_recorder_that_was_there_first_changes_nothing(live, tmp_path):
-    """Five seconds of inputs before the estimator's start, its first estimates unheard."""
-    live.unused = range(1100)
-    live.unrecorded = range(1100, 1120)
-    result = replay_bag(live.write(tmp_path / "bag", seconds=5.0))
-    assert result.verification.exact
-    assert result.counters["not_used_live"] == 1100
-    assert (result.verification.missing, result.verification.extra) == (0, 20)
-
-
 def cells(tmp_path, **namespaces):
     first, *others = [LiveBag() for _ in namespaces]
     for live, (name, height) in zip([first, *others], namespaces.items(), strict=True):
@@ -295,65 +239,12 @@ def test_of_two_cells_one_is_replayed_and_the_other_is_named(tmp_path):
         replay_bag(bag, cell="/middle")
 
 
-def test_two_cells_are_never_mixed(tmp_path):
-    """The first cell has no camera: the second one's is not its own."""
-    first, second = cells(tmp_path, left=1.0, right=1.5)
-    first.topics = {"accel", "estimate", "settings"}
-    result = replay_bag(first.write(tmp_path / "bag", beside=[second]))
-    assert result.source == "/left/accel"
-    assert result.counters["images"] == 0
-
-
-def test_a_robots_own_topic_drives_the_only_cell(tmp_path):
-    cell, robot = cells(tmp_path, slosh=1.0, robot=1.0)
-    cell.topics = {"estimate", "settings", "free_surface"}
-    robot.topics = {"accel"}
-    result = replay_bag(cell.write(tmp_path / "bag", beside=[robot]))
-    assert result.source == "/robot/accel"
-    assert result.verification.exact
-
-
-def test_a_model_with_more_modes_is_compared_where_there_is_something_to_compare(live, tmp_path):
-    bag = live.write(tmp_path / "bag", seconds=1.0)
-    found = replay_bag(bag, parse_model(TEXT + "modes: 2")).verification
-    assert found.recorded == 1500
-    assert all(np.isfinite(value) for value in found.largest.values())
-    assert any("modes: recorded without it, replayed with 2" in line for line in found.lines())
-
-
-@pytest.mark.long
-def test_a_model_with_other_modes_within_the_run_goes_into_the_new_bag(live, tmp_path):
-    live.loads = {
-        700: TEXT + "modes: 2",
-        1100: TEXT.replace("{name: vertical_acceleration}, ", ""),
-    }
-    bag = live.write(tmp_path / "bag", seconds=1.0)
-    with OutputBag(tmp_path / "new") as outputs:
-        assert replay_bag(bag, outputs=outputs).verification.exact
-    old, new = BagReader(bag), BagReader(tmp_path / "new")
-    pairs = zip(old.messages(["/slosh/estimate"]), new.messages(["/slosh/estimate"]), strict=True)
-    seen = set()
-    for before, after in pairs:
-        a, b = old.decode(before), new.decode(after)
-        assert repr(a.nonlinear) == repr(b.nonlinear)
-        seen.add((b.nonlinear.model, len(b.nonlinear.modal_position)))
-    assert seen == {("3D-NL", 2), ("3D-NL", 4), ("2D-NL", 2)}
-
-
 def test_a_model_that_is_given_stays_through_all_changes(live, tmp_path):
     live.loads = {700: TEXT.replace("0.07", "0.06")}
     bag = live.write(tmp_path / "bag", seconds=1.0)
     result = replay_bag(bag, MODEL)
     assert result.model == MODEL
     assert 700 <= result.verification.identical < 710
-
-
-def test_a_gap_of_the_input_is_a_gap_for_the_images(live, tmp_path):
-    live.unused = range(1500, 3500)
-    bag = without_input(live.write(tmp_path / "all", 6.0), tmp_path / "bag", 1500, 3500)
-    result = replay_bag(bag)
-    assert result.verification.exact
-    assert result.counters["gaps"] == 1
 
 
 @pytest.mark.long
@@ -374,13 +265,3 @@ def test_while_the_input_was_not_recorded_nothing_piles_up(live, tmp_path, monke
     result = replay_bag(bag)
     assert result.verification.missing == 4000
     assert max(waiting) < 500 * 2.5  # two seconds, and what a chunk holds
-
-
-def test_foreign_bags_of_two_cells_are_not_mixed_either(tmp_path):
-    left, right = cells(tmp_path, left=1.0, right=1.5)
-    left.topics, right.topics = {"free_surface"}, {"accel", "free_surface"}
-    bag = left.write(tmp_path / "bag", beside=[right])
-    result = replay_bag(bag, MODEL)
-    assert result.source == "/right/accel"
-    rows = {row.name: row for row in result.accuracy}
-    assert rows["3D-NL"].epsilon == pytest.approx(1 / 1.5 - 1, abs=1e-6)

@@ -67,19 +67,6 @@ def test_a_chart_tells_the_values_under_the_pointer(browser, replayed):
     assert page.complaints == []
 
 
-def test_a_span_that_is_marked_is_drawn_larger(browser, replayed):
-    page = opened(browser, replayed / "high.html", height=3000)
-    assert page.value("document.querySelector('.closer').hidden")
-    pointed(page, 0.3, "mousePressed", button="left", clickCount=1)
-    pointed(page, 0.4, button="left")
-    pointed(page, 0.5, "mouseReleased", button="left", clickCount=1)
-    assert not page.value("document.querySelector('.closer').hidden")
-    assert page.value("document.querySelectorAll('.closer canvas').length") == 1
-    page.value("document.querySelector('.closer > button').click()")
-    assert page.value("document.querySelector('.closer').hidden")
-    assert page.complaints == []
-
-
 def test_the_index_names_each_bag_and_sorts(browser, replayed):
     page = opened(browser, replayed / "index.html", width=390)
     names = "[...document.querySelectorAll('tbody th')].map((cell) => cell.textContent)"
@@ -113,15 +100,3 @@ def test_what_is_unknown_stands_last_and_a_hostile_name_is_text(browser, tmp_pat
     assert page.value(names)[:2] == ["bad", "good"]
     assert page.value("window.hacked ?? null") is None
     assert "2 failed" in page.value("document.querySelector('.subtitle').textContent")
-
-
-def test_a_page_that_is_no_index_is_left_alone(replayed, tmp_path, capsys):
-    (tmp_path / "index.html").write_text("mine")
-    bags = replayed.parent / "bags"
-    assert main(["replay", str(bags), "-o", str(tmp_path)]) == 2
-    assert (
-        "index.html: is not an index of replays; choose another folder" in capsys.readouterr().err
-    )
-    assert (tmp_path / "index.html").read_text() == "mine"
-    assert main(["replay", str(bags), "-o", str(replayed)]) == 0
-    assert main(["replay", str(bags), "-o", str(replayed)]) == 0

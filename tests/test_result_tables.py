@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from coverage_table import table
 from result_tables import fill
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -37,3 +38,27 @@ def test_each_file_is_shown_once_and_has_whole_rows():
         with path.open(encoding="utf-8", newline="") as file:
             widths = {len(row) for row in csv.reader(file)}
         assert len(widths) == 1, path
+
+
+# The table of `make coverage` adds up files to packages, and packages to a last line.
+
+
+def entry(lines, ran):
+    return {"summary": {"num_statements": lines, "covered_lines": ran}}
+
+
+def test_the_table_has_each_package_once_and_all_of_them_last():
+    text = table(
+        {
+            "src/slosh_model/slosh_model/b.py": entry(30, 15),
+            "src/slosh_bag/slosh_bag/a.py": entry(10, 10),
+            "src/slosh_model/slosh_model/__init__.py": entry(0, 0),
+            "src/slosh_model/slosh_model/c.py": entry(10, 5),
+            "/tmp/poisoned/slosh_model/c.py": entry(10, 10),
+        }
+    )
+    assert text.splitlines()[2:] == [
+        "| slosh_bag | 10 | 10 | 100.0 % |",
+        "| slosh_model | 40 | 20 | 50.0 % |",
+        "| all | 50 | 30 | 60.0 % |",
+    ]

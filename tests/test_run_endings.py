@@ -156,25 +156,6 @@ def test_a_signal_during_the_start_leaves_no_node_and_gives_a_report(tmp_path, n
         assert "Traceback" not in running.said
 
 
-@pytest.mark.long
-def test_a_signal_in_the_very_first_moment_gives_a_report_too(tmp_path):
-    folder = tmp_path / "out" / "latest"
-    with live_process("demo", "-o", str(folder.parent), output=tmp_path / "words") as running:
-        running.wait_for(lambda: takes_signals(running.process.pid), "the signals' handlers")
-        running.process.terminate()
-        assert running.end() == 1, running.said
-        assert not running.nodes()
-    assert reports(folder) == REPORT
-    assert "stopped (SIGTERM) before any node was started" in running.said
-
-
-def takes_signals(pid):
-    """Whether a process has a handler for SIGTERM."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    caught = next(line for line in status.splitlines() if line.startswith("SigCgt:"))
-    return int(caught.split()[1], 16) >> (signal.SIGTERM - 1) & 1
-
-
 @pytest.mark.long  # the quick one is that of NodeGroup, with nodes that do nothing
 def test_the_nodes_of_a_killed_command_end_and_the_recorder_last(demo):
     running, folder = demo
@@ -249,22 +230,6 @@ def test_a_closed_terminal_ends_all_nodes_and_gives_the_report(tmp_path, early):
         assert_gone(nodes)
     if not early:
         assert_finished(folder / "bag")
-    assert reports(folder) == REPORT
-
-
-@pytest.mark.long
-def test_a_reader_that_goes_without_a_word_is_as_a_closed_terminal(tmp_path):
-    """So does ssh without a terminal: no signal, the pipes break."""
-    folder = tmp_path / "out" / "latest"
-    reader, writer = os.pipe()
-    process = subprocess.Popen(command_for_minutes(folder), stdout=writer, stderr=writer)
-    os.close(writer)
-    try:
-        read_until_recording(reader, folder / "bag")
-    finally:
-        os.close(reader)
-    assert process.wait(PATIENCE) == 0
-    assert_finished(folder / "bag")
     assert reports(folder) == REPORT
 
 

@@ -15,7 +15,6 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.live.run_folder import new_run
 from slosh_bringup.processes import config_folder
 from slosh_testing.live_processes import until
-from slosh_testing.small_disk import small_disk
 
 PATIENCE = 60.0
 NOW = datetime(2026, 11, 22, 10, 15, 0)
@@ -89,18 +88,6 @@ def test_a_second_cell_leaves_the_first_ones_recording(cell, tmp_path):
     assert os.readlink(output / "latest") == runs(output)[1].name
 
 
-@pytest.mark.long
-def test_two_that_start_at_once_share_nothing(cell, tmp_path, domain):
-    both = [cell(ROS_DOMAIN_ID=str(number)) for number in (domain, domain + 100)]
-    output = tmp_path / "out" / "cell"
-    until(lambda: len(runs(output)) == 2, "two folders")
-    until(lambda: all(list((run / "bag").glob("*.mcap")) for run in runs(output)), "two bags")
-    told = [stop(process)[1] for process in both]
-    for run in runs(output):
-        assert sum(f"in {run.relative_to(tmp_path)}\n" in line for line in told) == 1
-    assert (output / "latest").resolve() in runs(output)
-
-
 def test_starts_in_one_second_have_folders_of_their_own(tmp_path):
     """Processes that all ask at the same moment."""
     program = """
@@ -145,21 +132,6 @@ def test_a_link_goes_from_run_to_run(tmp_path):
         run = new_run(tmp_path, NOW, print)
         assert run.name == f"2026-11-22T10-15-00{number}"
         assert os.readlink(tmp_path / "latest") == run.name
-
-
-def test_without_links_the_run_goes_on_and_says_so(tmp_path):
-    """A file system that has room for the run's folder and not for a link beside it."""
-    output = tmp_path / "disk"
-    output.mkdir()
-    told = []
-    with small_disk(output, "nr_inodes=2"):
-        run = new_run(output, NOW, told.append)
-        assert run.is_dir()
-        assert [path.name for path in output.iterdir()] == [run.name]
-    (line,) = told
-    assert line.startswith(
-        f"{output / 'latest'}: cannot be a link to the newest run here: No space"
-    )
 
 
 def test_an_output_that_is_no_folder_is_one_line(tmp_path, capsys):

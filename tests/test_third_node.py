@@ -8,7 +8,7 @@ from slosh_replay import replay_bag
 from slosh_replay.manifest import Expectation
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.replay.checking import check_result
-from slosh_replay.replay.nodes import Node, Topic
+from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.verification import Messages
 from slosh_testing.live_bag import START, TYPES, LiveBag
 
@@ -34,11 +34,11 @@ class Peak:
         return {"peak": Messages(estimates.stamps, {"vector.x": peaks + self.raised})}
 
 
-ROW = Node(
+ROW = ReplayedNode(
     "peak_holder",
     Peak,
-    inputs=(Topic(ESTIMATE, ESTIMATE_TYPE), Topic("raise", VECTOR, ("vector.x",))),
-    outputs=(Topic("peak", VECTOR, ("vector.x",)),),
+    inputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE), NodeTopic("raise", VECTOR, ("vector.x",))),
+    outputs=(NodeTopic("peak", VECTOR, ("vector.x",)),),
 )
 
 

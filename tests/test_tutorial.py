@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tutorial
 from pages.commands import Block, Command, blocks_of, not_said
-from pages.shell import Shell, ShellError
+from pages.shell import Shell
 from stand_in import CAMERA, view_of
 
 from slosh_camera.calibrate.camera_file import read_calibration
@@ -127,20 +127,6 @@ def test_a_shown_answer_is_compared_with_what_is_printed(said, holds):
     assert (not_said(("peak 6.0 mm, out/…",), f"before\n{said}\n") == []) == holds
 
 
-def test_what_fails_is_told_with_page_and_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(tutorial, "ROOT", tmp_path)
-    page = tmp_path / tutorial.path_of("cup")
-    page.parent.mkdir(parents=True)
-    with Shell(tmp_path, tutorial.environment(tmp_path), LONGEST) as shell:
-        for text, told in (
-            ("```sh\ntrue\nfalse\n```\n", r"cup\.md:3: false: exit code 1"),
-            ("```sh\necho 1\n```\n\n```\n2 mm\n```\n", r"cup\.md:2: the page shows what is not"),
-        ):
-            page.write_text(text)
-            with pytest.raises(tutorial.TutorialError, match=told):
-                list(tutorial.type_page(shell, "cup"))
-
-
 @pytest.mark.long
 def test_a_shell_keeps_folder_and_variables_and_can_be_interrupted(tmp_path):
     with Shell(tmp_path, tutorial.environment(tmp_path), LONGEST) as shell:
@@ -149,12 +135,3 @@ def test_a_shell_keeps_folder_and_variables_and_can_be_interrupted(tmp_path):
         waits = "python3 -c 'import time; print(\"up\", flush=True); time.sleep(99)'"
         assert shell.type(waits, ctrl_c_after="up").code == 130
         assert shell.type("echo still here").said == "still here\n"
-
-
-@pytest.mark.long
-def test_a_command_that_does_not_end_is_told(tmp_path):
-    with (
-        Shell(tmp_path, tutorial.environment(tmp_path), 0.5) as shell,
-        pytest.raises(ShellError, match=r"sleep 9: did not end within 0\.5 s"),
-    ):
-        shell.type("sleep 9")

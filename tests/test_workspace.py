@@ -7,7 +7,6 @@ import importlib.metadata
 import os
 import re
 import runpy
-import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -134,20 +133,6 @@ def test_every_module_and_every_template_is_installed(package, monkeypatch):
     assert installed == data - set(root.rglob("*.py"))
 
 
-def test_code_that_python_kept_beside_a_launch_file_is_not_installed(tmp_path, monkeypatch):
-    """A folder among the files ends the set-up with an error."""
-    package = shutil.copytree(
-        ROOT / "src" / "slosh_bringup", tmp_path / "slosh_bringup",
-        ignore=shutil.ignore_patterns("__pycache__", "test"),
-    )  # fmt: skip
-    (package / "launch" / "__pycache__").mkdir()
-    installed = [
-        name for _, names in setup_keywords(package, monkeypatch)["data_files"] for name in names
-    ]
-    assert "launch/cell.launch.py" in installed
-    assert [name for name in installed if not (package / name).is_file()] == []
-
-
 def setup_keywords(package, monkeypatch):
     """What a package's setup.py says."""
     said = {}
@@ -177,22 +162,6 @@ def test_what_is_imported_is_required_by_setup(package, monkeypatch):
     required = bare(said["install_requires"]).union(*map(bare, extras))
     ours = WITHOUT_KEY | OPTIONAL | {n for n, key in ROSDEP.items() if key.startswith("python3-")}
     assert {PIP.get(name, name) for name in imported(package) & ours} <= required
-
-
-def test_what_rosdep_has_no_key_for_or_only_too_old_is_required_of_a_robot():
-    wanted = (ROOT / "requirements" / "robot.in").read_text().splitlines()
-    named = bare(line for line in wanted if not line.startswith("#"))
-    used = set().union(*map(imported, PYTHON))
-    assert {PIP.get(name, name) for name in used & WITHOUT_KEY} <= named
-    assert named <= {PIP.get(name, name) for name in used}
-
-
-def test_no_example_is_built_with_the_workspace():
-    """`colcon build` in a workspace looks into every folder of this checkout."""
-    for file in ROOT.glob("[!.]*/**/CMakeLists.txt"):
-        if not {"src", "build", "install"} & set(file.relative_to(ROOT).parts):
-            parents = [folder for folder in file.parents if folder.is_relative_to(ROOT)]
-            assert any((folder / "COLCON_IGNORE").exists() for folder in parents), file
 
 
 @pytest.mark.parametrize("package", PYTHON, ids=lambda path: path.name)
@@ -230,12 +199,6 @@ def locked(name):
 def test_every_requirement_has_one_exact_version(name):
     for line in locked(name):
         assert re.fullmatch(r'[\w.-]+==[\w.]+( ; python_version (<|>=) "3\.12")?', line), line
-
-
-def test_no_requirement_is_in_two_locks():
-    """They are installed side by side."""
-    names = [{line.split("==")[0] for line in locked(lock)} for lock in LOCKS]
-    assert len(set().union(*names)) == sum(map(len, names))
 
 
 def said(program, environment=None):

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, Imu
 
 from slosh_base.files.plain_text import LONGEST
@@ -24,10 +23,9 @@ from slosh_bringup.processes import (
     node_environment,
 )
 from slosh_camera.calibrate.camera_file import read_calibration
-from slosh_msgs.msg import SloshEstimate
-from slosh_msgs.srv import LoadModel, PredictSlosh
+from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
-from slosh_testing.robot import MODEL, Robot, nodes_and_robot
+from slosh_testing.robot import MODEL, RobotNode, nodes_and_robot
 from validation.long_runs.long_cell import resident
 
 OK, BLIND = 0, 4
@@ -43,20 +41,20 @@ LONG = pytest.mark.long
 @pytest.fixture(scope="module")
 def cell(
     tmp_path_factory: pytest.TempPathFactory, domain: int
-) -> Iterator[tuple[NodeGroup, Robot]]:
+) -> Iterator[tuple[NodeGroup, RobotNode]]:
     """Estimator and monitor, and a robot whose liquid is at rest."""
     with nodes_and_robot(tmp_path_factory.mktemp("cell"), domain) as made:
         yield made
 
 
 @pytest.fixture
-def robot(cell: tuple[NodeGroup, Robot]) -> Robot:
+def robot(cell: tuple[NodeGroup, RobotNode]) -> RobotNode:
     """All is well with it."""
     wait_until_well(cell[1])
     return cell[1]
 
 
-def wait_until_well(robot: Robot) -> None:
+def wait_until_well(robot: RobotNode) -> None:
     """Waits until estimator and monitor have nothing to say against what comes."""
     robot.until(
         lambda: robot.comparisons[-1].state == OK and robot.health["estimator"][0] == OK,
@@ -88,7 +86,7 @@ def stranger(domain: int) -> Iterator[Node]:
     ],
 )
 def test_accelerations_of_another_time_are_dropped_and_told(
-    robot: Robot, shift: float, reason: str
+    robot: RobotNode, shift: float, reason: str
 ) -> None:
     robot.shift = shift
     robot.until(lambda: reason in robot.health["estimator"][1], reason)
@@ -101,7 +99,7 @@ def test_accelerations_of_another_time_are_dropped_and_told(
 
 
 @pytest.mark.long
-def test_a_topic_in_another_type_is_told(robot: Robot, domain: int) -> None:
+def test_a_topic_in_another_type_is_told(robot: RobotNode, domain: int) -> None:
     with stranger(domain) as other:
         for topic in (topics.ACCEL, topics.FREE_SURFACE):
             other.create_publisher(Imu, topic, qos.STREAM_OUT)
@@ -116,18 +114,9 @@ def test_a_topic_in_another_type_is_told(robot: Robot, domain: int) -> None:
 
 
 @pytest.mark.long
-def test_a_reader_that_asks_for_too_much_is_named(robot: Robot, domain: int) -> None:
-    with stranger(domain) as other:
-        asked = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        other.create_subscription(SloshEstimate, topics.ESTIMATE, print, asked)
-        said = "/slosh/estimate: /slosh/stranger receives nothing, its QoS is incompatible"
-        robot.until(lambda: said in robot.health["estimator"][1], said)
-        assert robot.health["estimator"][0] == WARN
-    wait_until_well(robot)
-
-
-@pytest.mark.long
-def test_a_flood_of_models_is_outlived(cell: tuple[NodeGroup, Robot], robot: Robot) -> None:
+def test_a_flood_of_models_is_outlived(
+    cell: tuple[NodeGroup, RobotNode], robot: RobotNode
+) -> None:
     pid = cell[0].pid("estimator")
     client = robot.node.create_client(LoadModel, topics.LOAD_MODEL)
     robot.until(client.service_is_ready, "the service")
@@ -140,26 +129,6 @@ def test_a_flood_of_models_is_outlived(cell: tuple[NodeGroup, Robot], robot: Rob
         robot.new_estimate()
     robot.node.destroy_client(client)
     assert resident(pid) - before < GROWTH
-
-
-@LONG
-def test_a_flood_of_predictions_is_outlived(
-    cell: tuple[NodeGroup, Robot], robot: Robot, tmp_path: Path
-) -> None:
-    group, (model, request) = cell[0], (tmp_path / "model.yaml", PredictSlosh.Request())
-    model.write_text(MODEL)
-    group.start(NodeProcess("predictor", (), {"model": str(model)}))
-    client = robot.node.create_client(PredictSlosh, topics.PREDICT)
-    robot.until(client.service_is_ready, "the service")
-    robot.until(lambda: robot.health.get("predictor", (ERROR,))[0] != ERROR, "the predictor")
-    before = resident(group.pid("predictor"))
-    answers = [client.call_async(request) for _ in range(1000)]
-    robot.until(answers[-1].done, "an answer")
-    assert not answers[-1].result().success
-    assert answers[-1].result().message
-    robot.node.destroy_client(client)
-    assert resident(group.pid("predictor")) - before < GROWTH
-    wait_until_well(robot)
 
 
 def broken_files() -> Iterator[tuple[str, bytes, str]]:
@@ -209,7 +178,7 @@ def test_simulated_time_that_is_absent_or_goes_back(tmp_path: Path, domain: int)
         group = stack.enter_context(
             NodeGroup("/simulated", tmp_path / "logs", node_environment(domain))
         )
-        robot = Robot("robot", topics.ACCEL, "/simulated")
+        robot = RobotNode("robot", topics.ACCEL, "/simulated")
         stack.callback(robot.close)
         robot.listen()
         robot.sees()

@@ -17,7 +17,7 @@ from slosh_discovery.discover.finding import (
     Candidate,
     Finding,
     FoundEffect,
-    Gap,
+    HeightGap,
     MotionFinding,
     Proposal,
     Role,
@@ -111,7 +111,7 @@ def example_finding(verdict: Verdict = Verdict.NAMED) -> Finding:
             FoundEffect("vertical_acceleration", {}, {}, 0.9991),
         ),
         confidence=0.9604,
-        gap=Gap(NOISE, 1.912e-3, 0.31e-3, 2.012e-3, 0.32e-3, 0.99829, 0.99687),
+        gap=HeightGap(NOISE, 1.912e-3, 0.31e-3, 2.012e-3, 0.32e-3, 0.99829, 0.99687),
         motions=motions,
         where=WHERE,
         worst=(WorstMoment("day_1#2", 1.52, 8.1e-3, 11.1e-3, 8.2e-3),
@@ -176,7 +176,7 @@ def _named(finding: Finding) -> Finding:
 
 
 def _none(finding: Finding) -> Finding:
-    gap = Gap(NOISE, 0.302e-3, 0.302e-3, NAN, NAN, NAN, NAN)
+    gap = HeightGap(NOISE, 0.302e-3, 0.302e-3, NAN, NAN, NAN, NAN)
     motions = tuple(replace(each, role=Role.FIT) for each in finding.motions)
     return replace(
         finding,

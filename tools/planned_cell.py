@@ -42,7 +42,7 @@ from slosh_msgs.msg import (
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.domain import own_domain
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
-from slosh_plan.nodes.plan_messages import AskedPath, plan_message
+from slosh_plan.nodes.plan_messages import RequestedPath, plan_message
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import TIME_LIMIT, Plan, plan
@@ -180,7 +180,7 @@ def play(name: str, answer: Plan, folder: Path, domain: int, *, record: bool = F
     write_motion(motion, answer)
     times = np.array([0.0, answer.found.motion.duration])
     ends = Waypoints(times, waypoints(name)[[0, -1]], None)
-    came = plan_message(answer, PlanRequest(), AskedPath(ends)).trajectory
+    came = plan_message(answer, PlanRequest(), RequestedPath(ends)).trajectory
     with ExitStack() as stack:
         if not rclpy.ok():
             rclpy.init()

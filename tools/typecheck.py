@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-SCRIPTS = ("tools", "tools/scenes", "benchmarks", "validation/studies")
+SCRIPTS = ("tools", "validation/scenes", "benchmarks", "validation/studies")
 TESTS = (
     "src/*/test/*.py",
     "tests/**/*.py",

@@ -4,10 +4,9 @@ import math
 
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from slosh_bringup.live.report import make_live_report
@@ -191,45 +190,3 @@ def test_a_recording_with_changes_replays_bit_for_bit_and_is_reported(recorded):
     page = make_live_report(bag, "changed").page
     assert "estimator: max_jump changed from 20.0 to 0.1 after" in page
     assert "monitor: hold changed from 0.1 to 0.02 after" in page
-
-
-def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(start):
-    cell = start(estimator={"model": ""}, monitor={}, predictor={"model": ""})
-    for node, values, reason in (
-        ("monitor", {"measured_limit": math.nan}, "measured_limit"),
-        ("monitor", {"measured_limit": -0.001}, "out of range"),
-        ("monitor", {"estimated_limit": math.inf}, "out of range"),
-        ("monitor", {"warn_share": 0.5, "hold": -1.0}, "hold"),
-        ("monitor", {"warn_share": "high"}, "type double is needed"),
-        ("monitor", {"warn_share": 0.5, "buffer": 1.0}, "buffer is read at the start only"),
-        ("estimator", {"max_gap": 0.0}, "max_gap"),
-        ("estimator", {"max_jump": 5.0, "input": "imu"}, "input is read at the start only"),
-        ("predictor", {"limit": 11.0}, "limit"),
-        ("predictor", {"scales": 20}, "scales is read at the start only: restart the node with"),
-    ):
-        result = cell.change(node, **values)
-        assert not result.successful, values
-        assert reason in result.reason, (values, result.reason)
-    asked = GetParameters.Request(names=["warn_share", "measured_limit", "hold"])
-    found = cell.call(GetParameters, "monitor/get_parameters", asked).values
-    assert [value.double_value for value in found] == [0.8, 0.02, 0.1]
-    one_by_one = SetParameters.Request(parameters=messages({"hold": 0.2, "buffer": 1.0}))
-    results = cell.call(SetParameters, "monitor/set_parameters", one_by_one).results
-    assert [result.successful for result in results] == [True, False]
-    assert cell.change("predictor", limit=0.001).successful
-    facts: dict[str, str] = {}
-
-    def hear(message: DiagnosticArray) -> None:
-        facts.update({
-            f"{status.name}/{pair.key}": pair.value
-            for status in message.status
-            for pair in status.values
-        })  # fmt: skip
-
-    cell.node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, hear, qos.DIAGNOSTICS)
-    cell.until(lambda: ("hold", "0.2") in told_by("monitor", facts))
-    cell.until(lambda: ("limit", "0.001") in told_by("predictor", facts))
-
-
-def told_by(node: str, facts: dict[str, str]) -> set[tuple[str, str]]:
-    return {(key.rpartition("/")[2], value) for key, value in facts.items() if node in key}

@@ -6,7 +6,6 @@ import struct
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,11 +26,10 @@ def start(folder, domain):
     environment = node_environment(domain)
     notes = folder / "sent"
     notes.mkdir(parents=True)
-    source = Path(__file__).with_name("recorder_source.py")
     parameters = {"output": folder / "bag", "topics": f"^{NAMESPACE}", "max_bag_size": FILE_SIZE}
     arguments = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
     commands = (
-        [str(source), NAMESPACE, str(notes)],
+        ["-m", "slosh_testing.recorder_source", NAMESPACE, str(notes)],
         ["-m", "slosh_bag.nodes.recorder_node", "--ros-args", *arguments],
     )
     processes = [subprocess.Popen([sys.executable, *c], env=environment) for c in commands]
@@ -116,6 +114,5 @@ def test_a_killed_recorder_loses_less_than_a_second(tmp_path, domain):
 
 
 @pytest.mark.long
-@pytest.mark.timeout(600)
-def test_twenty_killed_recorders_lose_less_than_a_second(tmp_path, domain):
-    kill_and_check(tmp_path, domain, 20, seed=2)
+def test_six_killed_recorders_lose_less_than_a_second(tmp_path, domain):
+    kill_and_check(tmp_path, domain, 6, seed=2)

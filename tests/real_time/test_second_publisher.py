@@ -18,7 +18,6 @@ from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_testing.graph import Graph
 
-SOURCE = Path(__file__).with_name("live_source.py")
 OWN, FOREIGN = 0.05, 0.4
 CONTESTED = SloshEstimate.INPUT_CONTESTED
 
@@ -26,7 +25,7 @@ CONTESTED = SloshEstimate.INPUT_CONTESTED
 @contextmanager
 def source(domain: int, *words: object) -> Iterator[subprocess.Popen[bytes]]:
     given = {**os.environ, **node_environment(domain)}
-    command = [sys.executable, str(SOURCE), *map(str, words)]
+    command = [sys.executable, "-m", "slosh_testing.live_source", *map(str, words)]
     with subprocess.Popen(command, env=given) as process:
         try:
             yield process

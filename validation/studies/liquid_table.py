@@ -1,6 +1,6 @@
 """Write the table and the pictures of docs/results/liquids.md: which liquids are measured.
 
-tools/run python tools/scenes/render.py liquids --no-masks -o out/liquids
+tools/run python validation/scenes/render.py liquids --no-masks -o out/liquids
 tools/run python validation/studies/liquid_table.py out/liquids --docs
 """
 

@@ -22,7 +22,7 @@ from result_tables import fill
 from slosh_bringup.cell.motions import make_motion
 from slosh_model import Cylinder, Model
 from slosh_plan.errors import SloshPlanError
-from slosh_plan.planning.checked import Checked, checked
+from slosh_plan.planning.checked import CheckedMotion, checked
 from slosh_plan.planning.known_laws import known_laws, leg_durations
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path as Route
@@ -31,7 +31,7 @@ from slosh_plan.planning.time_law import PlannedMotion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped
 from slosh_plan.shaping.shaped import (
     POLYNOMIAL,
-    Course,
+    PathCourse,
     course_of,
     deviation,
     filter_for,
@@ -76,7 +76,7 @@ def routes() -> dict[str, Route]:
     return {name: path_through(points[name]) for name in ("p2p", "l3", "e3", "c3")}
 
 
-def base(route: Route, duration: float) -> Course:
+def base(route: Route, duration: float) -> PathCourse:
     """A quintic law on every leg of a path."""
     durations = leg_durations(route, whole_rows(duration))
     laws = tuple(known_laws(route)["quintic"].laws(whole_rows(duration)))
@@ -86,7 +86,7 @@ def base(route: Route, duration: float) -> Course:
     return replace(course, path=route, laws=laws, durations=durations)
 
 
-def shape(course: Course, name: str) -> PlannedMotion:
+def shape(course: PathCourse, name: str) -> PlannedMotion:
     """A motion by a filter's name.
 
     Raises:
@@ -129,7 +129,7 @@ def measure(motion: str, route: Route, name: str) -> Row:
     course = base(route, usual_duration(route))
     made = shape(course, name)
 
-    def of(model: Model) -> Checked:
+    def of(model: Model) -> CheckedMotion:
         return checked(model, [made], None)[0]
 
     exact = of(CUP)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import cv2
 
-from slosh_bringup.cell.renderer import Appearance, CupRenderer
+from slosh_bringup.cell.renderer import CupRenderer, GreyLevels
 from slosh_camera.calibrate.camera_file import read_calibration
 
 CONFIG = Path(__file__).resolve().parents[2] / "src" / "slosh_bringup" / "config"
@@ -24,7 +24,7 @@ def main() -> int:
     calibration = read_calibration(CONFIG / "camera.yaml")
     if calibration.still_image is None:
         raise SystemExit(f"{CONFIG / 'camera.yaml'}: names no still_image")
-    image = CupRenderer(calibration.view, Appearance(noise=0.0)).render(0.0, 0.0)
+    image = CupRenderer(calibration.view, GreyLevels(noise=0.0)).render(0.0, 0.0)
     if not cv2.imwrite(str(calibration.still_image), image):
         raise SystemExit(f"{calibration.still_image}: cannot be written")
     return 0

@@ -21,7 +21,7 @@ import with_tools  # noqa: F401
 from camera_sequences import read_image, read_sequence, shared_sequences
 from numpy.typing import NDArray
 
-from slosh_bringup.cell.renderer import Appearance, CupRenderer
+from slosh_bringup.cell.renderer import CupRenderer, GreyLevels
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.measurement import Flag, Measurement
@@ -96,7 +96,7 @@ def drawn(seed: int) -> tuple[FreeSurfaceDetector, list[Frame]]:
     centre = distance * away
     view = CupView(shipped.view.camera, look_at(tuple(centre), (0.0, 0.0, 0.0)), shipped.view.cup)
     dark = random.uniform(30.0, 70.0)
-    look = Appearance(
+    look = GreyLevels(
         background=random.uniform(150.0, 225.0), liquid=dark,
         surface=dark + random.uniform(30.0, 90.0), noise=random.uniform(0.5, 4.0),
         blur=random.uniform(0.4, 1.2), glint=random.uniform(0.0, 12.0), seed=seed,

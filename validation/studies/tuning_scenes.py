@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +10,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import with_tools  # noqa: F401
+
+from slosh_testing import drawn_cup
 
 ROOT = Path(__file__).resolve().parents[2]
 RENDERED = ROOT / "tests" / "scenes"
@@ -93,8 +93,7 @@ def drawn() -> dict[str, Scene]:
 
     Waves, one of them over the rim, other levels, a torn image, and one that comes again.
     """
-    sys.path.append(str(ROOT / "src" / "slosh_camera" / "test"))
-    plain = importlib.import_module("conftest").Scene(noise=2.0)
+    plain = drawn_cup.Scene(noise=2.0)
     looks: dict[str, dict[str, Any]] = {
         "level": {},
         "pitched": {"camera_height": 0.12},

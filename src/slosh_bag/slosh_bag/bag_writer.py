@@ -100,14 +100,14 @@ class BagWriter:
 
     @property
     def path(self) -> Path:
-        """The newest file."""
+        """The newest file of the bag."""
         if self._file is not None:
             return self._file.path
         return self.folder / self._ended[-1].name if self._ended else self.folder
 
     @property
     def files(self) -> int:
-        """Number of files."""
+        """Number of files of the bag."""
         return len(self._ended) + (self._file is not None)
 
     @property
@@ -122,7 +122,7 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Bytes in all files."""
+        """Bytes in all files of the bag."""
         return sum(file.size for file in self._ended) + (self._file.size if self._file else 0)
 
     def add_topic(
@@ -265,7 +265,7 @@ class BagWriter:
         return file
 
     def close(self) -> None:
-        """Finishes the bag.
+        """Finishes the bag's last file and its metadata.yaml.
 
         Raises:
             OSError: the system refuses to write: `abandon` the file.

@@ -26,8 +26,8 @@ from slosh_bag.mcap_files.bag_types import BagTypes
 from slosh_bag.mcap_files.chunks import Chunk, MessageBlock
 from slosh_bag.mcap_files.found import Found
 from slosh_bag.mcap_files.mcap_index import Index, Window, indexed_chunks, read_index
-from slosh_bag.mcap_files.mcap_merge import Span, gathered, in_log_order
-from slosh_bag.mcap_files.mcap_summary import Summary, read_summary
+from slosh_bag.mcap_files.mcap_merge import ChunkSpan, gathered, in_log_order
+from slosh_bag.mcap_files.mcap_summary import FileSummary, read_summary
 from slosh_bag.mcap_files.mcap_walk import McapWalk, is_in_order
 from slosh_bag.mcap_files.shared_file import shared_files
 from slosh_base.files.nanoseconds import SECOND
@@ -335,7 +335,7 @@ class BagReader:
         for chunk in walk.chunks():
             self._learn(chunk)
             if len(chunk):
-                spans.append(Span(int(chunk.log_ns[0]), chunk.position, chunk.stored))
+                spans.append(ChunkSpan(int(chunk.log_ns[0]), chunk.position, chunk.stored))
         names = list(_names(walk.found, topics))
 
         def select(chunk: Chunk) -> Chunk:
@@ -343,7 +343,7 @@ class BagReader:
 
         yield from in_log_order(walk.path, spans, select)
 
-    def _told(self, summary: Summary) -> Found:
+    def _told(self, summary: FileSummary) -> Found:
         """What a summary that tells its topics says of its file."""
         for schema in summary.schemas.values():
             self.types.add(schema)

@@ -14,7 +14,7 @@ from typing import Final
 
 from slosh_bag.errors import SloshBagError
 from slosh_msgs_py import topics
-from slosh_msgs_py.topics import Publishers, Role
+from slosh_msgs_py.topics import Publishers, TopicRole
 
 RAW: Final = "sensor_msgs/msg/Image"
 COMPRESSED_ENDING: Final = "/compressed"
@@ -27,13 +27,13 @@ _OF_THE_CELL = {
     if row.publishers is Publishers.ONE and row.type.startswith("slosh_msgs/")
 }
 """Types that only a cell's node publishes, whatever the topic's name."""
-_INPUTS = {row.type for row in topics.TOPICS if row.role is Role.INPUT} - {
+_INPUTS = {row.type for row in topics.TOPICS if row.role is TopicRole.INPUT} - {
     row.type for row in topics.TOPICS if row.publishers is Publishers.MANY
 }
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class TopicSelection:
     """What is recorded of a graph.
 
     Attributes:
@@ -89,7 +89,7 @@ class TopicChoice:
         used: Collection[str],
         publishers: Callable[[str], int],
         now: float,
-    ) -> Choice:
+    ) -> TopicSelection:
         """What is to be recorded now; to be asked again when the graph changes.
 
         Args:
@@ -115,7 +115,7 @@ class TopicChoice:
                     recorded[topic] = kind
             else:
                 self._alone_since.pop(topic, None)
-        return Choice(recorded, left_out, tuple(others))
+        return TopicSelection(recorded, left_out, tuple(others))
 
     def _is_wanted(self, topic: str) -> bool:
         names = (topic, topic.removesuffix(COMPRESSED_ENDING))

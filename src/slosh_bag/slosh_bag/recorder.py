@@ -70,7 +70,7 @@ class _Topic(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RecorderStatus:
-    """How the recording goes.
+    """State of a recording: files, losses and failures.
 
     Attributes:
         path: the newest file.
@@ -211,7 +211,7 @@ class Recorder:
         self._missed = dict(counts)
 
     def status(self) -> RecorderStatus:
-        """How the recording goes."""
+        """State of the recording: files, losses and failures."""
         now = self._clock()
         first, last = self._sizes[0], self._sizes[-1]
         elapsed = last[0] - first[0]

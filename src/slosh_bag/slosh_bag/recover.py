@@ -31,7 +31,7 @@ Progress = Callable[[int], object]
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What was recovered.
+    """Messages that were recovered, and the bytes that were left out.
 
     Attributes:
         bag: the new bag.

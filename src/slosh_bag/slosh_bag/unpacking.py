@@ -25,7 +25,7 @@ class UnpackingError(SloshBagError):
 
 
 def unpack(compression: str, stored: Stored, size: int | None = None) -> bytes:
-    """The bytes before compression.
+    """Decompresses bytes.
 
     Args:
         compression: empty, lz4, zstd or bz2.

@@ -19,7 +19,6 @@ from mcap.writer import Writer
 from slosh_bag.interchange.export import export_targets, export_topics
 from slosh_bag.interchange.rosbag_import import import_rosbag
 from slosh_bag.reader import BagReader
-from slosh_bag.recover import recover_bag
 
 KIND, INNER = "all_types_msgs/msg/All", "all_types_msgs/msg/Inner"
 EXTREMES: dict[str, tuple[Any, Any, Any, Any]] = {
@@ -213,11 +212,3 @@ def test_every_type_is_imported_byte_for_byte(tmp_path: Path):
     reader = BagReader(tmp_path / "new")
     assert [message.data for message in reader.messages()] == before
     assert reader.decode(next(iter(reader.messages()))).a_wstring == EXTREMES["wstring"][0]
-
-
-def test_every_type_is_recovered_byte_for_byte(tmp_path: Path):
-    bag = tmp_path / "all.mcap"
-    before = [message.data for message in write(bag).messages()]
-    told = recover_bag(bag, tmp_path / "new")
-    assert told.counts == {"/all": 3}
-    assert [message.data for message in BagReader(tmp_path / "new").messages()] == before

@@ -98,10 +98,3 @@ def test_text_is_read_up_to_its_bounds(monkeypatch, tmp_path, ending):
         with pytest.raises(SloshFileError, match=f"{path.name}: has more than {bound - 1} "):
             read()
         monkeypatch.setattr(texts, name, bound)
-
-
-def test_a_line_is_measured_across_what_is_read_at_a_time(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_bytes(b"c" * (texts.LONGEST_LINE + 1))
-    with pytest.raises(SloshFileError, match="bytes in a line"), bounded_text(path, "") as text:
-        text.read()

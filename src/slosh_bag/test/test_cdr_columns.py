@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 
-from slosh_bag.columns.cdr_columns import ColumnReader, columns, write_messages
+from slosh_bag.columns.cdr_columns import columns, write_messages
 from slosh_bag.columns.cdr_layout import layout_of
 from slosh_bag.definitions import Definitions
 from slosh_bag.errors import SloshBagError
@@ -174,50 +174,6 @@ def test_written_messages_have_the_bytes_that_rosbags_writes(name):
     check()
 
 
-def test_a_written_message_is_what_rclpy_sends():
-    from builtin_interfaces.msg import Time
-    from rclpy.serialization import deserialize_message, serialize_message
-    from std_msgs.msg import Header
-
-    from slosh_msgs.msg import ModelEstimate, SloshEstimate
-
-    def estimate(number):
-        model = ModelEstimate(
-            model="3D-L", msh=0.1 * number, modal_position=[1.0 * number, math.nan]
-        )
-        header = Header(stamp=Time(sec=number, nanosec=7 * number), frame_id="container")
-        return SloshEstimate(header=header, linear=model, samples_used=number, flags=number)
-
-    sent = [serialize_message(estimate(number)) for number in range(20)]
-    # rclpy gives a buffer of the size it guessed; DDS sends what was written to it.
-    written = layout_of(STORE, ESTIMATE, sent[0][: len(sent[0]) - 8]).leaves["samples_dropped"]
-    sent = [part[: written.offset + 8] for part in sent]
-    layout = layout_of(STORE, ESTIMATE, sent[0])
-    number = np.arange(20)
-    rows = write_messages(
-        layout,
-        sent[0],
-        {
-            "header.stamp.sec": number,
-            "header.stamp.nanosec": 7 * number,
-            "linear.msh": 0.1 * number,
-            "linear.modal_position": np.stack([1.0 * number, np.full(20, math.nan)], axis=1),
-            "samples_used": number,
-            "flags": number,
-        },
-    )
-    assert [str(deserialize_message(row.tobytes(), SloshEstimate)) for row in rows] == [
-        str(deserialize_message(part, SloshEstimate)) for part in sent
-    ]
-    # What lies between the values is whatever was in rclpy's memory.
-    told = np.zeros(layout.size, bool)
-    told[layout.fixed] = True
-    for leaf in layout.leaves.values():
-        told[leaf.offset : leaf.offset + leaf.dtype.itemsize * (leaf.count or 1)] = True
-    raw = np.frombuffer(b"".join(sent), np.uint8).reshape(rows.shape)
-    assert np.array_equal(rows[:, told], raw[:, told])
-
-
 def estimates(lengths, stamp=5):
     """Estimates whose modal states have these lengths."""
     kind = STORE.types["slosh_msgs/msg/ModelEstimate"]
@@ -247,19 +203,6 @@ def test_wanted_columns_alone_and_arrays_whole():
     assert found["linear.modal_position"].tolist() == [[1.0, 2.0]] * 3
     assert found["acceleration[2]"].tolist() == [2.0] * 3
     assert found["linear.model"].tolist() == ["LL"] * 3
-
-
-def test_layouts_that_take_turns_are_put_together():
-    block = block_of(ESTIMATE, estimates([1, 3, 0, 3, 1]))
-    found = columns(block, STORE)
-    assert found["flags"].tolist() == [1, 3, 0, 3, 1]
-    assert found["linear.model"].tolist() == ["L", "LLL", "", "LLL", "L"]
-    third = found["linear.modal_position[2]"]
-    assert third[[1, 3]].tolist() == [3.0, 3.0]
-    assert np.isnan(third[[0, 2, 4]]).all()
-    whole = columns(block, STORE, ["linear.modal_position"])["linear.modal_position"]
-    assert whole.shape == (5, 3)
-    assert np.isnan(whole[0]).tolist() == [False, True, True]
 
 
 def test_a_column_that_no_message_has_is_there_all_the_same():
@@ -329,30 +272,6 @@ def test_one_wrong_message_among_many_is_named():
     data[4] = data[4][:-9]
     with pytest.raises(SloshBagError, match=r"/t at 4 ns: no slosh_msgs/msg/SloshEstimate"):
         columns(block_of(ESTIMATE, data), STORE)
-
-
-def test_a_string_without_its_end_is_refused_in_any_row():
-    data = [bytearray(part) for part in estimates([2] * 3)]
-    at = data[2].index(b"LL\x00") + 2
-    data[2][at] = 0x41
-    with pytest.raises(SloshBagError, match="at 2 ns"):
-        columns(block_of(ESTIMATE, [bytes(part) for part in data]), STORE)
-
-
-@pytest.mark.parametrize("place", [-4, -500, 10**6, 2**62])
-def test_places_outside_the_buffer_are_not_read(place):
-    block = block_of(ESTIMATE, estimates([2, 2]))
-    block.start[1] = place
-    with pytest.raises(SloshBagError):
-        columns(block, STORE)
-
-
-def test_layouts_are_remembered():
-    asked = []
-    reader = ColumnReader(lambda name: asked.append(name) or STORE)
-    for _ in range(3):
-        reader.columns(block_of(ESTIMATE, estimates([2, 1, 2])))
-    assert len(asked) == 2
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import random
 import shutil
 import struct
 from collections import Counter
-from pathlib import Path
 
 import pytest
 from mcap.writer import CompressionType, Writer
@@ -257,7 +256,7 @@ def test_random_damage(bags, tmp_path):
 @pytest.mark.long
 @pytest.mark.timeout(600)
 def test_much_random_damage(bags, tmp_path):
-    fuzz(bags, tmp_path, range(1000, 3000))
+    fuzz(bags, tmp_path, range(1000, 2000))
 
 
 def test_the_whole_bags_are_read_without_a_warning(bags, tmp_path):
@@ -266,24 +265,3 @@ def test_the_whole_bags_are_read_without_a_warning(bags, tmp_path):
         reader = BagReader(folder)
         assert [tuple(message) for message in reader.messages()] == original
         assert bool(reader.warnings) == (name == "unfinished"), name
-
-
-@pytest.mark.long
-def test_every_byte_around_the_chunks(bags, tmp_path):
-    """One flip at each place that no chunk's checksum covers, in a bag of the project's writer."""
-    whole, original = bags["ours"]
-    folder = tmp_path / "bag"
-    shutil.copytree(whole, folder)
-    file = next(Path(folder).glob("*.mcap"))
-    content = file.read_bytes()
-    rng = random.Random(0)
-    failures = []
-    for place in sorted(set(structure(content)))[::12]:
-        changed = bytearray(content)
-        changed[place] ^= 1 << rng.randrange(8)
-        file.write_bytes(changed)
-        try:
-            check(folder, "ours", original)
-        except Exception as error:  # every kind is a failure here
-            failures.append(f"{place}: {type(error).__name__} {error}")
-    assert not failures, "\n".join(failures[:20])

@@ -28,16 +28,6 @@ def test_a_definition_is_found_for_every_message_of_the_cell():
         assert definitions.hash(f"slosh_msgs/msg/{name}").startswith("RIHS01_")
 
 
-def test_a_file_that_does_not_parse_hides_no_other_type(package):
-    package(Good="float64 value\n", Broken="float64 = {")
-    definitions = Definitions()
-    assert definitions.text("odd_msgs/msg/Good") == "float64 value\n"
-    with pytest.raises(SloshBagError, match=r"Broken\.msg: cannot be read as a message") as error:
-        definitions.text("odd_msgs/msg/Broken")
-    assert "\n" not in str(error.value)
-    assert definitions.hash("odd_msgs/msg/Good").startswith("RIHS01_")
-
-
 def test_types_within_types_are_read_too(package):
     package(
         Outer="std_msgs/Header header\nMiddle[] middles\nInner[2] pair\n",

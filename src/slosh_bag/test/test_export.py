@@ -1,7 +1,6 @@
 """Exported tables hold every value of the messages, to the last bit."""
 
 import csv
-import gzip
 import json
 import math
 import struct
@@ -196,22 +195,6 @@ def test_csv_and_parquet_hold_every_value_to_the_bit(kind, data):
                 assert same(want, {name: parsed(got[name], value) for name, value in want.items()})
 
 
-def test_rows_of_many_batches_keep_their_order(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(export, "BATCH_ROWS", 7)
-    string = TYPES["std_msgs/msg/String"]
-    reader = write(
-        tmp_path / "bag", [string(str(k)) for k in range(50)], kind="std_msgs/msg/String"
-    )
-    exported(reader, tmp_path / "a.csv.gz")
-    with gzip.open(tmp_path / "a.csv.gz", "rt") as file:
-        assert [int(row["data"]) for row in csv.DictReader(file)] == list(range(50))
-    exported(reader, tmp_path / "a.parquet")
-    table = pq.read_table(tmp_path / "a.parquet")
-    assert table.column("data").to_pylist() == [str(k) for k in range(50)]
-    assert table.schema.metadata[b"topic"] == b"/odd"
-    assert table.schema.metadata[b"type"] == b"std_msgs/msg/String"
-
-
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_rows_come_in_the_order_of_their_times(tmp_path: Path, suffix: str, monkeypatch):
     monkeypatch.setattr(export, "BATCH_ROWS", 2)
@@ -308,22 +291,6 @@ def test_no_text_is_a_formula(tmp_path: Path, text: str, cell: str):
 def strings(tmp_path: Path) -> BagReader:
     messages = [TYPES["std_msgs/msg/String"]("x")] * 3
     return write(tmp_path / "bag", messages, "/a/words", "std_msgs/msg/String")
-
-
-def test_names_may_be_short_and_wrong_ones_are_told(strings: BagReader, tmp_path: Path):
-    for name in ("/a/words", "a/words", "words"):
-        assert list(export_targets(strings.path, strings, [name], tmp_path)) == ["/a/words"]
-    with pytest.raises(SloshBagError, match="has no topic 'wods'; its topics: /a/words"):
-        export_targets(strings.path, strings, ["wods"], tmp_path)
-
-
-def test_existing_files_stay(strings: BagReader, tmp_path: Path):
-    (tmp_path / "a.csv").write_text("precious")
-    targets = export_targets(strings.path, strings, [], tmp_path / "a.csv")
-    with pytest.raises(SloshBagError, match="exists already"):
-        export_topics(strings, targets)
-    assert (tmp_path / "a.csv").read_text() == "precious"
-    assert export_topics(strings, targets, overwrite=True).rows == {tmp_path / "a.csv": 3}
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])

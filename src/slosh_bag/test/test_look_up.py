@@ -3,7 +3,6 @@
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
-from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.mcap_index import read_index
 from slosh_bag.reader import BagReader
 from slosh_testing.bags import DEFINITIONS, HEADER, SECOND, STEP, header, header_bag
@@ -83,22 +82,12 @@ def test_a_rare_topic_costs_its_chunks_alone(bag):
     assert found(bag) == list(RARE)
 
 
-def test_a_chunk_that_is_asked_for_is_checked(bag):
-    damage(bag, 3)
-    with pytest.raises(SloshBagError, match=r"damaged at byte \d+: .*`slosh recover`"):
-        found(bag)
-
-
 def test_all_that_is_within_a_window_comes_and_little_else(bag):
     window = (log_time(22), log_time(33))
     numbers = found(bag, ["/often"], [window])
     assert numbers == [number for number in range(20, 40) if number not in RARE]
     assert found(bag, ["/rare"], [window]) == [37]
     assert found(bag, ["/often"], [(0, SECOND - 1)]) == []
-
-
-def test_a_topic_that_is_not_there_is_not_found(bag):
-    assert found(bag, ["/none"]) == []
 
 
 @pytest.mark.parametrize(
@@ -127,14 +116,6 @@ def test_an_index_of_another_writer_is_used(tmp_path):
     assert found(file) == list(RARE)
 
 
-def test_an_unfinished_file_is_read_to_its_end(bag):
-    file, starts = places(bag)
-    file.write_bytes(file.read_bytes()[: starts[4] + 50])
-    reader = BagReader(bag)
-    assert sum(len(block) for block in reader.look_up(["/rare"])) == len(RARE)
-    assert "unfinished" in " ".join(reader.warnings)
-
-
 def test_a_damaged_index_is_not_believed(bag):
     file, _ = places(bag)
     content = bytearray(file.read_bytes())
@@ -142,11 +123,3 @@ def test_a_damaged_index_is_not_believed(bag):
     file.write_bytes(content)
     assert read_index(file) is None
     assert found(bag) == list(RARE)
-
-
-def test_messages_beside_the_chunks_are_not_missed(tmp_path):
-    """Such a file's index does not account for all of its bytes."""
-    file = foreign(tmp_path / "a.mcap")
-    file_loose = foreign(tmp_path / "b.mcap", use_chunking=False)
-    assert read_index(file) is not None
-    assert read_index(file_loose) is None

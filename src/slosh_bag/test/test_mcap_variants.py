@@ -34,8 +34,6 @@ APPENDED = b"\x01\xff\xff"
 GROWING = [kind for kind in Opcode if kind not in (Opcode.MESSAGE, Opcode.FOOTER)]
 # Behind one of these in a chunk, mcap's Python library (1.6) loses its place.
 LOST_BY_LIBRARY = {Opcode.SCHEMA, Opcode.CHANNEL}
-# Records of an application's own may stand after these: what is behind them is found by counting.
-BEFORE_PRIVATE = [Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS]
 
 
 def write(path, content, **options):
@@ -172,15 +170,6 @@ def test_bytes_appended_to_a_record_are_passed_over(
     check_extended(path, second=not (chunked and LOST_BY_LIBRARY & set(padded)))
 
 
-@pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
-def test_private_records_are_passed_over(tmp_path, monkeypatch, chunked):
-    path = tmp_path / "a.mcap"
-    extend(monkeypatch, padded=GROWING, private=BEFORE_PRIVATE)
-    write(path, "everything", use_chunking=chunked, enable_data_crcs=True)
-    assert path.read_bytes().count(APPENDED) > 12
-    check_extended(path, second=not chunked)
-
-
 def places(content):
     """Kind, start and end of each record outside chunks."""
     found, at = [], 8
@@ -239,17 +228,3 @@ def test_a_length_that_takes_in_the_next_chunk_is_damage_and_no_appended_field(t
     path.write_bytes(content)
     with pytest.raises(SloshBagError, match="takes in a chunk"):
         messages_of(BagReader(path))
-
-
-@pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
-def test_an_unfinished_padded_file_is_read_up_to_its_end(tmp_path, monkeypatch, chunked):
-    path = tmp_path / "a.mcap"
-    extend(monkeypatch, padded=GROWING)
-    write(path, "everything", use_chunking=chunked, chunk_size=100)
-    content = path.read_bytes()
-    for kind, start, end in places(content):
-        if kind > Opcode.MESSAGE_INDEX:
-            path.write_bytes(content[: end if kind == Opcode.DATA_END else start])
-            reader = BagReader(path)
-            assert len(messages_of(reader)) == 10
-            assert reader.warnings

@@ -1,10 +1,6 @@
 """The player over DDS: every byte in order, /clock, latched topics, an estimator on its time."""
 
-import os
 import re
-import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -17,7 +13,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from slosh_bag.bag_writer import BagWriter, Qos
-from slosh_bag.nodes.player_node import PlayerNode, playable
+from slosh_bag.nodes.player_node import PlayerNode
 from slosh_bag.nodes.player_thread import PlayerThread
 from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.playing.playback import PlaybackSettings
@@ -187,18 +183,6 @@ def test_an_estimator_on_the_bags_time_gives_the_cores_own_numbers(graph, prefix
     assert 0.0 <= median <= greatest < 60.0
 
 
-def test_types_that_are_not_installed_are_left_out(graph, prefix, tmp_path, monkeypatch):
-    plan = make_plan(PlayRequest(write_bag(tmp_path / "bag", prefix, 0.01)))
-    import slosh_msgs.msg
-
-    monkeypatch.delattr(slosh_msgs.msg, "LimitEvent")
-    rest, kinds = playable(plan)
-    assert list(rest.topics) == list(kinds) == [f"{prefix}/accel"]
-    assert rest.warnings == [
-        f"{prefix}/limit_event: not played, types not installed here: slosh_msgs/msg/LimitEvent"
-    ]
-
-
 # --- the thread alone ----------------------------------------------------------------------------
 
 
@@ -234,35 +218,6 @@ def run_thread(plan, subscribers=1):
     return thread, out, warnings
 
 
-def test_the_time_is_out_before_each_message(tmp_path):
-    folder = write_bag(tmp_path / "bag", "/x", 0.3)
-    stored = list(BagReader(folder).messages())
-    thread, out, warnings = run_thread(make_plan(PlayRequest(folder, PlaybackSettings(rate=10.0))))
-    # Said while it waits too: a node with use_sim_time knows the time before the first message.
-    assert out[:2] == [stored[0].log_ns] * 2
-    clock, messages = -1, iter(stored)
-    for item in out:
-        if isinstance(item, int):
-            assert item >= clock
-            clock = item
-        else:
-            message = next(messages)
-            assert item == (message.topic, message.data)
-            assert clock >= message.log_ns
-    assert next(messages, None) is None
-    assert thread.count == len(stored)
-    assert not warnings
-    assert not thread.failure
-
-
-def test_nobody_listening_is_told_and_does_not_stop_it(tmp_path):
-    thread, _, warnings = run_thread(
-        make_plan(PlayRequest(write_bag(tmp_path / "bag", "/x", 0.05))), subscribers=0
-    )
-    assert thread.count == 51
-    assert warnings == ["0 subscribers after 0.0 s: playback starts anyway"]
-
-
 def test_a_damaged_bag_ends_it_with_one_line(tmp_path):
     folder = write_bag(tmp_path / "bag", "/x", 0.05)
     plan = make_plan(PlayRequest(folder))
@@ -289,38 +244,3 @@ def test_of_a_cut_bag_is_played_what_is_there(tmp_path):
 
 
 # --- the program ---------------------------------------------------------------------------------
-
-
-def run_program(folder, *more):
-    command = [sys.executable, "-m", "slosh_bag.nodes.player_node", "--ros-args"]
-    command += ["-p", f"bag:={folder}", *more]
-    return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-
-
-@pytest.mark.long
-def test_an_interrupt_ends_it_cleanly(graph, prefix, tmp_path):
-    folder = write_bag(tmp_path / "bag", prefix, 2.0)
-    heard = graph.listen(AccelStamped, f"{prefix}/accel")
-    process = run_program(folder, "-p", "loop:=true")
-    graph.until(lambda: len(heard) > 10)
-    os.kill(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    assert "Traceback" not in said
-    assert "messages played" in said
-
-
-@pytest.mark.first(1)
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        (["-p", "topics:=/nothing"], "nothing to play"),
-        (["-p", "rate:=5000.0"], "parameter rate = 5000.0 must lie in"),
-    ],
-)
-def test_a_wrong_request_is_one_line(tmp_path, more, said):
-    process = run_program(write_bag(tmp_path / "bag", "/x", 0.01), *more)
-    _, told = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 2
-    assert len(told.strip().splitlines()) == 1
-    assert said in told

@@ -2,22 +2,17 @@
 
 import struct
 import tracemalloc
-import zlib
 
 import numpy as np
 import pytest
-from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, Chunk, Header, Message, Schema
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import Writer
 
 from slosh_bag.bag_writer import BagWriter, Split
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import bag_files
-from slosh_bag.mcap_files.bag_metadata import Qos
 from slosh_bag.mcap_files.chunks import chunk_header, read_chunk
 from slosh_bag.reader import BagReader
 from slosh_testing.bags import (
-    DEFINITIONS,
     HEADER,
     SECOND,
     chunk_places,
@@ -55,13 +50,6 @@ def test_blocks_are_the_messages_topic_by_topic_within_each_chunk(tmp_path):
     assert found[SECOND] == ("/even", HEADER, 0, header(0))
 
 
-def test_blocks_of_wanted_topics_alone(tmp_path):
-    reader = BagReader(header_bag(tmp_path / "bag"))
-    assert {block.topic for block in reader.blocks(["/odd"])} == {"/odd"}
-    assert numbers(reader, ["/odd"]) == list(range(1, 50, 2))
-    assert list(reader.blocks([])) == []
-
-
 def test_columns_of_a_block(tmp_path):
     reader = BagReader(header_bag(tmp_path / "bag"))
     columns = [reader.columns(block, ["stamp.sec", "frame_id"]) for block in reader.blocks()]
@@ -71,27 +59,6 @@ def test_columns_of_a_block(tmp_path):
         reader.columns(next(reader.blocks()), ["x"])
 
 
-def test_messages_within_a_chunk_are_sorted_and_equal_times_keep_their_order(tmp_path):
-    foreign_file(tmp_path / "a.mcap", [30, 10, 20, 10, 40])
-    reader = BagReader(tmp_path / "a.mcap")
-    assert numbers(reader) == [1, 3, 2, 0, 4]
-    (block,) = reader.blocks()
-    assert block.log_ns.tolist() == [10, 10, 20, 30, 40]
-
-
-@pytest.mark.parametrize("compression", CompressionType)
-@pytest.mark.parametrize("chunked", [True, False], ids=["chunks", "no chunks"])
-def test_files_of_other_writers(tmp_path, compression, chunked):
-    path = foreign_file(
-        tmp_path / "a.mcap", range(3000), compression=compression, use_chunking=chunked
-    )
-    reader = BagReader(path)
-    assert numbers(reader) == list(range(3000))
-    assert reader.topics()["/t"].count == 3000
-    told = [text for text in reader.warnings if "without checksums" in text]
-    assert bool(told) == (not chunked)
-
-
 @pytest.mark.parametrize("cut", [0, 30])
 def test_a_file_without_checksums_says_so(tmp_path, cut):
     path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], enable_crcs=False)
@@ -99,71 +66,6 @@ def test_a_file_without_checksums_says_so(tmp_path, cut):
     reader = BagReader(path)
     assert numbers(reader) == [0, 1, 3]
     assert any("damage would not be noticed" in text for text in reader.warnings)
-
-
-def test_definitions_outside_chunks_have_no_checksum_where_the_end_is_lost(tmp_path):
-    builder = RecordBuilder()
-    Header("ros2", "").write(builder)
-    text = DEFINITIONS.text(HEADER).encode()
-    Schema(id=1, name=HEADER, encoding="ros2msg", data=text).write(builder)
-    Channel(id=1, topic="/t", message_encoding="cdr", metadata={}, schema_id=1).write(builder)
-    inner = RecordBuilder()
-    Message(channel_id=1, log_time=5, data=header(0), publish_time=5, sequence=0).write(inner)
-    raw = inner.end()
-    Chunk("", raw, 5, 5, zlib.crc32(raw), len(raw)).write(builder)
-    path = tmp_path / "a.mcap"
-    path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
-    reader = BagReader(path)
-    assert numbers(reader) == [0]
-    assert [text.split(": ")[1].split(" (")[0] for text in reader.warnings] == [
-        "unfinished", "written without checksums",
-    ]  # fmt: skip
-
-
-def test_files_without_a_summary_or_statistics(tmp_path):
-    bare = {
-        "index_types": IndexType.NONE, "repeat_channels": False, "repeat_schemas": False,
-        "use_summary_offsets": False, "use_statistics": False,
-    }  # fmt: skip
-    reader = BagReader(foreign_file(tmp_path / "a.mcap", [1, 2, None, 3], **bare))
-    assert numbers(reader) == [0, 1, 3]
-    assert reader.topics()["/t"].count == 3
-    assert reader.warnings == []
-
-
-def test_overlapping_chunks_give_one_order(tmp_path):
-    times = [5, 30, 10, None, 7, 31, 8, None, 1, 6, None, 40, 30, None, 50]
-    path = foreign_file(tmp_path / "a.mcap", times)
-    ordered = sorted((log, number) for number, log in enumerate(times) if log is not None)
-    reader = BagReader(path)
-    assert [(m.log_ns, n) for m, n in zip(reader.messages(), numbers(reader), strict=True)] == (
-        ordered
-    )
-    assert numbers(reader, ["/none"]) == []
-    assert reader.warnings == []
-
-
-def test_messages_in_no_chunk_are_ordered_too(tmp_path):
-    rng = np.random.default_rng(1)
-    times = rng.permutation(40_000).tolist()
-    reader = BagReader(foreign_file(tmp_path / "a.mcap", times, use_chunking=False))
-    assert [message.log_ns for message in reader.messages()] == sorted(times)
-
-
-@pytest.mark.long
-def test_only_overlapping_chunks_are_in_memory(tmp_path):
-    times = []
-    for chunk in range(60):
-        times += [1000 * chunk + k for k in range(-600, 600, 3)] + [None]
-    path = foreign_file(tmp_path / "a.mcap", [t if t is None else t + 10**6 for t in times])
-    reader = BagReader(path)
-    next(reader.messages())
-    tracemalloc.start()
-    count = sum(1 for _ in reader.messages())
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert count == 24_000
-    assert peak < 600_000  # the file's messages are 1.3 MB
 
 
 def test_memory_does_not_grow_with_the_bag(tmp_path):
@@ -197,17 +99,6 @@ def test_splits_are_read_in_the_order_of_their_numbers(tmp_path):
     assert reader.warnings == []
 
 
-def test_metadata_orders_files_whose_names_do_not(tmp_path):
-    folder = header_bag(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
-    (folder / "bag_0.mcap").rename(folder / "z.mcap")
-    noted = folder / "metadata.yaml"
-    noted.write_text(noted.read_text().replace("bag_0.mcap", "bag/z.mcap"))
-    assert [file.name for file in bag_files(folder)] == ["z.mcap", "bag_1.mcap", "bag_2.mcap"]
-    reader = BagReader(folder)
-    assert numbers(reader) == list(range(30))
-    assert reader.warnings == []
-
-
 def test_a_split_that_is_gone_is_told(tmp_path):
     folder = header_bag(tmp_path / "bag", 30, 10, split=Split(duration=100_000_000))
     (folder / "bag_1.mcap").unlink()
@@ -235,14 +126,6 @@ def test_files_that_do_not_follow_each_other_are_told(tmp_path):
     reader = BagReader(folder)
     assert len(numbers(reader)) == 4
     assert reader.warnings == [f"{folder}/b.mcap: begins before the end of the file before it"]
-
-
-def test_an_empty_last_split_is_told(tmp_path):
-    folder = header_bag(tmp_path / "bag", 20, 10, split=Split(duration=100_000_000))
-    (folder / "bag_1.mcap").write_bytes(b"")
-    reader = BagReader(folder)
-    assert numbers(reader) == list(range(10))
-    assert "bag_1.mcap: unfinished (cut off); no message could be read" in reader.warnings[0]
 
 
 # Definitions
@@ -335,40 +218,6 @@ def test_a_cut_at_any_byte_gives_what_is_before_it(tmp_path):
         assert len(reader.warnings) == 1, size
 
 
-@pytest.mark.long
-@pytest.mark.timeout(20)
-def test_messages_in_no_chunk_are_given_up_to_the_cut(tmp_path):
-    path = foreign_file(tmp_path / "a.mcap", range(40), use_chunking=False)
-    content = path.read_bytes()
-    first = content.index(b"frame 0") - 16 - 31
-    counts = []
-    for size in range(first, content.index(b"frame 39"), 7):
-        path.write_bytes(content[:size])
-        reader = BagReader(path)
-        counts.append(len(numbers(reader)))
-        assert "cut off" in reader.warnings[0]
-    assert counts == sorted(counts)
-    assert (counts[0], counts[-1]) == (0, 39)
-
-
-@pytest.mark.parametrize("size", [1, 5, 7])
-def test_a_file_cut_in_its_first_bytes_is_one_clear_error(tmp_path, size):
-    file = file_of(header_bag(tmp_path / "bag"))
-    file.write_bytes(file.read_bytes()[:size])
-    with pytest.raises(SloshBagError, match=f"cut off after {size} bytes"):
-        BagReader(file)
-
-
-def test_a_lost_end_loses_no_message_and_is_told(tmp_path):
-    file = file_of(header_bag(tmp_path / "bag"))
-    file.write_bytes(file.read_bytes()[:-20])
-    reader = BagReader(file)
-    assert numbers(reader) == list(range(50))
-    assert reader.warnings == [
-        f"{file}: its end is cut off or damaged; all messages before it were read"
-    ]
-
-
 @pytest.mark.parametrize("finished", [True, False], ids=["finished", "unfinished"])
 def test_damage_in_the_middle_is_an_error_that_says_where(tmp_path, finished):
     file = file_of(header_bag(tmp_path / "bag"))
@@ -435,22 +284,6 @@ def test_a_chunk_that_has_become_another_record_is_not_passed_over(tmp_path, opc
         list(reader.messages())
 
 
-@pytest.mark.parametrize("opcode", [0x05, 0x86, 0x07, 0x0C])
-def test_nor_in_an_unfinished_file(tmp_path, opcode):
-    path = foreign_file(tmp_path / "a.mcap", [1, 2, None, 3, 4, None, 5])
-    content = bytearray(path.read_bytes())
-    content[chunk_places(content)[1][0]] = opcode
-    path.write_bytes(content[:-60])
-    reader = BagReader(path)
-    try:
-        found = [message.log_ns for message in reader.messages()]
-    except SloshBagError as error:
-        assert "damaged at byte" in str(error)
-    else:
-        assert found == [1, 2, 5]
-        assert "unknown kind" in " ".join(reader.warnings)
-
-
 def test_damage_between_the_chunks_is_told_and_costs_nothing(tmp_path):
     file = file_of(header_bag(tmp_path / "bag"))
     content = bytearray(file.read_bytes())
@@ -462,22 +295,6 @@ def test_damage_between_the_chunks_is_told_and_costs_nothing(tmp_path):
     assert reader.warnings == [
         f"{file}: bytes between its chunks are damaged; the chunks are whole"
     ]
-
-
-def test_a_damaged_summary_is_not_used(tmp_path):
-    file = file_of(header_bag(tmp_path / "bag"))
-    content = bytearray(file.read_bytes())
-    (start,) = struct.unpack_from("<Q", content, len(content) - 28)
-    for place in range(start, len(content) - 8, 11):
-        changed = content.copy()
-        changed[place] ^= 4
-        file.write_bytes(changed)
-        reader = BagReader(file)
-        assert {name: info.count for name, info in reader.topics().items()} == {
-            "/even": 25, "/odd": 25,
-        }  # fmt: skip
-        assert numbers(reader) == list(range(50))
-        assert len(reader.warnings) == 1
 
 
 def test_facts_are_checked(tmp_path):
@@ -492,16 +309,6 @@ def test_facts_are_checked(tmp_path):
         file.write_bytes(changed)
         with pytest.raises(SloshBagError, match="damaged"):
             BagReader(file).metadata()
-
-
-def test_a_record_whose_checksum_is_no_longer_named_is_left_out_where_the_end_is_lost(tmp_path):
-    file = file_of(header_bag(tmp_path / "bag", custom={"clocks": "unrelated", "radius": "0.05"}))
-    content = bytearray(file.read_bytes())
-    content[content.index(b"crc32")] ^= 0x20
-    file.write_bytes(content[:-20])
-    reader = BagReader(file)
-    assert reader.metadata() == {"radius": "0.05"}
-    assert reader.warnings[-1] == f"{file}: facts without checksums left out"
 
 
 def test_facts_of_an_unfinished_bag_come_from_its_metadata_file(tmp_path):
@@ -528,11 +335,3 @@ def test_a_size_that_was_damaged_is_not_allocated(tmp_path):
         read_chunk(0, header, bytes(body))
     assert tracemalloc.get_traced_memory()[1] < 10_000_000
     tracemalloc.stop()
-
-
-def test_a_topic_without_messages_and_its_qos_do_no_harm(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic("/silent", HEADER, Qos("best_effort"))
-    reader = BagReader(tmp_path / "bag")
-    assert list(reader.messages()) == []
-    assert list(reader.blocks()) == []

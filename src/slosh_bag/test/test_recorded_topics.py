@@ -78,13 +78,6 @@ def test_raw_images_wait_for_compressed_ones_and_give_way_to_them():
     assert images.at(11.1, RAW, SMALL) == {SMALL}
 
 
-def test_raw_images_are_recorded_where_compressed_ones_are_excluded_or_both_wanted():
-    images = Images(exclude="/compressed$")
-    assert images.at(0.0, RAW, SMALL) == set()
-    assert images.at(GRACE, RAW, SMALL) == {RAW}
-    assert Images(raw_images=True).at(0.0, RAW, SMALL) == {RAW, SMALL}
-
-
 @pytest.mark.parametrize(
     ("topic", "kind", "one"),
     [

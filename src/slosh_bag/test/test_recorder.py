@@ -12,7 +12,7 @@ import yaml
 from mcap.reader import make_reader
 
 from slosh_bag import recorder as recorder_module
-from slosh_bag.bag_writer import BagWriter, Qos, Split
+from slosh_bag.bag_writer import BagWriter, Qos
 from slosh_bag.mcap_files.mcap_file import McapFile
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import FLUSH_PERIOD, QUEUE_LENGTH, Recorder
@@ -96,19 +96,6 @@ def test_flushes_do_not_depend_on_the_messages_clock(tmp_path, flushes, stamp):
     assert max(b - a for a, b in itertools.pairwise([0, *inside, 100])) <= 12
 
 
-def test_the_age_of_the_oldest_unwritten_message_is_told(tmp_path):
-    now = 100.0
-    recorder = Recorder(tmp_path / "run", clock=lambda: now)
-    recorder.add_topic("/h", HEADER, Qos())
-    assert recorder.status().age == 0.0
-    recorder.add("/h", DATA, 1)
-    now += 0.9 * FLUSH_PERIOD
-    assert recorder.status().age == pytest.approx(0.9 * FLUSH_PERIOD)
-    now += 0.2 * FLUSH_PERIOD
-    until(lambda: recorder.status().age == 0.0)
-    recorder.close()
-
-
 @pytest.mark.parametrize("text", [None, "float64 = {"], ids=["absent", "unreadable"])
 def test_a_topic_without_a_definition_does_not_stop_the_others(tmp_path, monkeypatch, text):
     if text:
@@ -146,17 +133,6 @@ def test_any_failure_is_told_and_the_recorder_still_closes(tmp_path, monkeypatch
     assert status.lost == QUEUE_LENGTH + 10
 
 
-def test_a_message_that_cannot_be_written_is_lost_alone(tmp_path):
-    recorder = Recorder(tmp_path / "run")
-    recorder.add_topic("/h", HEADER, Qos())
-    for number in range(10):
-        recorder.add("/h", noise(number), -1 if number == 4 else number)
-    until(lambda: recorder.status().written.get("/h") == 9)
-    recorder.close()
-    assert (recorder.status().lost, recorder.status().failure) == (1, "")
-    assert contents(tmp_path / "run") == [0, 1, 2, 3, 5, 6, 7, 8, 9]
-
-
 def test_a_full_disk_loses_nothing_and_recording_goes_on_by_itself(started):
     with no_more_than(0):
         for number in range(100, 200):
@@ -179,21 +155,6 @@ def test_a_full_disk_loses_nothing_and_recording_goes_on_by_itself(started):
     document = yaml.safe_load((started.path.parent / "metadata.yaml").read_text())
     files = document["rosbag2_bagfile_information"]["files"]
     assert [file["message_count"] for file in files] == [100, 200]
-
-
-def test_what_finds_no_room_while_the_disk_is_full_is_counted(started, monkeypatch):
-    monkeypatch.setattr(recorder_module, "QUEUE_LENGTH", 50)
-    with no_more_than(0):
-        for number in range(100, 110):
-            started.add("/h", noise(number), number)
-        until(lambda: started.status().failure)
-        for number in range(110, 200):
-            started.add("/h", noise(number), number)
-        assert started.status().lost_meanwhile == 50
-    until(lambda: not started.status().failure)
-    started.close()
-    assert started.status().lost == 50
-    assert contents(started.path.parent) == list(range(150))
 
 
 def test_a_recording_that_ends_on_a_full_disk_keeps_what_was_written(started):
@@ -250,20 +211,6 @@ def test_a_new_file_waits_until_there_is_room_for_what_waits(tmp_path):
     assert recorder.status().written == {"/h": 1}
 
 
-def test_a_limit_on_the_file_alone_begins_the_next_one_at_once(tmp_path):
-    now = 0.0
-    with no_more_than(600_000):
-        recorder = Recorder(tmp_path / "run", clock=lambda: now)
-        recorder.add_topic("/h", HEADER, Qos())
-        for number in range(1000):
-            now = 0.01 * number  # a chunk of about 100 kB per flush
-            recorder.add("/h", noise(number), number)
-        recorder.close()
-    assert recorder.status().lost == 0
-    assert len(list((tmp_path / "run").glob("*.mcap"))) > 2
-    assert sorted(contents(tmp_path / "run")) == list(range(1000))
-
-
 def test_when_the_disk_will_be_full_is_known_from_the_rate(tmp_path):
     now, free = 0.0, 10_000_000
     recorder = Recorder(tmp_path / "run", clock=lambda: now, free=lambda _: free)
@@ -277,16 +224,6 @@ def test_when_the_disk_will_be_full_is_known_from_the_rate(tmp_path):
     assert status.rate == pytest.approx(20_000.0, rel=0.2)
     assert status.time_left == pytest.approx(free / status.rate)
     recorder.close()
-
-
-def test_splits_are_those_that_were_asked_for(tmp_path):
-    recorder = Recorder(tmp_path / "run", Split(duration=10 * SECOND))
-    recorder.add_topic("/h", HEADER, Qos())
-    for number in range(35):
-        recorder.add("/h", noise(number), number * SECOND)
-    recorder.close()
-    assert recorder.status().files == 4
-    assert contents(tmp_path / "run") == list(range(35))
 
 
 def test_a_failed_write_leaves_the_file_as_it_was(tmp_path):

@@ -9,24 +9,18 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped
-from mcap.records import Message
-from mcap.stream_reader import StreamReader
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy as Durability
 from rclpy.qos import QoSProfile
 from rclpy.qos import QoSReliabilityPolicy as Reliability
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
-from slosh_bag.errors import SloshBagError
 from slosh_bag.nodes.recorder_node import RecorderNode
-from slosh_bag.nodes.topic_input import Publisher, Received, matching, wanted
+from slosh_bag.nodes.topic_input import Received
 from slosh_bag.reader import BagReader
-from slosh_bag.recorded_topics import TopicChoice
 from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshEstimate
 from slosh_msgs_py import qos
-from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.node.readiness import RECORDED
 from slosh_replay.recording.facts import shared_topics_line
@@ -169,11 +163,6 @@ def test_it_tells_at_once_whose_settings_it_has(graph):
     graph.until(lambda: "camera, monitor" in told())
 
 
-def test_one_that_leaves_settings_out_promises_none(graph):
-    graph.record(exclude="settings$")
-    assert RECORDED not in graph.recorder._facts()
-
-
 def test_a_later_publisher_that_offers_less_is_recorded_too(graph):
     graph.record()
     first = graph.publisher(Header, "header")
@@ -251,28 +240,6 @@ def test_two_that_speak_where_one_may_are_told_and_noted(graph):
     assert line.startswith(f"several publishers were mixed on {topic} (of 2 x /talker), ")
 
 
-def test_log_times_are_those_of_the_reception_in_order(graph):
-    graph.record()
-    publishers = [graph.publisher(Header, name) for name in ("a", "b")]
-    sent = []
-    for number in range(200):
-        sent.append(time.time_ns())
-        publishers[number % 2].publish(Header(frame_id=str(number)))
-    graph.until(lambda: graph.recorded("a") == graph.recorded("b") == 100)
-    graph.recorder.close()
-    with (graph.folder / "bag_0.mcap").open("rb") as stream:
-        found = [r for r in StreamReader(stream).records if isinstance(r, Message)]
-    # In the file itself, so that an unfinished one is in order too.
-    stamps = [record.log_time for record in found]
-    assert stamps == sorted(stamps)
-    assert all(record.publish_time <= record.log_time for record in found)
-    reader = BagReader(graph.folder)
-    own = [message for message in reader.messages() if message.topic.startswith(graph.prefix)]
-    headers = [reader.decode(message) for message in own]
-    assert [int(header.frame_id) for header in headers] == list(range(200))
-    assert all(0 <= stamp - begun < 1e9 for stamp, begun in zip(stamps, sent, strict=True))
-
-
 def test_a_bag_is_split_as_the_parameters_say(graph):
     graph.record(max_bag_size=20_000)
     publisher = graph.publisher(FreeSurface, "surface")
@@ -285,11 +252,6 @@ def test_a_bag_is_split_as_the_parameters_say(graph):
     _, contents = graph.finish()
     assert [content.msh for content in contents] == [0.0, 1.0]
     assert len(list(graph.folder.glob("bag_?.mcap"))) == 2
-
-
-def test_a_split_that_is_none_is_refused(graph):
-    with pytest.raises(SloshMessageError, match=r"max_bag_size = -1 must lie in \[0, "):
-        graph.record(max_bag_size=-1)
 
 
 class Cell:
@@ -344,15 +306,6 @@ def test_by_default_a_cells_own_topics_and_its_inputs_are_recorded(graph, cell):
     assert robot.topic_name in cell.recorded()
 
 
-def test_a_pattern_adds_topics(graph, cell):
-    other = graph.silent_publisher(Header, "plc/state")
-    cell.record()
-    graph.until(lambda: cell.settings.topic_name in cell.recorded())
-    assert other.topic_name not in cell.recorded()
-    graph.recorder._choice = TopicChoice(cell.namespace, "/plc/")
-    graph.until(lambda: {other.topic_name, cell.settings.topic_name} <= cell.recorded())
-
-
 def test_raw_images_are_recorded_where_there_are_no_compressed_ones(graph, cell):
     raw = cell.node.create_publisher(Image, "camera/image_raw", qos.IMAGE_OUT)
     cell.record()
@@ -376,61 +329,3 @@ def test_raw_images_are_recorded_where_there_are_no_compressed_ones(graph, cell)
     images = [topic == raw.topic_name for topic in (m.topic for m in recorded)]
     widths = [content.width for content, own in zip(contents, images, strict=True) if own]
     assert widths == [3, 4]
-
-
-def test_only_what_was_asked_for_is_recorded(graph):
-    graph.record(topics=f"^{graph.prefix}/asked", exclude="secret")
-    secret = graph.silent_publisher(Header, "asked/secret")
-    other = graph.silent_publisher(Header, "other")
-    wanted = graph.publisher(Header, "asked/header")
-    for publisher in (secret, other, wanted):
-        publisher.publish(Header(frame_id="x"))
-    graph.until(lambda: graph.recorded("asked/header") == 1)
-    recorded, _ = graph.finish()
-    assert [message.topic for message in recorded] == [wanted.topic_name]
-    assert secret.get_subscription_count() == other.get_subscription_count() == 0
-
-
-def test_a_pattern_that_is_none_is_named(graph):
-    with pytest.raises(SloshBagError, match=r"parameter topics = '\['"):
-        graph.record(topics="[")
-
-
-@pytest.mark.parametrize(
-    ("offered", "reliability", "durability"),
-    [
-        ([qos.STREAM_OUT], Reliability.RELIABLE, Durability.VOLATILE),
-        ([qos.EVENT], Reliability.RELIABLE, Durability.TRANSIENT_LOCAL),
-        ([qos.EVENT, qos.STREAM_OUT], Reliability.RELIABLE, Durability.VOLATILE),
-        ([qos.EVENT, BEST_EFFORT], Reliability.BEST_EFFORT, Durability.VOLATILE),
-        ([], Reliability.BEST_EFFORT, Durability.VOLATILE),
-    ],
-)
-def test_the_most_that_all_publishers_offer_is_asked_for(offered, reliability, durability):
-    profile = matching(offered)
-    assert (profile.reliability, profile.durability) == (reliability, durability)
-    assert profile.depth >= 1000
-
-
-@pytest.mark.parametrize(
-    ("present", "offered", "heard", "expected"),
-    [
-        pytest.param(qos.STREAM_OUT, [qos.STREAM_OUT], True, None, id="as before"),
-        pytest.param(qos.STREAM_OUT, [BEST_EFFORT], True, BEST_EFFORT, id="less"),
-        pytest.param(BEST_EFFORT, [qos.STREAM_OUT], True, qos.STREAM_OUT, id="more"),
-        pytest.param(qos.EVENT, [qos.STREAM_OUT], True, qos.STREAM_OUT, id="latched no more"),
-        pytest.param(qos.EVENT, [qos.EVENT], True, None, id="still latched"),
-        pytest.param(qos.STREAM_OUT, [qos.EVENT], False, qos.EVENT, id="a stranger latches"),
-        pytest.param(qos.STREAM_OUT, [qos.EVENT], True, None, id="already heard"),
-        # It would be heard again from the beginning.
-        pytest.param(BEST_EFFORT, [qos.EVENT], True, qos.STREAM_OUT, id="heard, now reliable"),
-    ],
-)
-def test_a_subscription_follows_its_publishers(present, offered, heard, expected):
-    publishers = [Publisher(bytes([n]), profile) for n, profile in enumerate(offered)]
-    wish = wanted(present, publishers, frozenset([b"\0"]) if heard else frozenset())
-    if expected is None:
-        assert wish is None
-    else:
-        assert wish is not None
-        assert (wish.reliability, wish.durability) == (expected.reliability, expected.durability)

@@ -9,7 +9,6 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
 from rosbags.interfaces import (
     Qos,
@@ -132,21 +131,6 @@ def test_what_cannot_be_converted_costs_its_topic_alone(ros1: Path, tmp_path: Pa
     assert not (tmp_path / "none").exists()
 
 
-def test_the_layout_is_that_of_our_bags(ros1: Path, tmp_path: Path):
-    bag = import_rosbag(ros1, tmp_path / "new").bag
-    with next(bag.glob("*.mcap")).open("rb") as stream:
-        reader = make_reader(stream)
-        assert reader.get_header().profile == "ros2"
-        summary = reader.get_summary()
-    assert all(chunk.compression == "zstd" for chunk in summary.chunk_indexes)
-    assert all(chunk.message_index_offsets for chunk in summary.chunk_indexes)
-    information = yaml.safe_load((bag / "metadata.yaml").read_text())
-    assert information["rosbag2_bagfile_information"]["version"] == 9
-    (latched,) = [c for c in summary.channels.values() if c.topic == "/mixed"]
-    (qos,) = yaml.safe_load(latched.metadata["offered_qos_profiles"])
-    assert qos["durability"] == "transient_local"
-
-
 @pytest.mark.parametrize(
     ("plugin", "compression"),
     [
@@ -167,15 +151,6 @@ def test_rosbag2_values_come_bit_for_bit(tmp_path: Path, plugin, compression):
     assert (qos["reliability"], qos["durability"], qos["depth"]) == (
         "best_effort", "transient_local", 5,
     )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("plugin", "suffix"), [(StoragePlugin.SQLITE3, ".db3"), (StoragePlugin.MCAP, ".mcap")]
-)
-def test_a_file_alone_is_enough(tmp_path: Path, plugin, suffix: str):
-    (file,) = write_ros2(tmp_path / "rosbag2", plugin).glob(f"*{suffix}")
-    told = import_rosbag(file, tmp_path / "new")
-    assert accelerations(told.bag, "/arm/accel") == [bits(x) for x in VALUES]
 
 
 @pytest.mark.parametrize(
@@ -360,12 +335,6 @@ def test_messages_of_other_encodings_are_left_out_in_one_line(tmp_path: Path):
         writer.finish()
     with pytest.raises(SloshBagError, match="/pose: left out: messages in 'protobuf': only"):
         import_rosbag(tmp_path / "a.mcap", tmp_path / "new")
-
-
-def test_a_folder_of_a_folder_with_a_bag_is_that_bag(tmp_path: Path):
-    (tmp_path / "all").mkdir()
-    folder = write_ros2(tmp_path / "all" / "rosbag2")
-    assert find_rosbags(tmp_path / "all") == [folder]
 
 
 def test_a_folder_of_ros1_bags_is_all_of_them(ros1: Path, tmp_path: Path):

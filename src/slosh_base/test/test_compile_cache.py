@@ -27,12 +27,6 @@ def test_the_users_choices_come_first(tmp_path, monkeypatch):
     assert cache_folder().is_relative_to(tmp_path / "home" / ".cache")
 
 
-def test_a_folder_that_cannot_be_made_is_replaced(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert cache_folder().is_relative_to(tmp_path / "tmp")
-
-
 def test_no_home_is_no_obstacle(tmp_path, monkeypatch):
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr(os.path, "expanduser", lambda path: path)

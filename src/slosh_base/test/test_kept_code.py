@@ -130,10 +130,6 @@ def kept(folder):
     }
 
 
-def test_the_second_process_loads_what_the_first_has_compiled(with_code):
-    assert Process(with_code).result() == {"answers": ANSWERS, "loaded": NAMES, "compiled": []}
-
-
 @pytest.mark.long
 def test_checkouts_share_what_is_equal_and_leave_each_other_the_rest(tmp_path, with_code):
     folder = with_code
@@ -308,45 +304,6 @@ def test_a_full_disk_costs_a_warning_and_nothing_else(folder, monkeypatch):
     assert Process(folder).result()["compiled"] == NAMES
 
 
-@pytest.fixture
-def read_only(tmp_path):
-    """A folder that nobody can write to, the superuser included."""
-    place = tmp_path / "read_only"
-    place.mkdir()
-    if os.getuid() != 0:
-        place.chmod(0o555)
-        yield place
-        place.chmod(0o755)
-        return
-    command = ["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", str(place)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        pytest.skip(f"a read-only file system is needed: {done.stderr.strip()}")
-    yield place
-    subprocess.run(["umount", "-l", str(place)], check=True)
-
-
-@pytest.mark.long
-def test_a_folder_that_cannot_be_written_to_is_replaced(folder, read_only, tmp_path):
-    (tmp_path / "tmp").mkdir()
-    elsewhere = {"NUMBA_CACHE_DIR": str(read_only), "TMPDIR": str(tmp_path / "tmp")}
-    process = Process(folder, **elsewhere)
-    assert process.result()["compiled"] == NAMES
-    assert process.err == ""
-    assert list((tmp_path / "tmp").rglob("throwaway.one_*.code"))
-    assert list(read_only.iterdir()) == []
-
-
-@pytest.mark.long
-def test_without_a_home_code_is_kept_in_the_temporary_folder(folder, tmp_path):
-    (tmp_path / "tmp").mkdir()
-    homeless = {"NUMBA_CACHE_DIR": "", "HOME": "/dev/null/nobody", "TMPDIR": str(tmp_path / "tmp")}
-    process = Process(folder, **homeless)
-    assert process.result()["compiled"] == NAMES
-    assert process.err == ""
-    assert list((tmp_path / "tmp").rglob("throwaway.one_*.code"))
-
-
 class Planted:
     """What writes a file when it is unpickled."""
 
@@ -373,28 +330,3 @@ def test_code_that_others_may_have_planted_is_not_run(with_code, tmp_path, trust
 
 
 # Numba's own functions.
-
-LARGEST = """
-import numpy as np
-from numba.types import float64
-from slosh_base.compiled.compilation import entry_point, given
-
-@entry_point(float64(given(float64, 1)))
-def {name}(values):
-    return values[np.argmax(values)] {more}
-"""
-
-
-@pytest.mark.long
-def test_processes_share_no_name_of_what_numba_itself_brings_along(tmp_path):
-    """Numba numbers its own closures too: of two of a name, the linker would keep the first."""
-    names = []
-    for name, more in (("low", "- 1.0"), ("high", "+ 1.0")):
-        here = checkout(tmp_path / name, LARGEST.format(name=name, more=more))
-        Process(here, "for one in points.values(): one.load()\npoints = {}").result()
-        data = kept(here)[name].read_bytes()
-        names.append(set(re.findall(rb"_ZN\w*array_argmax\w*", data)))
-    low, high = names
-    assert low
-    assert high
-    assert not low & high

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from slosh_base.files import NewFile, new_text, write_bytes, write_text
+from slosh_base.files import new_text, write_text
 
 OLD = b"what was there\n"
 
@@ -54,24 +54,6 @@ def test_an_error_leaves_the_old_file_and_nothing_else(file):
 
     with pytest.raises(ZeroDivisionError):
         fail()
-    assert file.read_bytes() == OLD
-    assert alone(file)
-
-
-def test_ctrl_c_leaves_the_old_file_and_nothing_else(file):
-    program = """
-with new_text(Path(sys.argv[1])) as text:
-    text.write("half")
-    text.flush()
-    print("writing", flush=True)
-    while True:
-        text.write("more")
-"""
-    process = python(program, file, stdout=subprocess.PIPE)
-    assert process.stdout.readline() == "writing\n"
-    assert not alone(file)
-    process.send_signal(signal.SIGINT)
-    assert "KeyboardInterrupt" in process.communicate()[1]
     assert file.read_bytes() == OLD
     assert alone(file)
 
@@ -169,33 +151,6 @@ def test_a_link_stays_a_link_and_its_target_is_replaced(file, tmp_path):
     assert link.is_symlink()
     assert file.read_text() == "new"
     assert list((tmp_path / "elsewhere").iterdir()) == [link]
-
-
-def test_the_part_has_the_suffix_by_which_libraries_choose_the_format(tmp_path):
-    with NewFile(tmp_path / "film.mp4") as new:
-        assert new.part.suffix == ".mp4"
-        new.part.write_bytes(b"film")
-    assert (tmp_path / "film.mp4").read_bytes() == b"film"
-
-
-def test_a_pipe_is_written_as_it_is(tmp_path):
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    process = python("write_text(Path(sys.argv[1]), 'through')", pipe)
-    assert pipe.read_text() == "through"
-    process.communicate()
-    assert process.returncode == 0
-    assert stat.S_ISFIFO(pipe.stat().st_mode)
-    assert alone(pipe)
-
-
-def test_devices_stay_devices():
-    null = Path("/dev/null")
-    before = null.stat().st_rdev
-    write_bytes(null, b"away")
-    assert null.stat().st_rdev == before
-    with pytest.raises(OSError, match="No space left on device: '/dev/full'"):
-        write_bytes(Path("/dev/full"), b"away")
 
 
 @pytest.mark.parametrize("name", ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"])

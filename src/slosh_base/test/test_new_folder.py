@@ -33,15 +33,6 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_new_folder_holds_everything_at_the_end(tmp_path):
-    folder = tmp_path / "a" / "bag"
-    with new_folder(folder) as room:
-        assert room.name == "bag"
-        fill(room)
-        assert not list(folder.glob("*.mcap"))
-    assert names(folder) == ["bag_0.mcap", "metadata.yaml"]
-
-
 def test_an_empty_folder_is_filled_in_place(tmp_path, monkeypatch):
     """It may be where a shell is, or where a disk is mounted: it stays the same folder."""
     before = tmp_path.stat().st_ino
@@ -97,15 +88,6 @@ def test_a_file_is_no_folder(tmp_path):
         check_free(file)
     check_free(tmp_path / "none")
     assert file.read_text() == "mine"
-
-
-def test_of_two_runs_into_one_folder_one_is_refused(tmp_path):
-    folder = tmp_path / "bag"
-    with new_folder(folder) as room:
-        with pytest.raises(SloshFileError, match="exists already"):
-            new_folder(folder).__enter__()
-        fill(room)
-    assert names(folder) == ["bag_0.mcap", "metadata.yaml"]
 
 
 def test_what_is_replaced_goes_when_the_new_is_whole(tmp_path):

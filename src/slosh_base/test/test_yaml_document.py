@@ -1,6 +1,7 @@
 """YAML is read strictly, written so that it reads the same, and its errors tell the line."""
 
 import pickle
+import tracemalloc
 
 import pytest
 import yaml
@@ -110,3 +111,43 @@ def test_what_cannot_be_read_is_told(tmp_path):
     path.write_text("#" * 1_000_001)
     with pytest.raises(SloshFileError, match=r"f\.yaml: too large, more than 1000000 bytes"):
         read_yaml(path)
+
+
+# What a short text can stand for is bounded before anything is made of it.
+
+
+LEVELS = range(1, 40)
+ALIASES = "a0: &a0 [1, 1]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in LEVELS)
+MERGES = "a0: &a0 {x0: 1, y0: 1}\n" + "".join(
+    f"a{n}: &a{n} {{<<: [*a{n - 1}, *a{n - 1}], x{n}: 1}}\n" for n in LEVELS
+)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (ALIASES, "it stands for more than 200000 values"),
+        (MERGES, "it stands for more than 200000 values"),
+        ("a: &a [*a]", r"\*a refers to itself or to nothing"),
+        ("a: *b", "b"),
+        ("[" * 51 + "]" * 51, "it has more than 50 levels"),
+        ("[" + "1," * 200_000 + "]", "it stands for more than 200000 values"),
+        ("x" * 1_000_001, "the text is longer than 1000000 characters"),
+    ],
+)
+def test_too_much_is_refused_with_the_reason(text: str, problem: str) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(YamlError, match=problem):
+            parse_yaml(text, "f.yaml")
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a: 1", "a: &x [1, 2]\nb: *x", "a: &x {p: 1}\nb: {<<: *x, q: 2}", "- {a: [1.5]}"]
+)
+def test_the_rest_is_what_yaml_reads(text: str) -> None:
+    assert parse_yaml(text, "f.yaml").value == yaml.safe_load(text)

@@ -17,7 +17,7 @@ _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 class NodeReport(NamedTuple):
-    """A node's diagnostics.
+    """Diagnostics that one node reports of itself.
 
     Attributes:
         node: its name, without namespace.

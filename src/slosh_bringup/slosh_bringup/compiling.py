@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
-from slosh_base.compiled.compilation import Progress, entry_points, load_all
+from slosh_base.compiled.compilation import CompileProgress, entry_points, load_all
 from slosh_base.compiled.compile_cache import cache_folder
 from slosh_model.errors import SloshModelError
 
@@ -38,7 +38,7 @@ def import_all(modules: Iterable[str] = MODULES) -> None:
         importlib.import_module(name)
 
 
-def load_everything(tell: Callable[[Progress], None] | None = None) -> str:
+def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> str:
     """Compiles or loads all functions; those that compute heights are checked.
 
     Args:
@@ -92,7 +92,7 @@ def _compile(package: str) -> None:
     load_all(_tell, package)
 
 
-def _tell(step: Progress) -> None:
+def _tell(step: CompileProgress) -> None:
     """Shows on a terminal, in one line, what is compiled."""
     if sys.stdout.isatty():
         shown = f"compiling {step.name}" if step.name and not step.cached else ""

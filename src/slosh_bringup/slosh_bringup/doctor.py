@@ -37,7 +37,7 @@ OWN_PACKAGES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class DoctorFinding:
     """One thing that was looked at.
 
     Attributes:
@@ -55,7 +55,7 @@ class Finding:
     required: bool = True
 
 
-def examine() -> Iterator[Finding]:
+def examine() -> Iterator[DoctorFinding]:
     """Looks at everything, one finding after another."""
     yield python_version()
     for check in (ros_source, discovery, interfaces, workspace):
@@ -74,7 +74,7 @@ def examine() -> Iterator[Finding]:
     yield tool("ros2", "only to use ros2 launch and ros2 bag; slosh needs neither")
 
 
-def guarded(check: Callable[[], Finding]) -> Finding:
+def guarded(check: Callable[[], DoctorFinding]) -> DoctorFinding:
     """A check's finding, or its failure as a finding."""
     try:
         return check()
@@ -82,57 +82,59 @@ def guarded(check: Callable[[], Finding]) -> Finding:
         # Whatever goes wrong is what the user came here to read.
         name = check.__name__.replace("_", " ")
         text = f"{type(error).__name__}: {error}".splitlines()[0]
-        return Finding(name, False, text, "run `make setup`, or source /opt/ros/jazzy/setup.bash")
+        return DoctorFinding(
+            name, False, text, "run `make setup`, or source /opt/ros/jazzy/setup.bash"
+        )
 
 
-def python_version() -> Finding:
+def python_version() -> DoctorFinding:
     """Python 3.11 or 3.12."""
     ok = sys.version_info[:2] in ((3, 11), (3, 12))
     found = f"{platform.python_version()} at {sys.executable}"
-    return Finding(
+    return DoctorFinding(
         "Python", ok, found, "use Python 3.11 or 3.12: SLOSH_PYTHON=python3.12 make setup"
     )
 
 
-def ros_source() -> Finding:
+def ros_source() -> DoctorFinding:
     """Which ROS 2 is used."""
     rclpy = importlib.import_module("rclpy")
     path = Path(str(rclpy.__file__))
     kind = "installed" if path.is_relative_to(ROS) else "wheels"
-    return Finding("ROS 2 Jazzy", True, f"{kind}, rclpy at {path.parent}")
+    return DoctorFinding("ROS 2 Jazzy", True, f"{kind}, rclpy at {path.parent}")
 
 
-def interfaces() -> Finding:
+def interfaces() -> DoctorFinding:
     """The built message package."""
     module = importlib.import_module("slosh_msgs.msg")
-    return Finding("slosh_msgs", True, f"built, at {Path(str(module.__file__)).parent}")
+    return DoctorFinding("slosh_msgs", True, f"built, at {Path(str(module.__file__)).parent}")
 
 
-def workspace() -> Finding:
+def workspace() -> DoctorFinding:
     """The product's own packages."""
     for name in OWN_PACKAGES:
         importlib.import_module(name)
-    return Finding("workspace", True, f"{len(OWN_PACKAGES)} packages import")
+    return DoctorFinding("workspace", True, f"{len(OWN_PACKAGES)} packages import")
 
 
-def discovery() -> Finding:
+def discovery() -> DoctorFinding:
     """Who can see this machine's topics."""
     network = importlib.import_module("slosh_msgs_py.node.network")
     reach = network.network_environment(os.environ)[network.RANGE]
     who = "this machine only" if reach in network.ALONE else "every network: see docs/security.md"
     domain = os.environ.get("ROS_DOMAIN_ID", "0")
-    return Finding("discovery", True, f"range {reach}, {who}; domain {domain}")
+    return DoctorFinding("discovery", True, f"range {reach}, {who}; domain {domain}")
 
 
-def library(module: str, name: str, minimum: str) -> Finding:
+def library(module: str, name: str, minimum: str) -> DoctorFinding:
     """A library's version against the lowest that is supported."""
     try:
         imported = importlib.import_module(module)
     except ImportError as error:
-        return Finding(name, False, str(error), "run `make setup`")
+        return DoctorFinding(name, False, str(error), "run `make setup`")
     version = getattr(imported, "__version__", None) or importlib.metadata.version(module)
     ok = numbers(version) >= numbers(minimum)
-    return Finding(name, ok, version, f"at least {minimum} is needed: run `make setup`")
+    return DoctorFinding(name, ok, version, f"at least {minimum} is needed: run `make setup`")
 
 
 def numbers(version: str) -> tuple[int, ...]:
@@ -145,13 +147,13 @@ def numbers(version: str) -> tuple[int, ...]:
     return tuple(parts)
 
 
-def compiled_code() -> Finding:
+def compiled_code() -> DoctorFinding:
     """All compiled functions, each that computes heights beside its own source."""
     compiling = importlib.import_module("slosh_bringup.compiling")
-    return Finding("compiled code", True, compiling.load_everything())
+    return DoctorFinding("compiled code", True, compiling.load_everything())
 
 
-def message_exchange() -> Finding:
+def message_exchange() -> DoctorFinding:
     """A message of this product through the real middleware, in a process of its own."""
     command = [sys.executable, "-m", "slosh_bringup.nodes.loopback_node"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
@@ -160,19 +162,21 @@ def message_exchange() -> Finding:
     last = lines[-1] if lines else "no output"
     lost = "look for a firewall on the loopback interface or a full /dev/shm"
     # Where nothing was sent at all, the reason itself tells what to do.
-    return Finding("messages over DDS", ok, last, lost if done.returncode == NOTHING_BACK else "")
+    return DoctorFinding(
+        "messages over DDS", ok, last, lost if done.returncode == NOTHING_BACK else ""
+    )
 
 
-def shared_memory() -> Finding:
+def shared_memory() -> DoctorFinding:
     """Room for the image transport's shared-memory segments."""
     folder = Path("/dev/shm")
     if not folder.is_dir():
-        return Finding(
+        return DoctorFinding(
             "shared memory", False, "no /dev/shm", "mount a tmpfs there", required=False
         )
     free = shutil.disk_usage(folder).free
     remedy = "give the container more: docker run --shm-size=512m"
-    return Finding(
+    return DoctorFinding(
         "shared memory",
         free >= MINIMUM_SHARED_MEMORY,
         f"{free / 2**20:.0f} MiB free",
@@ -181,21 +185,25 @@ def shared_memory() -> Finding:
     )
 
 
-def disk() -> Finding:
+def disk() -> DoctorFinding:
     """Room for bags in the current folder."""
     free = shutil.disk_usage(".").free
     found = f"{free / 2**30:.1f} GiB free here"
-    return Finding("disk", free >= MINIMUM_DISK, found, "record elsewhere: -o DIR", required=False)
+    return DoctorFinding(
+        "disk", free >= MINIMUM_DISK, found, "record elsewhere: -o DIR", required=False
+    )
 
 
-def kinematics() -> Finding:
+def kinematics() -> DoctorFinding:
     """Pinocchio, which the estimator's input `joints` needs."""
     there = importlib.util.find_spec("pinocchio") is not None
     remedy = "only for motions of joints: pip install -r requirements/joints.txt"
-    return Finding("Pinocchio", there, "found" if there else "not found", remedy, required=False)
+    return DoctorFinding(
+        "Pinocchio", there, "found" if there else "not found", remedy, required=False
+    )
 
 
-def tool(name: str, remark: str) -> Finding:
+def tool(name: str, remark: str) -> DoctorFinding:
     """An optional program."""
     path = shutil.which(name)
-    return Finding(name, path is not None, path or "not found", remark, required=False)
+    return DoctorFinding(name, path is not None, path or "not found", remark, required=False)

@@ -49,7 +49,7 @@ KILLED = "its process was killed, by a signal or for lack of memory"
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome(Generic[Item, Value]):
+class ItemOutcome(Generic[Item, Value]):
     """What became of an item.
 
     Attributes:
@@ -71,7 +71,7 @@ def map_files(
     *,
     jobs: int | None = None,
     scheduler: str | None = None,
-) -> Generator[Outcome[Item, Value]]:
+) -> Generator[ItemOutcome[Item, Value]]:
     """Calls a function with each item; one that fails does not stop the others.
 
     A single item, or one job, is worked on in this process. Otherwise function and items must be
@@ -102,13 +102,13 @@ def _map(
     items: Iterator[Item],
     jobs: int | None,
     scheduler: str | None,
-) -> Generator[Outcome[Item, Value]]:
+) -> Generator[ItemOutcome[Item, Value]]:
     first = list(islice(items, 2))
     everything = chain(first, items)
     workers = jobs or len(os.sched_getaffinity(0))
     if scheduler is None and (len(first) < 2 or workers == 1):
         for index, item in enumerate(everything):
-            yield Outcome(index, item, *attempt(function, item))
+            yield ItemOutcome(index, item, *attempt(function, item))
         return
     with _client(workers, scheduler) as client:
         yield from _Farm(client, function).run(everything)
@@ -150,7 +150,7 @@ class _Farm(Generic[Item, Value]):
         self._under_way: dict[Future[Any], tuple[int, Item]] = {}
         self._number = count()
 
-    def run(self, items: Iterable[Item]) -> Iterator[Outcome[Item, Value]]:
+    def run(self, items: Iterable[Item]) -> Iterator[ItemOutcome[Item, Value]]:
         """Works on all items."""
         numbered = enumerate(items)
         suspects: deque[tuple[int, Item]] = deque()
@@ -169,7 +169,7 @@ class _Farm(Generic[Item, Value]):
             if outcome is not None:
                 yield outcome
             elif is_alone:
-                yield Outcome(index, item, None, KILLED)
+                yield ItemOutcome(index, item, None, KILLED)
             else:
                 suspects.append((index, item))
 
@@ -180,7 +180,7 @@ class _Farm(Generic[Item, Value]):
         self._under_way[future] = index, item
         self._done.add(future)
 
-    def _next(self) -> tuple[int, Item, Outcome[Item, Value] | None]:
+    def _next(self) -> tuple[int, Item, ItemOutcome[Item, Value] | None]:
         """The next item that is done, and its outcome; None: its worker died.
 
         Raises:
@@ -192,7 +192,7 @@ class _Farm(Generic[Item, Value]):
         index, item = self._under_way.pop(future)
         try:
             # Fetched here: where the worker dies with the result in its hands, this says so.
-            return index, item, Outcome(index, item, *future.result())
+            return index, item, ItemOutcome(index, item, *future.result())
         except KilledWorker:
             return index, item, None
         except CancelledError:
@@ -201,7 +201,7 @@ class _Farm(Generic[Item, Value]):
             ) from None
         except Exception as error:
             # A worker that cannot import the function, a value that cannot be pickled.
-            return index, item, Outcome(index, item, None, reason(error))
+            return index, item, ItemOutcome(index, item, None, reason(error))
 
 
 @contextmanager

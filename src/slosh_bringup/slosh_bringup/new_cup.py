@@ -157,7 +157,7 @@ container:
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class QuantityKind:
     """What a value of a kind can be.
 
     Attributes:
@@ -209,14 +209,14 @@ class Quantity:
         return abs(math.log(value / self.typical)) if value > 0.0 else math.inf
 
 
-def _length(words: str, least: float, most: float, typical: float) -> Quantity:
-    return Quantity(words, "m", least, most, typical, _LENGTHS)
+def _length(words: str, least: float, most: float, typical: float) -> QuantityKind:
+    return QuantityKind(words, "m", least, most, typical, _LENGTHS)
 
 
 # From a test tube to a tank on wheels.
 LENGTH = _length("inner length", 1e-4, 4.0, 0.05)
 """Of a container by its contour, whatever it is called."""
-QUANTITIES: Mapping[str, Quantity] = {
+QUANTITIES: Mapping[str, QuantityKind] = {
     "radius": _length("inner radius", 2e-3, 2.0, 0.05),
     "diameter": _length("inner diameter", 4e-3, 4.0, 0.1),
     "width": _length("inner width along x", 4e-3, 4.0, 0.1),
@@ -224,8 +224,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "fill_height": _length("height of the liquid at rest above the inner floor", 2e-3, 4.0, 0.07),
     "rim_height": _length("height of the rim above the inner floor", 2e-3, 4.0, 0.12),
     "wall": _length("thickness of the wall", 0.0, 0.05, 2e-3),
-    "density": Quantity("density", "kg/m3", 100.0, 2e4, 1e3, {"g/cm3": 1e3}),
-    "viscosity": Quantity(
+    "density": QuantityKind("density", "kg/m3", 100.0, 2e4, 1e3, {"g/cm3": 1e3}),
+    "viscosity": QuantityKind(
         "kinematic viscosity", "m2/s", 1e-8, 0.02, 1e-6, {"mm2/s": 1e-6, "cm2/s": 1e-4}
     ),
 }

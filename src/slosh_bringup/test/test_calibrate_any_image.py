@@ -92,6 +92,9 @@ def stripes(rng, pictures):
     ).astype(np.uint8)
 
 
+KINDS = (blank, noise, cup, cropped, turned, disturbed, other_things, other_things, stripes)
+
+
 def photograph(rng, pictures):
     """A part of a real photograph, of a person: light, grain and edges that nobody drew."""
     with cbook.get_sample_data("grace_hopper.jpg") as file:
@@ -101,9 +104,6 @@ def photograph(rng, pictures):
     top, left = (int(start) for start in rng.integers(0, (high, wide) - size + 1))
     part = np.ascontiguousarray(whole[top : top + size[0], left : left + size[1]])
     return np.rot90(part, int(rng.integers(4))).copy()
-
-
-KINDS = (blank, noise, cup, cropped, turned, disturbed, other_things, other_things, stripes)
 
 
 def stored(rng, image, path):
@@ -154,29 +154,16 @@ def test_some_images(number, pictures, tmp_path, capsys):
 
 
 @pytest.mark.long
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("first", range(1000, 1150, 50))
-def test_many_images(first, pictures, tmp_path, capsys):
-    codes = [attempt(number, pictures, tmp_path, capsys) for number in range(first, first + 50)]
+def test_many_images(pictures, tmp_path, capsys):
+    codes = [attempt(number, pictures, tmp_path, capsys) for number in range(1000, 1040)]
     # Plain pictures of a cup are among them: it is not that all are refused.
     assert set(codes) == {0, 2}
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [pytest.param(2002, marks=pytest.mark.long), 2058])
-def test_a_photograph_of_a_person_is_no_container(number, tmp_path, capsys):
+def test_a_photograph_of_a_person_is_no_container(tmp_path, capsys):
     """Of 2058 a fit ended where it saw no edge any more, and divided by their number."""
-    assert attempt(number, (), tmp_path, capsys, (photograph,)) == 2
-
-
-@pytest.mark.long
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("first", [2000, 2060])
-def test_parts_of_a_photograph(first, tmp_path, capsys):
-    """One of them, 2063, passes for a container, with warnings that nothing will be measured."""
-    numbers = range(first, first + 10)
-    codes = {n: attempt(n, (), tmp_path, capsys, (photograph,)) for n in numbers}
-    assert [number for number, code in codes.items() if code == 0] in ([], [2063])
+    assert attempt(2058, (), tmp_path, capsys, (photograph,)) == 2
 
 
 @pytest.mark.parametrize(

@@ -135,14 +135,6 @@ def test_a_photograph_tells_its_field_of_view(capsys, tmp_path, picture):
     assert found.fx == pytest.approx(LENS.fx, rel=0.01)
 
 
-def test_a_part_of_a_photograph_does_not_tell_its_field_of_view(capsys, tmp_path, picture):
-    photograph = tmp_path / "photograph.jpg"
-    with_exif(photograph, picture, 1, 50, (4000, 2000))
-    line = complaint(capsys, "calibrate", photograph, *CONTAINER, "-o", tmp_path / "camera.yaml")
-    assert "--fov" in line
-    assert "a part of it" in line
-
-
 def test_a_click_on_the_level_is_taken(capsys, tmp_path, still, intrinsics):
     ((u, v),) = VIEW.project_wall(VIEW.camera_azimuth, 0.0, Wall.FRONT)
     output = tmp_path / "camera.yaml"
@@ -177,25 +169,6 @@ def test_what_detection_will_find_doubtful_is_told(
     words = ["calibrate", still, "--camera", intrinsics, *CONTAINER, *GLASS]
     assert main([str(word) for word in (*words, "-o", tmp_path / "camera.yaml")]) == 0
     assert "warning: `slosh detect` and the node: too clear" in capsys.readouterr().out
-
-
-@pytest.mark.long
-def test_a_camera_yaml_gives_the_container_too(capsys, tmp_path, still, intrinsics):
-    first, second = tmp_path / "camera.yaml", tmp_path / "second.yaml"
-    options = [*CONTAINER, *GLASS, "-o", first]
-    words = ["calibrate", still, "--camera", intrinsics, *options]
-    assert main([str(word) for word in words]) == 0
-    capsys.readouterr()
-    words = ["calibrate", still, "--camera", first, "--azimuth", 30, "-o", second, "--json"]
-    assert main([str(word) for word in words]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["residual"] < 0.5
-    assert facts["warnings"] == []
-    assert 0.0 < facts["height_stddev"]["front"] < 3e-4
-    again = read_calibration(second)
-    assert again.view.cup == CUP
-    assert np.rad2deg(again.view.camera_azimuth) == pytest.approx(30.0)
-    assert facts["place"]["distance"] == pytest.approx(0.45, abs=2e-3)
 
 
 @pytest.mark.long
@@ -268,11 +241,6 @@ def test_bad_input_is_one_line(capsys, tmp_path, still, intrinsics):
     ):
         assert part in complaint(capsys, "calibrate", *words)
     assert not output.exists()
-
-
-def test_intrinsics_are_needed(capsys, still, tmp_path):
-    assert main(["calibrate", str(still), *CONTAINER, "-o", str(tmp_path / "camera.yaml")]) == 2
-    assert "--camera or --fov" in capsys.readouterr().err
 
 
 def test_board_at_a_known_place(capsys, tmp_path, intrinsics):

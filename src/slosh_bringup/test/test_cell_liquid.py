@@ -1,15 +1,13 @@
 """The simulated cell's motion tables, sensors and truth liquid."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_trapezoid
+from scipy.integrate import cumulative_simpson
 from scipy.spatial.transform import Rotation
 
 from slosh_base.files.errors import SloshFileError
 from slosh_bringup.cell.motion_source import load_motion, motion_from_table
-from slosh_bringup.cell.motions import CellMotion, make_motion
+from slosh_bringup.cell.motions import LEVELS, MOTIONS, VERTICAL_LEVELS, CellMotion, make_motion
 from slosh_bringup.cell.truth import integrate_truth, read_sensors
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
@@ -51,13 +49,6 @@ def test_attitude_is_sampled_as_a_rotation_and_gives_the_turning():
     assert motion.angular_velocity == pytest.approx(np.tile((0.0, 0.0, 2.0), (101, 1)))
 
 
-def test_a_given_angular_velocity_wins():
-    t = np.linspace(0.0, 1.0, 3)
-    table = MotionTable(t, np.zeros((3, 3)), angular_velocity=np.tile((0.0, 0.0, 3.0), (3, 1)))
-    motion = motion_from_table("x", table, 10.0)
-    assert motion.angular_velocity == pytest.approx(np.tile((0.0, 0.0, 3.0), (11, 1)))
-
-
 def test_tables_that_are_no_motion_are_refused(tmp_path):
     rest = np.zeros((2, 3))
     with pytest.raises(SloshBringupError, match=r"x: lasts less than two samples at 10 Hz"):
@@ -94,43 +85,6 @@ def test_sensor_noise_has_its_size_repeats_with_its_seed_and_differs_between_sen
     assert np.array_equal(readings.attitude[-1], (0.0, 0.0, 0.0, 1.0))
 
 
-def test_the_truth_is_interpolated_between_its_samples():
-    motion = make_motion("c3")
-    truth = integrate_truth(TRUTH, motion)
-    middle = len(motion.t) // 2
-    assert truth.at(motion.t[middle]) == (truth.sh_x[middle], truth.sh_y[middle])
-    assert truth.at(0.5) == (0.0, 0.0)
-    between = truth.at(0.5 * (motion.t[middle] + motion.t[middle + 1]))
-    assert between[0] == pytest.approx(truth.sh_x[middle : middle + 2].mean())
-    assert truth.at(-1.0) == (truth.sh_x[0], truth.sh_y[0])
-    assert truth.at(motion.duration + 1.0) == (truth.sh_x[-1], truth.sh_y[-1])
-
-
-def test_a_moment_of_the_truth_costs_no_more_in_a_long_motion():
-    """It once copied all of it for each image: of half an hour 25 images a second were drawn."""
-    truth = integrate_truth(TRUTH, make_motion("l").repeated(20))
-    tracemalloc.start()
-    try:
-        truth.at(0.7 * truth.t[-1])
-        _, most = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert most < 0.01 * truth.sh_x.nbytes
-
-
-def test_the_truths_surface_stays_level_in_a_tilted_container():
-    """Statics of one mode: 2 C₁/(ξ₁² − 1) of the level surface's R tan(tilt), 0.837."""
-    tilt = 0.05
-    motion = tilted(tilt, np.arange(60000) / 1000.0)
-    truth = integrate_truth(TRUTH, motion)
-    xi = 1.841184
-    share = 2.0 / (xi**2 - 1.0)
-    rest = np.mean(truth.sh_y[40000:])
-    # Rolled about +x, the wall at +y rises: the liquid there stands lower on it.
-    assert rest == pytest.approx(-share * TRUTH.container.size * np.tan(tilt), rel=0.01)
-    assert truth.sh_x == pytest.approx(np.zeros(len(motion.t)), abs=1e-12)
-
-
 def test_a_tilt_and_the_acceleration_that_feels_the_same_move_the_liquid_alike():
     t = np.arange(2000) / 1000.0
     angle = 0.1
@@ -142,9 +96,34 @@ def test_a_tilt_and_the_acceleration_that_feels_the_same_move_the_liquid_alike()
     assert np.abs(by_tilt.sh_y).max() > 0.005
 
 
-def test_position_is_the_accelerations_integral_from_rest():
-    t = np.linspace(0.0, 2.0, 41)
-    acceleration = np.stack((np.sin(t), np.cos(t), 0.1 * t), axis=1)
-    motion = motion_from_table("x", MotionTable(t, acceleration), 1000.0)
-    velocity = cumulative_trapezoid(motion.acceleration, motion.t, axis=0, initial=0.0)
-    assert np.gradient(motion.position, motion.t, axis=0) == pytest.approx(velocity, abs=1e-3)
+# The simulated cell's motions.
+
+
+@pytest.mark.first(8)
+@pytest.mark.parametrize("name", MOTIONS)
+def test_motions_start_and_end_at_rest_and_move_as_they_accelerate(name):
+    motion = make_motion(name)
+    velocity = cumulative_simpson(motion.acceleration, x=motion.t, axis=0, initial=0)
+    position = cumulative_simpson(velocity, x=motion.t, axis=0, initial=0)
+    assert velocity[-1] == pytest.approx(np.zeros(3), abs=1e-4)
+    assert position == pytest.approx(motion.position, abs=1e-3)
+    assert not motion.acceleration[motion.t < 0.99].any()
+    assert not motion.acceleration[motion.t > motion.t[-1] - 2.9].any()
+
+
+@pytest.mark.parametrize("path", LEVELS)
+def test_levels_are_those_of_the_paper(path):
+    for level in LEVELS[path]:
+        a = make_motion(f"{path}-{level}").acceleration
+        assert np.hypot(a[:, 0], a[:, 1]).max() == pytest.approx(level, rel=1e-3)
+        assert not a[:, 2].any()
+    for vertical in VERTICAL_LEVELS:
+        a = make_motion(f"{path}3-{vertical}").acceleration
+        assert np.abs(a[:, 2]).max() == pytest.approx(vertical, rel=1e-3)
+        assert np.hypot(a[:, 0], a[:, 1]).max() == pytest.approx(LEVELS[path][1], rel=1e-3)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, np.inf])
+def test_a_rate_that_is_none_is_refused(rate):
+    with pytest.raises(SloshBringupError, match="must be positive"):
+        make_motion("c", rate)

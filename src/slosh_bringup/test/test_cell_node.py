@@ -14,15 +14,11 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
 from slosh_bringup.cell.motion_source import load_motion
-from slosh_bringup.cell.renderer import CupRenderer
-from slosh_bringup.cell.truth import integrate_truth
-from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.nodes.cell_node import CellNode
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import read_calibration
 from slosh_camera.images.decoding import decode_compressed
 from slosh_model.constants import GRAVITY
-from slosh_model.model_text import read_model
 from slosh_msgs.msg import FreeSurface, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -156,18 +152,6 @@ def test_readings_are_the_motions(played, table):
     assert pose.orientation.x == pytest.approx(np.sin(TILT / 2.0))
 
 
-def test_the_truth_is_that_of_the_shipped_model(played, table):
-    got, _ = played
-    model = read_model(config_folder() / "truth.yaml")
-    truth = integrate_truth(model, load_motion(str(table)).repeated(2))
-    for index in (0, IMAGES // 3, IMAGES - 1):
-        message = got[topics.TRUTH][index]
-        sh_x, sh_y = truth.at(index / FPS)
-        assert message.msh == pytest.approx(np.hypot(sh_x, sh_y))
-        assert message.azimuth == pytest.approx(np.arctan2(sh_y, sh_x))
-    assert got[topics.TRUTH][IMAGES // 3].msh > 0.001
-
-
 def test_images_come_raw_and_compressed_with_their_calibration(played):
     got, _ = played
     raw, jpeg = got[topics.IMAGE][IMAGES // 2], got[topics.IMAGE_COMPRESSED][IMAGES // 2]
@@ -180,38 +164,3 @@ def test_images_come_raw_and_compressed_with_their_calibration(played):
     assert np.array_equal(np.reshape(info.k, (3, 3)), camera.matrix)
     frames = {message.header.frame_id for message in (raw, jpeg, info)}
     assert frames == {"camera_optical"}
-
-
-def test_topics_that_are_not_wanted_stay_silent(table):
-    got, summary = play(motion=table, readers=1, imu_every=0, compressed=False, fps=20.0)
-    counts = {topic: len(messages) for topic, messages in got.items() if messages}
-    assert counts == {
-        topics.ACCEL: 501,
-        topics.IMAGE: 11,
-        topics.CAMERA_INFO: 11,
-        topics.TRUTH: 11,
-    }
-    assert "/imu" not in summary["published"]
-
-
-@pytest.mark.long
-def test_a_camera_too_fast_for_the_machine_leaves_out_images_and_keeps_up(table, monkeypatch):
-    """A drawing takes six times as long as an image: in four seconds it would be 20 s behind."""
-    draw = CupRenderer.render
-
-    def slowly(self, *heights):
-        time.sleep(0.2)
-        return draw(self, *heights)
-
-    monkeypatch.setattr(CupRenderer, "render", slowly)
-    got, summary = play(motion=table, readers=1, imu_every=0, compressed=False, fps=30.0, repeat=8)
-    assert 8 <= summary["published"][f"/{topics.IMAGE}"] < 40  # of 121
-    seconds = [to_nanoseconds(m.header.stamp) * 1e-9 for m in got[topics.IMAGE]]
-    assert 0.9 < max(np.diff(seconds)) < 1.6
-    start = to_nanoseconds(got[topics.ACCEL][0].header.stamp) * 1e-9
-    assert seconds[-1] - start > 2.5
-
-
-def test_an_unknown_motion_ends_it_before_it_starts():
-    with pytest.raises(SloshBringupError, match="unknown motion 'x9'"):
-        play(motion="x9")

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import re
 import subprocess
 import sys
 
@@ -116,15 +115,6 @@ def test_a_mistake_in_a_model_is_one_line_with_the_remedy(capsys, tmp_path, text
     assert "model.yaml:" in line
 
 
-def test_help_names_each_command_once_in_groups(capsys):
-    for words in (["help"], ["--help"]):
-        with pytest.raises(SystemExit) as caught:
-            main(words)
-        assert caught.value.code == 0
-        shown = re.findall(r"^  (\w+)  ", capsys.readouterr().out, re.MULTILINE)
-        assert shown == list(COMMANDS)
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_of_a_command_is_its_own_help(capsys, name):
     texts = []
@@ -153,16 +143,6 @@ def test_an_old_name_of_an_option_is_taken_and_not_shown(command, old, new, name
     assert values[0] == values[1]
     sub = parser._subparsers._group_actions[0].choices[words[0]]
     assert old.split()[0] not in sub.format_help().split()
-
-
-def test_a_list_that_is_given_twice_adds_up():
-    words = ["discover", "a", "--holdout", "b", "--holdout", "c", "-o", "d"]
-    assert [str(path) for path in build_parser("discover").parse_args(words).holdout] == ["b", "c"]
-
-
-def test_a_negative_angle_may_carry_its_unit():
-    words = ["calibrate", "a.png", "--azimuth", "-90deg", "-o", "b"]
-    assert build_parser("calibrate").parse_args(words).azimuth == -90.0
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,7 @@ from slosh_bringup.cli.main import main
 from slosh_bringup.processes import config_folder
 from slosh_discovery.discover.finding import Verdict, WorstMoment
 from slosh_discovery.discovering import recorded_model
-from slosh_model.measure import predicted_heights
-from slosh_model.model_text import format_model, parse_model, read_model
-from slosh_model.simulate import Inputs
+from slosh_model.model_text import parse_model, read_model
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table
 from slosh_testing.commands import complaint
 from slosh_testing.pages import grey_png
@@ -110,32 +108,6 @@ def test_every_third_motion_is_held_out_and_the_reader_is_told(
     assert note in json.loads((tmp_path / "o" / "discovery.json").read_text())["remarks"]
 
 
-def test_two_motions_are_both_fitted_and_the_reader_is_told(capsys, discovery, tables, tmp_path):
-    assert main(["discover", *tables[:2], "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
-    assert discovery.names == (["run_1", "run_2"], [])
-    assert "no motion is held out" in capsys.readouterr().out
-
-
-def test_given_motions_are_held_out(capsys, discovery, tables, tmp_path):
-    words = [*tables[:3], "--holdout", *tables[3:], "--model", MODEL, "--jobs", "2"]
-    assert main(["discover", *words, "-o", str(tmp_path / "o")]) == 0
-    assert discovery.names == (["run_1", "run_2", "run_3"], ["run_4", "run_5"])
-    assert discovery.calls[0][3] == 2
-
-
-def test_a_number_of_motions_is_enough(capsys, discovery, tables, tmp_path):
-    words = [*tables, "--motions", "2", "--model", MODEL, "-o", str(tmp_path / "o")]
-    assert main(["discover", *words]) == 0
-    assert discovery.names == (["run_1", "run_2"], [])
-    assert "the first 2 of 5 motions are used" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("verdict", Verdict)
-def test_a_verdict_is_no_failure(discovery, tables, tmp_path, verdict):
-    discovery.verdict = verdict
-    assert main(["discover", tables[0], "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
-
-
 def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, tables, tmp_path):
     discovery.verdict, output = Verdict.AMBIGUOUS, tmp_path / "a folder"
     words = [tables[0], "--model", MODEL, "-o", str(output)]
@@ -147,38 +119,6 @@ def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, 
     text = capsys.readouterr().out
     assert f"slosh discover {tables[0]} RECORDING --model {MODEL} -o '{output}_2'" in text
     assert f"slosh simulate '{output}/model.yaml' '{output}/separating_1.csv'" in text
-
-
-def test_an_earlier_discovery_stays(capsys, discovery, tables, tmp_path):
-    discovery.verdict, output = Verdict.AMBIGUOUS, tmp_path / "o"
-    words = [tables[0], "--model", MODEL, "-o", str(output)]
-    assert main(["discover", *words]) == 0
-    before = {path: path.read_bytes() for path in output.iterdir()}
-    capsys.readouterr()
-    discovery.verdict = Verdict.NAMED
-    line = complaint(capsys, "discover", *words)
-    assert line.startswith(f"slosh discover: {output}: exists already and holds discovery.json")
-    assert {path: path.read_bytes() for path in output.iterdir()} == before
-    assert len(discovery.calls) == 1
-
-
-def test_a_discovery_that_fails_leaves_no_folder(capsys, discovery, tables, tmp_path):
-    output = tmp_path / "a" / "o"
-    broken = tmp_path / "broken.csv"
-    broken.write_text("t,ax\n")
-    complaint(capsys, "discover", tables[0], broken, "--model", MODEL, "-o", output)
-    assert not output.parent.exists()
-
-
-def test_the_commands_are_those_of_the_data(capsys, discovery, tables, tmp_path):
-    output = tmp_path / "o"
-    assert main(["discover", tables[0], "--model", MODEL, "-o", str(output)]) == 0
-    text = capsys.readouterr().out
-    model = output / "model.yaml"
-    assert f"slosh simulate {model} {tables[0]} -o {output / 'heights.csv'}" in text
-    load = f"ros2 service call /slosh/load_model slosh_msgs/srv/LoadModel '{{path: \"{model}\"}}'"
-    assert load in text
-    assert main(["simulate", str(model), tables[0], "-o", str(output / "heights.csv")]) == 0
 
 
 def printed_commands(text):
@@ -216,23 +156,6 @@ def test_each_printed_command_can_be_typed(capsys, discovery, tables, tmp_path, 
     for words in found:
         assert main(ready_to_run(words[1:], given)) in (0, 1), words
         capsys.readouterr()
-
-
-def test_the_running_estimator_gets_a_whole_path(capsys, monkeypatch, discovery, tables, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    assert main(["discover", tables[0], "--model", MODEL, "-o", "o"]) == 0
-    assert f'{{path: "{tmp_path}/o/model.yaml"}}' in capsys.readouterr().out
-
-
-def test_an_adequate_model_needs_no_command(capsys, discovery, tables, tmp_path):
-    discovery.verdict = Verdict.NONE
-    shutil.copy(MODEL, tmp_path / "base.yaml")
-    finding = example_finding(Verdict.NONE)
-    (tmp_path / "base.yaml").write_text("container: {radius: 0.05, fill_height: 0.07}")
-    words = [tables[0], "--model", str(tmp_path / "base.yaml"), "-o", str(tmp_path / "o")]
-    assert main(["discover", *words]) == 0
-    assert read_model(tmp_path / "o" / "model.yaml") == finding.base
-    assert "#" not in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -301,15 +224,6 @@ def test_what_is_wrong_is_one_line(capsys, discovery, tables, tmp_path):
     assert discovery.calls == []
 
 
-def test_a_copy_of_a_motion_cannot_be_held_out(capsys, discovery, tables, tmp_path):
-    copy = tmp_path / "copy.csv"
-    shutil.copy(tables[0], copy)
-    words = [*tables, "--holdout", copy, "--model", MODEL, "-o", tmp_path / "o"]
-    assert "copy in --holdout holds the same measurements as run_1" in complaint(
-        capsys, "discover", *words
-    )
-
-
 def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, tables, tmp_path):
     file = tmp_path / "file"
     file.write_text("")
@@ -317,55 +231,6 @@ def test_a_folder_that_takes_no_file_is_told_before_the_work(capsys, discovery, 
         line = complaint(capsys, "discover", tables[0], "--model", MODEL, "-o", output)
         assert str(output) in line
     assert discovery.calls == []
-
-
-def test_inputs_are_never_replaced(capsys, discovery, tables, tmp_path):
-    shutil.copy(MODEL, tmp_path / "model.yaml")
-    line = complaint(
-        capsys, "discover", tables[0], "--model", tmp_path / "model.yaml", "-o", tmp_path
-    )
-    assert "exists already and holds model.yaml, ..." in line
-    assert (tmp_path / "model.yaml").read_text() == Path(MODEL).read_text()
-    assert discovery.calls == []
-
-
-@pytest.mark.long
-def test_tables_of_a_damped_liquid_name_its_damping(capsys, tmp_path):
-    """No stand-in: files in, files out."""
-    base = read_model(MODEL)
-    truth = base.with_effect("damping_mismatch", factor=2.5)
-    (tmp_path / "base.yaml").write_text(format_model(base))
-    noise = np.random.default_rng(1)
-    for number in range(4):
-        t = np.arange(0.0, 4.0, 0.002)
-        shape = np.where(t < 2.0, np.sin(np.pi * t / 2.0) ** 2, 0.0)
-        turn = (16.0 + number) * t
-        acceleration = np.column_stack([2.0 * shape * np.sin(turn), 2.0 * shape, 0.3 * shape])
-        seen = np.full(len(t), np.nan)
-        heights = predicted_heights(truth, Inputs(t, acceleration), t[::8])[:, 0]
-        seen[::8] = heights + 2e-4 * noise.standard_normal(len(heights))
-        write_motion_table(tmp_path / f"run_{number}.csv", MotionTable(t, acceleration, msh=seen))
-    tables = [str(tmp_path / f"run_{number}.csv") for number in range(4)]
-    words = [*tables, "--model", str(tmp_path / "base.yaml"), "-o", str(tmp_path / "o")]
-    assert main(["discover", *words, "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert document["verdict"] == "named"
-    assert [effect["name"] for effect in document["effects"]] == ["damping_mismatch"]
-    assert document["effects"][0]["parameters"]["factor"] == pytest.approx(2.5, rel=0.02)
-    assert document["gap"]["closed"] > 0.95
-    found = read_model(tmp_path / "o" / "model.yaml")
-    assert found.has("damping_mismatch")
-    assert (
-        main(["simulate", str(tmp_path / "o" / "model.yaml"), tables[0], "-o", "/dev/null"]) == 0
-    )
-
-
-def test_motions_get_the_group_whose_pattern_they_match(discovery, tables, tmp_path):
-    words = ["--group", "early=run_[123]", "--group", "late=run_4", "--group", "late=run_5"]
-    assert main(["discover", *tables, *words, "--model", MODEL, "-o", str(tmp_path / "o")]) == 0
-    motions, _, holdout, _ = discovery.calls[-1]
-    assert [motion.group for motion in motions] == ["early", "early", "late", "late"]
-    assert [motion.group for motion in holdout] == ["early"]
 
 
 @pytest.mark.parametrize(

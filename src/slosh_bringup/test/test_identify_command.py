@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from slosh_bringup.cli.main import main
-from slosh_bringup.processes import config_folder
 from slosh_model.containers import Cylinder
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
@@ -140,20 +139,6 @@ def test_bags_are_read_as_tables_are_with_their_model(shop, tmp_path, capsys):
     assert "contains no model" in line
 
 
-@pytest.mark.long
-def test_earlier_results_are_shown_beside(shop, tmp_path, capsys):
-    first, second = tmp_path / "first", tmp_path / "second"
-    assert main(words(shop, first)) == 0
-    assert main(words(shop, second, "--beside", first)) == 0
-    document = json.loads((second / "identification.json").read_text())
-    assert [entry["name"] for entry in document["beside"]] == ["first"]
-    assert document["beside"][0]["frequency"][0] == pytest.approx(24.0, abs=0.05)
-    capsys.readouterr()
-    (first / "identification.json").write_text("{}")
-    line = complaint(capsys, *words(shop, tmp_path / "third", "--beside", first))
-    assert "is not a result of slosh identify" in line
-
-
 @pytest.mark.parametrize(
     ("change", "match"),
     [
@@ -174,22 +159,3 @@ def test_wrong_input_is_refused_in_one_line(shop, tmp_path, capsys, change, matc
 def test_without_a_model_it_asks_for_one(shop, tmp_path, capsys):
     line = complaint(capsys, "identify", shop / "runs", "-o", tmp_path / "o")
     assert "no model: give --model" in line
-
-
-def test_the_same_data_give_the_same_files(shop, tmp_path):
-    for name in ("a", "b"):
-        assert main(words(shop, tmp_path / name)) == 0
-    for name in ("model.yaml", "identification.json", "report.html"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
-@pytest.mark.long
-def test_the_shipped_models_own_default_is_fitted(tmp_path, capsys):
-    model = read_model(config_folder() / "model.yaml")
-    run = tmp_path / "run.csv"
-    write_run(run, 48, 3, truth=model)
-    arguments = ["identify", str(run), "--model", str(config_folder() / "model.yaml")]
-    assert main([*arguments, "-o", str(tmp_path / "found")]) == 0
-    found = read_model(tmp_path / "found" / "model.yaml")
-    assert found.natural_frequency == pytest.approx(model.mode_frequency(1), rel=0.02)
-    assert found.has("surface_nonlinearity") == model.has("surface_nonlinearity")

@@ -82,12 +82,6 @@ def rows_of(document):
     return found
 
 
-def test_rounded_times_are_told(tmp_path: Path, capsys):
-    write_motion_table(tmp_path / "odd.csv", MotionTable(np.arange(3) / 3.0, np.zeros((3, 3))))
-    run("import", "table", tmp_path / "odd.csv", "-o", tmp_path)
-    assert "odd: 3 rows, 2 times rounded to whole nanoseconds" in capsys.readouterr().out
-
-
 def test_topics_are_listed(bag: Path, capsys):
     capsys.readouterr()
     run("export", bag, "--list", "--json")
@@ -108,14 +102,6 @@ def test_a_topic_becomes_a_table(bag: Path, table: Path, tmp_path: Path):
     got = [[float(row[f"accel.linear.{axis}"]) for axis in "xyz"] for row in rows]
     assert np.array_equal(got, want)
     assert rows[1]["stamp_ns"] == str(10**9 + 2_000_000)
-
-
-def test_all_topics_go_to_a_folder(bag: Path, tmp_path: Path, capsys):
-    run("export", bag, "-o", tmp_path / "out", "--format", "csv")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "slosh.accel.csv",
-        "slosh.free_surface.csv",
-    }
 
 
 def test_what_export_cannot_do_is_one_line(bag: Path, tmp_path: Path, capsys):

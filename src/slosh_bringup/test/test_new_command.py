@@ -16,7 +16,6 @@ from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
 from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
-from slosh_model.model import Model
 from slosh_model.model_text import read_model
 from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Frustum
@@ -44,15 +43,6 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def folder(tmp_path):
     return tmp_path / "my cup"
-
-
-def test_the_model_is_read(folder):
-    assert main(["new", str(folder), *ROUND, *WHOLE, "--liquid", "milk"]) == 0
-    model = read_model(folder / "model.yaml")
-    assert model.container == Cylinder(radius=0.04, fill_height=0.06, rim_height=0.11)
-    assert [use.name for use in model.effects] == ["vertical_acceleration", "surface_nonlinearity"]
-    lengths = {"diameter": 0.08, "fill_height": 0.06, "rim_height": 0.11}
-    assert model == Model.from_cup(**lengths, liquid="milk")
 
 
 def test_the_model_of_a_rectangle_is_read(folder):
@@ -233,10 +223,3 @@ def test_each_printed_command_can_be_typed(folder, capsys, monkeypatch, tmp_path
         if "--print-board" in words:
             assert main(words) == 0
             assert (tmp_path / "board.pdf").is_file()
-
-
-def test_a_density_with_a_named_liquid_takes_its_viscosity(tmp_path):
-    folder = tmp_path / "cup"
-    assert main(["new", str(folder), *ROUND, "--density", "1330", "--liquid", "syrup"]) == 0
-    liquid = read_model(folder / "model.yaml").liquid
-    assert (liquid.density, liquid.kinematic_viscosity) == (1330.0, 1.12e-4)

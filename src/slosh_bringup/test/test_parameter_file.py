@@ -5,8 +5,8 @@ import rclpy
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import read_setup
-from slosh_bringup.parameter_file import check_parameter_file, parameter_names
-from slosh_bringup.processes import NODES, config_folder
+from slosh_bringup.parameter_file import check_parameter_file
+from slosh_bringup.processes import config_folder
 from slosh_estimator.nodes.monitor_node import MonitorNode
 
 DOMAIN = 36
@@ -55,11 +55,6 @@ def test_a_file_sets_what_it_names_and_leaves_the_rest(write, namespace, text):
     assert values["hold"] == 0.7
     assert (values["measured_limit"], values["estimated_limit"]) == (0.02, 0.02)
     assert values["timeout"] == 0.3
-
-
-def test_a_whole_number_is_taken_for_a_float(write):
-    setup = read_setup(write("/**/monitor: {ros__parameters: {measured_limit: 1, hold: 2}}"))
-    assert (started(setup)["measured_limit"], started(setup)["hold"]) == (1.0, 2.0)
 
 
 def test_a_value_of_another_type_is_refused_and_not_the_default(write):
@@ -138,11 +133,6 @@ def test_what_would_do_nothing_is_refused_with_its_line(write, text, said):
 def test_what_ros_itself_knows_and_a_copy_of_the_shipped_file_pass(write, text):
     setup = read_setup(write(text))
     check_parameter_file(setup.parameters, setup.namespace)
-
-
-def test_every_node_has_parameters():
-    assert all("use_sim_time" in parameter_names(node) for node in NODES)
-    assert "measured_limit" in parameter_names("monitor")
 
 
 def test_a_topic_that_no_node_knows_is_not_remapped(write):

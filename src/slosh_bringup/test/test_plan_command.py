@@ -119,6 +119,8 @@ REPLAYED = {
         ]
     }
 }
+
+
 RAN = {"agreements": [{"name": "3D-NL / camera", "sigma": 0.0002, "epsilon": 0.02}]}
 
 
@@ -193,12 +195,6 @@ def test_wrong_paths_are_refused_in_one_line(slosh_plan, name):
     assert not written.exists()
 
 
-def test_more_points_than_a_motion_may_have_are_refused(slosh_plan):
-    code, _, err, _ = slosh_plan(HEAD + 200_001 * "0,0,0,0\n")
-    assert code == 2
-    assert "more than 200000 rows" in err
-
-
 @pytest.mark.parametrize(
     ("options", "text"),
     [
@@ -224,16 +220,6 @@ def test_the_page_and_its_numbers_are_written_on_demand(slosh_plan, tmp_path):
     last = document["motions"][-1]
     assert last["duration"] == pytest.approx(read_motion_table(table).t[-1], abs=1e-9)
     assert "path.csv with" in (folder / "report.html").read_text()
-
-
-def test_a_folder_that_holds_something_is_refused_before_the_search(slosh_plan, tmp_path):
-    folder = tmp_path / "report"
-    folder.mkdir()
-    (folder / "mine").write_text("mine")
-    code, out, err, table = slosh_plan(LINE, "--report", str(folder))
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "report: exists already" in err
-    assert not table.exists()
 
 
 def test_a_straight_path_needs_no_file(tmp_path, capsys):

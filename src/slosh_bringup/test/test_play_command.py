@@ -1,12 +1,9 @@
 """`slosh play`: what it refuses in one line, and that it ends as it should."""
 
-import fcntl
 import os
-import pty
 import signal
 import subprocess
 import sys
-import termios
 import time
 
 import pytest
@@ -53,11 +50,6 @@ def test_a_wrong_request_is_one_line(bag, options, said, capsys):
     assert told.startswith("slosh play: ")
     assert told.count("\n") == 1
     assert said in told
-
-
-def test_no_bag_is_one_line(tmp_path, capsys):
-    assert main(["play", str(tmp_path / "none")]) == 2
-    assert capsys.readouterr().err.endswith("none: no such file or folder\n")
 
 
 @pytest.fixture
@@ -116,19 +108,3 @@ def test_an_interrupt_ends_it_without_a_traceback(start, number):
     told = words.read_text()
     assert "messages played" in told
     assert "Traceback" not in told
-
-
-@pytest.mark.long
-def test_a_closed_terminal_ends_it(bag):
-    """The kernel sends SIGHUP, and every write to the terminal fails."""
-    keyboard, screen = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "slosh_bringup.cli", "play", str(bag), "--wait", "0", "--loop"],
-        stdin=screen, stdout=screen, stderr=screen,
-        start_new_session=True,
-        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
-    )  # fmt: skip
-    os.close(screen)
-    os.read(keyboard, 1)
-    os.close(keyboard)
-    assert process.wait(PATIENCE) == 0

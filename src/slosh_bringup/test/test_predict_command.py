@@ -29,16 +29,6 @@ def answers(capsys, *words):
     return code, json.loads(capsys.readouterr().out)
 
 
-def test_accelerations_and_poses_of_one_motion_agree(capsys, tmp_path):
-    motions = line(tmp_path / "a.csv"), line(tmp_path / "p.csv", poses=True)
-    code, (one, other) = answers(capsys, *motions)
-    assert code == 0
-    assert one["trajectory"] == motions[0]
-    assert one["peak_nonlinear"] == pytest.approx(other["peak_nonlinear"], rel=1e-3)
-    assert one["models"] == ["3D-L", "3D-NL"]
-    assert one["time_scale"] is None
-
-
 def test_an_exceeded_limit_is_exit_code_one_and_a_safe_scale(capsys, tmp_path):
     motion = line(tmp_path / "a.csv")
     code, (found,) = answers(capsys, motion, "--limit", "0.01", "--residual", "0.002")

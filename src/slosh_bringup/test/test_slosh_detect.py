@@ -6,7 +6,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 
 from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
@@ -14,15 +13,14 @@ from slosh_bringup.cell.renderer import CupRenderer
 from slosh_bringup.cli.main import main
 from slosh_bringup.detect.frame import SourceFrame
 from slosh_bringup.detect.measuring import Result
-from slosh_bringup.detect.pictures import Strip, Worst, judge
+from slosh_bringup.detect.pictures import PictureStrip, Worst
 from slosh_bringup.detect.series import images_in, longest_series
 from slosh_bringup.detect.source import open_source
 from slosh_bringup.processes import config_folder
 from slosh_camera.calibrate.camera_file import format_calibration, read_calibration
-from slosh_camera.measurement import Flag, Measurement
+from slosh_camera.measurement import Measurement
 from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
-from slosh_camera.optics.cup import Wall
 from slosh_camera.optics.pose import Pose
 
 CAMERA = str(config_folder() / "camera.yaml")
@@ -161,13 +159,6 @@ def test_a_video_and_what_is_left_of_one_that_was_cut(capsys, tmp_path, images):
     assert "should have 9 images" in capsys.readouterr().err
 
 
-def test_a_slow_motion_video_has_the_rate_that_is_given(tmp_path, images):
-    video = write_video(tmp_path / "slow.avi", images, rate=30.0)
-    code, table = detect(tmp_path, video, "--rate", 240)
-    assert code == 0
-    assert table["t"] == pytest.approx(np.arange(9) / 240, abs=1e-6)
-
-
 def write_topics(folder, topics):
     """A bag of images at 20 Hz: topic -> (encoding, bytes of a pixel, stamped, images)."""
     make = STORE.typestore.types
@@ -216,14 +207,6 @@ def test_of_depth_and_colour_the_colours_are_measured(capsys, tmp_path, images):
     capsys.readouterr()
     line = refused(capsys, tmp_path, bag, "--topic", "/camera/image")
     assert "topics with images: /camera/depth/image_raw, /camera/zcolor/image_raw" in line
-
-
-def test_12_bits_in_mono16_are_measured(tmp_path, images):
-    grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype("<u2") << 4 for image in images]
-    bag = write_topics(tmp_path / "bag", {"/camera/image_raw": ("mono16", 2, True, grey)})
-    code, table = detect(tmp_path, bag)
-    assert code == 0
-    assert table["msh"] == pytest.approx(HEIGHTS, abs=1e-3)
 
 
 def write_bag(folder, images):
@@ -295,18 +278,6 @@ def test_pictures_show_the_doubtful_ones_first(capsys, tmp_path, folder, images)
     assert np.median(centre[:, 580:860]) > 100
 
 
-def test_doubt_goes_by_what_is_wrong():
-    fine = Measurement(0, msh=0.01, msh_stddev=1e-4, fitted_msh=0.01, fitted_msh_stddev=1e-4)
-    vague = Measurement(0, msh=0.01, msh_stddev=1e-3, fitted_msh=0.01, fitted_msh_stddev=1e-4)
-    apart = Measurement(0, msh=0.02, msh_stddev=1e-4, fitted_msh=0.01, fitted_msh_stddev=1e-4)
-    flagged = Measurement(0, msh=0.01, msh_stddev=1e-4, flags=Flag.OCCLUDED)
-    twice = Measurement(0, msh=0.01, msh_stddev=1e-4, flags=Flag.OCCLUDED | Flag.BLURRED)
-    lost = Measurement(0, flags=Flag.NOT_FOUND)
-    ordered = [fine, vague, apart, flagged, twice, lost]
-    assert sorted(ordered, key=lambda one: judge(one).rank) == ordered
-    assert judge(apart).reason.startswith("measured and fitted")
-
-
 class _Sheet:
     def write(self, results):
         self.names = [result.frame.name for result, _ in results]
@@ -315,7 +286,7 @@ class _Sheet:
 
 def test_sheets_hold_few_images_of_many(tmp_path):
     calibration = read_calibration(CAMERA)
-    strip, worst = (kind(tmp_path / "x.png", calibration, 4) for kind in (Strip, Worst))
+    strip, worst = (kind(tmp_path / "x.png", calibration, 4) for kind in (PictureStrip, Worst))
     sheets = {strip: _Sheet(), worst: _Sheet()}
     for number in range(1001):
         measurement = Measurement(0, msh=0.0, msh_stddev=1e-3 * (number * 7 % 1000))
@@ -331,21 +302,6 @@ def test_sheets_hold_few_images_of_many(tmp_path):
     assert places[0] == 0
     assert min(np.diff(places)) > 200
     assert sheets[worst].names == ["857", "714", "571", "428"]
-
-
-def test_a_still_image_moves_the_zero(tmp_path, folder):
-    view = read_calibration(CAMERA).view
-    _, before = detect(tmp_path, folder)
-    still = tmp_path / "still.png"  # which the shipped calibration names beside itself
-    camera = tmp_path / "camera.yaml"
-    camera.write_text(Path(CAMERA).read_text())
-    cv2.imwrite(str(still), np.roll(CupRenderer(view).render(0.0, 0.0), 4, axis=0))
-    _, after = detect(tmp_path, folder, "--still", still)
-    _, named = detect(tmp_path, folder, camera=camera)
-    raised = np.median(after["fitted_msh"] - before["fitted_msh"])
-    footprint = view.height_per_pixel((320.0, 240.0), Wall.FRONT)
-    assert raised == pytest.approx(4 * footprint, abs=0.7e-3)
-    assert after["msh"].tolist() == named["msh"].tolist()
 
 
 def test_a_rectangular_container_seen_from_the_side(tmp_path):
@@ -413,29 +369,6 @@ def test_every_kind_of_garbage_is_flagged_with_one_line(capsys, tmp_path, images
     assert len(told) == 6
 
 
-@pytest.mark.parametrize(("level", "flag"), [(0, "TOO_DARK"), (255, "TOO_BRIGHT")])
-def test_black_and_white_images_are_flagged(capsys, tmp_path, images, level, flag):
-    cv2.imwrite(str(tmp_path / "only.png"), np.full_like(images[0], level))
-    code, table = detect(tmp_path, tmp_path / "only.png")
-    assert code == 1
-    assert flag in table["flags"][0]
-    assert np.isnan(table["msh"][0])
-
-
-def test_another_camera_s_calibration_is_suspected(capsys, tmp_path, folder):
-    calibration = yaml.safe_load(Path(CAMERA).read_text())
-    calibration["pose"]["translation"][0] += 0.06
-    del calibration["still_image"]  # which would not fit, either
-    (tmp_path / "other.yaml").write_text(yaml.safe_dump(calibration))
-    code, table = detect(tmp_path, folder, camera=tmp_path / "other.yaml")
-    assert code == 1
-    assert np.all(np.isnan(table["msh"]))
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "other.yaml: check that this file belongs to the camera" in line
-    assert detect(tmp_path, folder)[0] == 0
-    assert capsys.readouterr().err == ""
-
-
 def test_a_source_without_images_is_named(capsys, tmp_path):
     (tmp_path / "texts").mkdir()
     (tmp_path / "texts" / "note.txt").write_text("no image")
@@ -444,12 +377,6 @@ def test_a_source_without_images_is_named(capsys, tmp_path):
     (tmp_path / "broken.mcap").write_bytes(b"\x89MCAP0\r\n" + b"\0" * 50)
     for name in ("texts", "nothing", "text.mp4", "empty.mkv", "broken.mcap", "none_*.png"):
         assert name in refused(capsys, tmp_path, tmp_path / name)
-
-
-def test_a_cut_video_without_its_index_is_named(capsys, tmp_path, images):
-    video = write_video(tmp_path / "movie.mp4", images, "mp4v")
-    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
-    assert "is it complete?" in refused(capsys, tmp_path, video)
 
 
 @pytest.mark.parametrize(
@@ -469,43 +396,8 @@ def test_a_wrong_option_is_refused_before_the_work(capsys, tmp_path, folder, wor
     assert match in refused(capsys, tmp_path, folder, *words)
 
 
-@pytest.mark.parametrize("key", ["pose", "camera_matrix", "container"])
-def test_a_calibration_with_nan_is_refused(capsys, tmp_path, folder, key):
-    document = yaml.safe_load(Path(CAMERA).read_text())
-    place = {"pose": ("translation", 0), "camera_matrix": ("data", 0), "container": ("radius",)}
-    block = document[key]
-    for step in place[key][:-1]:
-        block = block[step]
-    block[place[key][-1]] = float("nan")
-    camera = tmp_path / "camera.yaml"
-    camera.write_text(yaml.safe_dump(document))
-    line = refused(capsys, tmp_path, folder, camera=camera)
-    assert "camera.yaml" in line
-    assert key in line
-
-
-def test_an_output_that_cannot_be_written_is_named(capsys, folder):
-    assert main(["detect", str(folder), "--camera", CAMERA, "-o", "/nowhere/out.csv"]) == 2
-    assert "/nowhere/out.csv" in capsys.readouterr().err
-
-
 def test_a_source_is_read_as_it_is_needed(folder):
     source = open_source([str(folder)])
     assert source.total == 9
     (folder / "frame_8.png").unlink()
     assert next(source.frames).name == "frame_0.png"
-
-
-@pytest.mark.parametrize(("raw", "chosen"), [(10, "/cam"), (3, "/cam/compressed")])
-def test_of_two_topics_of_images_the_raw_one_is_measured_where_it_is_whole(tmp_path, raw, chosen):
-    """A recorder leaves raw images when compressed ones come."""
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic("/cam", "sensor_msgs/msg/Image")
-        writer.add_topic("/cam/compressed", "sensor_msgs/msg/CompressedImage")
-        for number in range(10):
-            writer.write("/cam/compressed", b"x", number)
-            if number < raw:
-                writer.write("/cam", b"x", number)
-    source = open_source([str(tmp_path / "bag")])
-    assert source.note.startswith(f"measuring topic {chosen}; left out: /cam")
-    assert source.total == max(raw, 10 if "compressed" in chosen else 0)

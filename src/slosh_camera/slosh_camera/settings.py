@@ -10,7 +10,7 @@ import numpy as np
 from slosh_camera.errors import SloshCameraError
 
 
-class Liquid(Enum):
+class LiquidContrast(Enum):
     """How the liquid looks against its background."""
 
     ANY = "any"
@@ -61,7 +61,7 @@ class DetectionSettings:
             deviation of a side view.
     """
 
-    liquid: Liquid = Liquid.ANY
+    liquid: LiquidContrast = LiquidContrast.ANY
     min_contrast: float = 12.0
     max_dark: float = 25.0
     min_bright: float = 230.0
@@ -71,8 +71,8 @@ class DetectionSettings:
 
     def __post_init__(self) -> None:
         """Refuse values out of bounds."""
-        if self.liquid not in tuple(Liquid):
-            names = " or ".join(liquid.value for liquid in Liquid)
+        if self.liquid not in tuple(LiquidContrast):
+            names = " or ".join(liquid.value for liquid in LiquidContrast)
             raise SloshCameraError(f"liquid: {self.liquid!r}, must be {names}")
         _check("min_contrast", self.min_contrast, 2.0, 255.0)
         _check("max_dark", self.max_dark, 0.0, 255.0)

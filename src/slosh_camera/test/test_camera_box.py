@@ -12,7 +12,7 @@ from slosh_camera.calibrate.camera_file import (
 )
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import Box, BoxView
-from slosh_camera.optics.calibration import Calibration, SideCalibration
+from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.pose import Pose, look_at
 
@@ -53,28 +53,6 @@ def test_the_way_through_the_wall_obeys_snells_law():
     sines = [np.hypot(direction[0], direction[2]) for direction in (ray, inside)]
     assert sines[0] == pytest.approx(1.49 * sines[1], abs=1e-9)
     assert_allclose(np.cross(ray, inside)[1], 0.0, atol=1e-12)
-
-
-def test_without_a_wall_the_face_is_projected_as_points_are():
-    seen = view(replace(BOX, wall_thickness=0.0))
-    points = np.array([[0.03, -0.02, 0.02], [-0.04, -0.02, -0.05]])
-    plain = CAMERA.project(points @ seen.pose.rotation.T + seen.pose.translation)
-    assert_allclose(seen.project_face(points[:, 0], points[:, 2]), plain, atol=1e-9)
-
-
-def test_the_rear_wall_lies_a_depth_behind_the_face():
-    seen = view(replace(BOX, wall_thickness=0.0))
-    point = np.array([[0.01, 0.02, -0.01]])
-    pixel = CAMERA.project(point @ seen.pose.rotation.T + seen.pose.translation)
-    assert_allclose(np.concatenate(seen.on_rear(pixel)), [0.01, -0.01], atol=1e-9)
-    unknown = view(replace(BOX, depth=None))
-    assert np.isnan(unknown.on_rear(pixel)).all()
-
-
-def test_a_pixel_row_has_the_height_of_distance_over_focal_length():
-    seen = BoxView(replace(CAMERA, distortion=(0.0,) * 5), look_at((0, -0.42, 0), (0, 0, 0)), BOX)
-    # 0.397 m of air and 0.003 m of glass, which counts as 2 mm of air.
-    assert seen.height_per_pixel((319.5, 239.5)) == pytest.approx(0.399 / 1600.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -121,22 +99,6 @@ def test_the_file_of_a_rectangular_container():
     again = parse_any_calibration(format_calibration(calibration))
     assert again.view.box == calibration.view.box
     assert format_calibration(again) == format_calibration(calibration)
-
-
-def test_what_is_unknown_of_a_box_stays_unknown():
-    text = TEXT.replace(" depth: 0.04,", "").replace(", rim_height: 0.11", "")
-    calibration = parse_any_calibration(text)
-    again = parse_any_calibration(format_calibration(calibration))
-    assert again.view.box.depth is None
-    assert again.view.box.rim_height is None
-
-
-def test_a_cylinder_may_say_its_shape():
-    container = "container: {shape: cylinder, radius: 0.04, fill_height: 0.06}\n"
-    head, _, tail = TEXT.partition("container:")
-    text = head + container + tail[tail.index("pose:") :]
-    assert isinstance(parse_any_calibration(text), Calibration)
-    assert "shape: cylinder" in format_calibration(parse_calibration(text))
 
 
 def test_a_reader_of_cylinders_says_what_it_needs():

@@ -28,19 +28,6 @@ def test_line_and_peak_are_drawn_where_they_are(make_scene):
     assert np.any(picture[v - 9 : v - 4, u - 2 : u + 3, 2].astype(int) > 200)
 
 
-@pytest.mark.parametrize(("u", "side"), [(300.0, 1), (630.0, -1)], ids=["right", "left"])
-def test_the_height_stands_beside_the_ring_within_the_picture(make_scene, u, side):
-    calibration = make_scene().calibration()
-    grey = np.full((480, 640), 120, np.uint8)
-    measurement = Measurement(0, msh=0.0123, peak_pixel=(u, 240.0))
-    other = replace(measurement, msh=0.0456)
-    pictures = [draw_measurement(grey, calibration, one) for one in (measurement, other)]
-    differ = np.argwhere(np.any(pictures[0] != pictures[1], axis=2))
-    columns = differ[np.abs(differ[:, 0] - 240) < 15][:, 1]
-    assert len(columns) > 10
-    assert np.all(side * (columns - u) > 8)
-
-
 def test_flags_are_written(make_scene):
     scene = make_scene()
     calibration = scene.calibration()
@@ -59,19 +46,6 @@ def yellow(picture, pixel):
     u, v = (round(float(value)) for value in pixel)
     near = picture[v - 2 : v + 3, u - 4 : u + 5].astype(int)
     return np.count_nonzero((near[..., 2] > 200) & (near[..., 1] > 170) & (near[..., 0] < 120))
-
-
-def test_the_fitted_surface_is_drawn_where_it_is(make_scene):
-    scene = make_scene()
-    calibration = scene.calibration()
-    measurement = Measurement(0, fitted_msh=0.03, fitted_azimuth=-np.pi / 2.0)
-    black = np.zeros((480, 640), np.uint8)
-    picture = draw_measurement(black, calibration, measurement)
-    angles = np.linspace(-2.3, -0.8, 16)
-    pixels = calibration.view.project_wall(angles, 0.03 * np.cos(angles + np.pi / 2.0))
-    # It is dashed: some of the places lie between two dashes.
-    assert sum(yellow(picture, pixel) > 0 for pixel in pixels) > 8
-    assert not any(yellow(picture, pixel) for pixel in np.add(pixels, [0.0, 20.0]))
 
 
 @pytest.fixture

@@ -384,12 +384,3 @@ def test_pauses_and_clocks_that_jump_are_no_loss(jump):
         stamp += step
         gaps.add(stamp)
     assert gaps.missing == 0
-
-
-def test_the_rate_is_learnt_where_most_gaps_hide_a_frame():
-    gaps = FrameGaps()
-    stamp = 0
-    for periods in [1] * 10 + [1, 2, 2] * 30:
-        stamp += periods * FRAME
-        gaps.add(stamp)
-    assert gaps.missing == 60

@@ -10,11 +10,8 @@ from hypothesis import strategies as st
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.cylinder.scan_grid import build_scan_grid
-from slosh_camera.cylinder.stationary_edges import no_edges
 from slosh_camera.cylinder.still_lesson import StillLearner
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
-from slosh_camera.cylinder.surface_evidence import Unrolled
-from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_modes import SHAPES
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.wall_geometry import WallGeometry
@@ -153,16 +150,6 @@ def test_a_rear_peak_that_is_partly_hidden_is_flagged_or_less_sure(
         assert abs(result.msh - 0.02) < 4.0 * result.msh_stddev
 
 
-@CAMERAS
-def test_half_of_the_line_is_too_little(make_scene, camera):
-    scene = make_scene(noise=2.0, **camera)
-    image = scene.draw(0.02, -1.6)
-    image[:, 240:400] = 128
-    result = FreeSurfaceDetector(scene.calibration()).measure(0, image)
-    assert Flag.NOT_FOUND in result.flags or Flag.OCCLUDED in result.flags
-    assert np.isnan(result.msh) or result.fitted_msh == pytest.approx(0.02, abs=1.0 * MM)
-
-
 # Light and blur.
 
 
@@ -175,20 +162,6 @@ def test_an_over_exposed_background_is_flagged_and_still_measured(
     result = FreeSurfaceDetector(scene.calibration()).measure(0, scene.draw(0.02, azimuth))
     assert result.flags == flag
     assert result.msh == pytest.approx(0.02, abs=0.4 * MM)
-
-
-@pytest.mark.parametrize("azimuth", [-1.6, 1.5, 0.0])
-def test_the_more_blur_the_less_is_claimed(make_scene, azimuth):
-    scene = make_scene(noise=2.0, **PITCHED)
-    detector = FreeSurfaceDetector(scene.calibration())
-    image = scene.draw(0.02, azimuth)
-    found = [
-        detector.measure(0, cv2.GaussianBlur(image, (0, 0), blur) if blur else image)
-        for blur in (0.0, 1.0, 2.0, 3.0, 5.0)
-    ]
-    assert [bool(result.flags & Flag.BLURRED) for result in found] == [False] * 2 + [True] * 3
-    assert np.all(np.diff([result.msh_stddev for result in found]) > 0.0)
-    assert found[-1].msh == pytest.approx(0.02, abs=2.0 * MM)
 
 
 # Pictures without a surface.
@@ -292,27 +265,6 @@ def test_a_front_line_alone_does_not_tell_how_liquid_at_rest_leans(make_scene, m
         assert result.msh == pytest.approx(0.01, abs=0.25 * MM)
 
 
-def test_both_lines_tell_how_liquid_at_rest_leans_against_the_calibration(make_scene):
-    scene = make_scene(camera_height=0.12)
-    detector = FreeSurfaceDetector(scene.calibration())
-    detector.learn_still(scene.draw(0.4 * MM, np.pi / 2))
-    rest = detector.measure(0, scene.draw(0.4 * MM, np.pi / 2))
-    assert rest.msh == pytest.approx(0.0, abs=0.1 * MM)
-    wave = detector.measure(1, scene.draw(0.0104, np.pi / 2))
-    assert wave.msh == pytest.approx(0.01, abs=0.15 * MM)
-
-
-def test_what_a_front_line_reads_at_rest_is_not_taken_for_a_wave(make_scene, make_wave):
-    # From the height of the still level; the same unevenness in each image.
-    scene = make_scene(camera_height=0.0)
-    uneven = make_wave(azimuth=-np.pi / 2, double=-0.3 * MM)
-    detector = FreeSurfaceDetector(scene.calibration())
-    plain = detector.measure(0, scene.draw_wave(uneven))
-    detector.learn_still(scene.draw_wave(uneven))
-    assert detector.measure(0, scene.draw_wave(uneven)).msh < 0.05 * MM
-    assert plain.msh > 0.4 * MM
-
-
 def test_a_label_that_ends_near_the_line_is_not_in_the_zero(make_scene):
     scene = make_scene(camera_height=0.12)
     still, wave = scene.draw(), scene.draw(0.01, np.pi / 2)
@@ -333,19 +285,6 @@ def test_a_texture_is_no_liquid_at_rest(make_scene, seed):
         detector.learn_still(texture(seed))
     assert "\n" not in str(refusal.value)
     assert detector.still_offset == 0.0
-
-
-def test_a_still_image_is_read_the_same_whatever_was_learnt_before(make_scene):
-    bright = make_scene(camera_height=0.12, surface=190)
-    dark = make_scene(camera_height=0.12, surface=60)
-    twice, once = (FreeSurfaceDetector(dark.calibration()) for _ in range(2))
-    twice.learn_still(bright.draw(level=0.5 * MM))
-    for detector in (twice, once):
-        detector.learn_still(dark.draw(level=-0.3 * MM))
-    assert twice.still_offset == once.still_offset
-    for index, azimuth in enumerate((-1.6, 0.4, 1.5)):
-        image = dark.draw(0.015, azimuth)
-        same(twice.measure(index, image), once.measure(index, image))
 
 
 # No memory.
@@ -436,88 +375,6 @@ def test_a_surface_that_is_not_cut_off_is_not_said_to_be(make_scene, azimuth):
 
 
 # What is no surface.
-
-
-def wall_at_rest(make_scene, camera_height):
-    """A wall, the heights of liquid at rest, the rows, and those of its front line and its end."""
-    scene = make_scene(camera_height=camera_height)
-    walls = WallGeometry(build_scan_grid(scene.calibration().view, None), scene.radius)
-    rest = np.zeros(SHAPES)
-    rows = np.arange(walls.rows)[:, np.newaxis]
-    return walls, rest, rows, walls.front_rows(rest), walls.silhouette(rest, 2.0)
-
-
-def seen(walls, picture, line, *, surface, behind=1.0, noise=0.01):
-    """A picture of a wall, and points of the front line in it."""
-    picture = picture.astype(np.float32)
-    backdrop, stationary = np.full_like(picture, behind), no_edges(picture.shape)
-    view = Unrolled(picture, backdrop, stationary, surface, np.inf, noise, 2.0, clipped=False)
-    border = np.zeros(walls.lines, np.bool_)
-    return view, walls.wall_points(line, np.full(walls.lines, 2.0), border)
-
-
-@pytest.mark.parametrize(("part", "is_end"), [(0.08, False), (0.3, True)])
-def test_a_few_edges_above_the_line_are_not_the_surface_s_end(make_scene, part, is_end):
-    # The surface looks like what is behind it, but for a dark band that ends where it should.
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.1)
-    picture = np.where(rows < front, 1.0, 0.0)
-    band = np.abs(np.arange(walls.lines) / walls.lines - 0.5) < 0.5 * part
-    picture = np.where((rows > upper + 2.0) & (rows < front) & band, 0.4, picture)
-    view, points = seen(walls, picture, front, surface=np.nan)
-    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=0.025))
-    assert np.any(np.isfinite(fit.upper_place)) == is_end
-
-
-@pytest.mark.parametrize(("behind", "lighter_above"), [(1.0, True), (0.3, False)])
-def test_the_surface_s_end_is_the_edge_that_what_is_behind_it_makes(
-    make_scene, behind, lighter_above
-):
-    # Two edges where the surface may end: light to dark, and some rows above it dark to light.
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.15)
-    picture = np.where(rows < upper + 2.0, 0.7, 0.5)
-    picture = np.where(rows < upper - 2.0, 0.3, picture)
-    picture = np.where(rows < front, picture, 0.0)
-    view, points = seen(walls, picture, front, surface=0.5, behind=behind)
-    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=0.025))
-    off = np.nanmedian(fit.upper_place - upper)
-    assert (off > 0.0) == lighter_above
-
-
-def test_rest_is_tried_where_another_edge_ends_the_liquid(make_scene):
-    # Tea: the wall is seen through its upper part, down to the far edge of a table.
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.1)
-    table = front + np.linspace(10.0, 40.0, walls.lines)
-    picture = np.where(rows < upper, 1.0, 0.7)
-    picture = np.where(rows < front, picture, 0.5)
-    picture = np.where(rows < table, picture, 0.0)
-    view, points = seen(walls, picture, table, surface=0.7)
-    fits = SurfaceChooser(walls).fit_several(view, points, Prior(rest, first=0.025))
-    assert min(np.hypot(*fit.heights[1:3]) for fit, _ in fits) < 1.0 * MM
-
-
-def lines_at_rest(make_scene, surface, shifted):
-    """A fit to two lines at rest, the front one of which is seen some rows higher than it is."""
-    walls, rest, rows, front, upper = wall_at_rest(make_scene, 0.15)
-    front = front - shifted
-    picture = np.where(rows < front, surface, 0.0)
-    picture = np.where(rows < upper, 1.0, picture)
-    line = front if surface > 0.5 else upper
-    view, points = seen(walls, picture, line, surface=surface, noise=0.005)
-    fit = SurfaceFitter(walls).refined(view, points, rest, Prior(rest, first=3e-3))
-    return fit, walls.footprint
-
-
-def test_the_front_line_of_a_liquid_that_scatters_light_is_a_mere_shade(make_scene):
-    mirror, footprint = lines_at_rest(make_scene, 0.6, 3.0)
-    milk, _ = lines_at_rest(make_scene, -0.1, 3.0)
-    tilts = [np.hypot(*fit.heights[1:3]) / (3.0 * footprint) for fit in (mirror, milk)]
-    assert tilts[0] > 0.4
-    assert tilts[1] < 0.25
-    assert np.all(milk.points.scale > 4.0 * mirror.points.scale)
-    # It is the front line all the same, and its upper edge is none of its points.
-    assert np.nanmedian(milk.points.place) == pytest.approx(
-        np.nanmedian(mirror.points.place), 0.01
-    )
 
 
 def test_liquid_above_the_rim_would_have_spilt(make_scene):

@@ -40,21 +40,6 @@ def test_edges_of_any_width_are_found_to_a_fraction_of_a_row(width, sign):
     assert abs(np.mean(place - PLACES)) < 0.02
 
 
-@pytest.mark.parametrize("off", [-1, 1])
-@pytest.mark.parametrize("width", [0.7, 2.0, 4.0])
-def test_the_row_from_which_an_edge_is_looked_for_does_not_matter(width, off):
-    picture = soft_edges(PLACES, width)
-    np.testing.assert_array_equal(refined(picture, PLACES)[0], refined(picture, PLACES, off)[0])
-
-
-@pytest.mark.parametrize("light", [-0.004, 0.004])
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("width", [0.7, 2.0, 4.0])
-def test_uneven_light_does_not_move_an_edge(width, sign, light):
-    place, _ = refined(soft_edges(PLACES, width, sign=sign, light=light), PLACES)
-    assert np.max(np.abs(place - PLACES)) < 0.12
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("width", [0.7, 1.0, 2.0, 3.0, 4.0])
 def test_noise_moves_an_edge_little(width, sign):
@@ -63,21 +48,6 @@ def test_noise_moves_an_edge_little(width, sign):
     assert np.sqrt(np.mean(error**2)) < 0.07 * max(width, 1.0)
     assert np.max(np.abs(error)) < 0.25 * max(width, 1.0)
     assert abs(np.mean(error)) < 0.02 * max(width, 1.0)
-
-
-def test_width_is_the_step_over_the_steepest_slope():
-    for width in (1.0, 1.5, 2.0, 3.0, 4.0):
-        _, found = refined(soft_edges(PLACES, width), PLACES)
-        # Of a Gaussian's integral: sqrt(2 pi) widths.
-        assert np.median(found) == pytest.approx(np.sqrt(2.0 * np.pi) * width, rel=0.1)
-
-
-def test_a_step_of_any_size_on_any_level_is_in_the_same_place():
-    picture = soft_edges(PLACES, 1.2)
-    place, width = refined(picture, PLACES)
-    scaled = refined(0.25 * picture - 3.0, PLACES)
-    np.testing.assert_allclose(scaled[0], place, atol=1e-4)
-    np.testing.assert_allclose(scaled[1], width, rtol=1e-4)
 
 
 def test_there_is_no_edge_in_nothing_and_none_at_the_border():
@@ -91,16 +61,6 @@ def test_there_is_no_edge_in_nothing_and_none_at_the_border():
         place, width = edge_search.refine_edges(picture, row, first, last)
         assert np.all(np.isnan(place))
         assert np.all(np.isnan(width))
-
-
-def test_what_is_outside_the_image_does_not_count():
-    picture = soft_edges(PLACES, 1.0)
-    place, _ = refined(picture, PLACES)
-    picture[:30], picture[51:] = -5.0, 7.0
-    inside, _ = edge_search.refine_edges(
-        picture, np.ceil(PLACES).astype(np.int64), FIRST + 30, FIRST + 50
-    )
-    np.testing.assert_allclose(inside, place, atol=0.02)
 
 
 # The liquid's level and its upper end.
@@ -120,24 +80,6 @@ def test_levels_are_medians_of_what_is_near_the_most_frequent_level():
     np.testing.assert_allclose(found, expected, atol=0.002)
 
 
-def test_a_line_without_liquid_has_no_level():
-    picture = np.zeros((60, 10), np.float32)
-    picture[:, 4] = 1.0
-    picture[:7, 5:] = 1.0
-    picture[:53, 6] = 1.0  # seven samples of liquid
-    found = edge_search.liquid_levels(picture, 0, 60, 0.25)
-    assert np.flatnonzero(np.isnan(found)).tolist() == [4, 6]
-
-
-def test_usual_deviation_is_the_median():
-    rng = np.random.default_rng(3)
-    picture = rng.normal(0.1, 0.05, (100, 40)).astype(np.float32)
-    level = np.full(40, 0.1)
-    found = edge_search.usual_deviation(picture, level, 10, 90)
-    assert found == pytest.approx(np.median(np.abs(picture[10:90:2, ::2] - 0.1)), abs=0.002)
-    assert edge_search.usual_deviation(picture + 9.0, level, 10, 90) <= 1.0
-
-
 def tops(picture, inside=None, level=None):
     lines = picture.shape[1]
     return edge_search.liquid_tops(
@@ -150,17 +92,6 @@ def tops(picture, inside=None, level=None):
 
 def walls(row):
     return (np.arange(ROWS)[:, np.newaxis] < row).astype(np.float32)
-
-
-def test_the_liquids_end_with_specks_drops_and_scratches():
-    row = 40 + (10.0 * np.sin(np.arange(60) / 9.0)).astype(np.int64)
-    picture = walls(row)
-    rng = np.random.default_rng(4)
-    for _ in range(120):  # droplets on the wall, glints in the liquid
-        j, i = rng.integers(0, ROWS - 3), rng.integers(0, 60)
-        if abs(j - row[i]) > 8:
-            picture[j : j + 3, i] = 1.0 - picture[j, i]
-    np.testing.assert_array_equal(tops(picture), row)
 
 
 def test_the_liquids_end_against_trying_every_row():
@@ -178,16 +109,6 @@ def test_the_liquids_end_against_trying_every_row():
 def test_no_liquid_and_nothing_but_liquid():
     np.testing.assert_array_equal(tops(np.ones((ROWS, 5), np.float32)), ROWS)
     np.testing.assert_array_equal(tops(np.zeros((ROWS, 5), np.float32)), 0)
-
-
-def test_samples_outside_the_image_are_neither_liquid_nor_background():
-    picture = walls(np.full(20, 40))
-    picture[:15] = 0.0  # as black as liquid
-    inside = np.ones(picture.shape, np.float32)
-    inside[:15] = 0.0
-    np.testing.assert_array_equal(tops(picture, inside), 40)
-    picture[15:] = 0.0
-    np.testing.assert_array_equal(tops(picture, inside), 15)
 
 
 # A continuous edge near a curve.
@@ -222,14 +143,6 @@ def test_a_planted_edge_is_followed_from_a_guess_beside_it():
     np.testing.assert_allclose(slope, 0.5, atol=0.2)
 
 
-def test_a_stronger_but_broken_edge_is_not_followed():
-    picture = planted(CURVE)
-    for i in range(5, 100, 12):
-        picture[CURVE[i] + 8 :, i] -= 1.0  # a highlight's or a droplet's end
-    row, _ = follow(picture, CURVE)
-    np.testing.assert_array_equal(row, CURVE)
-
-
 def test_an_edge_the_other_way_round_counts_by_its_weight():
     up = planted(np.full(100, 36), -0.5, 0.0)
     picture = up + planted(np.full(100, 44), 0.25)
@@ -238,23 +151,6 @@ def test_an_edge_the_other_way_round_counts_by_its_weight():
     row, slope = follow(picture, guess, reversed_weight=1.0)
     assert np.all(row == 36)
     np.testing.assert_allclose(slope, 0.5, atol=1e-6)
-
-
-def test_only_what_is_inside_near_and_above_the_floor_is_followed():
-    picture = planted(CURVE)
-    assert np.all(follow(picture, CURVE + 20.0, reach=10)[1] == 0.0)
-    assert np.all(follow(picture, CURVE, floor=CURVE - 3.0)[1] == 0.0)
-    assert np.all(follow(picture, CURVE, first=CURVE + 1)[1] == 0.0)
-    np.testing.assert_array_equal(follow(picture, CURVE, floor=CURVE + 0.0)[0], CURVE)
-
-
-def test_no_edge_is_looked_for_where_nothing_is_guessed():
-    guess = CURVE.astype(np.float64)
-    guess[30:45] = np.nan
-    row, slope = follow(planted(CURVE), guess)
-    np.testing.assert_array_equal(row[30:45], -1)
-    np.testing.assert_array_equal(slope[30:45], 0.0)
-    np.testing.assert_array_equal(np.delete(row, slice(30, 45)), np.delete(CURVE, slice(30, 45)))
 
 
 # Tables.
@@ -275,13 +171,6 @@ def test_rows_of_heights_are_the_inverse_of_heights_of_rows(steps, parts, missin
     np.testing.assert_allclose(found, row, atol=1e-7)
 
 
-def test_heights_beyond_the_lines_ends_are_at_the_ends():
-    table = np.linspace(0.02, -0.02, 9)[:, np.newaxis] * np.ones(3)
-    table[:2, 1] = np.nan
-    found = edge_search.rows_of_heights(table, np.array([0.05, 0.05, -0.05]))
-    np.testing.assert_array_equal(found, [0.0, 2.0, 8.0])
-
-
 def test_a_table_is_linear_between_its_rows():
     rng = np.random.default_rng(7)
     table = rng.normal(size=(10, 40, 3))
@@ -292,23 +181,6 @@ def test_a_table_is_linear_between_its_rows():
     for i in np.delete(np.arange(40), 5):
         expected = [np.interp(rows[i], np.arange(10), table[:, i, k]) for k in range(3)]
         np.testing.assert_allclose(found[i], expected, atol=1e-12)
-
-
-def test_a_gap_in_a_table_is_not_bridged():
-    table = np.ones((10, 1, 3))
-    table[4] = np.nan
-    assert np.all(np.isnan(edge_search.table_at(table, np.array([3.5]))))
-    assert np.all(edge_search.table_at(table, np.array([2.5])) == 1.0)
-
-
-def test_rows_between_every_fourth_line():
-    rows = np.array([10.0, 14.0, np.nan, 8.0, -1.0, 6.0])
-    found = edge_search.between_lines(rows, 4, 23)
-    np.testing.assert_allclose(found[:4], [10.0, 11.0, 12.0, 13.0])
-    assert np.all(np.isnan(found[4:12]))
-    np.testing.assert_allclose(found[12:20], -1.0)
-    # Beyond the last one there is no other.
-    np.testing.assert_allclose(found[20:], 6.0)
 
 
 # Agreement of a surface with a picture.
@@ -339,62 +211,6 @@ def test_the_true_lines_agree_best(surface, known):
     true = score(picture, front - 0.5, upper - 0.5, known)
     for i, j in ((12, 0), (-12, 0), (0, 12), (0, -12), (15, 15), (-15, -15), (-18, 18)):
         assert score(picture, front + i, upper + j, known) < true - 0.05
-
-
-def test_a_surface_lighter_than_its_light_liquid_shows_as_little_of_a_front_line():
-    # A marked edge at the front line counts for it, the more so where the surface is a mirror.
-    front, upper = CURVE + 10, CURVE - 8
-    picture = two_lines(front, upper, 0.0)
-    picture[front, np.arange(100)] = 0.4
-    away = [
-        score(picture, front - 0.5, upper - 0.5, known)
-        - score(picture, front + 9.5, upper - 0.5, known)
-        for known in (-0.2, 0.0, 0.2)
-    ]
-    assert away[0] == pytest.approx(away[1], abs=0.1)
-    assert away[2] > away[0] + 0.1
-
-
-def test_no_upper_line_is_no_fault():
-    picture = two_lines(CURVE, CURVE)
-    alone = score(picture, CURVE - 0.5, np.full(100, np.nan))
-    assert alone > score(picture, CURVE - 0.5, CURVE - 12.0) + 0.1
-    assert alone == pytest.approx(score(picture, CURVE - 0.5, CURVE + 20.0), abs=1e-6)
-
-
-def test_liquid_above_and_background_below_speak_against_a_surface():
-    front, upper = CURVE + 10, CURVE - 8
-    picture = two_lines(front, upper)
-    clean = score(picture, front - 0.5, upper - 0.5)
-    above, below = picture.copy(), picture.copy()
-    above[3:13], below[68:78] = 0.1, 0.9
-    assert score(above, front - 0.5, upper - 0.5) < clean - 0.3
-    assert score(below, front - 0.5, upper - 0.5) < clean - 0.3
-
-
-def test_what_is_dark_beside_the_container_does_not_speak_against_a_surface():
-    front, upper = CURVE + 10, CURVE - 8
-    picture, backdrop = two_lines(front, upper), np.ones((ROWS, 100), np.float32)
-    clean = score(picture, front - 0.5, upper - 0.5)
-    # A table, whose far edge is seen through the empty glass.
-    picture[3:13], backdrop[3:13] = 0.1, 0.1
-    known = score(picture, front - 0.5, upper - 0.5, backdrop=backdrop)
-    assert score(picture, front - 0.5, upper - 0.5) < clean - 0.3
-    assert known == pytest.approx(clean, abs=0.1)
-    # What is lighter than that is background, too.
-    assert score(two_lines(front, upper), front - 0.5, upper - 0.5, backdrop=backdrop) >= clean
-
-
-def test_lines_that_a_label_hides_do_not_outvote_the_others():
-    front, upper = CURVE + 10, CURVE - 8
-    picture = two_lines(front, upper)
-    picture[20:, 30:60] = 1.0
-    told, untold = (
-        score(picture, front - 0.5, upper - 0.5, hidden=hidden) for hidden in (0.6, np.inf)
-    )
-    assert told > untold + 0.1
-    away = score(picture, front + 14.5, upper + 14.5, hidden=0.6)
-    assert away < told - 0.1
 
 
 def test_a_picture_without_a_surface_agrees_with_none():

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.cylinder.surface_modes import SHAPES
-from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.measurement import Flag
 from slosh_camera.nodes.camera_node import LevelChanges
 
@@ -96,31 +94,6 @@ def test_a_cup_is_filled_up_before_the_camera(learnt):
     changed = [Flag.LEVEL_CHANGED in flag for flag in flags]
     assert changed == [False, False, True, True, True, False]
     assert flags[0] == flags[-1] == Flag.NONE
-
-
-def test_an_old_image_with_fresh_noise_is_doubted(learnt):
-    """No repeat by its pixels; but its crest would have swung twice meanwhile."""
-    scene, detector = learnt("pitched")
-    old = scene.draw(12.0 * MM, 0.5)
-    rng = np.random.default_rng(8)
-    noisy = (np.clip(old + rng.normal(0.0, 2.0, old.shape), 0, 255) for _ in range(60))
-    found = [
-        detector.update((1000 + index) * FRAME, image.astype(np.uint8))
-        for index, image in enumerate(noisy)
-    ]
-    told = [Flag.AMBIGUOUS in one.flags for one in found]
-    assert not any(told[:30])
-    assert all(told[45:])
-    assert Flag.AMBIGUOUS not in detector.update(1060 * FRAME, scene.draw(9.0 * MM, 0.5)).flags
-
-
-def test_a_change_is_less_likely_than_an_error_where_it_is_small():
-    usual = Prior(np.zeros(SHAPES), first=0.025)
-    changed = usual.of_changed_level()
-    for level in (0.0, 0.5 * MM, 0.9 * MM, 1.0 * MM, 5.0 * MM, 10.0 * MM):
-        heights = np.array([level, *[0.0] * (SHAPES - 1)])
-        rather = usual.surprise(heights, 0.05) < changed.surprise(heights, 0.05)
-        assert rather is bool(level < 0.95 * MM)
 
 
 def test_the_node_tells_a_change_that_most_images_show(learnt):

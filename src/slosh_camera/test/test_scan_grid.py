@@ -1,18 +1,15 @@
-import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView, Wall
 from slosh_camera.optics.pose import look_at
 from slosh_camera.settings import RegionOfInterest
 
 WIDTH, HEIGHT = 640, 480
-WHOLE = RegionOfInterest(0, 0, WIDTH, HEIGHT)
 
 
 def view(*, aim=0.0, above=0.08, distance=0.45, focal=1000.0, distortion=(0.0,) * 5, rim=0.13):
@@ -69,114 +66,7 @@ def test_points_of_the_rear_wall_are_seen_at_the_samples(seen):
     assert np.all(away < 0.75)
 
 
-def test_the_still_level_is_one_row(seen):
-    chosen, grid = seen
-    still = grid.front[grid.still_row]
-    np.testing.assert_allclose(still[:, 2], 0.0, atol=1e-6)
-    turn = np.arctan2(still[:, 1], still[:, 0]) - grid.azimuth
-    np.testing.assert_allclose(np.sin(turn), 0.0, atol=1e-6)
-    expected = chosen.project_wall(grid.azimuth, 0.0, Wall.FRONT)
-    np.testing.assert_allclose(grid.pixels[grid.still_row], expected, atol=1e-6)
-
-
-def test_lines_are_straight_and_their_samples_equally_far_apart(seen):
-    _, grid = seen
-    steps = np.diff(grid.pixels, axis=0)
-    length = np.linalg.norm(steps, axis=2)
-    assert np.ptp(length) < 1e-9
-    assert 1.0 - 1e-9 <= length[0, 0] < 2.5
-    assert np.ptp(steps, axis=0).max() < 1e-9
-    assert np.all(steps[..., 1] > 0.0)  # from the top down
-    assert grid.shape[0] <= 302
-    assert grid.shape[1] <= 128
-
-
-def test_lines_span_the_wall_and_are_equally_far_apart(seen):
-    chosen, grid = seen
-    u = grid.pixels[grid.still_row, :, 0]
-    gaps = np.diff(u)
-    assert np.all(gaps > 0.0)
-    assert np.ptp(gaps) < 0.05 * np.mean(gaps)
-    left, right = chosen.project_wall(chosen.tangent_azimuths(), 0.0, Wall.FRONT)[:, 0]
-    assert u[0] - left == pytest.approx(1.5, abs=0.5)
-    assert right - u[-1] == pytest.approx(1.5, abs=0.5)
-
-
-def test_lines_reach_from_the_rim_to_near_the_floor(seen):
-    chosen, grid = seen
-    lowest = grid.front[-1, :, 2]
-    assert np.all(lowest > -0.85 * 0.07 - 1e-9)
-    assert np.min(lowest) < -0.75 * 0.07
-    rim = 1.2 * 0.05 if chosen.cup.rim_level is None else chosen.cup.rim_level
-    around = chosen.project_wall(np.linspace(-np.pi, np.pi, 181), rim)[:, 1]
-    # On the line that needs most of them the rows reach the rim's upper side, the rear's as well.
-    assert np.min(grid.pixels[0, :, 1]) <= np.nanmin(around) + 1.0
-
-
-def test_a_row_between_samples_is_a_place_in_the_image(seen):
-    _, grid = seen
-    lines = np.zeros(grid.shape[1], np.bool_)
-    lines[[3, 40]] = True
-    rows = np.full(grid.shape[1], np.nan)
-    rows[3], rows[40] = 7.0, 20.25
-    found = grid.pixel_at(lines, rows)
-    np.testing.assert_allclose(found[0], grid.pixels[7, 3], atol=1e-9)
-    between = 0.75 * grid.pixels[20, 40] + 0.25 * grid.pixels[21, 40]
-    np.testing.assert_allclose(found[1], between, atol=1e-9)
-
-
-@pytest.mark.parametrize("distance", [0.3, 0.7, 1.0, 1.5, 3.0])
-def test_a_camera_far_away_sees_more_than_half_of_a_thick_wall(distance):
-    # Refraction shows the front wall beyond its silhouette: more than half of it from afar.
-    far = view(distance=distance, focal=2000.0 * distance)
-    grid = build_scan_grid(far, None)
-    assert grid.shape[1] == 128
-    towards = np.cos(grid.azimuth - far.camera_azimuth)
-    assert np.max(towards) > 0.999
-    assert np.count_nonzero(towards < 0.3) < 30
-
-
 # What is inside.
-
-
-@pytest.mark.parametrize(
-    "region",
-    [WHOLE, RegionOfInterest(200, 120, 200, 300), RegionOfInterest(300, 150, 340, 330)],
-)
-def test_inside_is_the_region(region):
-    grid = build_scan_grid(VIEWS["pitched"], region)
-    u, v = grid.pixels[..., 0], grid.pixels[..., 1]
-    for j in range(0, grid.shape[0], 7):
-        for i in range(0, grid.shape[1], 5):
-            expected = (
-                region.x_offset <= u[j, i] <= region.x_offset + region.width - 1
-                and region.y_offset <= v[j, i] <= region.y_offset + region.height - 1
-            )
-            assert grid.inside[j, i] == expected
-    # Every line shows the still level and liquid below it.
-    assert np.all(grid.inside[grid.still_row - 4 : grid.still_row + 24])
-    all_lines = build_scan_grid(VIEWS["pitched"], None).shape[1]
-    assert (grid.shape[1] < all_lines) == (region is not WHOLE)
-
-
-def test_lines_without_wall_above_the_still_level_are_left_out():
-    whole = build_scan_grid(VIEWS["steep"], None)
-    v = whole.pixels[whole.still_row, :, 1]
-    top = int(np.median(v))
-    grid = build_scan_grid(VIEWS["steep"], RegionOfInterest(0, top, WIDTH, HEIGHT - top))
-    # Four rows above it and more; from above, the front wall's middle lies lower in the image.
-    assert grid.shape[1] == np.count_nonzero(whole.pixels[whole.still_row - 4, :, 1] >= top)
-    assert 12 <= grid.shape[1] < np.count_nonzero(v >= top)
-
-
-def test_the_frames_top_cuts_the_lines_and_leaves_them_where_they_are():
-    cut = build_scan_grid(view(aim=-0.09), None)
-    first = np.argmax(cut.inside, axis=0)
-    assert np.all(first > 0)
-    lines = np.arange(cut.shape[1])
-    assert np.all(cut.pixels[first, lines, 1] >= 0.0)
-    assert np.all(cut.pixels[first - 1, lines, 1] < 0.0)
-    assert np.all(cut.front[cut.still_row, :, 2] == pytest.approx(0.0, abs=1e-6))
 
 
 # The wall unrolled.
@@ -208,31 +98,6 @@ def test_unrolled_is_the_image_at_the_samples(name, region):
     assert np.mean(error) < 2.0
 
 
-def test_a_slow_ramp_is_unrolled_to_a_fraction_of_a_grey_level():
-    grid = build_scan_grid(VIEWS["distorted"], None)
-    v, u = np.mgrid[:HEIGHT, :WIDTH]
-    unrolled = grid.unroll((v // 2 + 0 * u).astype(np.uint8))
-    expected = 0.5 * grid.pixels[..., 1] - 0.25
-    assert np.max(np.abs(unrolled - expected)[grid.inside]) <= 1.0
-
-
-def test_outside_is_black():
-    grid = build_scan_grid(view(aim=-0.09), None)
-    above = grid.pixels[..., 1] < -1.0
-    assert np.any(above)
-    assert not np.any(grid.unroll(np.full((HEIGHT, WIDTH), 200, np.uint8))[above])
-
-
-def test_colours_are_unrolled_one_by_one(seen):
-    _, grid = seen
-    image = textured(3)
-    unrolled = grid.unroll(image)
-    assert unrolled.shape == (*grid.shape, 3)
-    for channel in range(3):
-        alone = grid.unroll(np.ascontiguousarray(image[..., channel]))
-        np.testing.assert_array_equal(unrolled[..., channel], alone)
-
-
 @pytest.mark.parametrize("channels", [None, 3])
 def test_views_of_any_strides_are_unrolled_alike(channels):
     grid = build_scan_grid(VIEWS["pitched"], None)
@@ -249,29 +114,6 @@ def test_views_of_any_strides_are_unrolled_alike(channels):
     ):  # fmt: skip
         np.testing.assert_array_equal(same, image)
         np.testing.assert_array_equal(grid.unroll(same), expected)
-
-
-def test_red_green_blue_read_backwards_is_unrolled_backwards():
-    grid = build_scan_grid(VIEWS["pitched"], None)
-    image = textured(3)
-    np.testing.assert_array_equal(grid.unroll(image[..., ::-1]), grid.unroll(image)[..., ::-1])
-
-
-def test_an_image_that_cannot_be_written_is_unrolled():
-    grid = build_scan_grid(VIEWS["pitched"], None)
-    image = textured()
-    image.setflags(write=False)
-    before = image.copy()
-    grid.unroll(image)
-    np.testing.assert_array_equal(image, before)
-
-
-def test_a_grid_does_not_depend_on_an_image():
-    grid = build_scan_grid(VIEWS["pitched"], None)
-    image = textured()
-    first = grid.unroll(image)
-    grid.unroll(cv2.bitwise_not(image))
-    np.testing.assert_array_equal(grid.unroll(image), first)
 
 
 # Refusals.
@@ -293,10 +135,3 @@ def test_too_little_of_the_container_is_refused_in_one_line(chosen, region, text
     with pytest.raises(SloshCameraError, match=text) as refusal:
         build_scan_grid(chosen, region)
     assert "\n" not in str(refusal.value)
-
-
-def test_a_camera_on_its_side_is_refused(make_scene):
-    calibration: Calibration = make_scene(roll=1.0).calibration()
-    with pytest.raises(SloshCameraError, match="pose: the container's axis is rolled by more"):
-        build_scan_grid(calibration.view, None)
-    build_scan_grid(make_scene(roll=0.5).calibration().view, None)

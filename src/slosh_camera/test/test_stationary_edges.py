@@ -43,24 +43,6 @@ def test_an_edge_that_stood_there_is_none():
     assert np.all(slope > 0.4)
 
 
-def test_its_place_is_taken_out():
-    known = stationary_edges(STILL, NOWHERE, 0.0)
-    moved = steps((LABEL, 0.3), (60, 0.5))
-    place = np.where(np.arange(LINES) % 2, LABEL - 0.5, 59.5)
-    place[4] = np.nan
-    found = moved_edges(moved, known, place)
-    expected = np.where(np.arange(LINES) % 2, np.nan, 59.5)
-    expected[4] = np.nan
-    np.testing.assert_array_equal(found, expected)
-
-
-@pytest.mark.parametrize("shift", [-1, 0, 1])
-def test_it_may_be_shifted_by_a_row(shift):
-    known = stationary_edges(STILL, NOWHERE, 0.0)
-    place = np.full(LINES, LABEL + shift - 0.5)
-    assert np.all(np.isnan(moved_edges(steps((LABEL + shift, 0.3)), known, place)))
-
-
 @pytest.mark.parametrize("size", [0.8, -0.3])
 def test_a_stronger_edge_there_is_another_one_and_so_is_a_reversed_one(size):
     known = stationary_edges(STILL, NOWHERE, 0.0)
@@ -76,11 +58,6 @@ def test_the_line_at_rest_is_the_liquid_s_own_where_it_is_seen():
     found = moved_edges(STILL, known, place)
     assert np.all(np.isnan(found[:10]))
     np.testing.assert_array_equal(found[10:], place[10:])
-
-
-def test_noise_is_no_edge():
-    noise = np.random.default_rng(3).normal(0.0, 0.015, (ROWS, LINES)).astype(np.float32)
-    assert not np.any(stationary_edges(noise + 1.0, NOWHERE, 0.0))
 
 
 # What it is for: a label over the line, with lines of print.

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from side_view_scene import Liquid, Look, Setup, draw, still
 
+from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
 from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.images.still_edges import StillEdges
@@ -128,13 +129,6 @@ def test_what_hides_one_side_leaves_the_other(edges, columns):
     assert not learnt.missing(image)
 
 
-def test_where_the_picture_is_cut_off_nothing_is_missed(edges):
-    learnt, image = edges
-    assert not learnt.missing(np.full_like(image, 255))
-    assert not learnt.missing(np.zeros_like(image))
-    assert learnt.missing(np.full_like(image, 128))
-
-
 def test_without_a_still_image_nothing_is_missed(make_scene):
     scene = make_scene()
     edges = edges_of(scene)
@@ -149,3 +143,50 @@ def test_a_container_at_the_border_teaches_what_is_seen(make_scene):
     image = scene.draw()
     edges.learn(image)
     assert not edges.missing(image[::-1])
+
+
+def rolled(image, degrees):
+    middle = (0.5 * (image.shape[1] - 1), 0.5 * (image.shape[0] - 1))
+    turn = cv2.getRotationMatrix2D(middle, -degrees, 1.0)
+    size = image.shape[1::-1]
+    return cv2.warpAffine(
+        image, turn, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+    )
+
+
+@pytest.mark.parametrize("degrees", [-3.0, -2.0, 2.0, 3.0])
+def test_the_turn_is_measured(make_scene, degrees):
+    scene = make_scene(noise=2.0)
+    edges = ContainerEdges(scene.calibration().view)
+    image = rolled(scene.with_sides(scene.draw(0.01, -1.0)), degrees)
+    assert np.degrees(edges.turn(image)) == pytest.approx(degrees, abs=0.51)
+    assert edges.turned(image, 0.0)
+    assert not edges.turned(image, np.radians(degrees))
+
+
+@pytest.mark.parametrize("azimuth", np.arange(-3.0, 3.5, 1.5))
+def test_waves_and_missing_walls_are_no_turn(make_scene, azimuth):
+    scene = make_scene(noise=2.0)
+    edges = ContainerEdges(scene.calibration().view)
+    image = scene.draw(0.025, azimuth)
+    assert not edges.turned(image, 0.0)
+    assert not edges.turned(scene.with_sides(image), 0.0)
+
+
+def test_a_camera_pushed_after_the_still_image_is_noticed(make_scene):
+    scene = make_scene()
+    detector = FreeSurfaceDetector(scene.calibration())
+    detector.learn_still(scene.with_sides(scene.draw()))
+    image = scene.with_sides(scene.draw(0.015, -1.0))
+    assert detector.measure(0, image).flags == Flag.NONE
+    pushed = detector.measure(1, rolled(image, 2.0))
+    assert pushed.flags == Flag.NOT_FOUND
+    assert np.isnan(pushed.msh)
+
+
+def test_sides_outside_the_image_are_not_looked_for(make_scene):
+    scene = make_scene(distance=0.2, focal=1400.0)
+    edges = ContainerEdges(scene.calibration().view)
+    image = rolled(scene.draw(), 3.0)
+    assert edges.turn(image) == 0.0
+    assert not edges.turned(image, 0.0)

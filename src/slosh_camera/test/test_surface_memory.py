@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare
+from slosh_camera.cylinder.surface_evidence import USUAL_FADE
 from slosh_camera.cylinder.surface_memory import SurfaceMemory
 
 RADIUS, FILL = 0.05, 0.07
@@ -36,25 +36,6 @@ def test_two_images_foretell_the_third():
     assert later.stddev > 2.0 * expected.stddev
 
 
-def test_front_and_rear_exchanged_is_no_swing():
-    expected = remembered(0, FRAME).expected(2 * FRAME)
-    right = swing(2 * FRAME)
-    assert expected.surprise(right) < 0.01
-    assert expected.surprise(-right) > 0.3
-
-
-def test_a_picture_that_is_clear_enough_always_wins():
-    expected = remembered(0, FRAME).expected(2 * FRAME)
-    far = [expected.surprise(np.array([size, 0.0])) for size in (1.0, 10.0, 1e3)]
-    assert far[0] == far[1] == far[2] < 0.6
-
-
-def test_after_one_image_the_liquid_may_be_on_its_way():
-    expected = remembered(0).expected(FRAME)
-    assert expected.distance(swing(FRAME)) < 1.0
-    assert expected.stddev > remembered(0, FRAME).expected(2 * FRAME).stddev
-
-
 def test_a_robots_acceleration_is_no_jump():
     # A step of 8 m/s² after rest moves the crest by gain a t²/2 per frame.
     gain = 8.0 * np.tanh(1.841184 * FILL / RADIUS) / (1.841184 * (1.841184**2 - 1.0))
@@ -71,13 +52,6 @@ def test_a_repeated_or_earlier_stamp_and_a_gap_foretell_nothing(stamp):
     assert remembered(0, FRAME).expected(stamp) is None
 
 
-def test_a_jump_leaves_one_image_to_go_by():
-    memory = remembered(0, FRAME)
-    memory.remember(2 * FRAME, -swing(2 * FRAME), USUAL_FADE, decided=False, jumped=True)
-    expected = memory.expected(3 * FRAME)
-    assert expected.stddev > 1.2 * remembered(0, FRAME).expected(2 * FRAME).stddev
-
-
 def test_what_the_memory_decided_does_not_feed_it_for_ever():
     memory = remembered(0, FRAME)
     spreads = []
@@ -88,19 +62,6 @@ def test_what_the_memory_decided_does_not_feed_it_for_ever():
     # After five in a row it starts again, from the next image alone.
     assert np.allclose(spreads[:5], spreads[0])
     assert spreads[5] > 1.2 * spreads[0]
-
-
-def test_the_share_of_the_fade_is_kept_but_for_a_new_beginning():
-    memory = remembered(0)
-    memory.remember(FRAME, swing(FRAME), FadeShare(0.2, 0.01), decided=False, jumped=False)
-    assert memory.fade.mean == 0.2
-    assert memory.fade.stddev == pytest.approx(0.15)  # never surer than that
-    # Where the memory decided nothing is learnt.
-    memory.remember(2 * FRAME, swing(2 * FRAME), FadeShare(0.9, 0.2), decided=True, jumped=False)
-    assert memory.fade.mean == 0.2
-    memory.arrive(0)
-    assert memory.fade == USUAL_FADE
-    assert memory.expected(FRAME) is None
 
 
 def test_a_crest_that_does_not_swing_stands():

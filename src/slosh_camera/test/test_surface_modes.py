@@ -11,7 +11,6 @@ from slosh_camera.cylinder.surface_modes import (
     SHAPES,
     Shape,
     shapes_at,
-    wall_shapes,
 )
 
 # Zeros of J0', J1' (two) and J2', as tables have them.
@@ -29,16 +28,6 @@ BESSEL = {
 WAVES = sorted(BESSEL)
 
 
-def disc(rings=40, around=48):
-    """Places of a product rule over the unit disc, and weights that sum to 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(rings)
-    rho, part = 0.5 * (nodes + 1.0), 0.5 * weights
-    angle = 2.0 * np.pi * np.arange(around) / around
-    r, a = np.meshgrid(rho, angle, indexing="ij")
-    weight = np.repeat((2.0 * part * rho / around)[:, np.newaxis], around, axis=1)
-    return (r * np.cos(a)).ravel(), (r * np.sin(a)).ravel(), weight.ravel()
-
-
 @pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
 def test_shapes_are_bessel_functions(shape):
     order, root, wave = BESSEL[shape]
@@ -48,27 +37,6 @@ def test_shapes_are_bessel_functions(shape):
     expected = jv(order, root * rho) / jv(order, root) * wave(order * angle)
     found = shapes_at(rho * np.cos(angle), rho * np.sin(angle))[:, shape]
     np.testing.assert_allclose(found, expected, atol=ABS)
-
-
-def test_the_level_is_the_same_everywhere():
-    x, y, _ = disc()
-    assert np.all(shapes_at(x, y)[:, Shape.LEVEL] == 1.0)
-
-
-@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
-def test_crests_at_the_wall_have_height_1(shape):
-    around = wall_shapes(np.arange(0.0, 360.0, 1.0) * np.pi / 180.0)[:, shape]
-    assert np.max(around) == pytest.approx(1.0, abs=ABS)
-
-
-def test_crests_are_where_their_names_say():
-    at_x, at_y, half_way = wall_shapes([0.0, 0.5 * np.pi, 0.25 * np.pi])
-    for shape in (Shape.FIRST_X, Shape.SECOND_X, Shape.MEAN, Shape.DOUBLE_X):
-        assert at_x[shape] == pytest.approx(1.0, abs=ABS)
-    for shape in (Shape.FIRST_Y, Shape.SECOND_Y, Shape.MEAN):
-        assert at_y[shape] == pytest.approx(1.0, abs=ABS)
-    assert at_y[Shape.DOUBLE_X] == pytest.approx(-1.0, abs=ABS)
-    assert half_way[Shape.DOUBLE_Y] == pytest.approx(1.0, abs=ABS)
 
 
 @pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
@@ -81,21 +49,6 @@ def test_no_liquid_flows_through_the_wall(shape):
         for rho in (1.0 + step, 1.0 - step)
     )
     assert np.max(np.abs(outside - inside) / (2.0 * step)) < 1e-6
-
-
-@pytest.mark.parametrize("shape", WAVES, ids=lambda shape: shape.name)
-def test_no_shape_changes_the_volume(shape):
-    x, y, weight = disc()
-    assert np.sum(weight) == pytest.approx(1.0)
-    assert abs(weight @ shapes_at(x, y)[:, shape]) < 1e-12
-
-
-def test_shapes_are_independent_of_one_another():
-    # Otherwise a fit could not tell them apart.
-    x, y, weight = disc()
-    shapes = shapes_at(x, y)
-    products = shapes.T @ (weight[:, np.newaxis] * shapes)
-    assert np.max(np.abs(products - np.diag(np.diag(products)))) < 1e-10
 
 
 def test_the_table_is_as_exact_as_it_says():
@@ -119,18 +72,3 @@ def test_compiled_shapes_are_the_same_over_the_disc(rho, angle):
     compiled = silhouette.shapes_of(np.array([[x, y, 0.123]]))
     assert compiled.shape == (1, SHAPES)
     np.testing.assert_allclose(compiled, shapes_at(x, y), atol=2e-5)
-
-
-@settings(deadline=None, derandomize=True)
-@given(st.floats(-10.0, 10.0))
-def test_compiled_shapes_are_the_same_on_the_wall(angle):
-    compiled = silhouette.wall_shapes_of(np.array([angle]))
-    np.testing.assert_allclose(compiled, wall_shapes(angle), atol=1e-9)
-
-
-@settings(deadline=None, derandomize=True)
-@given(st.floats(1.0, 1.001))
-def test_points_just_outside_the_wall_are_continued(rho):
-    # Rays meet the wall with rounding; a place a hair outside must not jump.
-    compiled = silhouette.shapes_of(np.array([[rho, 0.0, 0.0]]))
-    np.testing.assert_allclose(compiled, shapes_at(rho, 0.0), atol=5e-5)

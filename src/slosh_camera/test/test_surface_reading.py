@@ -82,18 +82,6 @@ def test_the_fitted_surfaces_highest_point(size, azimuth, level):
     assert -np.pi <= found.azimuth <= np.pi
 
 
-def test_heights_are_above_the_surface_at_rest():
-    zero = slosh(0.5 * MM, 1.0, 2.0 * MM)
-    reading = read(fit_of(zero + slosh(10.0 * MM, -1.2)), zero=zero)
-    assert reading.fitted().height == pytest.approx(10.0 * MM, abs=1e-7)
-    assert reading.seen().height == pytest.approx(10.0 * MM, abs=1e-7)
-    assert reading.seen().azimuth == pytest.approx(-1.2, abs=1e-4)
-    np.testing.assert_allclose(
-        reading.height, 10.0 * MM * np.cos(reading.azimuth + 1.2), atol=1e-7
-    )
-    assert reading.at(-1.2) == pytest.approx(10.0 * MM, abs=0.01 * MM)
-
-
 def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_one():
     azimuth = -1.3
     # A third mode, which is none of the fitted shapes.
@@ -106,41 +94,6 @@ def test_points_above_the_fit_raise_the_highest_seen_point_and_not_the_fitted_on
     assert 0.4 * MM < gain < 0.9 * MM
     assert raised.seen().azimuth == pytest.approx(azimuth, abs=np.radians(3.0))
     assert raised.at(azimuth) == pytest.approx(raised.seen().height, abs=0.05 * MM)
-
-
-def test_a_shade_off_the_fit_is_no_bump_of_the_liquid():
-    fit = fit_of(slosh(10.0 * MM, -np.pi / 2), bump=np.full(LINES, 1.0 * MM))
-    line, shade = read(fit).seen(), read(fit, shaded=True).seen()
-    assert line.height > 10.5 * MM
-    assert shade.height == pytest.approx(10.0 * MM, abs=0.02 * MM)
-    assert shade.stddev < 0.5 * line.stddev
-    assert np.array_equal(read(fit, shaded=True).height, read(fit).height)
-
-
-def test_the_edge_of_a_label_is_no_part_of_the_line():
-    bump = np.random.default_rng(3).normal(0.0, 0.05 * MM, LINES)
-    bare = read(fit_of(slosh(10.0 * MM, FRONT[60]), bump=bump)).seen().height
-    bump[55:68] += 2.5 * MM
-    found = read(fit_of(slosh(10.0 * MM, FRONT[60]), bump=bump)).seen()
-    assert found.height == pytest.approx(bare, abs=0.15 * MM)
-
-
-def test_one_wrong_point_is_not_the_highest():
-    bump = np.zeros(LINES)
-    bump[70] = 5.0 * MM
-    found = read(fit_of(slosh(10.0 * MM, FRONT[70]), bump=bump)).seen()
-    assert found.height < 10.6 * MM
-
-
-def test_points_that_hardly_agree_hardly_count():
-    azimuth = -1.3
-    bump = np.full(LINES, 1.0 * MM)
-    fit = fit_of(slosh(10.0 * MM, azimuth), bump=bump)
-    sure = read(fit).seen().height
-    unsure = read(replace(fit, front_weight=np.full(LINES, 0.12))).seen().height
-    against = read(replace(fit, front_weight=np.full(LINES, 0.09)))
-    assert sure > unsure + 0.2 * MM
-    assert not np.any(against.front)
 
 
 # What is seen.
@@ -177,23 +130,6 @@ def test_of_what_is_seen_and_what_is_fitted_the_surer_is_the_highest():
     assert highest(cut_off).height == cut_off.seen().height
 
 
-def test_a_point_stands_for_its_neighbourhood_on_the_closed_wall():
-    # Between the front line's end at -175 degrees and the rear's at 175 all is near enough.
-    reading = read(fit_of(slosh(10.0 * MM, np.pi)))
-    assert reading.seen().height == pytest.approx(10.0 * MM, abs=1e-5)
-    assert abs(turned(reading.seen().azimuth, np.pi)) < 1e-3
-    for azimuth in np.radians([-179.9, 179.9, -540.0]):
-        assert reading.at(azimuth) == pytest.approx(10.0 * MM, abs=0.02 * MM)
-
-
-def test_crests_before_the_rear_wall_are_no_points_of_it():
-    fit = fit_of(slosh(10.0 * MM, 1.5))
-    part = np.where(np.arange(LINES) < 60, 0.5, 1.0)
-    reading = read(replace(fit, upper_part=part))
-    assert np.count_nonzero(reading.rear) == 60
-    assert not np.any(reading.rear[:60])
-
-
 def test_nothing_seen_is_nan_and_the_fit_is_left():
     reading = read(fit_of(slosh(10.0 * MM, 1.5), front=False, rear=False))
     seen = reading.seen()
@@ -202,36 +138,7 @@ def test_nothing_seen_is_nan_and_the_fit_is_left():
     assert np.isfinite(reading.fitted().stddev)
 
 
-def test_the_profile_goes_around_the_wall():
-    reading = read(fit_of(slosh(10.0 * MM, 0.3)))
-    # The front wall from left to right, then the rear wall from right to left.
-    np.testing.assert_array_equal(reading.azimuth, np.concatenate((FRONT, REAR[::-1])))
-    steps = turned(reading.azimuth[1:], reading.azimuth[:-1])
-    assert np.all(steps > 0.0)
-    np.testing.assert_allclose(
-        reading.height, 10.0 * MM * np.cos(reading.azimuth - 0.3), atol=1e-7
-    )
-
-
 # Lower bounds.
-
-
-def test_a_cut_off_surface_is_as_high_as_its_points_alone():
-    # Front points beyond -57 degrees reach the border: they lie lower than the surface.
-    fit = fit_of(slosh(30.0 * MM, 0.0), rear=False)
-    bound = np.degrees(FRONT) > -57.0
-    border = 16.5 * MM
-    points = replace(fit.points, bound=bound, height=np.where(bound, border, fit.points.height))
-    error = np.where(bound, fit.points.height - border, 0.0)
-    fit = replace(fit, points=points, front_error=error, front_weight=np.where(bound, 0.0, 1.0))
-    reading = read(fit, cut_off=True)
-    seen = reading.seen()
-    assert seen.height == pytest.approx(border, abs=1e-6)
-    assert np.degrees(seen.azimuth) > -57.0
-    assert reading.azimuth.size == LINES
-    # Nothing is told of what is beyond a point's own place.
-    assert np.isnan(reading.at(np.radians(170.0)))
-    assert np.isfinite(read(fit).at(np.radians(170.0)))
 
 
 # Edges that contradict the fit.
@@ -254,12 +161,6 @@ def test_edges_that_err_together_tell_as_much_as_one_of_them(together):
     edges = np.ones(LINES, np.bool_)
     found = [errors_together(np.repeat(row, together), edges) for row in blocks]
     assert together < np.mean(found) < 1.4 * together  # as above
-
-
-def test_few_edges_tell_nothing_of_others():
-    edges = np.arange(LINES) < 4
-    assert errors_together(np.full(LINES, 9.0), edges) == 0.0
-    assert errors_together(np.full(LINES, np.nan), np.zeros(LINES, np.bool_)) == 0.0
 
 
 def test_a_line_that_is_of_no_surface_leaves_it_uncertain():
@@ -292,22 +193,3 @@ def test_stddev_grows_with_everything_that_makes_a_height_doubtful():
     assert stddev(bump=scattered) > 1.5 * usual
     # Edges that have no width are wide ones.
     assert stddev(width=np.nan) > widths[2]
-
-
-def test_stddev_of_the_fitted_point_grows_alike():
-    sharp, soft = (
-        read(fit_of(slosh(10.0 * MM, -1.2), width=width)).fitted().stddev for width in (2.0, 6.0)
-    )
-    assert soft > 2.0 * sharp
-
-
-def test_the_edges_width_is_the_front_lines():
-    fit = fit_of(slosh(10.0 * MM, -1.2))
-    width = np.where(np.arange(LINES) < 80, 30.0, 3.0)
-    # Edges that do not agree, and ends at the border, are no edges of the line.
-    weight = np.where(np.arange(LINES) < 80, 0.0, 1.0)
-    points = replace(fit.points, width=width)
-    assert read(replace(fit, points=points, front_weight=weight)).edge_width == 3.0
-    points = replace(points, bound=np.arange(LINES) < 80)
-    assert read(replace(fit, points=points)).edge_width == 3.0
-    assert np.isnan(read(fit_of(slosh(10.0 * MM, 1.5), front=False)).edge_width)

@@ -113,29 +113,6 @@ def test_a_ray_over_a_crest_touches_it_there():
     assert touch(near, far, RADIUS, MM, heights)[2] == pytest.approx(MM, rel=1e-6)
 
 
-def test_a_level_surface_is_touched_at_the_rear_wall_and_hides_nothing():
-    near, far = np.array([0.0, -1.0, 3.0 * MM]), np.array([0.0, 1.0, MM])
-    heights = np.eye(SHAPES)[Shape.LEVEL] * 0.5 * MM
-    part, above, hidden = touch(near, far, RADIUS, MM, heights)
-    assert part == 1.0
-    assert above == pytest.approx(-0.5 * MM)
-    assert hidden == 0.0
-
-
-@pytest.mark.parametrize("angle", [0.05, 0.2, 0.5, 1.0])
-def test_the_steeper_the_rear_edge_is_seen_the_less_is_hidden(angle):
-    # The first mode is level at the wall and bent by (1 - xi^2) of its height per square radius.
-    size, fade = 10.0 * MM, 0.5 * MM
-    heights = np.zeros(SHAPES)
-    heights[Shape.FIRST_Y] = size
-    near, far = np.array([0.0, -1.0, 2.0 * RADIUS * angle]), np.array([0.0, 1.0, 0.0])
-    part, _, hidden = touch(near, far, RADIUS, fade, heights)
-    assert part == 1.0
-    bend = size * (1.8411837813**2 - 1.0) / RADIUS**2
-    further = np.sqrt(angle**2 + 2.0 * bend * 3.5 * fade)
-    assert hidden == pytest.approx(fade * (1.0 - angle / further), rel=0.1)
-
-
 def test_touch_against_looking_everywhere():
     rng = np.random.default_rng(3)
     errors = []
@@ -151,17 +128,6 @@ def test_touch_against_looking_everywhere():
     assert np.max(errors) < 1e-6
     assert np.min(errors) > -0.15 * MM
     assert np.median(errors) > -0.001 * MM
-
-
-def test_a_surface_is_above_the_rays_that_meet_it():
-    rng = np.random.default_rng(4)
-    heights = random_surface(rng)
-    near, far = touching_rays(heights, 20, rng)
-    up = np.array([0.0, 0.0, 0.5 * MM])
-    none = np.full((20, 3), np.nan)
-    assert np.all(silhouette.above_ray(near - up, far - up, RADIUS, NO_FADE, heights))
-    assert not np.any(silhouette.above_ray(near + up, far + up, RADIUS, NO_FADE, heights))
-    assert not np.any(silhouette.above_ray(near - up, none, RADIUS, NO_FADE, heights))
 
 
 # The silhouette.
@@ -192,52 +158,6 @@ def test_silhouette_against_looking_everywhere(make_scene, camera):
     assert np.percentile(np.abs(errors), 90) < 0.08
 
 
-def test_silhouette_of_a_level_surface_is_the_rear_line(make_scene):
-    scene = make_scene(**PITCHED)
-    wall = WallGeometry(build_scan_grid(scene.calibration().view, None), RADIUS)
-    heights = np.eye(SHAPES)[Shape.LEVEL] * 3.0 * MM
-    rows = silhouette.silhouette_rows(
-        wall.near, wall.far, wall.last_row, RADIUS, wall.fade(2.0), heights
-    )
-    middle = wall.lines // 2
-    row = int(rows[middle])
-    seen = np.interp(rows[middle], [row, row + 1], wall.far[row : row + 2, middle, 2])
-    assert seen == pytest.approx(3.0 * MM, abs=1e-6)
-
-
-def test_the_edge_of_a_crest_is_seen_lower_in_a_soft_picture(make_scene):
-    # A camera at the level of the liquid sees the hill in the middle against the background.
-    wall = WallGeometry(build_scan_grid(make_scene().calibration().view, None), RADIUS)
-    heights = np.zeros(SHAPES)
-    heights[Shape.MEAN] = -4.0 * MM
-
-    def middle(softness):
-        rows = silhouette.silhouette_rows(
-            wall.near, wall.far, wall.last_row, RADIUS, softness * wall.footprint, heights
-        )
-        return rows[wall.lines // 2]
-
-    bare = middle(1e-6)
-    # Half way to the rear wall a row is lower than there by a tenth.
-    assert middle(1.0) - bare == pytest.approx(1.1, abs=0.1)
-    assert middle(2.0) - bare == pytest.approx(2.2, abs=0.2)
-
-
-def test_silhouette_rows_that_cannot_be_seen(make_scene):
-    wall = WallGeometry(build_scan_grid(make_scene(**PITCHED).calibration().view, None), RADIUS)
-    far = wall.far.copy()
-    far[:, 3] = np.nan
-
-    def rows(level):
-        heights = np.eye(SHAPES)[Shape.LEVEL] * level
-        return silhouette.silhouette_rows(wall.near, far, wall.last_row, RADIUS, NO_FADE, heights)
-
-    too_high, too_low = rows(0.2), rows(-0.2)
-    assert np.isnan(too_high[3])
-    assert np.all(np.delete(too_high, 3) == -1.0)
-    assert np.all(np.isnan(too_low))
-
-
 # The fit.
 
 
@@ -260,23 +180,6 @@ def test_noiseless_points_and_rays_give_the_surface_back():
     # Where a crest is flat, the place of touch is known less exactly.
     assert np.max(errors) < 0.02 * MM
     assert np.median(errors) < 0.001 * MM
-
-
-def test_noiseless_front_points_all_around_are_met_exactly():
-    heights = random_surface(np.random.default_rng(6))
-    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 200))
-    found, *_ = solve((shapes, shapes @ heights))
-    np.testing.assert_allclose(shapes @ found, shapes @ heights, atol=1e-6)
-
-
-def test_rays_alone_tell_the_surface_over_the_whole_cross_section():
-    # A hill in the middle is seen at the wall as if the level were lower.
-    heights = np.zeros(SHAPES)
-    heights[Shape.MEAN] = -2.0 * MM
-    start = 0.9 * heights
-    rays = touching_rays(heights, 60, np.random.default_rng(7))
-    found, *_ = solve(front_points(heights), rays, start=start)
-    np.testing.assert_allclose(found, heights, atol=0.05 * MM)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -312,69 +215,12 @@ def test_a_rough_start_needs_the_coarse_way():
     np.testing.assert_allclose(fine, 0.0, atol=1e-6)
 
 
-def test_unknown_points_and_rays_do_not_count():
-    rng = np.random.default_rng(8)
-    heights = random_surface(rng, 0.25)
-    shapes, height = front_points(heights)
-    near, far = touching_rays(heights, 40, rng)
-    start = heights + 0.1 * MM
-    even = [part[::2].copy() for part in (shapes, height, near, far)]
-    clean = solve(even[:2], even[2:], start=start)
-    height[1::2] = np.nan
-    far[1::2] = np.nan
-    gaps = solve((shapes, height), (near, far), start=start)
-    np.testing.assert_allclose(gaps[0], clean[0], atol=1e-12)
-    np.testing.assert_allclose(gaps[1], clean[1], rtol=1e-9)
-    assert np.all(np.isnan(gaps[2][1::2]))
-    assert np.all(gaps[3][1::2] == 0.0)
-    assert np.all(np.isnan(gaps[6][1::2]))
-
-
-def test_bounds_below_the_surface_say_nothing():
-    heights = random_surface(np.random.default_rng(9))
-    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 120))
-    height = shapes @ heights
-    bound = np.zeros(120, np.bool_)
-    bound[::3] = True
-    height[bound] -= 4.0 * MM
-    found, _, _, weight, *_ = solve((shapes, height), bound=bound, start=heights)
-    np.testing.assert_allclose(shapes @ found, shapes @ heights, atol=1e-6)
-    assert np.all(weight[bound] == 0.0)
-
-
-def test_the_surface_is_not_below_a_bound_however_far():
-    shapes = wall_shapes(np.linspace(-np.pi, np.pi, 120))
-    height = np.full(120, 20.0 * MM)
-    precision = np.diag(np.full(SHAPES, (5.0 * MM) ** -2.0))
-    free = solve((shapes, height), precision=precision, scale=0.1 * MM)[0]
-    held = solve(
-        (shapes, height), precision=precision, scale=0.1 * MM, bound=np.ones(120, np.bool_)
-    )[0]
-    assert free[Shape.LEVEL] == pytest.approx(0.0, abs=1e-6)  # outliers, all of them
-    assert np.min(shapes @ held) > 19.9 * MM
-
-
 def test_without_data_the_prior_is_left():
     centre = np.arange(1.0, SHAPES + 1.0) * MM
     precision = np.diag(np.arange(1.0, SHAPES + 1.0) * 1e6)
     found, covariance, *_ = solve(centre=centre, precision=precision, start=np.zeros(SHAPES))
     np.testing.assert_allclose(found, centre, atol=1e-12)
     np.testing.assert_allclose(covariance, np.linalg.inv(precision), rtol=1e-9)
-
-
-def test_prior_and_points_are_weighed_by_their_variances():
-    # One point of the level against a prior of the same variance: the mean of both.
-    centre = np.zeros(SHAPES)
-    precision = np.diag(np.full(SHAPES, 1e12))
-    precision[0, 0] = (0.2 * MM) ** -2.0
-    front = np.eye(SHAPES)[:1], np.array([0.3 * MM])
-    found, covariance, _, weight, *_ = solve(front, centre=centre, precision=precision)
-    residual = (found[0] - 0.3 * MM) / (0.2 * MM)
-    # Tukey's weight of the point, as it says in any book.
-    expected = (1.0 - (residual / 4.7) ** 2) ** 2
-    assert weight[0] == pytest.approx(expected, rel=3e-3)
-    assert found[0] == pytest.approx(0.3 * MM * expected / (1.0 + expected), rel=3e-3)
-    assert covariance[0, 0] == pytest.approx((0.2 * MM) ** 2 / (1.0 + expected), rel=3e-3)
 
 
 def test_covariance_is_the_inverse_of_the_normal_matrix():
@@ -398,20 +244,6 @@ def test_covariance_is_the_inverse_of_the_normal_matrix():
     )
     np.testing.assert_allclose(covariance @ normal, np.eye(SHAPES), atol=2e-3)
     assert np.all(np.linalg.eigvalsh(covariance) > 0.0)
-
-
-def test_a_faded_crest_is_known_less_well():
-    heights = np.zeros(SHAPES)
-    heights[Shape.MEAN] = -2.0 * MM
-    near, far = touching_rays(heights, 60, np.random.default_rng(11))
-    fade = 0.8 * MM
-    # The edge is seen on rays that are lower by the fade: above them there is the surface.
-    lower = np.array([0.0, 0.0, fade])
-    front = front_points(heights)
-    sharp = solve(front, (near, far), start=heights)
-    soft = solve(front, (near - lower, far - lower), start=heights, fade=fade)
-    assert soft[0][Shape.MEAN] == pytest.approx(-2.0 * MM, abs=0.15 * MM)
-    assert soft[1][Shape.MEAN, Shape.MEAN] > 1.2 * sharp[1][Shape.MEAN, Shape.MEAN]
 
 
 def test_the_share_of_the_fade_is_what_the_edges_show_and_within_none_and_all():
@@ -457,33 +289,4 @@ def test_most_points_agree_with_the_first_guess():
     assert np.min(apart) >= 2.0 * MM
 
 
-def test_a_first_guess_that_no_liquid_has_is_not_made():
-    azimuth = np.linspace(-np.pi, 0.0, 108)
-    found, _ = candidates(azimuth, -0.06 * np.sin(azimuth))
-    assert np.max(np.hypot(*found.T)) <= 0.9 * RADIUS
-
-
-def test_unknown_points_leave_rest_as_the_one_guess():
-    azimuth = np.linspace(-np.pi, 0.0, 108)
-    found, share = candidates(azimuth, np.full(108, np.nan))
-    np.testing.assert_array_equal(found, [[0.0, 0.0]])
-    assert share[0] == 0.0
-
-
 # Around the wall.
-
-
-def test_residuals_are_spread_over_their_neighbourhood_around_the_closed_curve():
-    kernel = np.array([0.25, 0.5, 1.0, 0.5, 0.25])
-    index, residual, trust = np.array([0, 17]), np.array([2.0, -3.0]), np.array([1.0, 0.5])
-    total, count, seen = surface_solver.around_the_wall(index, residual, trust, 18, kernel, 3)
-    sums, weights, near = np.zeros(18), np.zeros(18), np.zeros(18, bool)
-    for place, value, weight in zip(index, residual, trust, strict=True):
-        for k in range(-2, 3):
-            sums[(place + k) % 18] += kernel[k + 2] * weight * value
-            weights[(place + k) % 18] += kernel[k + 2] * weight
-        for k in range(-1, 2):
-            near[(place + k) % 18] = True
-    np.testing.assert_allclose(total, sums, atol=1e-12)
-    np.testing.assert_allclose(count, weights, atol=1e-12)
-    np.testing.assert_array_equal(seen, near)

@@ -6,7 +6,7 @@ import pytest
 from side_view_scene import Liquid, Look, Setup, draw, still
 
 from slosh_camera.cylinder.detector import FreeSurfaceDetector
-from slosh_camera.images.seams import SeamFinder
+from slosh_camera.images.repeats import RepeatedFrames
 from slosh_camera.measurement import Flag
 from slosh_camera.rectangle.detector import SideViewDetector
 
@@ -40,23 +40,6 @@ def test_no_torn_image_is_measured_wrong_without_a_flag(make_scene, height, azim
                 flagged += found.flags != Flag.NONE
     assert wrong > 3
     assert flagged == wrong
-
-
-def test_a_seam_is_sharper_than_any_edge_that_a_lens_draws():
-    ramp = np.linspace(60.0, 20.0, 200)
-    rows = np.arange(120)[:, np.newaxis]
-
-    def image(line, seed=1):
-        return exposed(np.where(rows < line, 200, 50).astype(np.uint8), seed)
-
-    finder = SeamFinder((0, 0, 200, 120))
-    finder.learn(image(np.full(200, 70.0)))
-    columns = np.arange(200.0)
-    whole = image(ramp)
-    assert not finder.is_torn(finder.steps(whole), (columns, ramp))
-    for row in (30, 45):
-        torn = np.vstack((whole[:row], image(ramp + 12.0, 2)[row:]))
-        assert finder.is_torn(finder.steps(torn), (columns, ramp))
 
 
 @pytest.mark.first(1)
@@ -94,3 +77,66 @@ def test_torn_side_views_are_flagged_and_whole_ones_are_not():
                     unflagged += found.flags == Flag.NONE
     assert wrong > 8
     assert unflagged <= 0.5 * wrong, (wrong, unflagged)
+
+
+# A frozen camera is told by its images alone, in whatever memory they lie.
+
+
+FIRST = np.random.default_rng(4).integers(0, 256, (30, 40, 3), dtype=np.uint8)
+
+
+def changed(image, place):
+    other = image.copy()
+    other[place] ^= 1
+    return other
+
+
+@pytest.mark.parametrize("place", [(0, 0), (29, 39), (15, 20, 2)])
+def test_one_grey_level_of_one_pixel_is_a_new_image(place):
+    frames = RepeatedFrames()
+    assert not frames.is_repeat(FIRST)
+    assert not frames.is_repeat(changed(FIRST, place))
+
+
+@pytest.mark.parametrize("order", ["abab", "abcabc", "abcacb"])
+def test_a_driver_that_hands_out_old_images_in_turn_is_frozen(order):
+    frames = RepeatedFrames()
+    images = {name: changed(FIRST, (k, k)) for k, name in enumerate("abc")}
+    answers = [frames.is_repeat(images[name]) for name in order]
+    fresh = len(set(order))
+    assert answers == [False] * (fresh + 1) + [True] * (len(order) - fresh - 1)
+    # An image of its own ends it.
+    assert not frames.is_repeat(changed(FIRST, (9, 9)))
+    assert not frames.is_repeat(images["a"])
+
+
+def of_camera(count, shape=(64, 40)):
+    """Images of one scene with the noise of a camera."""
+    random = np.random.default_rng(7)
+    return [random.integers(90, 110, shape, dtype=np.uint8) for _ in range(count)]
+
+
+@pytest.mark.parametrize("cut", [12, 32, 50])
+@pytest.mark.parametrize("lower", [True, False])
+@pytest.mark.parametrize("age", [1, 5])
+def test_a_part_that_is_of_an_old_image_is_frozen(cut, lower, age):
+    frames, images = RepeatedFrames(), of_camera(20)
+    assert not any(frames.is_repeat(image) for image in images)
+    old, new = images[-age], of_camera(21)[-1]
+    torn = np.vstack([new[:cut], old[cut:]] if lower else [old[:cut], new[cut:]])
+    assert frames.is_repeat(torn)
+    # As long as it stays there, though all that is remembered shows it.
+    for image in of_camera(40)[21:]:
+        part = slice(cut, None) if lower else slice(0, cut)
+        image[part] = old[part]
+        assert frames.is_repeat(image)
+    assert not frames.is_repeat(of_camera(41)[-1])
+
+
+def test_a_picture_without_noise_may_stand_still_in_parts():
+    frames = RepeatedFrames()
+    for k, image in enumerate(of_camera(60)):
+        image[:24] = 200  # what is drawn, or coded as unchanged
+        if k % 20 > 12:
+            image[24:40] = 200
+        assert not frames.is_repeat(image)

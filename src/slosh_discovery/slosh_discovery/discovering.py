@@ -50,8 +50,8 @@ Tell = Callable[[str], object]
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """What is asked.
+class DiscoveryRequest:
+    """Data, model and options of a discovery.
 
     Attributes:
         data: bags, motion tables, folders of these.
@@ -76,7 +76,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prepared:
+class PreparedDiscovery:
     """What a discovery starts from.
 
     Attributes:
@@ -109,7 +109,7 @@ def check_size(motions: Sequence[MeasuredMotion], tell: Tell) -> None:
         tell(f"{count} measured samples: the search takes minutes; {remedy}")
 
 
-def prepare(request: Request, tell: Tell) -> Prepared:
+def prepare(request: DiscoveryRequest, tell: Tell) -> PreparedDiscovery:
     """Reads the model and the motions.
 
     Args:
@@ -146,11 +146,11 @@ def prepare(request: Request, tell: Tell) -> Prepared:
         note(f"every third motion{whose} is held out: {len(holdout)} of {len(fit) + len(holdout)}")
     elif not holdout:
         note("no motion is held out: the gap is shown on the motions of the fit")
-    return Prepared(base, *unique_names(fit, holdout), tuple(notes))
+    return PreparedDiscovery(base, *unique_names(fit, holdout), tuple(notes))
 
 
 def make_report(
-    request: Request, prepared: Prepared, finding: Finding, pictures: Pictures
+    request: DiscoveryRequest, prepared: PreparedDiscovery, finding: Finding, pictures: Pictures
 ) -> DiscoveryReport:
     """What the page and the text show of a finding.
 
@@ -269,7 +269,7 @@ def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
     return tuple(named[: len(fit)]), tuple(named[len(fit) :])
 
 
-def next_commands(request: Request, finding: Finding) -> tuple[Command, ...]:
+def next_commands(request: DiscoveryRequest, finding: Finding) -> tuple[Command, ...]:
     """What to type after a discovery."""
     models = {
         f" of a rig as in {name}": request.output / GROUP_MODEL.format(name)
@@ -322,7 +322,7 @@ def recorded_cell(data: Sequence[Path]) -> str:
     return CELL
 
 
-def _use(request: Request, model: Path) -> list[Command]:
+def _use(request: DiscoveryRequest, model: Path) -> list[Command]:
     """How to see the found model at work on the first bag and on the first table."""
     found = []
     given = [path for path in request.data if path.exists()]

@@ -43,8 +43,8 @@ Tell = Callable[[str], object]
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """What is asked.
+class IdentificationRequest:
+    """Data, model and options of an identification.
 
     Attributes:
         data: bags, motion tables, folders of these.
@@ -72,7 +72,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prepared:
+class PreparedIdentification:
     """What an identification starts from.
 
     Attributes:
@@ -89,7 +89,7 @@ class Prepared:
     notes: tuple[str, ...]
 
 
-def prepare(request: Request, tell: Tell) -> Prepared:
+def prepare(request: IdentificationRequest, tell: Tell) -> PreparedIdentification:
     """Reads the model, the motions and what is shown beside them.
 
     Args:
@@ -113,7 +113,7 @@ def prepare(request: Request, tell: Tell) -> Prepared:
     tell_ignored_tilt(base, (*fit, *holdout), note)
     check_apart(fit, holdout)
     beside = tuple(read_beside(path) for path in request.beside)
-    return Prepared(base, *unique_names(fit, holdout), beside, tuple(notes))
+    return PreparedIdentification(base, *unique_names(fit, holdout), beside, tuple(notes))
 
 
 def read_beside(folder: Path) -> Beside:
@@ -142,7 +142,7 @@ def read_beside(folder: Path) -> Beside:
 
 
 def make_report(
-    request: Request, prepared: Prepared, found: Identification
+    request: IdentificationRequest, prepared: PreparedIdentification, found: Identification
 ) -> IdentificationReport:
     """What the page and the text show of an identification."""
     count, held = len(prepared.fit), len(prepared.holdout)

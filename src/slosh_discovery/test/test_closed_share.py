@@ -6,15 +6,16 @@ import re
 from dataclasses import replace
 
 import pytest
-from example_finding import NOISE, example_finding, example_report
+from example_finding import example_finding, example_report
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from slosh_discovery.discover.finding import Finding, Gap, Role
+from slosh_discovery.discover.finding import Finding, HeightGap, Role
 from slosh_discovery.discover.gap import closed_share, is_worse, total_gap
+from slosh_discovery.discover.search import Leftover
 from slosh_discovery.discover.tuning import TUNING
+from slosh_discovery.discover.verdict import trust_in
 from slosh_discovery.discovery_report import (
-    DiscoveryReport,
     discovery_json,
     discovery_text,
     render_discovery,
@@ -26,12 +27,6 @@ HEIGHTS = st.floats(0.0, 1.0)
 COUNTS = st.integers(1, 10**6)
 
 
-@given(HEIGHTS, HEIGHTS, HEIGHTS, COUNTS)
-def test_it_is_at_most_one_or_not_known(before, after, noise, samples):
-    share = closed_share(before, after, noise, samples)
-    assert math.isnan(share) or share <= 1.0
-
-
 @given(HEIGHTS, HEIGHTS, HEIGHTS, HEIGHTS, COUNTS)
 def test_a_smaller_gap_after_never_closes_less(before, one, other, noise, samples):
     smaller, larger = sorted((one, other))
@@ -40,27 +35,10 @@ def test_a_smaller_gap_after_never_closes_less(before, one, other, noise, sample
     assert shares[0] >= shares[1]
 
 
-@given(HEIGHTS, HEIGHTS, COUNTS)
-def test_no_change_closes_nothing_and_what_is_left_of_noise_all(before, noise, samples):
-    same = closed_share(before, before, noise, samples)
-    assume(not math.isnan(same))
-    assert same == pytest.approx(0.0, abs=1e-12)
-    assert closed_share(before, noise, noise, samples) == 1.0
-    assert closed_share(before, 0.0, noise, samples) == 1.0
-
-
 @given(HEIGHTS, HEIGHTS, HEIGHTS, COUNTS)
 def test_whether_it_is_known_does_not_depend_on_the_gap_after(before, after, noise, samples):
     share = closed_share(before, after, noise, samples)
     assert math.isnan(share) == math.isnan(closed_share(before, 0.0, noise, samples))
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "share"),
-    [(2e-3, 1e-3, 0.75), (2e-3, 2e-3, 0.0), (1e-3, 2e-3, -3.0), (1e-3, 0.0, 1.0)],
-)
-def test_without_noise(before, after, share):
-    assert closed_share(before, after, 0.0, 100) == pytest.approx(share)
 
 
 def test_noise_that_is_left_counts_as_closed_and_more_is_not_possible():
@@ -120,23 +98,6 @@ def test_text_page_and_json_tell_one_share(held):
     assert f"{shown(gap['closed'], '% of')} % of what a better model could remove" in page
 
 
-def test_the_share_of_one_motion_is_that_of_a_finding_with_only_it():
-    motion = replace(example_finding().motions[0], role=Role.FIT)
-    finding = found(replace(example_finding(), motions=(motion,)))
-    document = json.loads(discovery_json(DiscoveryReport(finding)))
-    assert document["gap"]["closed"] == pytest.approx(document["motions"][0]["closed"], rel=1e-12)
-
-
-@pytest.mark.long
-def test_held_out_motions_within_the_noise_are_not_shown_as_the_fits_share():
-    gap = Gap(NOISE, 2e-3, 1e-3, NOISE, NOISE, 0.8, NAN)
-    report = DiscoveryReport(replace(example_finding(), gap=gap))
-    assert math.isnan(gap.closed)
-    assert json.loads(discovery_json(report))["gap"]["closed"] is None
-    assert "80 %" in discovery_text(report)
-    assert "/gap/closed" not in render_discovery(report)
-
-
 @pytest.mark.parametrize(
     ("before", "after", "worse"),
     [
@@ -152,9 +113,34 @@ def test_held_out_motions_within_the_noise_are_not_shown_as_the_fits_share():
 )
 def test_worse_is_what_noise_does_not_explain(before, after, worse):
     for unit in (1.0, 1e-3):
-        gap = Gap(
+        gap = HeightGap(
             noise=unit, fit_before=unit, fit_after=unit,
             holdout_before=before * unit, holdout_after=after * unit,
             fit_closed=math.nan, holdout_closed=math.nan,
         )  # fmt: skip
         assert is_worse(gap) is worse
+
+
+# How far a verdict may be trusted, by what the best explanation leaves.
+
+
+GAP = Leftover(mean_square=0.8, stddev=0.03)
+"""Of a base: hardly as large as the noise."""
+
+
+def test_what_leaves_nothing_but_noise_is_trusted():
+    assert trust_in(GAP, Leftover(mean_square=0.01, stddev=0.02)) == 1.0
+
+
+def test_a_name_that_explains_only_part_of_a_small_gap_is_not_certain():
+    """Little beside the noise, and yet a third of the gap's amplitude: a law that is nearly it."""
+    rest = Leftover(mean_square=0.9 * TUNING.adequate**2, stddev=0.005)
+    assert rest.adequate
+    assert trust_in(GAP, rest) < 0.9
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
+def test_the_more_of_a_gap_is_left_the_less_is_sure(share):
+    """Down to a share of what is closed: half of a gap explained is something."""
+    trust = trust_in(Leftover(4.0, 0.0), Leftover(4.0 * share, 0.0))
+    assert trust == pytest.approx(0.85 * (1.0 - share))

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slosh_bag.bag_writer import BagWriter
-from slosh_bag.definitions import Definitions
 from slosh_base.files.errors import SloshFileError
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
-from slosh_discovery.discover_data.heights import without_spikes
-from slosh_discovery.discover_data.recording import Heights, Recording, Residuals, angular_velocity
+from slosh_discovery.discover_data.recording import (
+    BagRecording,
+    Heights,
+    Residuals,
+    angular_velocity,
+)
 from slosh_discovery.discover_data.splitting import LEAD_IN_NS, LONGEST_NS, REST_NS, split
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.constants import GRAVITY
@@ -25,13 +27,13 @@ from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.tables.table_bag import write_table_bag
 from slosh_tables.motion_table import MotionTable, write_motion_table
+from slosh_testing.cell_bag import CellBag
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 MODEL = Model(Cylinder(0.05, 0.07), damping_ratio=0.03).spatial()
 NOISE = 1e-4
 UP = np.array([0.0, 0.0, GRAVITY])
-ASKEW = np.array([0.4, -0.3, 0.05])
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 NONE = Residuals(np.empty(0, dtype=np.int64), np.empty(0))
@@ -63,9 +65,9 @@ def stamps_of(t: Array) -> np.ndarray[Any, np.dtype[np.int64]]:
     return START + np.rint(t * 1e9).astype(np.int64)
 
 
-def recording(t: Array, acceleration: Array, heights: Heights) -> Recording:
+def recording(t: Array, acceleration: Array, heights: Heights) -> BagRecording:
     motion = RecordedMotion(stamps_of(t), acceleration)
-    return Recording(Path("day"), motion, heights, NONE, {}, SECOND // 20)
+    return BagRecording(Path("day"), motion, heights, NONE, {}, SECOND // 20)
 
 
 def parts_of(starts: tuple[float, ...], seconds: float) -> list[tuple[float, float, float]]:
@@ -127,12 +129,6 @@ class TestTables:
         assert motion.eta is None
         assert "wall heights are left out" in notes[0]
 
-    def test_a_folder_gives_its_tables_in_the_order_of_their_names(self, tmp_path: Path) -> None:
-        for name in ("b.csv", "a.csv.gz"):
-            write_motion_table(tmp_path / name, table_of())
-        (tmp_path / "notes.txt").write_text("none of them")
-        assert [motion.name for motion in read_motions(tmp_path)] == ["a", "b"]
-
     def test_a_spike_is_left_out_and_said(self, tmp_path: Path) -> None:
         table = table_of()
         assert table.msh is not None
@@ -144,12 +140,6 @@ class TestTables:
         assert notes == [
             f"{tmp_path / 'run.csv'}: 1 single spikes of the measured height are left out"
         ]
-
-    def test_noise_as_large_as_the_sloshing_has_no_spikes(self) -> None:
-        noise = np.random.default_rng(5).normal(0.0, 1e-3, 2000)
-        clean, spikes = without_spikes(noise)
-        assert spikes == 0
-        np.testing.assert_array_equal(clean, noise)
 
 
 class TestWrongInput:
@@ -196,10 +186,6 @@ class TestSplit:
         assert first == pytest.approx((1.2, 13.0, 1.2), abs=0.5)
         assert second == pytest.approx((22.2, 34.0, 22.2), abs=0.5)
 
-    def test_a_motion_into_sloshing_liquid_stays_with_the_one_before(self) -> None:
-        (only,) = parts_of((3.0, 7.0), 20.0)
-        assert only == pytest.approx((1.2, 17.0, 1.2), abs=0.5)
-
     def test_the_dwell_ends_where_the_rest_before_the_next_motion_begins(self) -> None:
         (first, second) = parts_of((3.0, 13.0), 26.0)
         assert first[1] == pytest.approx(second[0], abs=0.01)
@@ -233,85 +219,14 @@ class TestSplit:
         assert [round((part.start - START) / SECOND) for part in found.parts] == [22]
         assert "begun before the recording" in found.notes[0]
 
-    def test_a_sensor_that_is_mounted_askew_does_not_move(self) -> None:
-        t, acceleration = bursts((3.0, 24.0), 40.0)
-        found = split(recording(t, acceleration + ASKEW, seen(t, acceleration)))
-        assert len(found.parts) == 2
 
-    def test_tilting_alone_is_a_motion(self) -> None:
-        t = np.arange(0.0, 20.0, 0.004)
-        still = np.zeros((len(t), 3))
-        tilting = still.copy()
-        tilting[:, 1] = 0.3 * burst(t, 5.0)[:, 0]
-        motion = RecordedMotion(stamps_of(t), still, None, tilting)
-        made = Recording(Path("x"), motion, seen(t, still), NONE, {}, SECOND)
-        (part,) = split(made).parts
-        assert (part.start - START) / SECOND == pytest.approx(3.2, abs=0.5)
-
-
-class Bag:
-    """Writes a bag of a cell, message by message."""
-
-    def __init__(self) -> None:
-        self.definitions = Definitions()
-        self.entries: list[tuple[int, str, str, Any]] = []
-        for name in ("sensor_msgs/msg/Imu", "geometry_msgs/msg/PoseStamped",
-                     "geometry_msgs/msg/AccelStamped", "slosh_msgs/msg/FreeSurface",
-                     "slosh_msgs/msg/SloshComparison"):  # fmt: skip
-            self.definitions.hash(name)
-
-    def make(self, name: str, **fields: Any) -> Any:
-        return self.definitions.typestore.types[name](**fields)
-
-    def blank(self, name: str) -> Any:
-        """A message of zeros."""
-        kind = self.definitions.typestore.types[name]
-        values: dict[str, Any] = {}
-        fields = self.definitions.typestore.fielddefs[name][1]
-        for field, (node, definition) in fields:
-            if node.name == "BASE" and definition[0] in ("string",):
-                values[field] = ""
-            elif node.name == "BASE":
-                values[field] = definition[0] == "bool" and False
-            elif node.name == "NAME":
-                values[field] = self.blank(definition)
-            elif node.name == "ARRAY":
-                values[field] = np.zeros(definition[1])
-            else:
-                values[field] = np.empty(0, dtype=np.float32)
-        return kind(**values)
-
-    def put(self, topic: str, name: str, stamp: int, frame: str, **fields: Any) -> None:
-        message = self.blank(name)
-        for path, value in fields.items():
-            *parents, last = path.split("__")
-            place = message
-            for parent in parents:
-                place = getattr(place, parent)
-            setattr(place, last, value)
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
-        message.header.frame_id = frame
-        self.entries.append((stamp, topic, name, message))
-
-    def accel(self, stamp: int, a: Array) -> None:
-        x, y, z = a.tolist()
-        self.put("/slosh/accel", "geometry_msgs/msg/AccelStamped", stamp, "world",
-                 accel__linear__x=x, accel__linear__y=y, accel__linear__z=z)  # fmt: skip
+class Bag(CellBag):
+    """A bag of a cell with measured heights."""
 
     def heights(self, heights: Heights, flags: dict[int, int] | None = None) -> None:
         for row, (stamp, msh, stddev) in enumerate(zip(*heights, strict=True)):
-            self.put("/slosh/free_surface", "slosh_msgs/msg/FreeSurface", int(stamp), "container",
-                     msh=float(msh), msh_stddev=float(stddev),
-                     flags=(flags or {}).get(row, 0))  # fmt: skip
-
-    def write(self, folder: Path) -> Path:
-        with BagWriter(folder, self.definitions, {}) as writer:
-            for _, topic, name, _ in self.entries:
-                writer.add_topic(topic, name)
-            for stamp, topic, name, message in sorted(self.entries, key=lambda entry: entry[0]):
-                data = self.definitions.typestore.serialize_cdr(message, name)
-                writer.write(topic, bytes(data), stamp)
-        return folder
+            marks = (flags or {}).get(row, 0)
+            self.surface(int(stamp), float(msh), msh_stddev=float(stddev), flags=marks)
 
 
 class TestBags:
@@ -341,19 +256,6 @@ class TestBags:
             residual = motion.msh - np.interp(motion.t, motion.inputs.t, predicted)
             assert np.sqrt(np.mean(residual**2)) < 2.0 * NOISE
             assert motion.msh.max() > 50.0 * NOISE
-
-    def test_an_unfinished_file_gives_what_is_there(self, tmp_path: Path) -> None:
-        t, acceleration = bursts((2.5,), 8.0)
-        bag = Bag()
-        for stamp, a in zip(stamps_of(t).tolist(), acceleration, strict=True):
-            bag.accel(stamp, a)
-        bag.heights(seen(t, acceleration))
-        (file,) = bag.write(tmp_path / "bag").glob("*.mcap")
-        file.write_bytes(file.read_bytes()[:-200])
-        notes: list[str] = []
-        (motion,) = read_motions(file, tell=notes.append)
-        assert motion.t[-1] > 7.0
-        assert len(notes) == 1
 
     def test_an_imu_feels_gravity_so_its_attitude_is_the_yaw_alone(self, tmp_path: Path) -> None:
         t, acceleration = bursts((2.5,), 8.0)

@@ -86,17 +86,6 @@ def test_the_lean_of_each_campaign_is_named_with_its_own_values(finding):
 
 
 @pytest.mark.long
-def test_the_models_of_the_campaigns_have_what_they_share_and_what_is_theirs(finding):
-    assert finding.model.has("vertical_acceleration")
-    assert not finding.model.has("sensor_tilt")
-    lean = next(effect for effect in finding.effects if effect.name == "sensor_tilt")
-    assert set(finding.group_models) == set(LEANS)
-    for group, model in finding.group_models.items():
-        expected = finding.model.with_effect("sensor_tilt", **lean.by_group[group].parameters)
-        assert set(model.effects) == set(expected.effects)
-
-
-@pytest.mark.long
 def test_text_page_and_document_tell_the_values_of_each_campaign(finding):
     report = DiscoveryReport(finding)
     document, text, page = (
@@ -133,15 +122,6 @@ def test_one_campaign_is_not_split_be_it_given_as_two_or_as_none(given):
     assert finding.verdict is Verdict.NAMED
     assert {effect.name for effect in finding.effects} == {"sensor_tilt", "vertical_acceleration"}
     assert all(effect.by_group == {} for effect in finding.effects)
-    assert finding.group_models == {}
-
-
-@pytest.mark.long
-def test_groups_alone_are_no_reason_to_name_anything():
-    groups = ("one", "one", "one", "two", "two", "two")
-    motions = [replace(measured(BASE, seed), group=group) for seed, group in enumerate(groups)]
-    finding = discover(motions, BASE)
-    assert finding.verdict is Verdict.NONE
     assert finding.group_models == {}
 
 

@@ -1,39 +1,25 @@
 """The parts of the discovery: what data are worth, clocks that slip, motions left out."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from example_effects import in_fitting_container
-from example_motions import BASE, DURATION, NOISE, inputs_of, measured
+from example_motions import BASE, NOISE, measured
 
 from slosh_discovery.discover.clock import first_offset, slipped_offsets
-from slosh_discovery.discover.crosscheck import held_out
 from slosh_discovery.discover.evidence import (
     columns_together,
     correlation_length,
-    log_evidence,
-    log_prior,
-    probabilities,
-    standard_errors,
 )
 from slosh_discovery.discover.explanation import Explanation, starts
 from slosh_discovery.discover.fitting import fit
-from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.problem import prepare
 from slosh_discovery.discover.search import Search
 from slosh_discovery.discover.tuning import TUNING
-from slosh_model import predicted_heights
 from slosh_model.effects.registry import EFFECTS
 
 RANDOM = np.random.default_rng(3)
-
-
-def test_white_noise_counts_in_full():
-    series = [RANDOM.normal(size=(500, 8)) for _ in range(3)]
-    assert correlation_length(series) == pytest.approx(1.0, abs=0.3)
-    assert columns_together(series) == pytest.approx(1.0, abs=0.1)
 
 
 def test_residuals_that_go_together_count_once():
@@ -43,26 +29,11 @@ def test_residuals_that_go_together_count_once():
     assert correlation_length([steps]) == pytest.approx(10.0, rel=0.15)
 
 
-def test_probabilities_do_not_overflow():
-    assert probabilities([-1e6, -1e6 - np.log(3.0)]) == pytest.approx([0.75, 0.25])
-
-
 def test_before_any_data_an_effect_is_at_work_one_time_in_three():
     """So none is named for what chance alone would show, and none needs more than is there."""
     nothing = math.prod(1.0 - TUNING.effect_prior * effect.odds for effect in EFFECTS.values())
     anything = 1.0 - nothing
     assert anything == pytest.approx(1.0 / 3.0, abs=0.06)
-
-
-def test_a_parameter_that_does_nothing_costs_little_and_one_that_is_pinned_down_more():
-    motions = [prepare(measured(BASE, 1), noise=NOISE)]
-    base = fit(Explanation(BASE), motions, np.zeros(0), [0.0])
-    wider = Explanation(BASE).with_effect("height_offset", {})
-    one = fit(wider, motions, np.zeros(1), [0.0])
-    paid = log_evidence(base, 1.0) - log_evidence(one, 1.0)
-    assert 4.0 < paid < 15.0  # the prior of an effect alone is 4.1
-    (error,) = standard_errors(one, 1.0)
-    assert error == pytest.approx(NOISE / np.sqrt(motions[0].kept.sum()), rel=0.05)
 
 
 @pytest.mark.long
@@ -110,49 +81,6 @@ def test_a_clock_caught_beside_the_right_one_is_found_out():
     assert found == pytest.approx(0.4, abs=0.02)
     right = fit(Explanation(BASE), [motion], np.zeros(0), [0.4])
     assert slipped_offsets(right, [motion]) is None
-
-
-@pytest.mark.parametrize("count", [1, 4])
-def test_what_is_left_out_is_predicted_to_the_noise_by_the_truth_alone(count):
-    truth = BASE.with_effect("accel_gain", gain=1.2)
-    motions = [prepare(measured(truth, seed), noise=NOISE) for seed in range(count)]
-    offsets = [0.0] * count
-    right = Explanation(BASE).with_effect("accel_gain", {})
-    wrong = Explanation(BASE).with_effect("height_offset", {})
-    good, bad = (
-        held_out(fit(one, motions, one.centres, offsets), motions) for one in (right, wrong)
-    )
-    assert good.rms == pytest.approx(NOISE, rel=0.15)
-    assert bad.rms > 2.0 * good.rms
-
-
-def test_thinned_inputs_give_the_same_heights():
-    """A motion at 1 kHz is taken at the camera's moments and a few between them."""
-    coarse = inputs_of(4)
-    t = np.arange(0.0, coarse.t[-1], 0.001)
-    inputs = coarse.resampled(t)
-    times = np.arange(0.0, DURATION - 0.1, 1.0 / 60.0)
-    heights = predicted_heights(BASE, inputs, times)[:, 0]
-    motion = prepare(MeasuredMotion("dense", inputs, times, msh=heights), noise=NOISE)
-    assert np.diff(motion.coarse.t).max() < 1.01 * TUNING.input_spacing
-    answer = motion.simulate(BASE)
-    assert answer is not None
-    assert answer.at(motion.t, 0.0)[:, 0] == pytest.approx(heights, abs=2e-5)
-
-
-def test_what_nobody_gets_so_wrong_is_paid_for():
-    """A fill height given as 70 mm is a few millimetres off, or something else is wrong."""
-    motions = [prepare(measured(BASE, 1), noise=NOISE)]
-    one = fit(Explanation(BASE).with_effect("fill_level", {}), motions, np.zeros(1), [0.0])
-    (spread,) = one.explanation.spreads
-    assert spread == EFFECTS["fill_level"].parameters[0].spread
-    paid = log_prior(replace(one, vector=np.array([0.005]))) - log_prior(
-        replace(one, vector=np.array([0.068]))
-    )
-    assert paid == pytest.approx(0.5 * (0.068**2 - 0.005**2) / spread**2)
-    assert paid > 30.0
-    (error,) = standard_errors(one, 1e12)
-    assert error == pytest.approx(spread)
 
 
 @pytest.mark.parametrize("name", EFFECTS)

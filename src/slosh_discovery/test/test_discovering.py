@@ -1,6 +1,5 @@
 """From files to a finding's report: which motions are fitted, which images are shown."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from slosh_discovery.discover_frames import worst_frames
 from slosh_discovery.discovering import (
     MANY,
     MOST,
-    Request,
+    DiscoveryRequest,
     check_size,
     grouped,
     next_commands,
@@ -69,13 +68,6 @@ def test_the_worst_moments_images_are_those_of_their_stamps(day):
     assert len(set(asked[0][1].values())) == 2
 
 
-def test_a_name_that_two_bags_share_brings_no_image(day, tmp_path):
-    copy = tmp_path / day.name
-    shutil.copytree(day, copy)
-    moment = WorstMoment("c3#1", 1.0, 0.01, 0.02, 0.01)
-    assert worst_frames([day, copy], [moment], pytest.fail) == ()
-
-
 def test_motions_of_one_name_are_told_apart():
     motions = tuple(example_motion(name, 1) for name in ("run#1", "run#2", "run#1"))
     fit, holdout = unique_names(motions[:2], motions[2:])
@@ -126,20 +118,12 @@ def test_a_motion_of_no_group_or_of_two_is_one_clear_error(name, path, which):
         grouped(example_motion(name, 1), Path(path), groups)
 
 
-def test_of_each_group_every_third_motion_is_held_out():
-    motions = tuple(
-        replace(example_motion(f"run {number}", number), group=group)
-        for number, group in enumerate("aababbab")
-    )
-    fit, holdout = part(motions)
-    assert [motion.name for motion in holdout] == ["run 3", "run 5"]
-    assert len(fit) == 6
-
-
 def test_each_group_gets_its_model_file_and_the_command_that_loads_it(tmp_path):
     models = {name: FOUND.with_effect("height_offset", offset=0.001) for name in ("a", "b")}
     finding = replace(example_finding(), model=BASE, group_models=models)
-    request = Request((Path("runs"),), tmp_path, Path("model.yaml"), groups={"a": ("x", "y")})
+    request = DiscoveryRequest(
+        (Path("runs"),), tmp_path, Path("model.yaml"), groups={"a": ("x", "y")}
+    )
     write_results(tmp_path, DiscoveryReport(finding))
     for name, model in models.items():
         assert read_model(tmp_path / f"model_{name}.yaml") == model

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
-from slosh_discovery.discover.colour import Colour, estimate_colour
+from slosh_discovery.discover.colour import estimate_colour
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify import Strategy, identify
@@ -112,36 +111,6 @@ def test_both_models_of_a_rectangle_by_the_slope_of_its_line():
     assert one.seoe < 1.1 * two.seoe
 
 
-def test_a_start_out_of_step_finds_its_way():
-    off = replace(BASE, natural_frequency=29.0)
-    found = identify(measured(np.random.default_rng(1), 30), off).overall
-    assert values(found)["natural_frequency"] == pytest.approx(24.0, abs=0.1)
-
-
-def test_it_ends_where_levenberg_marquardt_ends():
-    problem = problem_of(measured(np.random.default_rng(2), 48, 2))
-    estimate = fit(problem, problem.start(problem.starts))
-    neighbours = neighbours_of(problem.trials)
-    colour = estimate.colour
-    # With Huber's function written as residuals, √(2ρ), for a solver that knows no loss.
-    found = least_squares(
-        lambda v: huber(neighbours.whitened(problem.residuals([v])[:, 0], colour)),
-        problem.starts,
-        method="lm",
-        x_scale=problem.widths,
-        xtol=1e-12,
-        ftol=1e-12,
-    )
-    assert estimate.values == pytest.approx(found.x, rel=2e-4)
-    assert np.all(np.abs(estimate.values - found.x) < 0.05 * estimate.standard_errors)
-
-
-def huber(white, k=2.0):
-    size = np.abs(white)
-    far = np.sqrt(2.0 * k * np.maximum(size, k) - k**2)
-    return np.sign(white) * np.where(size < k, size, far)
-
-
 def test_colour_is_told_through_gaps_and_outliers():
     rng = np.random.default_rng(3)
     problem = problem_of(measured(rng, 30, 8, rho=0.7, outliers=0.01, gaps=0.1), base=TRUTH)
@@ -149,17 +118,6 @@ def test_colour_is_told_through_gaps_and_outliers():
     colour = estimate_colour(residual, neighbours_of(problem.trials), 0)
     assert colour.stddev == pytest.approx(NOISE, rel=0.08)
     assert colour.correlation == pytest.approx(0.7, abs=0.04)
-
-
-def test_what_is_freed_of_its_colour_is_white():
-    rng = np.random.default_rng(4)
-    problem = problem_of(measured(rng, 30, 8, rho=0.7, gaps=0.3), base=TRUTH)
-    neighbours = neighbours_of(problem.trials)
-    residual = problem.residuals([problem.starts])[:, 0]
-    white = neighbours.whitened(residual, Colour(NOISE, 0.7))
-    linked = neighbours.before >= 0
-    assert np.std(white) == pytest.approx(1.0, abs=0.05)
-    assert abs(np.mean(white[linked] * white[neighbours.before[linked]])) < 0.06
 
 
 def test_outliers_move_the_answer_by_less_than_its_error():
@@ -188,18 +146,11 @@ ROUGH = {"rho": 0.7, "outliers": 0.01, "gaps": 0.1}
 
 
 @pytest.mark.long
-def test_intervals_hold_the_truth():
-    assert np.all(covered(40, 6, NAMES, 2) >= 0.87)
-    assert np.all(covered(40, 7, NAMES, 2, **ROUGH) >= 0.85)
-
-
-@pytest.mark.long
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("repeats", [1, 3])
-def test_intervals_hold_the_truth_in_many_runs(repeats):
-    white = covered(200, 31, (*NAMES, "p"), repeats)
+def test_intervals_hold_the_truth_in_many_runs():
+    white = covered(200, 31, (*NAMES, "p"), 1)
     assert np.all((white >= 0.90) & (white <= 0.99))
-    rough = covered(200, 32, (*NAMES, "p"), repeats, **ROUGH)
+    rough = covered(200, 32, (*NAMES, "p"), 1, **ROUGH)
     assert np.all(rough >= 0.88)
 
 
@@ -252,18 +203,6 @@ def test_unrelated_clocks_and_an_unknown_level_are_fitted_with_the_parameters():
     assert found.motions[0].seoe == pytest.approx(1e-4, rel=0.1)
     for entry in found.overall.parameters:
         assert abs(entry.value - TRUE[entry.name]) < 3.0 * entry.error
-
-
-def test_a_delay_is_an_effect_like_others():
-    late = TRUTH.with_effect("time_offset", tau=0.021)
-    motions = measured(np.random.default_rng(23), 30, truth=late)
-    found = identify(motions, BASE, (*NAMES, "time_offset.tau")).overall
-    assert values(found)["time_offset.tau"] == pytest.approx(0.021, abs=1e-3)
-
-
-def test_what_remembers_too_long_to_be_noise_is_not_taken_out():
-    assert Colour(1e-3, 0.7).memory == 0.7
-    assert Colour(1e-3, 0.96).memory == 0.0
 
 
 @pytest.mark.first(1)
@@ -357,12 +296,6 @@ def test_a_model_that_lacks_something_is_told():
     truth = replace(TRUTH, damping_ratio=0.01).with_effect("second_mode", damping_ratio=0.01)
     found = identify(measured(rng, 48, 2, truth=truth, noise=1e-4), BASE)
     assert any("the model lacks something" in remark for remark in found.remarks)
-
-
-@pytest.mark.parametrize("speed", [12, 30, 48, 60])
-@pytest.mark.parametrize("law", ["quintic", "acceleration_pulse", "cycloidal"])
-def test_speeds_are_told_from_the_motion(speed, law):
-    assert operating_speed(drive(speed, law), 0.4) == pytest.approx(speed, rel=5e-3)
 
 
 def test_a_stroke_and_its_long_decay_have_no_operating_speed():

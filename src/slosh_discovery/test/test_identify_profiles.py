@@ -97,17 +97,6 @@ def test_identification_from_profiles(tables):
         assert row.measured > 1.5 * row.line
 
 
-def test_errors_of_the_line_with_mean_and_spread(tables):
-    line = line_limit(read_motions(tables, BASE), 0.4)
-    assert [error.speed for error in line.errors] == [30.0, 36.0, 42.0, 48.0]
-    means = [error.mean for error in line.errors]
-    assert means == sorted(means)
-    assert means[1] < 5e-4 < means[2]
-    assert all(0.0 < error.stddev < 2e-5 for error in line.errors)
-    assert line_limit(read_motions(tables, BASE), 0.4, 2e-3).exceeded is False
-    assert math.isnan(line_limit(read_motions(tables, BASE), 0.4, 1e-5).speed)
-
-
 def flags_of(model, speed):
     table = table_at(speed, 1)
     count = len(table.t)
@@ -123,8 +112,3 @@ def test_the_estimator_flags_a_motion_that_leaves_the_limits(tables):
     assert not flags_of(model, 36) & lost
     assert flags_of(model, 42) & lost
     assert not flags_of(BASE, 42) & lost
-
-
-def test_without_profiles_there_is_no_limit():
-    assert line_limit([], 0.4) is None
-    assert limited(BASE, None) == BASE

@@ -7,9 +7,8 @@ from example_motions import BASE, DURATION, inputs_of
 from slosh_discovery.discover import MeasuredMotion, Verdict, discover
 from slosh_discovery.discover.driven import answer_columns, answer_covariance
 from slosh_discovery.discover.input_noise import estimate_input_noise
-from slosh_discovery.discover.problem import SharedNoise, prepare
+from slosh_discovery.discover.problem import prepare
 from slosh_discovery.discover.rounds import driven_alike, with_noise
-from slosh_discovery.identify import identify
 from slosh_model import Cylinder, Inputs, Model, Rectangle, predicted_heights
 from slosh_model.interpolation import columns_at
 
@@ -49,14 +48,6 @@ def test_the_noise_is_estimated_at_rest(rate, noise, bias):
     assert found.quantum == 0.0
 
 
-def test_noise_that_remembers_moves_the_liquid_more():
-    colour = 0.8
-    found = estimate_input_noise(sampled(inputs_of(1), 250.0, 0.02, colour=colour, seed=4))
-    low = (0.02 / (1.0 - colour)) ** 2 / 250.0
-    assert found.density == pytest.approx(low, rel=0.5)
-    assert found.stddev**2 / 250.0 < 0.2 * low
-
-
 def test_an_exact_input_has_none_and_a_rounded_one_its_rounding():
     assert estimate_input_noise(inputs_of(1)) is None
     found = estimate_input_noise(sampled(inputs_of(1), 250.0, 0.0, quantum=0.04))
@@ -88,12 +79,6 @@ def test_rounding_moves_the_liquid_no_more_than_is_foretold(quantum):
     assert np.mean(white) < np.mean(found) < np.mean(foretold) < 6.0 * np.mean(found)
 
 
-def test_a_planned_staircase_is_not_rounded():
-    t = np.arange(0.0, 2.0, 1e-3)
-    staircase = np.select([t < 0.5, t < 0.8, t < 1.1, t < 1.4], [0.0, 1.0, 0.0, -1.0], 0.0)
-    assert estimate_input_noise(Inputs(t, np.outer(staircase, [1.0, 0.0, 0.0]))) is None
-
-
 def test_the_answer_s_covariance_is_that_of_many_simulations():
     mode, count = BASE.mode_constants()[0], 300
     rate, t = 250.0, np.linspace(0.5, 4.0, 30)
@@ -114,33 +99,6 @@ def test_the_answer_s_covariance_is_that_of_many_simulations():
     columns = answer_columns(t, omega, zeta, tolerated)
     assert columns @ columns.T == pytest.approx(exact, abs=2.0 * tolerated)
     assert np.all(np.diag(exact - columns @ columns.T) <= 1.01 * tolerated)
-
-
-def test_shared_noise_is_taken_out_and_put_back():
-    random = np.random.default_rng(0)
-    columns = 3.0 * random.normal(size=(40, 3))
-    noise = SharedNoise.of(columns)
-    values = random.normal(size=40)
-    assert noise.added(noise.removed(values)) == pytest.approx(values)
-    white = noise.removed(np.eye(40))
-    assert white @ (np.eye(40) + columns @ columns.T) @ white.T == pytest.approx(np.eye(40))
-
-
-@pytest.mark.first(1)
-@pytest.mark.parametrize("noise", [0.02, 0.2])
-def test_what_is_left_of_the_true_model_is_white(noise):
-    squares, sizes = [], []
-    for seed in range(6):
-        motion = seen(BASE, seed, noise=noise)
-        one = with_noise(prepare(motion), BASE, 0.0, None)
-        left = (one.heights - one.simulate(BASE).at(one.t, 0.0))[one.kept]
-        squares.append(np.mean(one.in_noises(left) ** 2))
-        sizes.append((one.driven_rms**2, np.mean(left**2) - CAMERA**2))
-        assert one.in_metres(one.in_noises(left)) == pytest.approx(left)
-    # Where there is hardly a wave, the highest point is allowed more than it does.
-    assert 0.25 < np.mean(squares) < 1.4
-    foretold, found = np.sqrt(np.mean(sizes, axis=0))
-    assert foretold == pytest.approx(found, rel=0.4)
 
 
 @pytest.mark.parametrize(("rate", "noise", "errors"), [
@@ -186,17 +144,6 @@ def test_nothing_is_proposed_that_the_camera_itself_says_it_cannot_see():
 
 
 @pytest.mark.long
-def test_an_identification_s_errors_know_of_the_input_s_noise():
-    off = []
-    for trial in range(6):
-        motions = [seen(BASE, 10 * trial + k, noise=0.05) for k in range(2)]
-        found = identify(motions, BASE, ("natural_frequency",)).overall.parameters[0]
-        truth = BASE.mode_constants()[0].natural_frequency
-        off.append((found.value - truth) / found.error)
-    assert np.sqrt(np.mean(np.square(off))) < 2.0
-
-
-@pytest.mark.long
 @pytest.mark.parametrize(
     "base", [Model(Rectangle(0.16, 0.12, 0.07)), Model(Cylinder(0.1, 0.07))], ids=["box", "cup"]
 )
@@ -224,11 +171,6 @@ def test_a_bias_is_carried_through_a_frequency_that_changes():
     driven = with_noise(prepare(motion, noise=CAMERA), model, 0.0, None).driven
     foretold = np.sqrt(np.sum(driven[:, 0] ** 2, axis=1))
     assert foretold == pytest.approx(moved, abs=0.02 * moved.max())
-
-
-def test_a_bias_is_seen_through_rounding():
-    given = sampled(inputs_of(1), 250.0, 0.05, bias=0.02, quantum=0.04)
-    assert estimate_input_noise(given).constant == pytest.approx((0.02, 0.0), abs=0.01)
 
 
 def test_models_that_move_the_liquid_elsewhere_are_notdriven_alike():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from slosh_discovery.discover.generic.response import Setting
+from slosh_discovery.discover.generic.response import MotionWithTerms
 from slosh_discovery.discover.generic.terms import LIBRARY
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.propose import propose
@@ -103,23 +103,15 @@ def test_nothing_is_proposed_for_what_no_term_explains():
     assert found is None or found.explained < 0.5
 
 
-def test_clock_and_level_are_heeded():
-    motion = measured(lambda t, q, v: np.zeros(2))[0]
-    exact = Setting.of(MODEL, motion, 0.0).heights((), ())
-    assert exact == pytest.approx(predicted_heights(MODEL, motion.inputs, T), abs=2e-6)
-    later = MeasuredMotion("later", motion.inputs, T + 7.0, motion.msh + 0.01)
-    shifted = Setting.of(MODEL, later, 7.0).heights((), ())
-    assert shifted == pytest.approx(exact, abs=1e-6)
-    assert propose([later], MODEL, clock_offsets=[7.0], levels=[0.01]) is None
-
-
 def test_terms_act_as_a_second_integrator_says():
     def extra(t, q, v):
         return 0.9 * np.array([-v[1], v[0]]) - 0.2 * t * v
 
     azimuth = np.array([0.0, 0.5 * np.pi])
     motion = MeasuredMotion("walls", MOTIONS[1], T, eta_azimuth=azimuth, eta=np.zeros((len(T), 2)))
-    heights = Setting.of(MODEL, motion, 0.0).heights([TERMS["J q̇"], TERMS["t q̇"]], [0.9, -0.2])
+    heights = MotionWithTerms.of(MODEL, motion, 0.0).heights(
+        [TERMS["J q̇"], TERMS["t q̇"]], [0.9, -0.2]
+    )
     expected = truth(MOTIONS[1], extra)
     assert heights == pytest.approx(expected, abs=5e-3 * np.abs(expected).max())
 
@@ -139,10 +131,4 @@ def test_a_gain_on_the_acceleration_from_wall_heights():
 def test_a_term_that_runs_away_is_an_error():
     motion = measured(lambda t, q, v: np.zeros(2))[0]
     with pytest.raises(SloshModelError, match="no bounded solution"):
-        Setting.of(MODEL, motion, 0.0).heights([TERMS["q̇"]], [50.0])
-
-
-def test_units_make_accelerations():
-    expected = {"q": "1/s²", "a": "1", "x̂": "m/s²", "‖q̇‖ q̇": "1/m", "a_z q̇": "s/m"}
-    assert {label: TERMS[label].unit for label in expected} == expected
-    assert len(TERMS) == len(LIBRARY)
+        MotionWithTerms.of(MODEL, motion, 0.0).heights([TERMS["q̇"]], [50.0])

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_discovery.discover import sensor_noise
 from slosh_discovery.discover.colour import Whitening, neighbours_in
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.problem import HeightNoise, prepare
-from slosh_discovery.discover.sensor_noise import Leftovers, alike, dressed, estimate_sensor
+from slosh_discovery.discover.sensor_noise import Leftovers, dressed, estimate_sensor
 from slosh_model.simulate import Inputs
 
 RATE, COUNT = 60.0, 300
@@ -78,24 +77,6 @@ def test_a_whitened_residual_has_the_likelihood_of_the_whole_covariance(series):
     assert whitening.applied(two)[:, 1] == pytest.approx(2.0 * white)
 
 
-def test_noise_that_all_remembers_needs_no_filter(series):
-    neighbours, _, values = series
-    plain = Whitening.of(neighbours, 1.3, 0.6)
-    filtered = Whitening.of(neighbours, 1.3, 0.6, np.zeros(len(values)))
-    assert plain.order is None
-    assert filtered.applied(values) == pytest.approx(plain.applied(values))
-    assert plain.undone(plain.applied(values)) == pytest.approx(values)
-
-
-def test_what_all_others_foretell_is_that_of_the_whole_covariance(series):
-    neighbours, forgotten, values = series
-    whitening = Whitening.of(neighbours, 1.3, 0.6, forgotten)
-    inverse = np.linalg.inv(covariance(neighbours.before, neighbours.lags, 1.3, 0.6, forgotten))
-    score, root = whitening.foretold(values)
-    assert score == pytest.approx(inverse @ values)
-    assert root == pytest.approx(np.sqrt(np.diag(inverse)))
-
-
 def test_azimuths_are_series_of_their_own():
     random = np.random.default_rng(5)
     kept = random.random((60, 3)) > 0.2
@@ -130,18 +111,6 @@ def test_colour_and_jitter_are_told_apart(noise, correlation, jitter):
 
 
 @pytest.mark.long
-def test_a_zero_that_is_not_known_is_no_noise():
-    known, unknown = (
-        estimate_sensor(leftovers(np.random.default_rng(3), jitter=0.0023, outliers=3, zero=zero))
-        for zero in (None, 3e-3)
-    )
-    assert unknown is not None
-    assert unknown.correlation == pytest.approx(known.correlation, abs=0.05)
-    assert unknown.stddev == pytest.approx(known.stddev, rel=0.1)
-    assert unknown.jitter == pytest.approx(known.jitter, rel=0.1)
-
-
-@pytest.mark.long
 def test_white_noise_is_plain():
     assert estimate_sensor(leftovers(np.random.default_rng(1), correlation=0.0)) is None
 
@@ -157,17 +126,6 @@ def test_what_the_model_lacks_is_no_noise():
     assert found.jitter == pytest.approx(0.0023, abs=5e-4)
 
 
-@pytest.mark.parametrize(("likeliest", "is_noise"), [(0.8, True), (0.88, False)])
-def test_what_goes_on_for_longer_than_a_sensors_noise_is_the_models(
-    monkeypatch, likeliest, is_noise
-):
-    """As the heights of a robot's cup have it, whose true motion is not the commanded one."""
-    shape = sensor_noise._Shape(likeliest, 0.0)
-    monkeypatch.setattr(sensor_noise, "_most_likely", lambda parts, start, likelihood: shape)
-    found = estimate_sensor(leftovers(np.random.default_rng(0), 4, 5e-4, likeliest))
-    assert (found is not None) == is_noise
-
-
 @pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_drift_beside_the_noise_does_not_make_it_plain(seed):
@@ -177,16 +135,6 @@ def test_a_drift_beside_the_noise_does_not_make_it_plain(seed):
     assert found is not None
     assert found.correlation < 0.9
     assert found.jitter == pytest.approx(0.0023, abs=6e-4)
-
-
-def test_a_smooth_residual_is_all_the_models():
-    """Heights of a solver: they have no noise, whatever the residual looks like."""
-    found = []
-    for phase in (0.0, 1.0, 2.0):
-        heights = swing(T) + 1e-3 * sum(np.sin(f * T + phase * f) / f for f in range(3, 90))
-        motion = prepare(MeasuredMotion("solved", INPUTS, T, msh=heights))
-        found.append(Leftovers.of(motion, swing(motion.t)[:, np.newaxis]))
-    assert estimate_sensor(found) is None
 
 
 def test_outliers_are_left_out_and_the_rest_is_white():
@@ -232,13 +180,3 @@ def test_a_claim_that_does_not_hold_is_not_believed():
         motion = prepare(MeasuredMotion("wrong", INPUTS, T, msh=heights, stddev=claimed))
         found.append(Leftovers.of(motion, swing(motion.t)[:, np.newaxis]))
     assert estimate_sensor(found) is None
-
-
-@pytest.mark.long
-def test_noises_that_differ_little_are_alike():
-    sensor = estimate_sensor(leftovers(np.random.default_rng(8), jitter=0.0023))
-    assert alike(sensor, replace(sensor, stddev=1.1 * sensor.stddev))
-    assert not alike(sensor, replace(sensor, stddev=1.3 * sensor.stddev))
-    assert not alike(sensor, replace(sensor, jitter=0.0))
-    assert not alike(sensor, None)
-    assert alike(None, None)

@@ -23,7 +23,7 @@ from slosh_estimator.rotation import Vector
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.wave_presence import Pair, PresenceWatch
 from slosh_metrics.alignment import despike
-from slosh_metrics.clock_drift import ClockWatch
+from slosh_metrics.clock_drift import ClockDriftWatch
 from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.metrics import rms_error
 from slosh_metrics.motion_spans import AFTER_NS, MotionFinder, MotionSpan
@@ -99,7 +99,7 @@ class MotionWatch:
         self._presence = PresenceWatch()
         self.watch(limit)
         self._moving = MotionFinder()
-        self.clocks = ClockWatch()
+        self.clocks = ClockDriftWatch()
         self._origin: int | None = None
         self._pairs: deque[Pair] = deque()
         self._looked_ns = -(2**62)
@@ -132,7 +132,7 @@ class MotionWatch:
     def forget(self) -> None:
         """Drops the motion under way: its stamps mean nothing any more."""
         self._moving = MotionFinder()
-        self.clocks, self._origin = ClockWatch(), None
+        self.clocks, self._origin = ClockDriftWatch(), None
         self._pairs.clear()
         self._looked_ns = -(2**62)
         self._presence.forget()

@@ -8,7 +8,7 @@ from example_effects import STRENGTHS, in_fitting_container
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from slosh_estimator.estimator import Estimates, Estimator
+from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.mounting import SensorTransform
@@ -106,41 +106,6 @@ def samples_of(restarts: tuple[int, ...] = (0,)) -> Samples:
     return Samples(stamps, motion.acceleration.copy(), yaws, restarted, poses, doubtful)
 
 
-def one_by_one(model: Model, samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights, readings and flags as the node gets them."""
-    estimator = Estimator(model)
-    answers = [estimator.update(samples.one(i)) for i in range(len(samples.stamps))]
-    return (
-        np.array([[answer.linear[:4], answer.nonlinear[:4]] for answer in answers]),
-        np.array([[answer.linear.reading, answer.nonlinear.reading] for answer in answers]),
-        np.array([answer.flags for answer in answers]),
-    )
-
-
-def in_parts(model: Model, samples: Samples, size: int) -> list[Estimates]:
-    estimator, parts = Estimator(model), []
-    for start in range(0, len(samples.stamps), size):
-        rows = slice(start, start + size)
-        part = Samples(*(None if one is None else one[rows] for one in samples))
-        parts.append(estimator.update_many(part))
-    return parts
-
-
-def test_every_effect_is_tried() -> None:
-    assert set(STRENGTHS) == set(EFFECTS)
-
-
-@pytest.mark.parametrize("name", EFFECTS)
-def test_all_at_once_and_in_parts_give_the_bits_of_one_by_one(name: str) -> None:
-    samples = samples_of(restarts=(0, 150, 151, 300))
-    heights, readings, flags = one_by_one(with_effect(name), samples)
-    for size in (10_000, 77):
-        parts = in_parts(with_effect(name), samples, size)
-        assert np.concatenate([part.heights for part in parts]).tobytes() == heights.tobytes()
-        assert np.concatenate([part.as_read for part in parts]).tobytes() == readings.tobytes()
-        assert np.concatenate([part.flags for part in parts]).tolist() == flags.tolist()
-
-
 @pytest.mark.parametrize("name", EFFECTS)
 def test_live_heights_and_readings_are_those_of_a_simulation(name: str) -> None:
     model = with_effect(name)
@@ -194,13 +159,6 @@ def test_what_is_lost_of_the_liquid_stays_lost_after_a_gap() -> None:
     estimator.reset()
     anew = estimator.update(Sample(10**10, 0.0, 0.0, 0.0, 0.0, True))
     assert anew.nonlinear.reading == 0.0
-
-
-def test_a_film_does_not_outlast_a_gap() -> None:
-    samples = samples_of(restarts=(0, 300))
-    found = Estimator(with_effect("draining_film")).update_many(samples)
-    assert found.as_read[299, 1] > found.heights[299, 1, 0]
-    assert found.as_read[300, 1] == 0.0
 
 
 def heights_by(model: Model, samples: list[Sample]) -> tuple[np.ndarray, np.ndarray]:
@@ -257,12 +215,6 @@ def test_a_tilted_pose_with_gravity_tilt_is_a_tilted_imu_without() -> None:
     assert error(BASE, by_pose()) > 0.3
     assert error(tilting, by_pose()) < 0.02
     assert error(BASE, by_imu()) < 0.02
-
-
-def test_gravity_is_not_turned_twice_where_an_imu_feels_it() -> None:
-    _, felt = heights_by(BASE, by_imu())
-    _, turned = heights_by(BASE.with_effect("gravity_tilt"), by_imu())
-    np.testing.assert_allclose(turned, felt, atol=1e-12)
 
 
 def test_the_lever_arm_of_a_tracker_that_sits_elsewhere_is_taken_off() -> None:

@@ -22,14 +22,9 @@ from std_srvs.srv import Trigger
 
 from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
-from slosh_estimator.sampling import MEMORY
-from slosh_estimator.sight import SurfaceFlag
-from slosh_estimator.validity import EstimateFlag
-from slosh_metrics.input_checks.input_checks import AccelCheck
 from slosh_model.errors import ModelFileError
 from slosh_model.model_text import parse_model
 from slosh_msgs.msg import (
-    EstimatorState,
     ExpectedReading,
     FreeSurface,
     LimitEvent,
@@ -116,35 +111,6 @@ def test_accelerations_in_estimates_out_and_faults_counted(start: Callable[..., 
     assert last.linear.msh > last.nonlinear.msh > 0.0
     assert list(last.acceleration) == [2.0, 0.0, 0.0]
     assert len(last.linear.modal_position) == len(last.linear.modal_velocity) == 2
-
-
-def test_the_state_is_published_four_times_a_second_by_the_stamps(
-    start: Callable[..., Cell],
-) -> None:
-    cell = start()
-    cell.add(EstimatorNode())
-    estimates = cell.listen(SloshEstimate, topics.ESTIMATE)
-    states = cell.listen(EstimatorState, topics.ESTIMATOR_STATE)
-    publisher = cell.publisher(AccelStamped, topics.ACCEL)
-    cell.until(lambda: cell.probe.count_publishers(topics.ESTIMATOR_STATE) > 0)
-    begin = cell.now()
-    for k in range(0, 501, 10):
-        publisher.publish(accel(begin + k * MS, 2.0))
-        cell.until(lambda k=k: len(estimates) > k // 10)
-    cell.until(lambda: len(states) == 3)
-    stamps = [to_nanoseconds(state.header.stamp) for state in states]
-    assert stamps == [begin, begin + 250 * MS, begin + 500 * MS]
-    assert [state.samples_used for state in states] == [1, 26, 51]
-    assert states[-1].sample_stamp == stamps[-1]
-    assert states[-1].first_stamp == begin
-    assert list(states[-1].sample) == [2.0, 0.0, 0.0, 0.0]
-    rate = [10.0 * MS, 0.0, *[10.0 * MS] * 14]  # of 50 intervals 4 and 32 have told it
-    assert list(states[-1].input[:19]) == [2.0, 0.0, 0.0, *rate]
-    assert all(math.isnan(number) for number in states[-1].input[19 : 3 + MEMORY])
-    assert len(states[-1].input) == 3 + MEMORY + AccelCheck.MEMORY
-    place = estimates[-1].nonlinear.modal_position[0]
-    assert place in states[-1].nonlinear
-    assert place != 0.0
 
 
 def test_imu_and_its_transform(start: Callable[..., Cell]) -> None:
@@ -551,10 +517,3 @@ def test_a_model_that_needs_an_attitude_says_so_where_there_is_none(
     cell.until(warned)
     plain = cell.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=TEXT))
     assert plain.message == "loaded; the models start from rest"
-
-
-def test_flags_are_those_of_the_messages():
-    for flag in SurfaceFlag:
-        assert getattr(FreeSurface, flag.name) == flag
-    for flag in set(EstimateFlag) - {EstimateFlag.NONE}:
-        assert getattr(SloshEstimate, flag.name) == flag

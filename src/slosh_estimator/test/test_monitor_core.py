@@ -11,7 +11,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Event, Hysteresis, Kind, LimitTracker, Source
 from slosh_estimator.monitor import MAXIMUM_WAITING, Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.sight import SATURATED, ClockWatch, SurfaceFlag
+from slosh_estimator.sight import SATURATED, SurfaceFlag
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import mean_absolute_error, peak_error
 
@@ -65,13 +65,6 @@ def test_too_early_too_old_and_across_a_gap_is_unmatched() -> None:
     assert monitor.nonlinear.count == 0
 
 
-def test_a_stamp_far_in_the_future_does_not_hold_up_the_others() -> None:
-    monitor = Monitor(MonitorSettings())
-    estimate(monitor, 10, 0.01)
-    measure(monitor, 10**9, 0.01)
-    assert len(measure(monitor, 10, 0.01)) == 1
-
-
 def test_the_queue_of_waiting_measurements_is_bounded() -> None:
     monitor = Monitor(MonitorSettings())
     estimate(monitor, 10, 0.01)
@@ -90,16 +83,6 @@ def test_running_indices_equal_those_of_the_whole_record(pairs: list[tuple[float
     assert last.count == len(pairs)
     assert last.sigma_nonlinear == pytest.approx(mean_absolute_error(heights, answers))
     assert last.epsilon_nonlinear == pytest.approx(peak_error(heights, answers), nan_ok=True)
-
-
-@pytest.mark.parametrize("flag", [NOT_FOUND, BAD_IMAGE])
-def test_images_without_a_height_do_not_count(flag: int) -> None:
-    monitor = Monitor(MonitorSettings(0.03, 0.03, 0.01))
-    estimate(monitor, 10, 0.01)
-    (comparison,) = measure(monitor, 10, 0.09, flag)
-    assert math.isnan(comparison.measured)
-    assert comparison.count == 0
-    assert events(monitor) == []
 
 
 def test_a_lower_bound_counts_only_where_it_contradicts_the_estimate() -> None:
@@ -121,26 +104,6 @@ def test_a_lower_bound_does_not_end_an_excess() -> None:
     assert events(monitor) == [(Source.MEASURED, Kind.START, 1)]
     measure(monitor, 30, 0.01)
     assert events(monitor) == [(Source.MEASURED, Kind.END, 1)]
-
-
-def test_an_estimate_from_an_unknown_state_stays_out_of_the_indices() -> None:
-    monitor = Monitor(MonitorSettings())
-    estimate(monitor, 10, 0.01, int(EstimateFlag.SETTLING))
-    (comparison,) = measure(monitor, 10, 0.02)
-    assert comparison.count == 0
-    assert comparison.estimate_flags == EstimateFlag.SETTLING
-
-
-def test_an_input_that_is_too_slow_is_no_plain_ok() -> None:
-    """The heights are low, not meaningless: they are compared, with a warning."""
-    monitor = Monitor(MonitorSettings())
-    estimate(monitor, 10, 0.001, int(EstimateFlag.INPUT_TOO_SLOW))
-    (comparison,) = measure(monitor, 10, 0.001)
-    assert comparison.state == Condition.WARN
-    assert comparison.count == 1
-    estimate(monitor, 20, 0.001)
-    (comparison,) = measure(monitor, 20, 0.001)
-    assert comparison.state == Condition.OK
 
 
 @pytest.mark.parametrize("marked", ["before", "after"])
@@ -200,46 +163,6 @@ def test_a_silent_estimator_is_told_within_half_a_second_and_measurements_go_on(
     assert events(monitor) == [(Source.MEASURED, Kind.START, 1)]
 
 
-def test_a_side_that_returns_is_compared_again() -> None:
-    monitor = Monitor(MonitorSettings())
-    feed(monitor, 3000, 1000, 1500)
-    estimate(monitor, 1600, 0.01)
-    (comparison,) = measure(monitor, 1600, 0.01)
-    assert comparison.state is Condition.OK
-    assert not comparison.estimate_stale
-
-
-def test_the_first_image_may_come_before_the_first_estimate() -> None:
-    """The monitor has waited for the estimator for longer than it waits for one that speaks."""
-    monitor = Monitor(MonitorSettings())
-    told = [one.state for at in (0, 100, 200, 300, 400) for one in monitor.check(at * MS)]
-    assert told == [Condition.STALE]
-    assert measure(monitor, 450, 0.01) == []
-    (comparison,) = estimate(monitor, 450, 0.02)
-    assert (comparison.measured, comparison.estimated_nonlinear) == (0.01, 0.02)
-    assert not comparison.estimate_stale
-
-
-def test_an_image_does_not_wait_longer_than_a_moment_for_a_silent_estimator() -> None:
-    monitor = Monitor(MonitorSettings())
-    monitor.check(0)
-    measure(monitor, 430, 0.01)
-    assert monitor.check(500 * MS) == []
-    (comparison,) = monitor.check(530 * MS)
-    assert comparison.estimate_stale
-    assert math.isnan(comparison.estimated_nonlinear)
-    measure(monitor, 540, 0.01)
-    (comparison,) = monitor.check(500 * MS)  # the clock was set back
-    assert comparison.measured == 0.01
-
-
-def test_a_side_that_never_spoke_is_stale_too() -> None:
-    monitor = Monitor(MonitorSettings())
-    monitor.check(0)
-    assert monitor.silent_sides(200 * MS) == (False, False)
-    assert monitor.silent_sides(400 * MS) == (True, True)
-
-
 def test_an_excess_ends_where_its_side_falls_silent() -> None:
     monitor = Monitor(MonitorSettings(measured_limit=0.03))
     monitor.check(0)
@@ -281,26 +204,6 @@ def track(values: list[float], hold: int = 20) -> list[Event]:
     tracker = LimitTracker(Source.MEASURED, 1.0, Hysteresis(0.8, hold * MS))
     found = [tracker.update(10 * k * MS, value) for k, value in enumerate(values)]
     return [event for event in found if event is not None]
-
-
-def test_an_event_tells_peak_moment_and_duration() -> None:
-    start, end = track([0.5, 1.1, 1.5, 1.2, 0.7, 0.6, 0.5])
-    assert (start.kind, start.stamp_ns, start.duration_ns) == (Kind.START, 10 * MS, 0)
-    assert (end.kind, end.peak, end.peak_stamp_ns) == (Kind.END, 1.5, 20 * MS)
-    assert (end.stamp_ns, end.duration_ns) == (40 * MS, 30 * MS)
-
-
-def test_between_release_and_limit_nothing_changes() -> None:
-    assert len(track([1.1, 0.9, 1.1, 0.9, 0.81, 1.0])) == 1
-
-
-def test_a_short_dip_does_not_end_an_excess() -> None:
-    assert len(track([1.1, 0.5, 0.5, 1.1, 0.5])) == 1
-
-
-def test_nan_changes_nothing() -> None:
-    nan = math.nan
-    assert track([nan, 1.1, nan, 0.5, nan, 0.5, nan, 0.5])[1].stamp_ns == 30 * MS
 
 
 @given(st.lists(st.floats(0.0, 2.0) | st.just(math.nan), max_size=100))
@@ -364,13 +267,6 @@ def test_who_cannot_compare_is_blind_and_says_why(given: dict[str, int], reason:
     assert monitor.nonlinear.count == 0
 
 
-@pytest.mark.parametrize("flags", [0, SATURATED])
-def test_who_compares_sees(flags: int) -> None:
-    monitor = Monitor(MonitorSettings())
-    assert both_speak(monitor, measured_flags=flags).state is Condition.OK
-    assert monitor.blindness(11_000 * MS) == ""
-
-
 def test_a_short_moment_without_sight_is_no_blindness() -> None:
     monitor = Monitor(MonitorSettings())
     both_speak(monitor)
@@ -391,14 +287,6 @@ def test_an_exceeded_limit_weighs_more_than_blindness_and_a_silent_side_too() ->
     calm = Monitor(MonitorSettings())
     both_speak(calm, measured_flags=BAD_IMAGE)
     assert calm.condition(12_000 * MS) is Condition.STALE
-
-
-def test_what_is_known_of_its_inputs_blinds_it() -> None:
-    monitor = Monitor(MonitorSettings())
-    both_speak(monitor)
-    monitor.obstruction = "2 publishers on /slosh/free_surface"
-    assert monitor.condition(11_000 * MS) is Condition.BLIND
-    assert monitor.blindness(11_000 * MS) == monitor.obstruction
 
 
 def test_a_changed_limit_holds_for_data_after_the_newest_estimate_whenever_they_arrive() -> None:
@@ -433,35 +321,6 @@ def test_an_excess_ends_with_the_old_limit_and_begins_with_the_new_one() -> None
     assert monitor.condition(220 * MS) is not Condition.ERROR
 
 
-def test_an_excess_goes_on_where_only_its_hysteresis_changes() -> None:
-    monitor = Monitor(MonitorSettings(estimated_limit=0.01, hysteresis=Hysteresis(0.9, 0)))
-    estimate(monitor, 100, 0.011)
-    monitor.change_settings(
-        MonitorSettings(estimated_limit=0.01, hysteresis=Hysteresis(0.5, 0)), 150 * MS
-    )
-    estimate(monitor, 200, 0.006)
-    assert events(monitor) == [(Source.ESTIMATED, Kind.START, 1)]
-    estimate(monitor, 210, 0.004)
-    assert events(monitor) == [(Source.ESTIMATED, Kind.END, 1)]
-
-
-def test_a_changed_limit_holds_when_time_is_set_back() -> None:
-    monitor = Monitor(MonitorSettings(estimated_limit=0.02))
-    estimate(monitor, 100_000, 0.0)
-    monitor.change_settings(MonitorSettings(estimated_limit=0.01))
-    estimate(monitor, 100, 0.015)
-    assert events(monitor) == [(Source.ESTIMATED, Kind.START, 1)]
-
-
-def test_timeout_and_warn_share_change_at_once() -> None:
-    monitor = Monitor(MonitorSettings(measured_limit=0.02, timeout=0.1))
-    estimate(monitor, 100, 0.0)
-    measure(monitor, 100, 0.012)
-    assert monitor.condition(250 * MS) is Condition.STALE
-    monitor.change_settings(MonitorSettings(measured_limit=0.02, timeout=0.3, warn_share=0.5))
-    assert monitor.condition(250 * MS) is Condition.WARN
-
-
 def test_where_nothing_comes_a_heartbeat_says_so_at_least_twice_a_second() -> None:
     monitor = Monitor(MonitorSettings())
     told = [(at, one) for at in range(0, 5000, 100) for one in monitor.check(at * MS)]
@@ -492,19 +351,6 @@ def test_a_clock_that_stands_is_blind_and_has_a_heartbeat() -> None:
     assert monitor.condition(0) is Condition.OK
 
 
-def test_a_simulated_clock_stands_until_it_has_moved_and_when_it_does_no_more() -> None:
-    watch = ClockWatch()
-    second = 1000 * MS
-    for at in range(0, 3000, 100):
-        assert "use_sim_time is set, but no advancing /clock" in watch.look(at * MS, 0)
-    for at in range(3000, 5000, 100):
-        assert watch.look(at * MS, 7 * second + at * MS) == ""
-    told = [watch.look(at * MS, 12 * second) for at in range(5000, 6100, 100)]
-    assert told[0] == ""
-    assert "does not advance for 1.0 s" in told[-1]
-    assert watch.look(6200 * MS, 0) == ""  # set back: it moves
-
-
 def test_without_a_camera_the_estimate_alone_makes_the_state() -> None:
     monitor = Monitor(MonitorSettings(estimated_limit=0.02, measured_limit=0.01, camera=False))
     assert measure(monitor, 0, 0.05) == []  # not looked at
@@ -522,13 +368,3 @@ def test_without_a_camera_the_estimate_alone_makes_the_state() -> None:
     (silent, *_) = monitor.check(2000 * MS)
     assert silent.state is Condition.STALE
     assert (silent.measured_stale, silent.estimate_stale) == (False, True)
-
-
-def test_without_a_camera_a_doubtful_estimate_is_blind() -> None:
-    monitor = Monitor(MonitorSettings(camera=False))
-    found: list[Comparison] = []
-    for k in range(20):
-        estimate(monitor, 50 * k, 0.001, int(EstimateFlag.INPUT_DOUBTFUL))
-        found += monitor.check(50 * k * MS)
-    assert found[-1].state is Condition.BLIND
-    assert "is not plausible" in monitor.blindness(1000 * MS)

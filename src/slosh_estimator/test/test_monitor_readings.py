@@ -9,7 +9,7 @@ from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Source
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.readings import PATIENCE, Reading, ReadingJoiner, has_readings
+from slosh_estimator.readings import Reading, ReadingJoiner, has_readings
 
 MS = 1_000_000
 READ = "3D-NL+height_scale"
@@ -63,16 +63,6 @@ def test_the_limit_is_that_of_the_liquid_and_not_of_what_a_sensor_can_see() -> N
     assert monitor.nonlinear.sigma == 0.0
 
 
-def test_a_silent_camera_leaves_the_expected_reading() -> None:
-    monitor = Monitor(MonitorSettings())
-    monitor.add_measurement(MeasuredPoint(0, 0.01), 0)
-    for at in range(0, 600, 10):
-        monitor.add_estimate(EstimatePoint(at * MS, 0.02, 0.01, 0, None, (0.03, 0.04)), at * MS)
-    comparison = monitor.check(590 * MS)[-1]
-    assert comparison.measured_stale
-    assert (comparison.estimated_linear, comparison.estimated_nonlinear) == (0.03, 0.04)
-
-
 @pytest.mark.parametrize(
     ("name", "read"),
     [
@@ -110,16 +100,6 @@ def test_whichever_comes_first_each_estimate_gets_its_own_reading(seed: int) -> 
     assert joiner.lost == 0
 
 
-def test_estimates_of_models_without_readings_do_not_wait() -> None:
-    joiner = ReadingJoiner()
-    assert joiner.add_estimate(point(1), "3D-NL") == [point(1)]
-    # Nor do they overtake those that do.
-    assert joiner.add_estimate(point(2), READ) == []
-    assert joiner.add_estimate(point(3), "3D-NL") == []
-    first, second = joiner.add_reading(reading(2))
-    assert (first.reading, second) == ((0.03, 0.02), point(3))
-
-
 def test_an_estimate_whose_reading_was_lost_is_compared_with_nothing() -> None:
     joiner, monitor = ReadingJoiner(), Monitor(MonitorSettings(estimated_limit=0.005))
     joiner.add_estimate(point(1), READ)
@@ -131,14 +111,6 @@ def test_an_estimate_whose_reading_was_lost_is_compared_with_nothing() -> None:
     assert math.isnan(comparison.residual_nonlinear)
     assert monitor.nonlinear.count == 0
     assert monitor.take_events() == []
-
-
-def test_estimates_do_not_wait_for_ever() -> None:
-    joiner, found = ReadingJoiner(), []
-    for at in range(1, PATIENCE + 51):
-        found += joiner.add_estimate(point(at), READ)
-    assert [p.stamp_ns for p in found] == [at * MS for at in range(1, 51)]
-    assert joiner.lost == 50
 
 
 def test_time_that_was_set_back_is_overcome() -> None:

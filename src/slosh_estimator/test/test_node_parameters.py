@@ -1,7 +1,5 @@
 """A node's parameters mean the same live and in a replay: one reading of each."""
 
-import math
-
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.limits import Hysteresis
@@ -29,17 +27,6 @@ def test_parameters_mean_what_the_settings_hold():
         7,
         ("map", "cup"),
     )
-
-
-def test_a_node_of_old_set_nothing_aside():
-    given = defaults(estimator_node.PARAMETERS)
-    del given["max_jump"]
-    del given["check_input"]
-    old = InputSettings.from_parameters(given)
-    assert old.checks is None
-    assert not old._replace(transform=SensorTransform(0.1)).reader("accel").flags
-    gate = old.gate
-    assert (gate.max_jump, gate.confirms) == (math.inf, False)
 
 
 def test_the_monitors_parameters_mean_what_its_settings_hold():

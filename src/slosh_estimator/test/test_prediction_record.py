@@ -78,26 +78,12 @@ def test_a_prediction_waits_for_its_own_moment():
     assert record.judge(motion(49.8)).id == 2
 
 
-def test_what_was_not_run_when_it_should_is_forgotten():
-    record = PredictionRecord()
-    record.announce(announced(1, 10.0, start=30.0))
-    assert record.judge(motion(35.0)) is None
-    assert record.judge(motion(30.0)) is None
-
-
 def test_of_plans_without_a_moment_the_newest_counts():
     record = PredictionRecord()
     record.announce(announced(1, 10.0))
     record.announce(announced(2, 10.5))
     assert record.judge(motion(11.0)).id == 2
     assert record.judge(motion(20.0)) is None
-
-
-def test_a_motion_under_way_when_the_plan_came_is_another():
-    record = PredictionRecord()
-    record.announce(announced(1, 10.0))
-    assert record.judge(motion(8.0)) is None
-    assert record.judge(motion(11.0)).id == 1
 
 
 def test_a_refused_trajectory_is_no_prediction():

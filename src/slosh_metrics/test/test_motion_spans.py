@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.motion_spans import (
     AFTER_NS,
     MOVING,
@@ -71,26 +70,11 @@ def test_a_constant_that_appears_later_is_a_rest_once_no_arm_could_follow_it():
     assert found[1] == (9.0, 10.0)
 
 
-def test_a_long_acceleration_is_one_motion():
-    pieces = ((1.0, 0.0), (1.5, 2.0), (0.5, 0.0), (1.5, -2.0), (1.0, 0.0))
-    assert spans_of(*accelerations(*pieces)) == [(1.0, 4.5)]
-
-
-def test_a_motion_that_lasts_to_the_end_is_one():
-    assert spans_of(*accelerations((1.0, 0.0), (0.51, 1.0))) == [(1.0, 1.55)]
-
-
 @pytest.mark.parametrize(("pause", "motions"), [(0.5, 1), (0.95, 1), (1.0, 2), (3.0, 2)])
 def test_a_pause_of_a_second_separates_motions(pause, motions):
     found = spans_of(*accelerations((1.0, 0.0), (1.0, 1.0), (pause, 0.0), (1.0, 1.0)))
     assert len(found) == motions
     assert PAUSE_NS == NS
-
-
-def test_noise_moves_nothing():
-    stamps, values = accelerations((20.0, 0.0), noise=0.1)
-    assert np.linalg.norm(values, axis=1).max() > 2 * MOVING
-    assert spans_of(stamps, values) == []
 
 
 @settings(max_examples=30, deadline=None)
@@ -111,19 +95,6 @@ def test_moments_belong_to_the_motion_before_them_for_a_while():
     numbers = finder.number_at(moments.astype(np.int64))
     assert numbers.tolist() == [-1, 0, 0, 0, -1, -1, 1, 1, -1, -1]
     assert finder.number_at(moments[:0].astype(np.int64)).tolist() == []
-
-
-def test_moments_within_the_bin_that_is_being_filled_belong_to_its_motion():
-    finder = MotionFinder()
-    finder.add(*accelerations((1.0, 0.0), (0.03, 1.0)))
-    assert finder.number_at(np.array([START + NS - 1, START + NS])).tolist() == [-1, 0]
-    assert finder.spans == []
-    assert BIN_NS == 50 * MS
-
-
-def test_there_are_no_motions_before_the_first():
-    finder = MotionFinder()
-    assert finder.number_at(np.array([START])).tolist() == [-1]
 
 
 @settings(max_examples=30, deadline=None)
@@ -156,12 +127,6 @@ def test_tilting_moves_the_liquid_and_yaw_does_not(axis):
     expected = [] if axis == 2 else [(START + NS, START + 2 * NS)]
     assert motion_spans(stamps, np.zeros_like(rates), turning) == expected
     assert motion_spans(stamps, np.zeros_like(rates), 0.8 * turning) == []
-
-
-def test_accelerating_and_tilting_are_one_motion():
-    stamps, values = accelerations((1.0, 0.0), (1.0, 1.0), (3.0, 0.0))
-    turning = np.roll(values, round(1.5 * RATE), axis=0) * TURNING * 2.0
-    assert motion_spans(stamps, values, turning) == [(START + NS, START + round(3.5 * NS))]
 
 
 def test_the_first_motion_is_forgotten_and_what_goes_on_is_another():

@@ -70,23 +70,6 @@ def test_any_mixture_of_models_and_lengths(
         assert heights.tobytes() == alone(model, one, max_step).tobytes()
 
 
-def test_one_model_for_many_motions_on_any_number_of_threads() -> None:
-    model = Model(CUP, modes=3).spatial().nonlinear()
-    inputs = [motion(120, seed) for seed in range(100)]
-    expected = [alone(model, one) for one in inputs]
-    for threads in (1, 2, 7):
-        together = wall_heights(model, inputs, threads=threads)
-        assert [one.tobytes() for one in together] == [one.tobytes() for one in expected]
-
-
-def test_motions_of_equal_length_and_other_times() -> None:
-    model, t = Model(CUP).nonlinear(), np.arange(50) / 600
-    accelerations = np.sin(np.outer(np.arange(6) + 9, t))[:, :, np.newaxis] * [2.0, 1.0, 0.5]
-    inputs = [Inputs(t * (1 + k // 2 / 9), one) for k, one in enumerate(accelerations)]
-    for one, heights in zip(inputs, wall_heights(model, inputs), strict=True):
-        assert heights.tobytes() == alone(model, one).tobytes()
-
-
 def test_a_solution_that_leaves_the_finite_numbers_leaves_the_others_alone() -> None:
     wild = Inputs(
         np.array([0.0, 0.01, 0.02]), np.array([[0.0, 0, 0], [1e200, 0, 0], [1e308, 0, 0]])

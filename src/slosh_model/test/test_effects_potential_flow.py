@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from cylinder_waves import CylinderWaves, frequency_shifts
+from cylinder_waves import CylinderWaves
 from scipy.integrate import quad
 from scipy.special import jnp_zeros, jv
 
-from slosh_model.constants import GRAVITY
 from slosh_model.containers import Cylinder
 from slosh_model.effects import bound_modes
 from slosh_model.measure import measured_heights
@@ -30,12 +29,6 @@ def test_potential_flow_of_the_first_order_is_the_linear_model_with_curved_modes
     expected = simulate(model, Inputs(TIMES, push))[0].modal[:, 0, 0]
     gain = model.mode_constants()[0].curved_gain
     assert found == pytest.approx(gain * expected, abs=1e-6 * np.abs(found).max() + 1e-7)
-
-
-def test_planar_waves_soften_from_the_depth_that_the_literature_gives():
-    """h/R = 0.506 (Lukovsky 1990; Faltinsen, Lukovsky & Timokha 2016); round ones stiffen."""
-    assert frequency_shifts(0.49)[0] > 0.0 > frequency_shifts(0.52)[0]
-    assert all(frequency_shifts(depth)[1] > 0.0 for depth in (0.4, 1.0, 1.4, 3.0))
 
 
 @pytest.mark.parametrize("m", [0, 2])
@@ -135,67 +128,7 @@ def test_swirl_takes_no_energy_and_leaves_planar_waves_alone():
     )
 
 
-@pytest.mark.parametrize("depth", [1.4, 3.0])
-def test_its_default_opens_the_gap_between_planar_and_round_waves(depth):
-    """By the nonlinear model's own harmonic balance: ¾α - ½C² and α + γ per (q/R)²."""
-    model = Model(Cylinder(RADIUS, depth * RADIUS)).nonlinear().with_effect("swirl_stiffening")
-    mode = model.mode_constants()[0]
-    alpha = model.acting["surface_nonlinearity"]["alpha"]
-    gamma = model.acting["swirl_stiffening"]["gamma"]
-    shifts = np.array([0.75 * alpha - 0.5 * mode.curvature**2, alpha + gamma])
-    planar, turning = shifts / (2.0 * mode.curved_gain**2)
-    expected_planar, expected_turning = frequency_shifts(depth)
-    assert turning - planar == pytest.approx(expected_turning - expected_planar, rel=0.03)
-
-
 # quasi_static_modes
 
 
-def settled(model, lift=0.0):
-    """Height at +x in the end of a push that grows slowly and then lasts."""
-    t = np.arange(0.0, 8.0, 0.01)
-    push = np.zeros((len(t), 3))
-    push[:, 0] = -0.2 * np.minimum(t / 4.0, 1.0)
-    push[:, 2] = lift
-    return simulate(model, Inputs(t, push))[0].sh_x[-1]
-
-
-@pytest.mark.parametrize("lift", [0.0, 3.0])
-@pytest.mark.parametrize("modes", [1, 3])
-def test_a_lasting_push_tilts_a_plane(modes, lift):
-    model = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.1, modes=modes).nonlinear().spatial()
-    plane = RADIUS * 0.2 / (GRAVITY + lift)
-    assert settled(model.with_effect("quasi_static_modes"), lift) == pytest.approx(plane, rel=2e-3)
-    assert settled(model, lift) < 0.95 * plane
-
-
-def test_static_share_stands_for_many_modes():
-    inputs = Inputs(TIMES, np.column_stack([0.2 * PUSH, np.zeros(len(TIMES))]))
-    one = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02).nonlinear()
-    many = Model(Cylinder(RADIUS, 0.07), damping_ratio=0.02, modes=60).nonlinear()
-    expected = simulate(many, inputs)[0].sh_x
-    gap = {
-        model.name: np.abs(simulate(model, inputs)[0].sh_x - expected).max()
-        for model in (one, one.with_effect("quasi_static_modes"))
-    }
-    assert gap["2D-NL+quasi_static_modes"] < 0.4 * gap["2D-NL"]
-
-
 # surface_tension
-
-
-def test_surface_tension_adds_its_pull_to_gravitys():
-    """ω² = (g k + σ k³/ρ) tanh kh (Faltinsen & Timokha 2009)."""
-    tension = 7.3e-5
-    cup = Cylinder(RADIUS, 0.07)
-    model = Model(cup, modes=2).with_effect("surface_tension")
-    for mode, root in zip(model.mode_constants(), jnp_zeros(1, 2), strict=True):
-        k = root / RADIUS
-        expected = math.sqrt((GRAVITY * k + tension * k**3) * math.tanh(k * 0.07))
-        assert mode.natural_frequency == pytest.approx(expected, rel=1e-12)
-    flow = CylinderWaves(RADIUS, 0.07, tension=tension)
-    first = flow.frequency[flow.place(1, 1)]
-    assert model.mode_constants()[0].natural_frequency == pytest.approx(first, rel=1e-12)
-    # Heights per displacement are gravity's.
-    assert model.height_gains() == Model(cup, modes=2).height_gains()
-    assert model.mode_constants()[0].natural_frequency == pytest.approx(18.99, abs=0.01)

@@ -176,16 +176,3 @@ def test_waves_stiffen_below_the_depth_that_the_literature_gives_and_soften_abov
     shift_at = uncompiled(frequency_shift)
     assert shift_at(0.336 * math.pi) > 0.0 > shift_at(0.338 * math.pi)
     assert shift_at(20.0) == pytest.approx(-0.25, abs=1e-12)
-
-
-def test_the_higher_modes_and_the_other_axis_do_not_stiffen():
-    model = Model(Rectangle(WIDTH, DEPTH, 0.1), damping_ratio=0.0, modes=2)
-    still = Inputs(TIMES, np.zeros((len(TIMES), 3)))
-    modal = np.array([[0.02, 0.0, 0.0, 0.0], [0.004, 0.0, 0.0, 0.0]])
-    plain, stiffened = (
-        simulate(each, still, State(0.0, modal, np.zeros(4)))[0].modal
-        for each in (model, model.with_effect("amplitude_stiffening"))
-    )
-    assert np.array_equal(stiffened[:, 1], plain[:, 1])
-    assert not stiffened[:, 0, 1].any()
-    assert np.abs(stiffened[:, 0, 0] - plain[:, 0, 0]).max() > 2e-3

@@ -72,17 +72,6 @@ def test_the_shapes_are_those_of_the_paper():
     assert bessel_surface(heights, radius, azimuth, numbers=[2]) == pytest.approx(second)
 
 
-def test_surfaces_broadcast():
-    radius, azimuth = np.linspace(0.0, 1.0, 5)[:, np.newaxis], np.linspace(0.0, 6.0, 9)
-    for surface in (plane_surface, bessel_surface):
-        field = surface([[0.01, 0.0]], radius, azimuth)
-        assert field.shape == (5, 9)
-        assert float(surface([[0.01, 0.0]], radius[3, 0], azimuth[4])) == field[3, 4]
-    profile = wall_profile([0.01, 0.02], [0.0, 0.01], azimuth)
-    assert profile.shape == (2, 9)
-    assert profile[1, 4] == pytest.approx(0.02 * np.cos(azimuth[4]) + 0.01 * np.sin(azimuth[4]))
-
-
 def test_wall_heights_of_another_shape_are_refused():
     with pytest.raises(SloshModelError, match=r"shape \(2,\), expected \(modes, 2\)"):
         plane_surface([0.01, 0.0], 0.5, 0.0)
@@ -120,11 +109,3 @@ def test_the_figures_two_branches():
     kind, height = sloshing_height(response, planar)
     assert kind == "MSH"
     assert np.array_equal(height, response.msh)
-
-
-def test_noise_across_the_line_is_the_callers_to_judge():
-    noisy = (
-        along(0.0).acceleration + np.array([0.0, 0.01, 0.0]) * np.sin(np.arange(401.0))[:, None]
-    )
-    assert motion_axis(noisy) is None
-    assert motion_axis(noisy, tolerance=0.02) == pytest.approx(0.0, abs=0.01)

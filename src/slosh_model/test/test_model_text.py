@@ -1,22 +1,23 @@
 """model.yaml: what is read, what is refused, and how."""
 
 import math
+import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_model.containers import SHAPES, Cylinder, Rectangle
 from slosh_model.covariance import covariance_of
 from slosh_model.effects.registry import EFFECTS
-from slosh_model.errors import SloshModelError
+from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
-from slosh_model.model_text import format_model, parse_model
+from slosh_model.model_text import format_model, parse_model, read_model
 
 TEXT = """\
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
@@ -53,21 +54,7 @@ def test_numbers_are_numbers_however_they_are_written(written, value):
     assert model.liquid.kinematic_viscosity == value
 
 
-def test_limits_and_modes_are_read():
-    model = parse_model(TEXT + "modes: 03\nlimits: {acceleration: 5, planar_jerk: 30.5}\n")
-    assert model.modes == 3
-    assert model.limits == ValidityLimits(acceleration=5.0, planar_jerk=30.5)
-
-
 RECTANGLE = "container: {shape: rectangle, width: 0.06, depth: 0.04, fill_height: 0.067}\n"
-
-
-def test_reads_a_rectangle():
-    model = parse_model(RECTANGLE + "limits: {jerk: 50}\n")
-    assert model.container == Rectangle(0.06, 0.04, 0.067)
-    assert model.name == "2D-L"
-    # What is not given is what TM20's motions reached, not what DL22's cylinder bore.
-    assert model.limits == ValidityLimits(3.3, 50.0, 1.8, 32.0)
 
 
 @pytest.mark.parametrize(
@@ -237,41 +224,6 @@ def test_refuses_with_the_source_and_the_key(change, match):
     assert "\n" not in str(caught.value)
 
 
-scalars = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8),
-    st.sampled_from(["auto", "cylinder", "vertical_acceleration", "radius"]),
-)  # fmt: skip
-keys = st.one_of(
-    st.sampled_from(
-        [
-            "container",
-            "liquid",
-            "effects",
-            "name",
-            "radius",
-            "fill_height",
-            "damping_ratio",
-            "modes",
-        ]
-    ),
-    scalars.filter(lambda value: value == value),
-)
-documents = st.recursive(
-    scalars,
-    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(keys, inner, max_size=4)),
-    max_leaves=12,
-)
-
-
-@settings(max_examples=200, deadline=None)
-@given(documents)
-def test_any_document_gives_a_model_or_one_clear_error(document):
-    try:
-        parse_model(yaml.safe_dump(document))
-    except SloshModelError as error:
-        assert "\n" not in str(error)
-
-
 @settings(max_examples=200, deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_gives_a_model_or_one_clear_error(text):
@@ -285,3 +237,30 @@ def test_numbers_keep_every_bit():
     alpha = math.nextafter(0.58, 1.0)
     model = Model(Cylinder(0.05, 0.07)).with_effect("surface_nonlinearity", alpha=alpha)
     assert parse_model(format_model(model)).effects[0].parameters["alpha"] == alpha
+
+
+# A model's file: what cannot be read is told with the file's name.
+
+
+def test_model_files_are_named_in_every_error(tmp_path: Path) -> None:
+    with pytest.raises(ModelFileError, match="no file given"):
+        read_model("")
+    with pytest.raises(ModelFileError, match=r"absent\.yaml"):
+        read_model(tmp_path / "absent.yaml")
+    binary = tmp_path / "binary.yaml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ModelFileError, match=r"binary\.yaml"):
+        read_model(binary)
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path, tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(ModelFileError, match=r"regular file|directory"):
+            read_model(place)
+    with pytest.raises(ModelFileError, match="null byte"):
+        read_model("a\0b")
+    (tmp_path / "large").write_bytes(b"#" * 100_000)
+    with pytest.raises(ModelFileError, match="too large, more than 64000 bytes"):
+        read_model(tmp_path / "large")
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("container: {shape: cylinder, radius: 0.05, fill_height: 0.07, colour: 1}")
+    with pytest.raises(SloshModelError, match=r"wrong\.yaml.*colour"):
+        read_model(wrong)

@@ -29,18 +29,6 @@ def test_models_are_copied_pickled_hashed():
         assert len({twin, MODEL, MODEL.linear()}) == 2
 
 
-def test_a_models_parameters_cannot_change():
-    with pytest.raises(TypeError):
-        MODEL.effects[0].parameters["alpha"] = 1.0
-
-
-def test_an_effect_with_other_parameters_keeps_its_place():
-    other = MODEL.with_effect("surface_nonlinearity", alpha=0.7)
-    assert [use.name for use in other.effects] == [use.name for use in MODEL.effects]
-    assert other.effects[0].parameters["alpha"] == 0.7
-    assert other.modes == 2
-
-
 def test_inputs_state_and_response_cannot_change():
     given = np.zeros((3, 3))
     inputs = Inputs(np.arange(3.0), given)
@@ -50,24 +38,6 @@ def test_inputs_state_and_response_cannot_change():
     for array in (inputs.t, inputs.acceleration, state.modal, state.held, response.modal):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
-
-
-def test_a_state_starts_any_number_of_runs():
-    _, state = simulate(MODEL, motion())
-    later = Inputs(np.linspace(1.01, 2.0, 100), np.ones((100, 3)))
-    first, second = (simulate(MODEL, later, state)[0] for _ in range(2))
-    assert np.array_equal(first.modal, second.modal)
-
-
-def test_a_reset_simulator_starts_from_rest():
-    simulator = Simulator(MODEL)
-    samples = motion().acceleration.tolist()
-    runs = []
-    for _ in range(2):
-        runs.append([simulator.step(0.01, *sample) for sample in samples])
-        simulator.reset()
-        assert not simulator.modal.any()
-    assert runs[0] == runs[1]
 
 
 @pytest.mark.parametrize(

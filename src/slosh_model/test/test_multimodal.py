@@ -76,23 +76,6 @@ def test_a_mirrored_motion_gives_the_mirrored_surface(order: int, gain: float) -
     assert np.allclose(there, back[:, ::-1], rtol=0.0, atol=1e-12)
 
 
-def test_what_rests_stays_at_rest_and_a_lift_alone_moves_nothing() -> None:
-    lift = np.full((50, 1), 3.0)
-    still = simulate_tanks(Tanks.of(WIDTH, HEIGHT), 0.0 * lift, 1e-2, vertical=lift, order=3)
-    assert not still.amplitudes.any()
-
-
-def test_side_by_side_is_as_one_by_one() -> None:
-    a = sway(np.arange(100) * 2e-3)
-    widths = np.array([0.04, 0.079])
-    both = simulate_tanks(
-        Tanks.of(widths, HEIGHT, 0.04), np.hstack((a, 0.5 * a)), 2e-3, order=3, modes=7
-    )
-    for i, gain in enumerate((1.0, 0.5)):
-        alone = simulate_tanks(Tanks.of(widths[i], HEIGHT, 0.04), gain * a, 2e-3, order=3, modes=7)
-        assert np.allclose(both.amplitudes[:, i], alone.amplitudes[:, 0], rtol=0.0, atol=2e-7)
-
-
 def standing_wave(depth: float, steepness: float, order: int) -> tuple[Array, Array, float]:
     """Times and amplitudes of a free standing wave, and its frequency if it were infinitely small.
 
@@ -169,16 +152,6 @@ def test_the_surface_tension_of_water_quickens_short_waves() -> None:
     fifth = simulate_tanks(tanks, 0.0 * sway(times), 1e-3, order=1, modes=5, start=start)
     frequency = math.sqrt((GRAVITY * k + 7.28e-5 * k**3) * math.tanh(k * HEIGHT))
     assert np.allclose(fifth.amplitudes[:, 0, 4], 1e-5 * np.cos(frequency * times), atol=1e-9)
-
-
-@pytest.mark.long
-def test_one_tank_may_break_and_the_others_go_on() -> None:
-    hard, soft = np.full((400, 1), 9.0), sway(np.arange(400) * 0.01)
-    tanks = Tanks.of([WIDTH, WIDTH], HEIGHT)
-    both = simulate_tanks(tanks, np.hstack((hard, soft)), 0.01, order=3, modes=7, may_break=True)
-    alone = simulate_tanks(Tanks.of(WIDTH, HEIGHT), soft, 0.01, order=3, modes=7)
-    assert np.isnan(both.amplitudes[-1, 0]).all()
-    assert np.allclose(both.amplitudes[:, 1], alone.amplitudes[:, 0], rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

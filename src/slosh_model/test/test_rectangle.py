@@ -5,20 +5,17 @@ import math
 
 import numpy as np
 import pytest
-from example_effects import STRENGTHS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_model.batch import wall_heights
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import SHAPES, X_AXIS, Y_AXIS, Cylinder, Rectangle
+from slosh_model.containers import X_AXIS, Y_AXIS, Cylinder, Rectangle
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
-from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import Model
 from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.self_test import example_parameters
-from slosh_model.simulate import Inputs, Simulator, State, simulate
+from slosh_model.simulate import Inputs, State, simulate
 from slosh_model.surface import rectangle_surface, sloshing_height
 
 TM20_GEOMETRIES = {  # width [m]: ω₀ that TM20 identified [rad/s] (Tables 2 and 4)
@@ -52,10 +49,6 @@ def constant(ax, ay=0.0, az=0.0):
     return lambda t: np.tile([ax, ay, az], (len(t), 1))
 
 
-def fitting(shape="rectangle"):
-    return [effect for effect in EFFECTS.values() if effect.fits(SHAPES[shape].section)]
-
-
 # ---- constants
 
 
@@ -77,26 +70,6 @@ def test_sloshing_masses_and_the_one_that_stays_are_all_the_liquid(width, depth,
         fixed = np.sum(8.0 / (odd * np.pi) ** 2 * np.tanh(reach) / reach)
         moving = sum(tank.mass_ratio(n, axis) for n in range(1, 200))
         assert moving + fixed == pytest.approx(1.0, abs=1e-4)
-
-
-@given(dimensions, dimensions, dimensions)
-def test_a_displaced_mass_is_the_displaced_liquid(width, depth, fill):
-    """Its moment is that of the wave: m x = ρ d ∫ η x dx."""
-    tank = Rectangle(width, depth, fill)
-    x = np.linspace(-width / 2.0, width / 2.0, 4001)
-    for n in (1, 2, 3):
-        shape = np.sin(tank.root(n) * 2.0 * x / width) / math.sin(tank.root(n))
-        moment = np.trapezoid(tank.curved_gain(n) * shape * x, x) / (width * fill)
-        assert moment == pytest.approx(tank.mass_ratio(n), rel=1e-4)
-
-
-def test_the_first_mode_bears_eight_over_pi_squared_of_a_static_tilt_and_all_together_all():
-    modes = range(1, 150)
-    shares = [TANK.curved_gain(n) * GRAVITY / (TANK.natural_frequency(n) ** 2) for n in modes]
-    half = TANK.width / 2.0
-    assert shares[0] == pytest.approx(8.0 / math.pi**2 * half)
-    assert sum(shares) == pytest.approx(half, rel=2.0 / math.pi**2 / 149 * 1.01)
-    assert TANK.plane_gain(1) * GRAVITY / OMEGA_X**2 == pytest.approx(half)
 
 
 def test_damping_is_that_of_the_boundary_layers():
@@ -180,28 +153,6 @@ def test_agrees_with_tm20s_equations_integrated_elsewhere(name, integrated, same
         same(-heights, theta * (TANK.width, TANK.depth)[axis] / 2.0, 1e-6)
 
 
-def test_multimodal_theory_gives_the_surface(integrated, same):
-    """Linear potential flow, from Bernoulli's equation and w = dη/dt in a moving tank."""
-    count, model = 3, Model(TANK, damping_ratio=ZETA, modes=3)
-    x = np.linspace(-0.03, 0.03, 41)
-    odd = 2 * np.arange(count) + 1
-    k = odd * np.pi / 0.06
-    kappa = k * np.tanh(k * FILL)
-    omega = np.sqrt(GRAVITY * kappa)
-    shapes = np.cos(np.multiply.outer(k, x + 0.03))
-    tilt = 2.0 * 0.06 * ((-1.0) ** odd - 1.0) / (odd * np.pi) ** 2  # x as a series of the shapes
-
-    def derivative(t, s):
-        b, rate = s[:count], s[count:]
-        forced = -kappa * tilt * push(t)[0]
-        return [*rate, *(forced - 2.0 * ZETA * omega * rate - omega**2 * b)]
-
-    waves = integrated(derivative, T, (0.0,) * (2 * count))[:, :count] @ shapes
-    response = run(model, along_x)
-    same(rectangle_surface(model, response.modal, x), waves, 1e-6)
-    same(response.sh_x, waves[:, -1], 1e-6)
-
-
 def test_the_modes_are_those_of_the_flow_to_first_order(same):
     """With a lift, the liquid's own nonlinear model cut off at its first order."""
     model = Model(TANK, damping_ratio=0.0, modes=3).spatial()
@@ -237,19 +188,6 @@ def test_a_yawing_tank_takes_its_waves_along(integrated, motion, same):
 
 
 # ---- limits and symmetries
-
-
-@pytest.mark.parametrize("name", MODELS)
-def test_rest_stays_rest(name):
-    response = run(MODELS[name][0], lambda t: np.zeros((len(t), 3)))
-    assert not response.modal.any()
-
-
-def test_small_pendulums_are_m1():
-    small = lambda t: 1e-3 * push(t)  # noqa: E731
-    linear, pendulous = run(M1, small), run(M1.nonlinear(), small)
-    gap = np.max(np.abs(pendulous.msh - linear.msh))
-    assert 0.0 < gap < 1e-6 * np.max(linear.msh)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
@@ -300,27 +238,7 @@ def test_without_damping_energy_stays(model):
     assert np.ptp(energy) < 1e-6 * energy[0]
 
 
-@pytest.mark.parametrize("model", [M1.spatial(), M1.spatial().nonlinear()], ids=["M1", "pendulum"])
-def test_in_free_fall_nothing_pulls_the_surface_back(model):
-    undamped, t = dataclasses.replace(model, damping_ratio=0.0), np.arange(0.0, 0.3, 0.001)
-    start = State(0.0, np.array([[0.002, 0.0, 0.01, 0.0]]), np.array([0.0, 0.0, -GRAVITY, 0.0]))
-    modal = simulate(undamped, Inputs(t, constant(0.0, 0.0, -GRAVITY)(t)), start)[0].modal
-    assert modal[:, 0, 0] == pytest.approx(0.002 + 0.01 * t, abs=1e-12)
-
-
 # ---- heights on the wall
-
-
-@pytest.mark.long
-def test_the_highest_place_of_a_plane_is_a_corner():
-    response = run(M1)
-    turns = np.linspace(-np.pi, np.pi, 3601)
-    corners = np.arctan2([0.0225, 0.0225, -0.0225, -0.0225], [0.03, -0.03, 0.03, -0.03])
-    rows = np.arange(0, len(T), 500)[1:]
-    around = measured_heights(M1, response, np.concatenate([turns, corners]))[rows]
-    assert around.max(axis=1) == pytest.approx(response.msh[rows], rel=1e-12)
-    where = np.concatenate([turns, corners])[around.argmax(axis=1)]
-    assert where == pytest.approx(response.azimuth[rows], abs=1e-9)
 
 
 def test_along_one_axis_the_whole_side_is_highest():
@@ -335,32 +253,6 @@ def test_along_one_axis_the_whole_side_is_highest():
 
 
 # ---- one mechanism
-
-
-@pytest.mark.parametrize("effect", fitting(), ids=lambda effect: effect.name)
-def test_every_effect_that_fits_gives_the_same_bits_three_ways(effect, motion):
-    model = M1.with_effect(effect.name, **example_parameters(effect)).spatial()
-    step = 1.0 / 128.0
-    t = step * np.arange(64)
-    inputs = Inputs(t, motion().acceleration(t + 1.0))
-    whole = simulate(model, inputs)[0]
-    expected = np.column_stack([whole.sh_x, whole.sh_y])
-    simulator = Simulator(model)
-    assert np.array_equal([simulator.step(step, *row) for row in inputs.acceleration], expected)
-    for heights in wall_heights([model] * 9, inputs):
-        assert heights.tobytes() == expected.tobytes()
-
-
-@pytest.mark.parametrize("effect", fitting(), ids=lambda effect: effect.name)
-def test_every_effect_that_fits_does_something(effect, motion):
-    full = motion().inputs()
-    inputs = Inputs(
-        full.t[::10], full.acceleration[::10], full.attitude[::10], full.angular_velocity[::10]
-    )
-    model = M1.with_effect(effect.name, **STRENGTHS[effect.name])
-    times = np.arange(0.0, 2.0, 1.0 / 60.0)
-    gap = predicted_heights(model, inputs, times) - predicted_heights(M1, inputs, times)
-    assert np.max(np.abs(gap)) > 1e-4
 
 
 def test_loss_of_liquid_is_that_of_both_axes(integrated, same):
@@ -398,13 +290,3 @@ def test_what_a_rectangle_cannot_have_is_refused(name):
     assert str(caught.value) == f"effect {name!r} is not for a rectangle"
     with pytest.raises(SloshModelError, match="effect 'pendulum_nonlinearity' is not for a cyl"):
         Model(Cylinder(0.05, 0.07)).with_effect("pendulum_nonlinearity")
-
-
-def test_twins_are_those_of_the_shape():
-    assert [model.name for model in (M1, M1.nonlinear(), M1.spatial())] == [
-        "2D-L",
-        "2D-NL",
-        "3D-L",
-    ]
-    assert M1.nonlinear().has("pendulum_nonlinearity")
-    assert M1.nonlinear().linear() == M1

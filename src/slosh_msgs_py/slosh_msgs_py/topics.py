@@ -57,7 +57,7 @@ RESET: Final = "reset"
 MONITOR_RESET: Final = f"monitor/{RESET}"
 
 
-class Role(Enum):
+class TopicRole(Enum):
     """Who publishes a topic, and why."""
 
     INPUT = "the robot, its planner or its camera: what the cell's nodes read"
@@ -76,7 +76,7 @@ class Publishers(Enum):
 
 
 class Topic(NamedTuple):
-    """A topic.
+    """A topic of a cell: name, type, publisher and use.
 
     Attributes:
         name: relative to the cell's namespace, or absolute.
@@ -93,7 +93,7 @@ class Topic(NamedTuple):
 
     name: str
     type: str
-    role: Role
+    role: TopicRole
     publishers: Publishers = Publishers.ONE
     remappable: bool = False
     latched: bool = False
@@ -121,7 +121,7 @@ class Service(NamedTuple):
     remappable: bool = False
 
 
-_INPUT, _ANSWER, _SHARED = Role.INPUT, Role.ANSWER, Role.SHARED
+_INPUT, _ANSWER, _SHARED = TopicRole.INPUT, TopicRole.ANSWER, TopicRole.SHARED
 _MANY = Publishers.MANY
 
 TOPICS: tuple[Topic, ...] = (
@@ -152,11 +152,11 @@ TOPICS: tuple[Topic, ...] = (
         remappable=True, latched=True,
     ),
     Topic(
-        SETTINGS, "slosh_msgs/msg/NodeSettings", Role.SETTING, _MANY, latched=True, page=True
+        SETTINGS, "slosh_msgs/msg/NodeSettings", TopicRole.SETTING, _MANY, latched=True, page=True
     ),
-    Topic(TRUTH, "slosh_msgs/msg/FreeSurface", Role.SIMULATION),
-    Topic(SUMMARY, "std_msgs/msg/String", Role.SIMULATION, latched=True),
-    Topic(WALL_HEIGHTS, "sensor_msgs/msg/PointCloud2", Role.TABLE, recorded=False),
+    Topic(TRUTH, "slosh_msgs/msg/FreeSurface", TopicRole.SIMULATION),
+    Topic(SUMMARY, "std_msgs/msg/String", TopicRole.SIMULATION, latched=True),
+    Topic(WALL_HEIGHTS, "sensor_msgs/msg/PointCloud2", TopicRole.TABLE, recorded=False),
     Topic(
         DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", _SHARED, _MANY,
         remappable=True, page=True,
@@ -196,9 +196,11 @@ class CellName(NamedTuple):
     def is_input(self) -> bool:
         """Whether the robot, its planner or its camera publishes it."""
         if self.topic is not None:
-            return self.topic.role is Role.INPUT
+            return self.topic.role is TopicRole.INPUT
         folder = self.name.partition("/")[0]
-        return any(row.role is Role.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS)
+        return any(
+            row.role is TopicRole.INPUT and row.name.startswith(f"{folder}/") for row in TOPICS
+        )
 
 
 def is_input(topic: str, message_type: str = "") -> bool:
@@ -208,7 +210,7 @@ def is_input(topic: str, message_type: str = "") -> bool:
         topic: its full name.
         message_type: its type; empty: not known.
     """
-    if any(row.name == topic and row.role is Role.INPUT for row in TOPICS):
+    if any(row.name == topic and row.role is TopicRole.INPUT for row in TOPICS):
         return True
     found = cell_name(topic, message_type)
     return found is not None and found.is_input

@@ -1,19 +1,16 @@
 """What nodes share: parameters, diagnostics, the process's life."""
 
-import math
 import os
 import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
@@ -23,12 +20,9 @@ from slosh_msgs_py import qos, topics
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, DiagnosticsReporter
 from slosh_msgs_py.node.guarded import GuardedNode
-from slosh_msgs_py.node.lifeline import VARIABLE, watch_lifelines
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
-from slosh_msgs_py.node.rivals import NAMELESS, PARTICIPANT, node_of
 from slosh_msgs_py.node.run import make_executor
 from slosh_msgs_py.node.silence import LONG, UNHEARD, SilentTopic
-from slosh_testing.live_processes import until
 
 SPECS = (
     ParameterSpec("size", 1.0, "size [m]", (0.0, 2.0), read_only=False),
@@ -64,11 +58,6 @@ def spin_until(node, condition, patience=20.0):
         executor.spin_once(timeout_sec=0.05)
     executor.remove_node(node)
     executor.shutdown()
-
-
-def test_defaults_and_overrides(make_node):
-    values = declare(make_node(size=1.5, kind="b"), SPECS)
-    assert values == {"size": 1.5, "count": 3, "kind": "b", "place": [0.0, 0.0], "fixed": 1.0}
 
 
 def test_integers_are_taken_for_floats(make_node):
@@ -184,25 +173,6 @@ def test_a_bad_later_value_is_refused_and_the_old_one_stays(make_node):
     assert given["kind"] == "b"
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -1.0, 2.1, "1.0", [1.0], None])
-def test_a_value_out_of_range_is_refused_later(make_node, value):
-    node = make_node()
-    applied = []
-    given = declare(node, SPECS, apply=applied.append)
-    (result,) = node.set_parameters([Parameter("size", value=value)])
-    assert not result.successful
-    assert result.reason
-    assert (given["size"], node.get_parameter("size").value, applied) == (1.0, 1.0, [])
-
-
-@pytest.mark.parametrize("value", [[math.nan, 0.0], [0.0, 2.0], [0.0]])
-def test_a_list_out_of_range_is_refused_later(make_node, value):
-    node = make_node()
-    declare(node, SPECS)
-    assert "place" in node.set_parameters([Parameter("place", value=value)])[0].reason
-    assert list(node.get_parameter("place").value) == [0.0, 0.0]
-
-
 def test_several_values_change_together_or_not_at_all(make_node):
     node = make_node()
     applied = []
@@ -223,17 +193,6 @@ def test_several_values_change_together_or_not_at_all(make_node):
     assert attempt(size=2.0, count=2, place=[0.0, 0.0]).successful
     assert (given["size"], given["count"]) == (2.0, 2)
     assert applied == [("size", "count")], "the place is what it was"
-
-
-def test_what_another_callback_refuses_is_not_applied(make_node):
-    node = make_node()
-    applied = []
-    declare(node, SPECS, apply=applied.append)
-    node.add_on_set_parameters_callback(
-        lambda _: SetParametersResult(successful=False, reason="not now")
-    )
-    assert node.set_parameters([Parameter("size", value=0.5)])[0].reason == "not now"
-    assert applied == []
 
 
 def test_every_parameter_is_described(make_node):
@@ -360,65 +319,6 @@ def test_a_signal_ends_a_node_cleanly(executor, number):
     assert rest.endswith("closed\n")
 
 
-def test_a_hang_up_that_was_to_be_ignored_is_ignored():
-    """`nohup` has it so."""
-    command = ["nohup", sys.executable, "-c", NODE]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert "alive\n" in iter(process.stdout.readline, "")
-        process.send_signal(signal.SIGHUP)
-        assert [process.stdout.readline() for _ in range(50)].count("alive\n") > 40
-        process.terminate()
-        assert process.stdout.read().endswith("closed\n")
-
-
-STARTER = """
-import os, subprocess, sys, time
-from slosh_msgs_py.node.lifeline import Lifelines
-
-lifelines = Lifelines()
-for last in (True, False):
-    inherited = lifelines.of_node(last=last)
-    command = [sys.executable, "-c", sys.argv[1]]
-    with open(sys.argv[2 + last], "w") as words:
-        subprocess.Popen(command, stdout=words, stderr=words, pass_fds=inherited.descriptors,
-                         env={**os.environ, **inherited.environment})
-# Something else that is started, and holds nothing open.
-subprocess.Popen(["sleep", "40"], stdout=subprocess.DEVNULL)
-print("started", flush=True)
-time.sleep(1000)
-"""
-
-
-def test_nodes_end_with_a_killed_starter_and_the_last_one_last(tmp_path):
-    """The wheels start the interpreter a second time: the pipes outlive that."""
-    words = [tmp_path / "first", tmp_path / "last"]
-
-    def ended():
-        return [word.exists() and word.read_text().endswith("closed\n") for word in words]
-
-    slow = NODE.replace('print("closed"', 'import time; time.sleep(1.0); print("closed"')
-    command = [sys.executable, "-c", STARTER, slow, *map(str, words)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as starter:
-        assert starter.stdout.readline() == "started\n"
-        until(lambda: all("alive" in word.read_text() for word in words), "life")
-        starter.kill()
-    seen = []
-    until(lambda: seen.append(ended()) or all(seen[-1]), "the end")
-    assert [False, True] not in seen
-    assert [True, False] in seen
-    for word in words:
-        assert "parent process exited" in word.read_text()
-
-
-def test_files_that_are_no_pipe_are_not_watched(monkeypatch):
-    """A variable that comes from elsewhere ends nobody."""
-    for text in ("", "x", "0,a", "1048575", str(os.open(os.devnull, os.O_RDONLY))):
-        monkeypatch.setenv(VARIABLE, text)
-        watch_lifelines(lambda: pytest.fail("nobody has ended"))
-        assert VARIABLE not in os.environ
-    assert not [thread for thread in threading.enumerate() if thread.name == "lifeline"]
-
-
 def test_a_signal_during_the_start_ends_a_node_cleanly_too():
     command = [sys.executable, "-c", NODE, "early"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
@@ -514,13 +414,6 @@ def test_a_node_tells_that_it_compiles_and_that_it_is_ready(make_node, slow):
     assert "compiled; ready" in said
 
 
-def test_a_stop_does_not_wait_for_a_compiler(slow):
-    process = slow()
-    process.terminate()
-    assert process.wait(20) == 0
-    assert process.stdout.read() == "closed\n"
-
-
 def test_what_fails_while_it_is_prepared_is_one_line(slow):
     process = slow("wrong")
     process.stdin.write("\n")
@@ -585,18 +478,3 @@ def test_a_node_says_what_it_alone_may_not_hear(make_node, monkeypatch):
     now += 1.0
     assert topic.facts(7) == told
     assert SilentTopic(node, "input", "std_msgs/msg/String").facts(0) == {}  # of another type
-
-
-def test_two_processes_whose_names_have_not_come_are_two_nodes(make_node):
-    node = make_node()
-    for topic in ("one", "two"):
-        node.create_subscription(Header, topic, print, qos.STREAM_IN)
-    ends = [*map(node.get_subscriptions_info_by_topic, ("/one", "/two"))]
-    (one,), (two,) = ends
-    assert node_of(one) == node_of(two) == "/tested"
-    for end in (one, two):
-        end.node_name = NAMELESS
-    assert node_of(one) == node_of(two) != "/tested"  # one process
-    assert one.endpoint_gid != two.endpoint_gid
-    two.endpoint_gid = [byte ^ 1 for byte in two.endpoint_gid[:PARTICIPANT]]
-    assert node_of(one) != node_of(two)

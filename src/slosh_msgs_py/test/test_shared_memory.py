@@ -56,14 +56,6 @@ def test_a_process_without_its_shared_memory_port_is_deaf(tmp_path, held, mapped
     assert not is_deaf(tmp_path / "nowhere")
 
 
-def test_a_living_process_is_not_deaf():
-    rclpy.init()
-    node = rclpy.create_node("hears")
-    assert not is_deaf()
-    node.destroy_node()
-    rclpy.shutdown()
-
-
 def test_what_killed_nodes_leave_in_shared_memory_is_removed_and_nothing_else(tmp_path):
     names = [f"fastrtps_{number:016x}" for number in range(3)]
     for name in (*names, "fastrtps_port7411", "somebody_else"):
@@ -163,27 +155,6 @@ def test_dead_ports_are_held_while_somebody_has_them_open(tmp_path):
         fcntl.flock(taker, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def test_a_port_whose_maker_has_not_taken_its_lock_yet_is_left_to_it(tmp_path):
-    """It would say on its standard output that it did not get it."""
-    old, young, bare = "fastrtps_port7411", "fastrtps_port7413", "fastrtps_port7415"
-    memory, processes = folders(tmp_path, (old, young, bare), [[old, young, bare]])
-    os.utime(memory / young)
-    (memory / f"{bare}_el").unlink()
-    assert DeadPorts(memory, processes).look() == (old,)
-    assert not (memory / f"{bare}_el").exists()
-
-
-def test_a_port_that_was_deleted_is_closed_while_anybody_holds_it(tmp_path):
-    port = "fastrtps_port7411"
-    memory, processes = folders(tmp_path, (), [[f"{port} (deleted)"]])
-    first, last = DeadPorts(memory, processes), DeadPorts(memory, processes)
-    assert first.look(0.0) == last.look(0.0) == (port,)
-    first.close()
-    assert {path.name for path in memory.iterdir()} == {port, f"{port}_el"}
-    last.close()
-    assert {path.name for path in memory.iterdir()} == {f"{port}_el"}
-
-
 def test_a_port_that_somebody_made_anew_is_not_deleted(tmp_path):
     port = "fastrtps_port7411"
     memory, processes = folders(tmp_path, (port,), [[port]])
@@ -207,45 +178,6 @@ def test_what_a_killed_holder_left_closed_is_open_to_the_next(tmp_path):
     (memory / "aside").rename(memory / port)
     free_dead_ports(memory)
     assert not (memory / port).exists()
-
-
-def test_who_starts_while_deleted_ports_are_held_says_nothing_of_them(domain, tmp_path):
-    """Such as processes of this machine leave that end while others still know of them."""
-    first = 7400 + 250 * domain
-    names = [f"fastrtps_port{first + 10 + number}" for number in range(20)]
-    left = {path.name for path in Path("/dev/shm").iterdir()}  # by tests before this one
-    gone = [name for name in names if not left & {name, f"{name}_sl"}]
-    _, processes = folders(tmp_path, (), [[f"{name} (deleted)" for name in gone]])
-    ports = DeadPorts(processes=processes)
-    speaks = "import rclpy; rclpy.init(); rclpy.create_node('speaks'); print('speaks')"
-    try:
-        assert {*ports.look()} == {*gone} != set()
-        done = subprocess.run(
-            [sys.executable, "-c", speaks], capture_output=True, text=True, timeout=60, check=True
-        )
-    finally:
-        ports.close()
-    assert done.stdout == "speaks\n"
-
-
-def test_a_port_of_many_listeners_is_left_alone(tmp_path):
-    """Its lock is another file; with one of the other kind it would pass for a dead one."""
-    memory, processes = folders(tmp_path, (), [["fastrtps_port7400"]])
-    (memory / "fastrtps_port7400_sl").touch()
-    assert DeadPorts(memory, processes).look(0.0) == ()
-    assert not (memory / "fastrtps_port7400_el").exists()
-
-
-def test_no_more_are_held_than_leave_a_start_its_choice(tmp_path):
-    """Of the living there may be any number."""
-    names = [f"fastrtps_port{7411 + 2 * number}" for number in range(100)]
-    memory, processes = folders(tmp_path, names, [names])
-    with contextlib.ExitStack() as living:
-        for name in names[:70]:
-            listens = living.enter_context((memory / f"{name}_el").open())
-            fcntl.flock(listens, fcntl.LOCK_EX)
-        assert DeadPorts(memory, processes).look(0.0) == tuple(names[70:])
-    assert len(DeadPorts(memory, processes).look(0.0)) == 64
 
 
 READS = """

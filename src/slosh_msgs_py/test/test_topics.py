@@ -64,8 +64,9 @@ def test_inputs_are_what_the_robot_its_planner_and_its_camera_publish():
 
 ONE_ROW = """
 from slosh_msgs_py import topics
+role = topics.TopicRole.ANSWER
 topics.TOPICS += (
-    topics.Topic("toy", "std_msgs/msg/Header", topics.Role.ANSWER, remappable=True, page=True),
+    topics.Topic("toy", "std_msgs/msg/Header", role, remappable=True, page=True),
 )
 from slosh_bag.playing.play_plan import renamed
 from slosh_bag.recorded_topics import TopicChoice

@@ -58,5 +58,5 @@ class HeightLimits:
 
     @property
     def given(self) -> bool:
-        """Whether there is one."""
+        """Whether any limit of the height is given."""
         return min(self.height, self.residual) < math.inf

@@ -13,7 +13,7 @@ from slosh_plan.planning.joint_limits import JointLimits, limits_of, read_joint_
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Robot:
+class CarryingRobot:
     """A robot that carries the container, and what its user says of its joints' limits.
 
     Attributes:
@@ -29,7 +29,9 @@ class Robot:
         return limits_of(self.arm, joints, self.given)
 
 
-def read_robot(urdf: str | Path, tool_frame: str, joint_limits: str | Path = "") -> Robot | None:
+def read_robot(
+    urdf: str | Path, tool_frame: str, joint_limits: str | Path = ""
+) -> CarryingRobot | None:
     """The robot of some files; None: none is named.
 
     Args:
@@ -43,7 +45,7 @@ def read_robot(urdf: str | Path, tool_frame: str, joint_limits: str | Path = "")
     if not str(urdf):
         return None
     given = read_joint_limits(Path(joint_limits)) if str(joint_limits) else {}
-    return Robot(read_arm(urdf, tool_frame), given)
+    return CarryingRobot(read_arm(urdf, tool_frame), given)
 
 
 def read_arm(path: str | Path, tool_frame: str) -> Arm:

@@ -3,9 +3,9 @@ import pytest
 
 from slosh_model import Cylinder, Model, Rectangle
 from slosh_plan.planning import optimise
-from slosh_plan.planning.collocation import Problem
+from slosh_plan.planning.collocation import CollocationProblem
 from slosh_plan.planning.flow import flow_of
-from slosh_plan.planning.interval import LIMITS, Layout
+from slosh_plan.planning.interval import LIMITS, StateLayout
 from slosh_plan.planning.path import path_through
 
 pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
@@ -20,7 +20,9 @@ LIMIT = [0.015, 0.002, 9.5, 74.0, 0.2, 2.0, 20.0, 1.0, 1.0, 1.0, 1.0]
 @pytest.mark.parametrize("model", [CUP, TANK], ids=["cylinder", "rectangle"])
 def test_derivatives_are_those_of_the_demands(model, tilting):
     """By central differences, in a random direction: of the demands, and of their slopes."""
-    problem = Problem(flow_of(model), path_through(BENT), 0.3, (5, 4), Layout(tilting))
+    problem = CollocationProblem(
+        flow_of(model), path_through(BENT), 0.3, (5, 4), StateLayout(tilting)
+    )
     solver = problem.solver({"ipopt.print_level": 0, "print_time": False})
     slopes, bends = (solver.get_function(f"nlp_{name}") for name in ("jac_g", "hess_l"))
     generator = np.random.default_rng(1)

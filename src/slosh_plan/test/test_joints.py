@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slosh_estimator.robot import available
-from slosh_plan import SloshPlanError, Trajectory, predict
+from slosh_plan import SloshPlanError
 from slosh_plan.joints import Arm
 
 needs_pinocchio = pytest.mark.skipif(not available(), reason="Pinocchio (pin) is not installed")
@@ -71,12 +71,6 @@ def test_angles_that_wrap_are_joined(arm, given):
 
 
 @needs_pinocchio
-def test_a_sliding_joint_may_move_far(arm):
-    there = np.column_stack([np.zeros(3), [0.0, 5.0, 5.0]])
-    assert arm.wrapping(("elbow", "switch"), there) == []
-
-
-@needs_pinocchio
 @pytest.mark.parametrize("given", [1, 2, 3])
 def test_the_cup_moves_as_derived_by_hand(arm, given):
     motion = arm.motion(T, NAMES, *swing(T)[:given])
@@ -94,25 +88,6 @@ def test_the_cup_moves_as_derived_by_hand(arm, given):
     assert motion.angular_velocity[:, 2] == pytest.approx(rate, abs=1e-3)
     turned = 2.0 * np.arctan2(motion.attitude[:, 2], motion.attitude[:, 3])
     assert np.abs(np.exp(1j * turned) - np.exp(1j * yaw)).max() < 1e-6
-
-
-@needs_pinocchio
-def test_it_is_predicted_like_the_motion_by_hand(arm, cup):
-    motion = arm.motion(T, NAMES, *swing(T))
-    t = np.linspace(0.0, 2.0, 2001)
-    _, acceleration, _, yaw = by_hand(t)
-    felt = np.column_stack([acceleration.real, acceleration.imag, 0.0 * t])
-    attitude = np.column_stack([0 * t, 0 * t, np.sin(yaw / 2), np.cos(yaw / 2)])
-    mine, other = predict(cup, [motion, Trajectory(t, felt, attitude)])
-    assert mine.nonlinear.peak == pytest.approx(other.nonlinear.peak, rel=1e-5)
-    assert mine.nonlinear.azimuth == pytest.approx(other.nonlinear.azimuth, abs=1e-3)
-
-
-@needs_pinocchio
-def test_other_joints_may_move_too(arm):
-    angle = swing(T)[0]
-    both = arm.motion(T, ("switch", *NAMES), np.column_stack([0.1 * T, angle]))
-    assert both.acceleration == pytest.approx(arm.motion(T, NAMES, angle).acceleration)
 
 
 @needs_pinocchio

@@ -1,7 +1,11 @@
+import math
+
 import numpy as np
 import pytest
 
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.planning.execution import execution_of
+from slosh_plan.planning.known_laws import known_laws
 from slosh_plan.planning.path import MOST_POINTS, path_through
 from slosh_plan.planning.progress import StoppedError
 
@@ -30,20 +34,6 @@ def test_every_waypoint_is_kept(count):
         assert np.linalg.norm(curve - point, axis=1).min() < 1e-4
 
 
-def test_two_points_are_a_straight_line():
-    path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]))
-    assert path.length == pytest.approx(0.5)
-    assert path.departure < 1e-12
-
-
-@pytest.mark.parametrize("count", [3, 4, 5, 6, 7])
-def test_few_points(count):
-    points = circle(count, 0.05 * count)
-    (leg,) = path_through(points).legs
-    curve = leg.at(np.linspace(0.0, leg.length, 100_001))[0]
-    assert max(np.linalg.norm(curve - point, axis=1).min() for point in points) < 1e-4
-
-
 @pytest.mark.parametrize("count", [3, 4, 5, 6])
 def test_few_points_at_uneven_distances(count):
     shares = np.array([0.0, 0.07, 0.3, 0.36, 0.8, 1.0])[[*range(count - 1), 5]]
@@ -57,11 +47,6 @@ def test_a_corner_is_a_stop():
     path = path_through(np.array([[0.0, 0, 0], [0.2, 0, 0], [0.2, 0.3, 0]]))
     assert [leg.length for leg in path.legs] == pytest.approx([0.2, 0.3])
     assert path.reversals == (False,)
-
-
-def test_repeated_points_and_a_closed_path():
-    points = np.repeat(circle(50), 3, axis=0)
-    assert path_through(points).length == pytest.approx(0.5 * np.pi, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -86,3 +71,45 @@ def test_a_path_with_too_many_corners_is_refused_and_one_is_stopped():
         path_through(zigzag)
     with pytest.raises(StoppedError, match="take fewer waypoints"):
         path_through(zigzag[:20], stopped=lambda: True)
+
+
+# A planned motion as a controller takes it.
+
+
+LINE = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.4, 0.0, 0.0]])
+CORNER = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.2, 0.2, 0.0]])
+BACK = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.1, 0.0, 0.0]])
+EIGHT = np.array(
+    [[math.sin(a), math.sin(2 * a), 0.0] for a in np.linspace(0.0, 2.0 * math.pi, 41)]
+) * [0.4, 0.2, 0.0]  # fmt: skip
+
+
+def motion_through(points):
+    return known_laws(path_through(points))["quintic"].motion(2.0)
+
+
+@pytest.mark.parametrize(
+    "points", [LINE, CORNER, BACK, EIGHT], ids=["line", "corner", "back", "8"]
+)
+def test_each_waypoint_is_passed_in_its_turn(points):
+    motion = motion_through(points)
+    run = execution_of(motion, points)
+    assert np.abs(run.position[run.waypoints] - points).max() < 1e-4
+    assert (np.diff(run.waypoints) > 0).all()
+    assert run.waypoints[0] == 0
+    assert run.waypoints[-1] == len(run.t) - 1
+    assert np.diff(run.t).min() > 1e-5
+
+
+def test_the_rows_between_follow_from_their_neighbours():
+    motion = motion_through(EIGHT)
+    run = execution_of(motion, EIGHT)
+    assert len(run.t) > len(motion.t)
+    step = np.diff(run.t)[:, None]
+    gained = 0.5 * (run.acceleration[1:] + run.acceleration[:-1]) * step
+    assert np.abs(np.diff(run.velocity, axis=0) - gained).max() < 2e-5
+    moved = 0.5 * (run.velocity[1:] + run.velocity[:-1]) * step
+    assert np.abs(np.diff(run.position, axis=0) - moved).max() < 1e-6
+    kept = np.isin(run.t, motion.t)
+    assert np.array_equal(run.acceleration[kept], motion.acceleration)
+    assert not run.velocity[[0, -1]].any()

@@ -184,15 +184,6 @@ def test_what_the_service_cannot_give_in_its_time_is_refused(
     assert "the action plan_motion" in answer.message
 
 
-def test_the_attitude_goes_back_as_it_came(cell: Cell) -> None:
-    one = request(time_limit=0.5)
-    one.trajectory = trajectory(LINE, turns=[SPIN])
-    answer = cell.ask(one)
-    assert answer.success, answer.message
-    turn = answer.plan.trajectory.points[500].transforms[0].rotation
-    assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx(SPIN, abs=1e-6)
-
-
 @needs_casadi
 def test_an_action_tells_how_far_it_is_and_gives_the_motion(cell: Cell) -> None:
     heard: list[Any] = []
@@ -267,26 +258,6 @@ def test_a_path_that_is_none_is_refused_and_the_node_goes_on(cell: Cell, name: s
     assert done.status == GoalStatus.STATUS_ABORTED
     assert done.result.message == answer.message
     assert cell.planner.faults.total == 0
-
-
-@pytest.mark.first(3)
-@pytest.mark.parametrize(
-    ("fields", "match"),
-    [
-        ({"limit": math.nan}, "height limit = nan m must lie above 0"),
-        ({"limit": -1.0}, "height limit = -1.0 m must lie above 0"),
-        ({"max_jerk": -1.0}, "limit of jerk = -1"),
-        ({"margin": 0.5}, "margin = 500 mm is not below the limit"),
-        # No motion, or no safe one: a known law would be too slow, or the time is up before.
-        ({"limit": 1e-8, "residual_limit": 1e-9}, "motion"),
-        ({"model_path": "/nowhere/model.yaml"}, "/nowhere/model.yaml: No such file"),
-        ({"from_estimate": True}, "no estimate has come on /estimate"),
-    ],
-)
-def test_what_cannot_be_planned_is_refused(cell: Cell, fields: dict[str, Any], match: str) -> None:
-    answer = cell.ask(request(**fields))
-    assert not answer.success
-    assert match in answer.message
 
 
 def test_liquid_above_the_limit_is_waited_for(cell: Cell) -> None:

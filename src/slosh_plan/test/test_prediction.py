@@ -52,15 +52,6 @@ def test_peaks_are_those_of_an_independent_integration(cup, reference, name):
         assert answer.residual >= truth[-1] * (1.0 - 1e-4)
 
 
-def test_a_line_and_its_few_poses_are_one_motion(cup, line):
-    motion = line()
-    few = slice(None, None, 25)
-    poses = Trajectory.from_poses(motion.t[few], motion.position[few])
-    one, other = predict(cup, [motion, poses])
-    assert other.nonlinear.peak == pytest.approx(one.nonlinear.peak, rel=2e-3)
-    assert other.nonlinear.residual == pytest.approx(one.nonlinear.residual, rel=2e-2)
-
-
 def test_azimuth_residual_and_settling(cup, line):
     (found,) = predict(cup, line(1.0), horizon=1.0)
     answer = found.nonlinear
@@ -75,13 +66,6 @@ def test_azimuth_residual_and_settling(cup, line):
     assert quick.nonlinear.settling_time == 0.0
 
 
-def test_many_at_once_are_those_one_by_one(cup, line):
-    motions = [line(duration, name=str(duration)) for duration in (0.9, 1.0, 1.3, 1.31, 2.0)]
-    together = predict(cup, motions)
-    assert together == [predict(cup, motion)[0] for motion in motions]
-    assert predict(cup, []) == []
-
-
 def test_the_liquid_goes_on_from_its_state(cup, line):
     motion = line(1.0)
     first = slice(0, 301)
@@ -93,14 +77,6 @@ def test_the_liquid_goes_on_from_its_state(cup, line):
     assert split.nonlinear.residual == pytest.approx(whole.nonlinear.residual, rel=1e-9)
     (still,) = predict(cup, rest)
     assert still.nonlinear.residual != pytest.approx(whole.nonlinear.residual, rel=0.01)
-
-
-def test_a_limit_that_is_exceeded_before_the_motion_is_refused(cup, line):
-    state = LiquidState([[0.02, 0.0, 0.0, 0.0]], [[0.02, 0.0, 0.0, 0.0]])
-    with pytest.raises(SloshPlanError, match="before the motion begins, above the limit of 5 mm"):
-        predict(cup, line(), state=state, limits=HeightLimits(0.005))
-    with pytest.raises(SloshPlanError, match="state has 2 modes, the model 1"):
-        predict(cup, line(), state=LiquidState(np.zeros((2, 4)), np.zeros((2, 4))))
 
 
 def test_excess_counts_from_the_upper_end(cup, line):
@@ -159,9 +135,3 @@ def test_flags_tell_where_the_models_end(cup, line):
 def test_impossible_values_are_refused(make, match):
     with pytest.raises(SloshPlanError, match=match):
         make()
-
-
-@pytest.mark.parametrize("horizon", [0.0, -1.0, math.nan, math.inf, 1e9])
-def test_an_impossible_horizon_is_refused(cup, line, horizon):
-    with pytest.raises(SloshPlanError, match="horizon"):
-        predict(cup, line(), horizon=horizon)

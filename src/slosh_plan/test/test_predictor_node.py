@@ -107,14 +107,6 @@ def test_it_answers_like_the_core(cell: Cell) -> None:
     assert [value for pair in both for value in pair] == pytest.approx(sum(scales.intervals, ()))
 
 
-def test_without_a_limit_there_is_no_time_scale(cell: Cell) -> None:
-    for answer in (cell.ask(), cell.ask(limit=0.02, no_time_scales=True)):
-        assert answer.success
-        assert answer.peak_nonlinear > 0.01
-        assert math.isnan(answer.time_scale)
-        assert len(answer.safe_from) == 0
-
-
 def points(*, poses: bool) -> list[MultiDOFJointTrajectoryPoint]:
     one = motion()
     made = []
@@ -284,43 +276,6 @@ def test_a_planned_motion_is_predicted_before_it_begins(
     assert sentence == f"planned motion {message.id}: {message.description}"
 
 
-def test_a_planned_motion_finds_the_liquid_as_it_is(
-    cell: Cell, told: Callable[..., MotionPrediction]
-) -> None:
-    publisher = cell.probe.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
-    message = SloshEstimate()
-    for answer in (message.linear, message.nonlinear):
-        answer.modal_position, answer.modal_velocity = [0.002, 0.0], [0.0, 0.0]
-
-    def tell() -> None:
-        message.header.stamp = to_time(cell.probe.get_clock().now().nanoseconds)
-        publisher.publish(message)
-
-    given = points(poses=False)  # half a second on a busy machine, in which nobody tells
-    timer = cell.probe.create_timer(0.02, tell)
-    cell.until(lambda: publisher.get_subscription_count() > 0)
-    for _ in range(10):  # an estimate is old when such a machine holds this process up
-        found = told(given)
-        if found.from_estimate:
-            break
-    cell.probe.destroy_timer(timer)
-    cell.probe.destroy_publisher(publisher)
-    assert found.from_estimate, found.description
-    state = LiquidState([[0.002, 0.0, 0.0, 0.0]], [[0.002, 0.0, 0.0, 0.0]])
-    (same,) = predict(MODEL, motion(), state=state)
-    assert found.peak == pytest.approx(same.nonlinear.peak, rel=1e-6)
-
-
-def test_a_planned_motion_that_keeps_the_limit_is_no_warning(
-    cell: Cell, told: Callable[..., MotionPrediction]
-) -> None:
-    slow = points(poses=False)
-    for point in slow:
-        point.accelerations[0].linear.x *= 0.1
-    assert told(slow).state == MotionPrediction.KEPT
-    assert cell.predictor._health()[0] != WARN
-
-
 def test_the_cells_record_counts_against_the_limit(
     cell: Cell, told: Callable[..., MotionPrediction]
 ) -> None:
@@ -374,17 +329,6 @@ def test_a_motion_that_is_over_is_refused(
     message = told(points(poses=False), 5_000_000_000)
     assert message.state == MotionPrediction.REFUSED
     assert "by its stamp it has ended" in message.description
-
-
-def test_a_million_points_are_refused(cell: Cell) -> None:
-    values = [0.0] * 1_000_000
-    answer = cell.ask(
-        time=np.arange(1e6).tolist(), acceleration_x=values, acceleration_y=values,
-        acceleration_z=values,
-    )  # fmt: skip
-    assert not answer.success
-    assert "1000000 points are more than 200000" in answer.message
-    assert cell.ask().success
 
 
 URDF = """<robot name="slide">

@@ -11,7 +11,6 @@ from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
-from slosh_plan.stopping import safe_stop
 
 RIM = 0.02
 
@@ -35,11 +34,6 @@ def test_a_motion_over_the_rim_is_not_kept(cup, low_cup, line, asked):
     assert found.limits.height_name == "rim"
 
 
-def test_a_limit_below_the_rim_holds_as_it_was_asked(low_cup, line):
-    (found,) = predict(low_cup, line(0.5), limits=HeightLimits(0.01))
-    assert (found.limits.height, found.limits.height_name) == (0.01, "limit")
-
-
 def test_no_time_scale_is_safe_that_spills(low_cup, line):
     motion = line(0.5)
     by_rim = safe_scales(low_cup, motion, HeightLimits(0.5))
@@ -58,11 +52,6 @@ def test_a_margin_larger_than_the_room_below_the_rim_is_refused(low_cup):
     path = path_through(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]))
     with pytest.raises((SloshPlanError, NoSafeMotionError), match="20 mm"):
         plan(low_cup, path, PlanLimits(0.5, 0.5), margin=0.03)
-
-
-def test_a_stop_stays_below_the_rim(low_cup):
-    found = safe_stop(low_cup, np.array([0.8, 0.0, 0.0]), PlanLimits(0.5, 0.5))
-    assert found.peak <= RIM
 
 
 @pytest.mark.parametrize("value", [10.0, 20.0])

@@ -1,14 +1,11 @@
 """Which time scales are safe, on motions where that is not monotone."""
 
-import math
-
 import numpy as np
 import pytest
 
 from slosh_model import Cylinder, Model
 from slosh_plan import (
     HeightLimits,
-    LiquidState,
     SloshPlanError,
     Trajectory,
     predict,
@@ -59,46 +56,13 @@ def test_edges_are_on_the_safe_side_and_sharp(cup, line):
     assert not safe_at(cup, motion, limits, [island[1] * (1.0 + 2e-4)]).any()
 
 
-def test_a_margin_and_a_state_cost_time(cup, line):
-    motion, limits = line(1.0), HeightLimits(0.015)
-    free = safe_scales(cup, motion, limits).safe_from
-    assert safe_scales(cup, motion, limits, margin=0.003).safe_from > 1.05 * free
-    moving = LiquidState([[0.003, 0.0, 0.0, 0.0]], [[0.003, 0.0, 0.0, 0.0]])
-    found = safe_scales(cup, motion, limits, state=moving)
-    assert not found.proven
-    assert found.safe_from != pytest.approx(free, rel=0.01)
-
-
-def test_where_no_scale_is_safe_it_says_so(cup, line):
-    moving = LiquidState([[0.005, 0.0, 0.0, 0.0]], [[0.005, 0.0, 0.0, 0.0]])
-    found = safe_scales(cup, line(1.0), HeightLimits(residual=1e-5), state=moving, count=50)
-    assert math.isnan(found.safe_from)
-    assert found.intervals == ()
-
-
 def test_what_is_no_limit_is_refused(cup, line):
     with pytest.raises(SloshPlanError, match="no limit given"):
         safe_scales(cup, line(), HeightLimits())
     assert safe_scales(cup, line(), HeightLimits(0.015), margin=0.02).intervals == ()
 
 
-def test_few_poses_far_apart_are_no_gap_when_slow(cup, line):
-    motion = line(1.0, rate=20.0)
-    assert safe_scales(cup, motion, HeightLimits(0.01)).safe_from > 1.0
-
-
 MODEL = Model(Cylinder(0.05, 0.07)).spatial()
-
-
-def test_the_samples_of_all_scales_are_bounded():
-    t = np.linspace(0.0, 2.0, 201)
-    acceleration = np.zeros((len(t), 3))
-    acceleration[:, 0] = np.sin(np.pi * t)
-    motion, limits = Trajectory(t, acceleration), HeightLimits(0.01)
-    free = safe_scales(MODEL, motion, limits, count=100)
-    assert safe_scales(MODEL, motion, limits, count=100, most=10**6).intervals == free.intervals
-    with pytest.raises(SloshPlanError, match=r"above the bound of 0\.01 million: leave the time"):
-        safe_scales(MODEL, motion, limits, count=100, most=10**4)
 
 
 @pytest.mark.parametrize("turns", [False, True])

@@ -89,12 +89,6 @@ def test_the_liquid_costs_time_and_a_wave_that_helps_costs_less(cup):
     assert higher.duration < at_rest.duration
 
 
-def test_a_limit_of_what_is_left_makes_it_longer(cup):
-    calm = safe_stop(cup, [0.5, 0.0, 0.0], replace(LIMITS, residual=0.002))
-    assert calm.residual <= 0.002
-    assert calm.duration > safe_stop(cup, [0.5, 0.0, 0.0], LIMITS).duration
-
-
 def test_no_stop_is_said(cup, monkeypatch):
     monkeypatch.setattr(stopping, "LONGEST", 1.0)
     state = live(cup, 0.05)

@@ -45,22 +45,6 @@ def test_gravity_is_felt_where_a_motion_tilts(degrees):
     assert found.nonlinear.model == ("3D-NL+gravity_tilt" if tilts else "3D-NL")
 
 
-def test_a_slow_tilt_shows_the_surface_that_stays_level():
-    """30 degrees within a second: at least about the height R tan of the level surface."""
-    (found,) = predict(CUP, tilting(30.0))
-    assert found.nonlinear.peak > 0.8 * 0.05 * math.tan(math.radians(30.0))
-
-
-def test_upright_motions_beside_it_are_answered_as_alone():
-    level = Trajectory(tilting(0.0).t, np.column_stack([np.sin(6.0 * tilting(0.0).t)] * 3))
-    together = predict(CUP, [tilting(20.0), level, tilting(10.0)])
-    alone = [predict(CUP, one)[0] for one in (tilting(20.0), level, tilting(10.0))]
-    assert [x.nonlinear.peak for x in together] == [x.nonlinear.peak for x in alone]
-    assert [x.nonlinear.model for x in together] == [
-        "3D-NL+gravity_tilt", "3D-NL", "3D-NL+gravity_tilt",
-    ]  # fmt: skip
-
-
 def test_no_time_scale_of_a_large_tilt_is_safe():
     """However slow: the surface stays level, and the wall dips below it."""
     scales = safe_scales(CUP, tilting(60.0), HeightLimits(0.02))

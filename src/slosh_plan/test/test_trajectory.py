@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
+from slosh_model.motion_profiles import quintic
 from slosh_plan import SloshPlanError, Trajectory
-from slosh_plan.scaling import Averaged
+from slosh_plan.consistency import check_consistent
 
 
 def still(t):
@@ -83,18 +84,6 @@ def test_a_motion_is_made_or_refused_never_anything_else(t, acceleration, poses)
     assert not motion.acceleration.flags.writeable
 
 
-@given(factor=st.floats(0.2, 5.0))
-def test_a_scaled_motion_follows_the_same_path(factor):
-    t = np.linspace(2.0, 3.0, 101)
-    position = np.column_stack([np.cos(2.0 * np.pi * t), np.sin(np.pi * t) ** 2, 0.0 * t])
-    poses = Trajectory.from_poses(t, position)
-    slow = poses.scaled(factor)
-    again = Trajectory.from_poses(2.0 + (t - 2.0) * factor, position)
-    assert np.allclose(slow.acceleration, again.acceleration, rtol=1e-9, atol=1e-6)
-    assert np.allclose(slow.t, again.t)
-    assert slow.position is poses.position
-
-
 def test_attitudes_between_poses_turn_smoothly():
     t = np.linspace(0.0, 1.0, 11)
     turns = Rotation.from_rotvec(np.outer(0.2 * t**2, [1.0, 0.0, 0.0]))
@@ -111,14 +100,59 @@ def test_an_impossible_scale_is_refused(factor):
         still([0.0, 1.0]).scaled(factor)
 
 
-def test_fewer_samples_keep_the_speed():
-    rng = np.random.default_rng(3)
-    t = np.linspace(0.0, 2.0, 2001)
-    noisy = rng.normal(size=(2001, 3))
-    noisy[0] = noisy[-1] = 0.0
-    coarse = Averaged(Trajectory(t, noisy)).scaled(1.0, 0.01)
-    assert len(coarse.t) < 250
-    speed = [
-        np.trapezoid(a, x) for a, x in ((noisy[:, 0], t), (coarse.acceleration[:, 0], coarse.t))
-    ]
-    assert speed[0] == pytest.approx(speed[1], abs=0.01)
+# Positions, velocities and accelerations that are not those of one motion are refused.
+
+
+RATES = (500.0, 50.0, 10.0)
+
+
+def motion(rate, seconds=1.5, length=0.5):
+    """t, positions, velocities, accelerations of a quintic move in x."""
+    t = np.linspace(0.0, seconds, round(seconds * rate) + 1)
+    place, speed, change = quintic(t / seconds)
+    columns = (length * place, length * speed / seconds, length * change / seconds**2)
+    return t, *(np.column_stack((one, 0.0 * one, 0.0 * one)) for one in columns)
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("seconds", [0.4, 1.5, 20.0])
+def test_what_agrees_is_taken(rate, seconds):
+    t, position, velocity, acceleration = motion(rate, seconds)
+    check_consistent("m", t, position, velocity, acceleration)
+    check_consistent("m", t, position + 1.0, None, acceleration)
+    check_consistent("m", t, position + 0.3 * t[:, np.newaxis], None, acceleration)
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("factor", [0.0, 0.1, -1.0, 1000.0, 1.0 / 9.81])
+def test_accelerations_of_another_motion_are_refused(rate, factor):
+    t, position, _, acceleration = motion(rate)
+    match = r"m: positions and accelerations contradict each other: from t = .* in x"
+    with pytest.raises(SloshPlanError, match=match):
+        check_consistent("m", t, position, None, factor * acceleration)
+
+
+def test_other_axes_gravity_and_other_units_are_refused():
+    t, position, velocity, acceleration = motion(100.0)
+    for wrong in (acceleration[:, [1, 0, 2]], acceleration + np.array([0.0, 0.0, 9.81])):
+        with pytest.raises(SloshPlanError, match="positions and accelerations"):
+            check_consistent("m", t, position, None, wrong)
+        with pytest.raises(SloshPlanError, match="velocities and accelerations"):
+            check_consistent("m", t, None, velocity, wrong)
+    with pytest.raises(
+        SloshPlanError, match=r"positions and velocities .* correct the velocities"
+    ):
+        check_consistent("m", t, position, 1000.0 * velocity, acceleration)
+    with pytest.raises(SloshPlanError, match="positions and velocities"):
+        check_consistent("m", t, 1000.0 * position, velocity)
+
+
+def test_the_error_tells_where_and_both_values():
+    t, position, _, acceleration = motion(500.0)
+    with pytest.raises(SloshPlanError) as caught:
+        check_consistent("m", t, position, None, 0.0 * acceleration)
+    # The greatest acceleration of the quintic is 5.77 L/T² at 0.211 T.
+    assert "the positions give a mean of -1.2" in str(caught.value) or "mean of 1.2" in str(
+        caught.value
+    )
+    assert "the accelerations 0 m/s²" in str(caught.value)

@@ -49,7 +49,7 @@ _KEYS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
+class ExpectedNumber:
     """A number and by how much it may be missed."""
 
     value: float
@@ -72,8 +72,8 @@ class ExpectedEvent:
     """
 
     source: str
-    peak: Expected | None = None
-    duration: Expected | None = None
+    peak: ExpectedNumber | None = None
+    duration: ExpectedNumber | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +97,8 @@ class Expectation:
     tolerance: float | None = None
     images: int | None = None
     drops: int | None = None
-    sigma: Mapping[str, Expected] = field(default_factory=dict)
-    epsilon: Mapping[str, Expected] = field(default_factory=dict)
+    sigma: Mapping[str, ExpectedNumber] = field(default_factory=dict)
+    epsilon: Mapping[str, ExpectedNumber] = field(default_factory=dict)
     events: tuple[ExpectedEvent, ...] | None = None
     warnings: tuple[str, ...] = ()
 
@@ -169,7 +169,9 @@ def _kept(old: Expectation | None, new: Expectation) -> Expectation:
     )
 
 
-def _tolerant(old: Mapping[str, Expected], new: Mapping[str, Expected]) -> dict[str, Expected]:
+def _tolerant(
+    old: Mapping[str, ExpectedNumber], new: Mapping[str, ExpectedNumber]
+) -> dict[str, ExpectedNumber]:
     return {
         name: replace(found, tolerance=old[name].tolerance) if name in old else found
         for name, found in new.items()
@@ -197,7 +199,7 @@ def _event_document(event: ExpectedEvent) -> dict[str, Any]:
     return {"source": event.source, **{k: _pair(v) for k, v in found.items() if v is not None}}
 
 
-def _pair(value: Expected) -> dict[str, float]:
+def _pair(value: ExpectedNumber) -> dict[str, float]:
     """Rounded to a hundredth of the tolerance, which no check sees."""
     if value.tolerance == 0.0:
         return {"value": value.value, "tolerance": 0.0}
@@ -280,18 +282,18 @@ def _count(place: _Place, value: Any) -> int | None:
     return value
 
 
-def _expected(place: _Place, entry: Any) -> Expected:
+def _expected(place: _Place, entry: Any) -> ExpectedNumber:
     _check_keys(place, entry, ("value", "tolerance"))
     for key in ("value", "tolerance"):
         if key not in entry:
             raise place.error(f"{key} is missing")
-    return Expected(
+    return ExpectedNumber(
         _number(place.under("value"), entry["value"]),
         _number(place.under("tolerance"), entry["tolerance"], least=0.0),
     )
 
 
-def _by_model(place: _Place, entry: Any) -> dict[str, Expected]:
+def _by_model(place: _Place, entry: Any) -> dict[str, ExpectedNumber]:
     if not isinstance(entry, dict):
         raise place.error("must be a mapping from the model's name, such as 3D-NL")
     return {name: _expected(place.under(name), value) for name, value in entry.items()}

@@ -5,10 +5,8 @@ import os
 import pytest
 import yaml
 from mcap.reader import make_reader
-from mcap.records import Channel, DataEnd, Message, Schema
+from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from slosh_bag.bag_writer import BagWriter, Qos, Split
 from slosh_bag.reader import BagReader
@@ -62,18 +60,6 @@ def test_each_file_is_complete_in_itself(bag):
         assert BagReader(bag / f"run_{number}.mcap").metadata() == {"run": "7"}
 
 
-def test_the_whole_bag_has_each_message_once(bag):
-    found = []
-    for number in range(12):
-        found += [r for r in records(bag / f"run_{number}.mcap") if isinstance(r, Message)]
-    assert [record.sequence for record in found] == [0, *range(120)]
-    assert [record.publish_time for record in found[1:]] == [(4 + n) * SECOND for n in range(120)]
-    assert sorted(message.log_ns for message in BagReader(bag).messages(["/h"])) == [
-        (5 + n) * SECOND for n in range(120)
-    ]
-    assert len(list(BagReader(bag).messages(["/latched"]))) == 1
-
-
 def test_metadata_lists_the_files_with_their_own_times(bag):
     facts = information(bag)
     names = [f"run_{number}.mcap" for number in range(12)]
@@ -92,13 +78,6 @@ def test_metadata_lists_the_files_with_their_own_times(bag):
         for topic in facts["topics_with_message_count"]
     }
     assert counts == {"/h": 120, "/latched": 1, "/silent": 0}
-
-
-def test_rosbags_reads_the_files_as_one_bag(bag):
-    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-        stamps = [stamp for connection, stamp, _ in reader.messages() if connection.topic == "/h"]
-        assert (reader.start_time, reader.message_count) == (5 * SECOND, 121)
-    assert stamps == [(5 + number) * SECOND for number in range(120)]
 
 
 def test_metadata_is_there_from_the_start_and_follows(tmp_path):
@@ -142,44 +121,3 @@ def test_a_file_that_is_large_enough_is_followed_by_the_next(tmp_path):
     assert len(sizes) == 9
     assert all(50_000 <= size < 60_000 for size in sizes[:-1])
     assert information(folder)["message_count"] == 100
-
-
-@pytest.mark.parametrize("split", [Split(), Split(size=1), Split(duration=1)])
-def test_no_file_begins_with_an_empty_chunk(tmp_path, split):
-    folder = tmp_path / "run"
-    with BagWriter(folder, split=split) as writer:
-        for number in range(3):
-            writer.add_topic(f"/h{number}", HEADER)
-            writer.flush()  # a topic without a message yet
-            writer.write(f"/h{number}", DATA, number)
-            writer.flush()
-            writer.flush()
-    files = sorted(folder.glob("*.mcap"))
-    assert len(files) == (1 if split == Split() else 3)
-    for path in files:
-        with path.open("rb") as stream:
-            chunks = [
-                record
-                for record in StreamReader(stream, emit_chunks=True).records
-                if type(record).__name__ == "Chunk"
-            ]
-        assert len(chunks) == len(summary(path).chunk_indexes)
-        assert all(chunk.message_start_time == chunk.message_end_time for chunk in chunks)
-        assert len(list(BagReader(path).messages())) == len(chunks)
-
-
-def test_the_data_section_has_a_checksum(bag):
-    path = bag / "run_0.mcap"
-    (end,) = [record for record in records(path) if isinstance(record, DataEnd)]
-    assert end.data_section_crc != 0
-
-
-def test_what_does_not_get_smaller_is_stored_as_it_is(tmp_path):
-    with BagWriter(tmp_path / "run") as writer:
-        writer.add_topic("/h", HEADER)
-        writer.write("/h", DATA + os.urandom(100_000), 0)
-        writer.flush()
-        writer.write("/h", DATA + bytes(100_000), 1)
-    chunks = summary(tmp_path / "run" / "run_0.mcap").chunk_indexes
-    assert [chunk.compression for chunk in chunks] == ["", "zstd"]
-    assert len(list(BagReader(tmp_path / "run").messages())) == 2

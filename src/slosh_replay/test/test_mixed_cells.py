@@ -148,9 +148,3 @@ def test_estimators_are_told_apart_by_their_counts_and_stamps(other):
     rows += [(2 * MS * k + MS // 3, other + k, False) for k in range(60)]
     stamps, used, own = (np.array(column) for column in zip(*sorted(rows), strict=True))
     assert OneEstimator().mask(stamps, used).tolist() == own.tolist()
-
-
-def test_two_on_one_input_are_told_apart_by_their_order():
-    stamps = np.repeat(2 * MS * np.arange(50), 2)
-    used = np.repeat(np.arange(1, 51), 2)
-    assert OneEstimator().mask(stamps, used).tolist() == [True, False] * 50

@@ -6,15 +6,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_bag.errors import SloshBagError
-from slosh_estimator.sight import SATURATED
-from slosh_estimator.validity import EstimateFlag
+from slosh_estimator.sight import SATURATED, SurfaceFlag
 from slosh_metrics.metrics import mean_absolute_error, peak_error, rms_error
-from slosh_replay.recording.heights import Measurements
+from slosh_replay.recording.heights import (
+    SURFACE_FIELDS,
+    HeightCollector,
+    Measurements,
+    measurements,
+)
 from slosh_replay.replay.accuracy import judge
 from slosh_replay.replay.conclusion import thinned
 from slosh_replay.replay.model_set import ModelHeights, at_images
 from slosh_replay.replay.series import Series
 from slosh_replay.replay.unrelated import align
+from slosh_replay.tables import bag_table
 
 STAMPS = np.arange(0, 1_000_000_000, 10_000_000, dtype=np.int64)
 HEIGHT = 0.02
@@ -45,11 +50,6 @@ def test_a_saturated_height_counts_only_above_the_estimate():
     assert row.sigma == pytest.approx(0.01)
 
 
-def test_unknown_heights_do_not_count():
-    heights = np.where(np.arange(len(STAMPS)) < 30, np.nan, 0.01)
-    assert accuracy(series(heights)).count == 70
-
-
 def test_estimates_from_an_unknown_state_do_not_count():
     judged = judge(series(0.01, usable=False), ["3D-NL"])
     assert judged.models == ()
@@ -64,10 +64,6 @@ def test_why_nothing_counts_is_told(measured, height, text):
     judged = judge(series(measured, height), ["3D-NL"])
     assert judged.models == ()
     assert text in judged.warning
-
-
-def test_what_counts_needs_no_warning():
-    assert judge(series(0.01), ["3D-NL"]).warning == ""
 
 
 def test_each_motion_is_judged_by_its_own_images():
@@ -93,17 +89,6 @@ def test_blocks_give_what_the_whole_series_gives(seed: int, block: int):
     assert row.epsilon == pytest.approx(peak_error(measured, model), rel=1e-12)
 
 
-def test_a_spike_at_the_edge_of_a_block_is_found():
-    measured = 0.01 * np.sin(np.arange(300) / 9.0)
-    for place in (63, 64, 127):
-        spiked = measured.copy()
-        spiked[place] = 0.2
-        judged = judge(series(spiked, measured), ["3D-NL"])
-        assert judged.spikes == 1
-        assert judged.models[0].epsilon == pytest.approx(0.0)
-        assert judged.models[0].epsilon_raw < -0.9
-
-
 def test_a_long_series_keeps_its_extremes():
     measured = 0.01 * np.sin(np.arange(5000) / 50.0)
     measured[1234], measured[4000] = 0.5, -0.5
@@ -122,20 +107,10 @@ def estimates(stamps=STAMPS, flags=0):
     )
 
 
-def test_estimates_are_interpolated_between_their_stamps():
-    found = at_images(estimates(), STAMPS[:-1] + 3_000_000)
-    np.testing.assert_allclose(found.heights[:, 0], 1e-9 * (STAMPS[:-1] + 3_000_000))
-    assert found.usable.all()
-
-
 def test_there_is_no_estimate_within_a_gap_or_outside():
     stamps = np.concatenate((STAMPS[10:30], STAMPS[50:90]))
     known = np.isfinite(at_images(estimates(stamps), STAMPS).heights[:, 0])
     np.testing.assert_array_equal(np.flatnonzero(known), [*range(10, 30), *range(50, 90)])
-
-
-def test_an_unsettled_estimate_is_not_usable():
-    assert not at_images(estimates(flags=int(EstimateFlag.SETTLING)), STAMPS).usable.any()
 
 
 def whole(acceleration=3.0, shift=5.0, level=0.004):
@@ -167,3 +142,70 @@ def test_still_level_is_taken_off_where_the_clocks_are_unrelated():
 def test_a_container_that_does_not_move_is_refused():
     with pytest.raises(SloshBagError, match="does not move"):
         align("run", *whole(acceleration=0.0))
+
+
+# The one reader of measured heights, and that replay, table and discovery read by it.
+
+
+NAN = float("nan")
+
+
+def columns(stamps, msh, flags, azimuth=0.5):
+    """Columns of FreeSurface messages, as a bag's reader gives them."""
+    count = len(stamps)
+    return {
+        "header.stamp.sec": np.array(stamps, dtype=np.int32),
+        "header.stamp.nanosec": np.full(count, 5, dtype=np.uint32),
+        "msh": np.array(msh, dtype=np.float64),
+        "flags": np.array(flags, dtype=np.uint16),
+        "msh_stddev": np.full(count, 1e-4),
+        "azimuth": np.full(count, azimuth),
+    }
+
+
+def collected(*parts):
+    collector = HeightCollector()
+    for part in parts:
+        collector.add(part)
+    return collector.measurements()
+
+
+def test_what_comes_in_parts_is_one_and_in_the_order_of_the_recording():
+    found = collected(columns([3, 1], [0.1, 0.2], [0, 0]), columns([2], [0.3], [0]))
+    assert found.stamps.tolist() == [3_000_000_005, 1_000_000_005, 2_000_000_005]
+    assert found.heights.tolist() == [0.1, 0.2, 0.3]
+    assert found.stddev.tolist() == [1e-4] * 3
+    assert found.azimuth.tolist() == [0.5] * 3
+    whole = measurements(columns([3, 1, 2], [0.1, 0.2, 0.3], [0, 0, 0]))
+    assert all((a == b).all() for a, b in zip(found[:5], whole[:5], strict=True))
+
+
+def test_in_order_keeps_of_each_stamp_what_was_recorded_first():
+    found = collected(columns([2, 1, 2, 1], [0.1, 0.2, 0.3, 0.4], [0, 0, 0, 0])).in_order()
+    assert found.stamps.tolist() == [1_000_000_005, 2_000_000_005]
+    assert found.heights.tolist() == [0.2, 0.1]
+
+
+@pytest.mark.parametrize(
+    ("flag", "unusable", "saturated"),
+    [
+        (SurfaceFlag.SATURATED, False, True),
+        (SurfaceFlag.NOT_FOUND, True, False),
+        (SurfaceFlag.BAD_IMAGE, True, False),
+        (SurfaceFlag.NOT_FOUND | SurfaceFlag.SATURATED, True, True),
+        (SurfaceFlag.FROZEN, False, False),
+    ],
+)
+def test_the_flags_tell_whether_there_is_a_height_and_whether_it_is_a_bound(
+    flag, unusable, saturated
+):
+    found = collected(columns([1, 2], [0.1, NAN], [int(flag), 0]))
+    assert found.unusable.tolist() == [unusable, False]
+    assert found.saturated.tolist() == [saturated, False]
+    assert np.isnan(found.usable_heights).tolist() == [unusable, True]
+    assert found.heights[0] == 0.1  # as recorded
+
+
+def test_a_table_takes_the_fields_that_a_replay_takes():
+    assert HeightCollector.fields == SURFACE_FIELDS
+    assert isinstance(bag_table.TableHeights([]).surfaces, HeightCollector)

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.containers import Cylinder
-from slosh_model.effects.registry import EFFECTS
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
@@ -56,11 +55,6 @@ def table(truth: Model, *, turning: bool = True) -> MotionTable:
 
 def sigma(result, model: Model) -> float:
     return {row.name: row for row in result.accuracy}[model.name].sigma
-
-
-def test_every_effect_is_tried() -> None:
-    assert set(ADDED) | NONLINEAR | OF_RECTANGLES == set(EFFECTS)
-    assert all(EFFECTS[name].sections == ("rectangular",) for name in OF_RECTANGLES)
 
 
 @pytest.mark.first(8)
@@ -112,11 +106,3 @@ def test_the_bag_of_a_table_is_replayed_with_its_attitude(tmp_path: Path) -> Non
     assert sigma(result, model) < 1e-6
     assert sigma(replay_bag(tmp_path / "bag", BASE), BASE) > 1e-3
     assert result.warnings == ()
-
-
-def test_effects_that_a_bag_leaves_idle_are_told(tmp_path: Path) -> None:
-    model = BASE.with_effect("gravity_tilt")
-    upright = table(BASE, turning=False)
-    write_table_bag(Path("upright.csv"), upright, tmp_path / "bag")
-    (warning,) = replay_bag(tmp_path / "bag", model).warnings
-    assert "gravity_tilt has no effect" in warning

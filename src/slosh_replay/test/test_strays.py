@@ -15,7 +15,7 @@ from slosh_bag.reader import BagReader
 from slosh_bag.recover import NotedDefinitions
 from slosh_replay.replay import replay_bag
 from slosh_replay.split import split_bag
-from slosh_replay.strays import LASTING, StrayFilter, set_backs
+from slosh_replay.strays import StrayFilter
 from slosh_replay.tables.bag_table import TableSettings, read_bag_table
 
 BAG = Path(__file__).resolve().parents[3] / "bags" / "c3"
@@ -154,8 +154,3 @@ def test_what_is_astray_does_not_depend_on_the_parts_in_which_it_comes(size: int
     kept += sorting.rest()[0].tolist()
     assert kept == [1, 2, 3, 4, 70, 60, 5, 6, 99]
     assert sorting.count == 1
-
-
-def test_where_time_was_set_back_for_good() -> None:
-    assert set_backs([*range(100), 5, *range(100, 130)]) == []
-    assert set_backs([*range(100), *range(LASTING), 200, *range(50, 50 + LASTING)]) == [100, 121]

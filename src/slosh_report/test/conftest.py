@@ -1,142 +1,15 @@
-"""Reports to look at: one that shows everything, and one whose texts wish the page ill."""
+"""The reports of slosh_testing, for the tests of the page."""
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 
-from slosh_report.run_report import (
-    AzimuthSeries,
-    Check,
-    Difference,
-    Fact,
-    Frame,
-    KeyFigure,
-    ModelRow,
-    RunMotion,
-    RunReport,
-    RunVerdict,
-    Span,
-    Status,
-    Topic,
-    Verification,
-)
-from slosh_testing.hostile import evil
-from slosh_testing.pages import grey_png
-
-NAN = float("nan")
-T = np.arange(0.0, 20.0, 1.0 / 60.0)
-NAMES = ("2D-L", "3D-L", "2D-NL", "3D-NL")
-
-
-def rows(seed):
-    """Four models with numbers that no rounding leaves as they are."""
-    noise = np.random.default_rng(seed).random((4, 3)) / 3.0
-    return tuple(
-        ModelRow(name, 2e-3 * a, b - 0.2, 3e-3 * c, 3.2 + a, 600 + seed)
-        for name, (a, b, c) in zip(NAMES, noise.tolist(), strict=True)
-    )
+from slosh_testing import reports
 
 
 @pytest.fixture(scope="session")
 def full_report():
-    """A report in which every part of the page has something to show."""
-    measured = 0.0213 * np.sin(0.7 * T) ** 2
-    estimated = AzimuthSeries("3D-NL", T, np.angle(np.exp(0.9j * T)), 0.98 * measured)
-    return RunReport(
-        title="cup_two_motions",
-        subtitle="replay, driven by /slosh/accel",
-        t=T,
-        measured=np.where((T > 8.0) & (T < 9.0), np.nan, measured),
-        linear=1.2 * measured,
-        nonlinear=0.98 * measured,
-        linear_name="3D-L",
-        nonlinear_name="3D-NL",
-        limit=0.0181,
-        saturated=measured > 0.0212,
-        key_figures=(
-            KeyFigure("highest measured", 0.0212987, "mm"),
-            KeyFigure("ε 3D-NL", -0.0234567, "%", "3D-L: +20.0 %"),
-            KeyFigure("model", "3D-NL"),
-        ),
-        facts=(Fact("bag", "bags/cup_two_motions"),),
-        events=(
-            Span("measured", 1.81, 2.74, 0.0181, 0.0213, "above the limit", 2.2439),
-            Span("estimated", 19.5, NAN, 0.0181, 0.0191),
-        ),
-        models=rows(1),
-        motions=(
-            RunMotion("RD_2D", 0.5, 8.123456, 0.0212987, rows(2)),
-            RunMotion("LE_3D", 9.5, 19.0, 0.02, rows(3)),
-        ),
-        frames=(
-            Frame(grey_png(), "highest: 2.24 s", "image/png", 2.24),
-            Frame(grey_png(), "first", "image/png"),
-        ),
-        topics=(
-            Topic("/slosh/accel", "geometry_msgs/msg/AccelStamped", 20000, 999.73, 0),
-            Topic("/slosh/free_surface", "slosh_msgs/msg/FreeSurface", 1200, 59.94),
-        ),
-        model_text="container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n",
-        effects={"fill_level": "More or less liquid than the model says."},
-        notes=("a note",),
-        warnings=("0.4 s are lost at the end",),
-        status=Status(RunVerdict.FAILED, ("MAE 3D-NL is too large",)),
-        checks=(
-            Check("MAE 3D-NL", 0.00060000001, 0.0, 0.0006, "mm"),
-            Check("samples dropped", 0, upper=0),
-        ),
-        verifications=(
-            Verification(
-                "recorded estimates reproduced bit for bit",
-                9216,
-                9218,
-                (
-                    *(Difference("/slosh/estimate", f"jerk[{i}]", i, NAN, 1e-9) for i in range(6)),
-                    Difference(
-                        "/slosh/estimate", "nonlinear.msh", 2, 3.2141, 1.7e-18,
-                        0.012345678901234567, 0.012345678901234569,
-                    ),
-                ),
-            ),
-            Verification("limit events reproduced", 4, 4),
-        ),
-        measured_azimuth=AzimuthSeries("measured", T, estimated.azimuth + 0.05, measured),
-        estimated_azimuth=estimated,
-    )  # fmt: skip
+    return reports.full_report()
 
 
 @pytest.fixture(scope="session")
-def hostile_report(full_report):
-    """Every text tries to become markup, a formula, a request, or too wide for its place."""
-
-    base = full_report
-    bad_rows = tuple(replace(row, name=evil("model")) for row in base.models[:1])
-    return replace(
-        base,
-        title=evil("title"),
-        subtitle=evil("subtitle"),
-        linear_name=evil("linear"),
-        nonlinear_name=evil("nonlinear"),
-        key_figures=(KeyFigure(evil("label"), evil("value"), evil("unit"), evil("note")),),
-        facts=(Fact(evil("fact"), evil("text")),),
-        events=(Span(evil("source"), 1.0, 2.0, 0.01, 0.02, evil("description")),),
-        models=bad_rows,
-        motions=(
-            RunMotion(evil("motion"), 0.5, 8.0, 0.02, bad_rows),
-            RunMotion(evil("motion"), 9.0, 19.0, 0.02, bad_rows),
-        ),
-        frames=(Frame(grey_png(), evil("caption"), "image/png", 2.0),),
-        topics=(Topic(evil("topic"), evil("type"), 1),),
-        model_text=evil("text"),
-        effects={evil("effect"): evil("meaning")},
-        notes=(evil("note"),),
-        warnings=(evil("warning"),),
-        status=Status(RunVerdict.PASSED, (evil("reason"),)),
-        checks=(Check(evil("check"), 1.0),),
-        verifications=(
-            Verification(evil("verification"), 0, 1, (Difference(evil("t"), evil("f"), 1),)),
-        ),
-        measured_azimuth=replace(base.measured_azimuth, name=evil("measured")),
-        estimated_azimuth=replace(base.estimated_azimuth, name=evil("estimated")),
-    )
+def hostile_report():
+    return reports.hostile_report()

@@ -53,8 +53,3 @@ def test_a_value_is_what_json_can_hold(value, expected):
     assert found == expected
     assert type(found) is type(expected)
     assert json.loads(json.dumps(found, allow_nan=False)) == expected
-
-
-def test_fields_and_keys_keep_their_order():
-    assert list(plain(Row("a", 1.0))) == ["name", "value"]
-    assert list(plain({"b": 1, "a": 2})) == ["b", "a"]

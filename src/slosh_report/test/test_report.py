@@ -14,20 +14,19 @@ from slosh_report.page.closer import closer_scripts
 from slosh_report.page.units import shown
 from slosh_report.run_report import (
     AzimuthSeries,
-    Check,
+    CheckRow,
+    ExcessSpan,
     Frame,
     KeyFigure,
     ModelRow,
     RunMotion,
     RunReport,
     RunVerdict,
-    Span,
     Status,
-    Topic,
+    TopicRow,
     render_report,
     report_document,
 )
-from slosh_report.run_report.charts import heights_chart, residual_chart
 
 T = np.linspace(0.0, 8.0, 480)
 REPORT = RunReport(
@@ -41,15 +40,14 @@ REPORT = RunReport(
     nonlinear_name="3D-NL",
     limit=0.018,
     key_figures=(KeyFigure("MAE 3D-NL", "1.20", "mm"),),
-    events=(Span("measured", 1.2, 1.9, 0.018, 0.0203, "<script>alert(1)</script>"),),
+    events=(ExcessSpan("measured", 1.2, 1.9, 0.018, 0.0203, "<script>alert(1)</script>"),),
     models=(ModelRow("3D-NL", 0.00123, -0.119, 0.0015, 0.5, 480),),
     frames=(Frame(b"\x89PNG", 'peak "front"', "image/png"),),
-    topics=(Topic("/slosh/accel", "geometry_msgs/msg/AccelStamped", 8000, 999.7),),
+    topics=(TopicRow("/slosh/accel", "geometry_msgs/msg/AccelStamped", 8000, 999.7),),
     model_text="damping_ratio: auto",
     notes=("one note",),
 )
 
-CHARTS = (heights_chart, residual_chart)
 
 OWN_SCRIPTS = closer_scripts()
 
@@ -112,16 +110,6 @@ def test_ids_are_unique_and_references_resolve(html):
     assert set(re.findall(r"url\(#([^)]+)\)", html)) <= set(ids)
 
 
-def test_charts_take_their_colours_from_the_page(html):
-    for name in ("measured", "linear", "nonlinear", "limit", "span"):
-        assert f"var(--{name})" in html
-    assert "prefers-color-scheme: dark" in html
-
-
-def test_the_same_report_gives_the_same_page(html):
-    assert render_report(REPORT) == html
-
-
 def test_an_empty_run_still_gives_a_page():
     none = np.empty(0)
     html = render_report(RunReport("Nothing", none, none, none, none))
@@ -137,27 +125,10 @@ def test_unknown_numbers_are_dashes():
 
 
 def test_an_event_is_described_under_its_name_which_no_width_cuts_off():
-    text = render_report(replace(REPORT, events=(Span("measured", 1.0, 2.0, 0.01, 0.02, "why"),)))
+    text = render_report(
+        replace(REPORT, events=(ExcessSpan("measured", 1.0, 2.0, 0.01, 0.02, "why"),))
+    )
     assert '<th scope="row" class="name">measured<span class="small">why</span></th>' in text
-
-
-def test_the_models_effects_are_explained():
-    text = render_report(replace(REPORT, effects={"fill_loss": "Liquid is lost."}))
-    assert re.search(r"fill_.*loss</code></dt><dd>Liquid is lost\.</dd>", text)
-
-
-def test_the_clock_offset_is_shown_where_there_is_one():
-    one_clock = (replace(REPORT.models[0], offset=float("nan")),)
-    assert "clock offset" in render_report(REPORT)
-    assert "clock offset" not in render_report(replace(REPORT, models=one_clock))
-
-
-def test_both_charts_have_one_time_axis():
-    """Also where a model has no estimate over most of the run."""
-    short = np.where(T > 6.0, REPORT.linear, np.nan)
-    report = replace(REPORT, linear=short, nonlinear=short, events=())
-    ticks = [re.findall(r">(\d+)</text>", draw(report, (9.6, 3.3), "x")) for draw in CHARTS]
-    assert ticks[0][:3] == ticks[1][:3] == ["0", "1", "2"]
 
 
 def test_series_that_do_not_match_are_refused():
@@ -180,7 +151,7 @@ def test_a_number_needs_a_unit_that_the_page_knows():
     with pytest.raises(SloshReportError, match="unit 'cm' is not one of 'mm'"):
         KeyFigure("height", 0.01, "cm")
     with pytest.raises(SloshReportError, match="unit 'cm'"):
-        Check("height", 0.01, unit="cm")
+        CheckRow("height", 0.01, unit="cm")
     assert "beans" in render_report(replace(REPORT, key_figures=(KeyFigure("x", "7", "beans"),)))
 
 
@@ -203,16 +174,11 @@ def test_numbers_are_rounded_as_their_unit_is(value, unit, text):
 
 def test_a_check_that_misses_by_little_shows_by_how_much():
     bound = 0.0006
-    check = Check("MAE", math.nextafter(bound, 1.0), upper=bound, unit="mm")
+    check = CheckRow("MAE", math.nextafter(bound, 1.0), upper=bound, unit="mm")
     text = " ".join(Page(render_report(replace(REPORT, checks=(check,)))).text)
     assert not check.passed
     assert "0.60000000000000" in text  # and more digits, that differ
     assert len(set(re.findall(r"0\.6000000000\d*", text))) == 2
-
-
-def test_a_value_that_is_not_known_passes_no_check():
-    assert not Check("MAE", float("nan"), upper=1.0).passed
-    assert Check("drops", 0, upper=0).passed
 
 
 def test_the_status_and_the_warnings_come_first(full_report):
@@ -227,7 +193,7 @@ def test_the_status_and_the_warnings_come_first(full_report):
 def test_the_document_holds_what_json_can():
     spans = (replace(REPORT.events[0], end=float("nan")),)
     rows = (ModelRow("3D-L", np.float64(0.5), float("inf"), count=np.int64(3)),)
-    report = replace(REPORT, events=spans, models=rows, checks=(Check("n", 1.0, upper=2.0),))
+    report = replace(REPORT, events=spans, models=rows, checks=(CheckRow("n", 1.0, upper=2.0),))
     text = json.dumps(report_document(report, series=True), allow_nan=False)
     document = json.loads(text)
     assert document["events"][0]["end"] is None
@@ -277,17 +243,6 @@ def test_the_page_forbids_itself_other_scripts_and_requests(full_report):
     ]
 
 
-def test_models_that_differ_between_motions_have_a_column_each():
-    motions = (
-        RunMotion("a", 0.0, 3.0, 0.01, (ModelRow("3D-L", 0.00111, 0.1),)),
-        RunMotion("b", 4.0, 7.0, 0.01, (ModelRow("3D-NL", 0.00222, 0.1),)),
-    )
-    html = render_report(replace(REPORT, motions=motions))
-    assert html.count('data-path="/motions/0/models/0/sigma">1.11<') == 1
-    assert html.count('data-path="/motions/1/models/0/sigma">2.22<') == 1
-    assert html.count(">–</td>") == 4
-
-
 def test_the_motions_that_the_model_follows_worst_are_drawn():
     motions = tuple(
         RunMotion(str(i), 0.8 * i, 0.8 * i + 0.7, 0.01, (ModelRow("3D-NL", 1e-3 * (i % 5), 0.1),))
@@ -298,26 +253,10 @@ def test_the_motions_that_the_model_follows_worst_are_drawn():
     assert drawn == ["3", "4", "5", "8", "9", "10"]
 
 
-def test_a_motion_that_is_called_by_its_number_is_not_numbered_twice():
-    motions = (RunMotion("1", 0.0, 3.0), RunMotion("", 3.0, 5.0), RunMotion("three", 5.0, 8.0))
-    html = render_report(replace(REPORT, motions=motions))
-    names = re.findall(r'<span class="badge">\d</span>(.*)\n<span class="when">', html)
-    assert names == ["", "", "three"]
-
-
-def test_the_first_difference_leads(full_report):
-    html = render_report(full_report)
-    html = html.replace("<wbr>", "")
-    fields = re.findall(r"<code>(nonlinear.msh|jerk.*)</code></th>", html)
-    assert fields == ["nonlinear.msh", *(f"jerk[{i}]" for i in range(6))]
-    assert html.count("<details>") == 1
-    assert "3 more fields" in html
-
-
 def _run(peak: float, limit: float | None, times: int, **other: object) -> RunReport:
     t = np.linspace(0.0, 1.0, 11)
     heights = peak * np.sin(np.pi * t)
-    spans = tuple(Span("measured", k, k + 0.1, limit or 0.0, peak) for k in range(times))
+    spans = tuple(ExcessSpan("measured", k, k + 0.1, limit or 0.0, peak) for k in range(times))
     models = (ModelRow("NL", 0.0002, 0.01),)
     return replace(
         RunReport("run", t, heights, heights, heights, limit=limit, events=spans, models=models),

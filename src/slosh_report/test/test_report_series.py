@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slosh_report.page.series import envelope, gaps, highest, lone, united
+from slosh_report.page.series import envelope, gaps, united
 from slosh_report.page.svg import NARROW
 from slosh_report.run_report import AzimuthSeries, render_report
 from slosh_report.run_report.charts import heights_chart, residual
-from slosh_report.run_report.polar import azimuth_agreement
 
 
 def test_long_series_keep_their_extremes():
@@ -23,13 +22,6 @@ def test_long_series_keep_their_extremes():
     assert np.all(np.diff(short_t) > 0)
 
 
-def test_short_series_stay_as_they_are():
-    t = np.arange(0.0, 5.0, 0.01)
-    short_t, short = envelope(t, np.sin(t))
-    assert np.array_equal(short_t, t)
-    assert np.array_equal(short, np.sin(t))
-
-
 @pytest.mark.parametrize("count", [600, 60_000])
 def test_a_gap_parts_the_line_and_a_lost_sample_does_not(count):
     t = np.linspace(0.0, 10.0, count)
@@ -40,14 +32,6 @@ def test_a_gap_parts_the_line_and_a_lost_sample_does_not(count):
     assert short_t[np.isnan(short)] == pytest.approx([4.5], abs=0.05)
 
 
-def test_a_gap_in_time_itself_parts_the_line_too():
-    t = np.concatenate([np.arange(0.0, 2.0, 0.016), np.arange(3.0, 5.0, 0.016)])
-    short = envelope(t, np.ones(len(t)))[1]
-    assert np.isnan(short).sum() == 1
-    ((start, end),) = gaps(t, np.ones(len(t)))
-    assert (start, end) == pytest.approx((2.0, 3.0), abs=0.02)
-
-
 def test_gaps_count_at_both_ends_and_over_all():
     t = np.arange(0.0, 10.0, 0.01)
     values = np.where((t < 1.0) | (t > 9.0), np.nan, 1.0)
@@ -56,25 +40,6 @@ def test_gaps_count_at_both_ends_and_over_all():
     )
     assert gaps(t, np.full(len(t), np.nan)) == ((0.0, pytest.approx(9.99)),)
     assert gaps(np.empty(0), np.empty(0)) == ()
-
-
-def test_a_slow_camera_has_no_gaps():
-    t = np.arange(0.0, 10.0, 0.5)
-    assert gaps(t, np.ones(len(t))) == ()
-
-
-def test_single_samples_between_gaps_are_found():
-    nan = np.nan
-    values = np.array([1.0, nan, 2.0, nan, 3.0, 4.0])
-    assert lone(values).tolist() == [True, False, True, False, False, False]
-
-
-def test_the_highest_of_equal_shares():
-    values = np.arange(1000.0)
-    values[500] = 5000.0
-    chosen = highest(values, 10)
-    assert len(chosen) == 10
-    assert 500 in chosen
 
 
 def test_spans_are_united_where_they_touch():
@@ -119,52 +84,6 @@ def test_a_page_of_hours_stays_below_a_megabyte(full_report):
     page = render_report(report)
     assert len(page.encode()) < 1_000_000
     assert "The first 100 of 2000" in page
-
-
-def azimuths(report, measured, estimated):
-    """The agreement of two azimuths [rad] at the same heights."""
-    heights = np.full(len(report.t), 0.02)
-    return azimuth_agreement(
-        replace(
-            report,
-            measured_azimuth=AzimuthSeries("measured", report.t, measured, heights),
-            estimated_azimuth=AzimuthSeries("3D-NL", report.t, estimated, heights),
-        )
-    )
-
-
-def test_azimuths_on_both_sides_of_pi_are_close(full_report):
-    same = np.full(len(full_report.t), np.pi - 0.01)
-    agreement = azimuths(full_report, same, -same)
-    assert agreement.median == pytest.approx(0.02)
-    assert agreement.count == len(full_report.t)
-
-
-def test_flat_moments_do_not_count_in_the_azimuth(full_report):
-    agreement = azimuth_agreement(full_report)
-    estimated = full_report.estimated_azimuth
-    kept = slice(0, None, 60)  # one estimate in a second: no gap by its own rhythm
-    sparse = AzimuthSeries("x", estimated.t[kept], estimated.azimuth[kept], estimated.height[kept])
-    assert agreement.median == pytest.approx(0.05, abs=1e-3)
-    assert agreement.threshold == pytest.approx(0.25 * 0.0213, rel=1e-3)
-    assert agreement.count < len(full_report.t)
-    assert azimuth_agreement(replace(full_report, estimated_azimuth=sparse)).count > 0
-
-
-def test_between_estimates_with_a_gap_nothing_is_compared(full_report):
-    t = full_report.t
-    hole = (t > 1.0) & (t < 4.0)
-    agreement = azimuths(full_report, np.zeros(len(t)), np.where(hole, np.nan, 0.0))
-    assert agreement.count == np.count_nonzero(~hole)
-
-
-def test_without_estimates_there_is_no_agreement(full_report):
-    alone = azimuth_agreement(replace(full_report, estimated_azimuth=None))
-    assert alone.count == 0
-    assert np.isnan(alone.median)
-    assert "Half of the azimuths" not in render_report(
-        replace(full_report, estimated_azimuth=None)
-    )
 
 
 def test_the_estimated_path_does_not_cross_the_container(full_report):

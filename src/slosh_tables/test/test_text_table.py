@@ -250,11 +250,6 @@ def test_heights_may_be_unknown_in_many_words(tmp_path: Path):
         np.testing.assert_allclose(table.msh, HEIGHT, atol=1e-12)
 
 
-def test_line_numbers_count_comments_and_blank_lines(tmp_path: Path):
-    with pytest.raises(SloshFileError, match=r"line 7: column 't': 0 s does not come after 0.1 s"):
-        read(tmp_path / "a.csv", "# a\n\nt,ax,ay,az\ns,,,\n0.1,0,0,0\n# b\n0,0,0,0\n")
-
-
 def test_who_calls_from_python_is_warned(tmp_path: Path):
     (tmp_path / "a.csv").write_text("t;ax;ay;az\n0;1;2;3\n1;1;2;3\n")
     with pytest.warns(TableWarning, match="semicolons"):

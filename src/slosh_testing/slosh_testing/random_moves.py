@@ -104,7 +104,7 @@ def _in_space(plane: Array) -> Array:
     return np.column_stack([plane, np.zeros(len(plane))])
 
 
-class Heights(NamedTuple):
+class HighestWaves(NamedTuple):
     """The highest wave of all, and the highest one behind the motion, of NL [m]; all flags."""
 
     peak: float
@@ -112,15 +112,15 @@ class Heights(NamedTuple):
     flags: int
 
 
-def heights(estimates: Estimates, move: Move) -> Heights:
+def heights(estimates: Estimates, move: Move) -> HighestWaves:
     """What estimates say of a motion."""
     msh = estimates.heights[:, 1, 0]
     behind = estimates.stamps > (move.end + 0.1) * 1e9
     flags = int(np.bitwise_or.reduce(estimates.flags))
-    return Heights(float(msh.max()), float(msh[behind].max()), flags)
+    return HighestWaves(float(msh.max()), float(msh[behind].max()), flags)
 
 
-def truth(move: Move) -> Heights:
+def truth(move: Move) -> HighestWaves:
     """The heights under the true acceleration."""
     t = np.arange(0.0, move.end + AFTER, 5e-4)
     return heights(Estimator(MODEL).update_many(accelerations(t, move)), move)
@@ -178,7 +178,7 @@ def pose_reader(window: float = 0.0, max_gap: float = 0.2) -> PoseInput:
     return reader
 
 
-def by_poses(move: Move, poses: Poses, window: float = 0.0) -> Heights:
+def by_poses(move: Move, poses: Poses, window: float = 0.0) -> HighestWaves:
     """The heights that the estimator gives with poses as its input."""
     reader = pose_reader(window)
     found = [

@@ -33,7 +33,7 @@ effects: [{name: vertical_acceleration}]
 """So viscous that a state which is not known is forgotten within a second."""
 
 
-class Robot:
+class RobotNode:
     """What speaks to the nodes, and hears them.
 
     Attributes:
@@ -200,7 +200,7 @@ def nodes_and_robot(
     picture: Image | CompressedImage | None = None,
     namespace: str = "/slosh",
     attitude: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
-) -> Iterator[tuple[NodeGroup, Robot]]:
+) -> Iterator[tuple[NodeGroup, RobotNode]]:
     """Estimator, monitor, for a picture a camera node, and a robot.
 
     Args:
@@ -224,7 +224,7 @@ def nodes_and_robot(
             stack.callback(rclpy.shutdown)
         environment = node_environment(domain)
         group = stack.enter_context(NodeGroup(namespace, folder / "logs", environment))
-        robot = Robot("robot", kind, namespace)
+        robot = RobotNode("robot", kind, namespace)
         robot.attitude = attitude
         stack.callback(robot.close)
         robot.listen()

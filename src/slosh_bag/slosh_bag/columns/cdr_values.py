@@ -49,7 +49,7 @@ class _Values:
         self._store, self._data, self._order, self._at = store, data, order, HEADER
 
     def message(self, message_type: str) -> SimpleNamespace:
-        """The next message."""
+        """Reads the values of the next message."""
         fields = self._store.fielddefs[message_type][1]
         return SimpleNamespace(
             **{normalize_fieldname(name): self._value(what) for name, what in fields}

@@ -48,7 +48,7 @@ class BagTopic:
 
 @dataclass(slots=True)
 class BagContents:
-    """What a bag holds.
+    """Topics of a bag, with their types and numbers of messages.
 
     Attributes:
         topics: by name.

@@ -38,7 +38,7 @@ class ExportTarget(NamedTuple):
 
 
 class ExportResult(NamedTuple):
-    """What was exported.
+    """Files that an export wrote, with their numbers of rows.
 
     Attributes:
         rows: rows by file.
@@ -118,7 +118,7 @@ def export_topics(
     overwrite: bool = False,
     progress: Callable[[int], object] = lambda count: None,
 ) -> ExportResult:
-    """Writes topics as tables.
+    """Writes topics of a bag as tables, one file for each.
 
     Args:
         reader: of the bag.

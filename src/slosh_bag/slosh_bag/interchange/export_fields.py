@@ -26,7 +26,7 @@ BYTES: Final = frozenset({"uint8", "byte", "char", "octet"})
 Shape = Literal["value", "spread", "list"]
 
 
-class Node(NamedTuple):
+class ValueType(NamedTuple):
     """The type of a value: a base type, or the fields of a message.
 
     Attributes:
@@ -35,11 +35,11 @@ class Node(NamedTuple):
     """
 
     base: str
-    fields: tuple[tuple[str, Node, bool], ...] = ()
+    fields: tuple[tuple[str, ValueType, bool], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Leaf:
+class ColumnField:
     """A field that becomes one column, or with shape 'spread' several.
 
     Attributes:
@@ -52,7 +52,7 @@ class Leaf:
 
     name: str
     path: str
-    node: Node
+    node: ValueType
     shape: Shape
     length: int = 0
 
@@ -74,48 +74,50 @@ class Leaf:
         return self.shape == "list" and self.node.base in BYTES
 
 
-def leaves(types: Typestore, message_type: str, prefix: str = "", path: str = "") -> list[Leaf]:
+def leaves(
+    types: Typestore, message_type: str, prefix: str = "", path: str = ""
+) -> list[ColumnField]:
     """The leaves of a message type, in the order of its fields."""
-    found: list[Leaf] = []
+    found: list[ColumnField] = []
     for field, description in types.fielddefs[message_type][1]:
         name, attribute = prefix + field, path + normalize_fieldname(field)
         kind, detail = description
         if kind == Nodetype.NAME:
             found += leaves(types, detail, f"{name}.", f"{attribute}.")
         elif kind == Nodetype.BASE:
-            found.append(Leaf(name, attribute, Node(detail[0]), "value"))
+            found.append(ColumnField(name, attribute, ValueType(detail[0]), "value"))
         else:
             found.append(_array_leaf(types, name, attribute, description))
     return found
 
 
-def _array_leaf(types: Typestore, name: str, attribute: str, description: Any) -> Leaf:
+def _array_leaf(types: Typestore, name: str, attribute: str, description: Any) -> ColumnField:
     kind, (element, length) = description
     node = _node(types, element)
     short = kind == Nodetype.ARRAY and length <= LONGEST_SPREAD
     if short and node.base not in {"", *TEXTS}:
-        return Leaf(name, attribute, node, "spread", length)
-    return Leaf(name, attribute, node, "list")
+        return ColumnField(name, attribute, node, "spread", length)
+    return ColumnField(name, attribute, node, "list")
 
 
-def _node(types: Typestore, description: Any) -> Node:
+def _node(types: Typestore, description: Any) -> ValueType:
     kind, detail = description
     if kind == Nodetype.BASE:
-        return Node(detail[0])
+        return ValueType(detail[0])
     fields = []
     for field, inner in types.fielddefs[detail][1]:
         several = inner[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE)
         fields.append((field, _node(types, inner[1][0] if several else inner), several))
-    return Node("", tuple(fields))
+    return ValueType("", tuple(fields))
 
 
-def row_getter(fields: Sequence[Leaf]) -> Callable[[Any], tuple[Any, ...]]:
+def row_getter(fields: Sequence[ColumnField]) -> Callable[[Any], tuple[Any, ...]]:
     """Gives the values of all leaves of a decoded message at once."""
     get = attrgetter(*(leaf.path for leaf in fields))
     return get if len(fields) > 1 else lambda message: (get(message),)
 
 
-def plain(node: Node, value: Any) -> Any:
+def plain(node: ValueType, value: Any) -> Any:
     """A decoded value as Python's own numbers, texts, lists and dictionaries."""
     if not node.base:
         return {
@@ -127,14 +129,14 @@ def plain(node: Node, value: Any) -> Any:
     return found & 0xFF if node.base == "byte" else found  # rosbags gives it a sign
 
 
-def unsigned(node: Node, values: Any) -> Any:
+def unsigned(node: ValueType, values: Any) -> Any:
     """Values of a byte as ROS 2 has them, 0 … 255: rosbags gives them a sign."""
     if node.base != "byte":
         return values
     return np.asarray(values).astype(np.uint8)  # -1 becomes 255
 
 
-def plain_list(node: Node, values: Any) -> list[Any]:
+def plain_list(node: ValueType, values: Any) -> list[Any]:
     """The elements of a decoded list as Python's own."""
     if hasattr(values, "tolist"):
         return list(unsigned(node, values).tolist())

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_bag.columns.cdr_columns import ColumnReader, Group
-from slosh_bag.interchange.export_fields import STAMP, Leaf, leaves, row_getter
+from slosh_bag.interchange.export_fields import STAMP, ColumnField, leaves, row_getter
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagMessage, BagReader, messages_of
 from slosh_base.files.nanoseconds import SECOND
@@ -80,7 +80,7 @@ class RowReader:
         return [np.array(column, dtype=np.int64) for column in times], values
 
 
-def _gathered(leaf: Leaf, groups: Sequence[Group], rows: int) -> Any:
+def _gathered(leaf: ColumnField, groups: Sequence[Group], rows: int) -> Any:
     """A leaf's values in the order of the block's messages: (N,), (N, n) or a list of arrays."""
     # A sequence without elements has no place in its message, and no column.
     parts = [

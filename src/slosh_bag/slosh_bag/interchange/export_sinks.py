@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from slosh_bag.errors import SloshBagError
-from slosh_bag.interchange.export_fields import TEXTS, Leaf, Node, plain_list, unsigned
+from slosh_bag.interchange.export_fields import TEXTS, ColumnField, ValueType, plain_list, unsigned
 from slosh_bag.interchange.export_rows import Times, Values
 from slosh_base.files import NewFile
 
@@ -71,7 +71,7 @@ class CsvSink:
         fields: the leaves.
     """
 
-    def __init__(self, path: Path, times: Sequence[str], fields: Sequence[Leaf]) -> None:
+    def __init__(self, path: Path, times: Sequence[str], fields: Sequence[ColumnField]) -> None:
         self.notes: list[str] = []
         self._file = NewFile(path)
         self._fields = fields
@@ -128,7 +128,7 @@ class CsvSink:
             self._open.close()
         self._file.discard()
 
-    def _cells(self, leaf: Leaf, values: Any) -> list[Sequence[Any]]:
+    def _cells(self, leaf: ColumnField, values: Any) -> list[Sequence[Any]]:
         """The cells of a leaf's columns."""
         if leaf.shape == "list":
             return [[self._list_cell(leaf, value) for value in values]]
@@ -139,7 +139,7 @@ class CsvSink:
             return [["true" if value else "false" for value in column] for column in columns]
         return list(columns)
 
-    def _texts(self, leaf: Leaf, column: Sequence[str]) -> Sequence[str]:
+    def _texts(self, leaf: ColumnField, column: Sequence[str]) -> Sequence[str]:
         """Texts without those that a spreadsheet would run: messages come from whoever sends."""
         marked = [f"'{text}" if _is_formula(text) else text for text in column]
         count = sum(map(str.__ne__, marked, column))
@@ -147,7 +147,7 @@ class CsvSink:
             self._marked[leaf.name] = self._marked.get(leaf.name, 0) + count
         return marked
 
-    def _list_cell(self, leaf: Leaf, value: Any) -> str:
+    def _list_cell(self, leaf: ColumnField, value: Any) -> str:
         if leaf.is_bytes and len(value) > LONGEST_BYTES:
             self._too_long[leaf.name] = self._too_long.get(leaf.name, 0) + 1
             return ""
@@ -166,7 +166,7 @@ def _is_formula(text: str) -> bool:
     return False
 
 
-def _columns(leaf: Leaf, values: Any) -> list[Any]:
+def _columns(leaf: ColumnField, values: Any) -> list[Any]:
     """A leaf's values by column: one, or one for each element of an array."""
     if leaf.shape != "spread":
         return [unsigned(leaf.node, values)]
@@ -190,7 +190,7 @@ class ParquetSink:
         self,
         path: Path,
         times: Sequence[str],
-        fields: Sequence[Leaf],
+        fields: Sequence[ColumnField],
         facts: Mapping[str, str],
     ) -> None:
         self.notes: list[str] = []
@@ -239,7 +239,7 @@ class ParquetSink:
             self._stream.close()
         self._file.discard()
 
-    def _cells(self, leaf: Leaf, values: Any) -> list[Any]:
+    def _cells(self, leaf: ColumnField, values: Any) -> list[Any]:
         """What pyarrow takes for a leaf's columns."""
         if leaf.is_bytes:
             return [[bytes(value) for value in values]]
@@ -255,13 +255,13 @@ class ParquetSink:
             self._writer.write_table(table, row_group_size=max(1, len(table)))
         self._batches, self._size = [], 0
 
-    def _column_type(self, leaf: Leaf) -> Any:
+    def _column_type(self, leaf: ColumnField) -> Any:
         if leaf.is_bytes:
             return self._arrow.binary()
         kind = self._node_type(leaf.node)
         return self._arrow.list_(kind) if leaf.shape == "list" else kind
 
-    def _node_type(self, node: Node) -> Any:
+    def _node_type(self, node: ValueType) -> Any:
         if node.base:
             return getattr(self._arrow, _ARROW[node.base])()
         return self._arrow.struct(
@@ -290,7 +290,7 @@ def load_pyarrow() -> tuple[Any, Any]:
 
 
 def make_sink(
-    path: Path, times: Sequence[str], fields: Sequence[Leaf], facts: Mapping[str, str]
+    path: Path, times: Sequence[str], fields: Sequence[ColumnField], facts: Mapping[str, str]
 ) -> Sink:
     """The sink for a file, by its suffix."""
     if path.suffix == ".parquet":

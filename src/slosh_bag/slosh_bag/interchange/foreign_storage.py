@@ -290,7 +290,7 @@ def _by_suffix(path: Path) -> Any:
 
 
 def bag_information(folder: Path) -> Any:
-    """What metadata.yaml holds.
+    """Reads what a bag's metadata.yaml says of its files and topics.
 
     Raises:
         SloshBagError: it cannot be read.

@@ -24,7 +24,7 @@ class BagTypes:
         self._known: set[str] = set()
 
     def add(self, schema: Schema) -> None:
-        """Notes a definition."""
+        """Notes the definition of a message type."""
         known = self._schemas.setdefault(schema.name, schema)
         if (known.data, known.encoding) != (schema.data, schema.encoding):
             self._ambiguous.add(schema.name)

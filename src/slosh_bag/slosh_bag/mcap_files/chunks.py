@@ -85,7 +85,7 @@ class MessageBlock:
         return self.buffer[start : start + int(self.length[index])].tobytes()
 
     def take(self, rows: Any) -> MessageBlock:
-        """Some of the messages.
+        """Takes the messages of some rows.
 
         Args:
             rows: indexes, a slice or a mask.

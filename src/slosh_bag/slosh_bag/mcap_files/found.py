@@ -16,7 +16,7 @@ MOST_DEFINED = 50_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class UnreadBytes:
     """Bytes of a file that could not be read.
 
     Attributes:
@@ -58,7 +58,7 @@ class Found:
     loose: int = 0
     unchecked: bool = False
     unknown: int = 0
-    gaps: list[Gap] = field(default_factory=list)
+    gaps: list[UnreadBytes] = field(default_factory=list)
     orphans: int = 0
     definitions: int = 0
     defined: int = 0

@@ -21,7 +21,13 @@ from slosh_bag.mcap_files.chunks import (
     damaged,
     whole_chunk,
 )
-from slosh_bag.mcap_files.mcap_summary import END, MAGIC, Summary, read_summary, summary_records
+from slosh_bag.mcap_files.mcap_summary import (
+    END,
+    MAGIC,
+    FileSummary,
+    read_summary,
+    summary_records,
+)
 
 _HEADER = struct.Struct("<BQ")
 _ENTRIES = {
@@ -41,7 +47,7 @@ class Index(NamedTuple):
         chunks: one entry each, in the order of the file.
     """
 
-    summary: Summary
+    summary: FileSummary
     chunks: tuple[ChunkIndex, ...]
 
 

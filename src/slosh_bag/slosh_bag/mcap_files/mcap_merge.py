@@ -20,7 +20,7 @@ from slosh_bag.mcap_files.chunks import (
 from slosh_bag.unpacking import MOST_UNPACKED
 
 
-class Span(NamedTuple):
+class ChunkSpan(NamedTuple):
     """Where a chunk is, by the time at which it begins.
 
     Attributes:
@@ -34,7 +34,7 @@ class Span(NamedTuple):
 
 
 def in_log_order(
-    path: Path, spans: list[Span], select: Callable[[Chunk], Chunk]
+    path: Path, spans: list[ChunkSpan], select: Callable[[Chunk], Chunk]
 ) -> Iterator[tuple[Chunk, int]]:
     """The messages of a file in the order of their log times, then of the file.
 
@@ -102,7 +102,7 @@ def gathered(rows: Sequence[tuple[Chunk, int]]) -> Chunk:
     )  # fmt: skip
 
 
-def _again(path: Path, span: Span, content: bytes) -> Chunk:
+def _again(path: Path, span: ChunkSpan, content: bytes) -> Chunk:
     """The chunk that was there when the file was read first."""
     try:
         if content[:1] != b"\x06":

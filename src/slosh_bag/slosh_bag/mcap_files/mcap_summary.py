@@ -24,7 +24,7 @@ MOST_TAKEN = 2 * MOST_DEFINITIONS
 
 
 @dataclass(slots=True)
-class Summary:
+class FileSummary:
     """What a file's end says of the file.
 
     Attributes:
@@ -56,7 +56,7 @@ class Summary:
         return all(one is not None and one.schema_id in schemas for one in found)
 
 
-def read_summary(stream: BinaryIO, size: int) -> Summary | None:
+def read_summary(stream: BinaryIO, size: int) -> FileSummary | None:
     """Reads the end of a file.
 
     Args:
@@ -74,7 +74,7 @@ def read_summary(stream: BinaryIO, size: int) -> Summary | None:
     opcode, length, start, _, crc = _FOOTER.unpack_from(end)
     if end[_FOOTER.size :] != MAGIC or opcode != Opcode.FOOTER or length != _FOOTER.size - 9:
         return None
-    summary = Summary(start)
+    summary = FileSummary(start)
     if not start or not crc:
         return summary
     summary.damaged = True
@@ -94,9 +94,9 @@ def read_summary(stream: BinaryIO, size: int) -> Summary | None:
     return _records(stream, start, size - END) or summary
 
 
-def _records(stream: BinaryIO, start: int, end: int) -> Summary | None:
+def _records(stream: BinaryIO, start: int, end: int) -> FileSummary | None:
     """What is needed of the summary's records; None: they do not follow each other."""
-    summary = Summary(start, trusted=True)
+    summary = FileSummary(start, trusted=True)
     try:
         for count, record in enumerate(summary_records(stream, start, end, _TAKEN)):
             if count == MOST_TAKEN:
@@ -142,7 +142,7 @@ _TAKEN = {
 }
 
 
-def _take(summary: Summary, record: Schema | Channel | Statistics | MetadataIndex) -> None:
+def _take(summary: FileSummary, record: Schema | Channel | Statistics | MetadataIndex) -> None:
     if isinstance(record, Schema):
         summary.schemas[record.id] = record
     elif isinstance(record, Channel):

@@ -38,8 +38,8 @@ from slosh_bag.mcap_files.chunks import (
     read_loose,
     whole_chunk,
 )
-from slosh_bag.mcap_files.found import MOST_DEFINED, Found, Gap
-from slosh_bag.mcap_files.mcap_summary import MAGIC, Summary, read_summary
+from slosh_bag.mcap_files.found import MOST_DEFINED, Found, UnreadBytes
+from slosh_bag.mcap_files.mcap_summary import MAGIC, FileSummary, read_summary
 from slosh_bag.mcap_files.reading_bound import ReadingBound
 from slosh_bag.mcap_files.record_stream import CutOffError, RecordStream
 
@@ -65,7 +65,7 @@ class McapWalk:
         self.path = path
         self.found = Found()
         self.warnings: list[str] = []
-        self.summary: Summary | None = None
+        self.summary: FileSummary | None = None
         self._lenient = lenient
         self.size = path.stat().st_size
         self._bound_on_work = ReadingBound(path, self.size)
@@ -321,7 +321,7 @@ class McapWalk:
         after = self._after_record(position)
         if after is None:
             after = self._next_chunk(position + 1)
-        gap = Gap(
+        gap = UnreadBytes(
             position, self.size if after is None else after, str(error), self._span(position)
         )
         self.found.gaps.append(gap)

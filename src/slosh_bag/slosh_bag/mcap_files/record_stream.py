@@ -54,7 +54,7 @@ class RecordStream:
         return opcode, length
 
     def take(self, length: int) -> bytes:
-        """The next bytes.
+        """Takes the next bytes of the record.
 
         Raises:
             CutOffError: the file ends before.

@@ -146,7 +146,7 @@ def playable(plan: PlayPlan) -> tuple[PlayPlan, dict[str, Any]]:
 
 
 def profile(qos: Qos) -> QoSProfile:
-    """What a publisher offers."""
+    """QoS profile of what a recorded publisher offered."""
     reliable, latched = qos.reliability == "reliable", qos.durability == "transient_local"
     return QoSProfile(
         history=History.KEEP_LAST,

@@ -70,7 +70,7 @@ class PlayerThread:
         self._thread: threading.Thread | None = None
 
     def start(self, subscribers: int, patience: float) -> None:
-        """Starts.
+        """Starts the thread.
 
         Args:
             subscribers: how many there must be before the first message.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-from slosh_bag.recorded_topics import Choice
+from slosh_bag.recorded_topics import TopicSelection
 from slosh_bag.recorder import RecorderStatus
 from slosh_msgs_py.node.diagnostics import ERROR, OK, STALE, WARN, Health
 
@@ -43,7 +43,7 @@ class Traffic:
         return ", ".join(f"{topic} {rate:.1f}" for topic, rate in ordered)
 
 
-def left_out_text(choice: Choice) -> str:
+def left_out_text(choice: TopicSelection) -> str:
     """Which topics are not recorded, and why."""
     parts = [f"{topic}: {reason}" for topic, reason in choice.left_out.items()]
     if choice.others:

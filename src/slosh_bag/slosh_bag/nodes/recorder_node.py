@@ -19,7 +19,7 @@ from slosh_bag.bag_writer import Split
 from slosh_bag.nodes.arrivals import Arrivals, LogTimes
 from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
-from slosh_bag.recorded_topics import Choice, TopicChoice
+from slosh_bag.recorded_topics import TopicChoice, TopicSelection
 from slosh_bag.recorder import PUBLISHERS, SEVERAL, Recorder, RecorderStatus
 from slosh_base.files.nanoseconds import SECOND
 from slosh_msgs.msg import NodeSettings
@@ -85,7 +85,7 @@ class RecorderNode(GuardedNode):
             values["exclude"],
             raw_images=values["raw_images"],
         )
-        self._chosen = Choice()
+        self._chosen = TopicSelection()
         self._unknown: dict[str, str] = {}
         self._other_types: dict[str, str] = {}
         self._shared: dict[str, list[str]] = {}

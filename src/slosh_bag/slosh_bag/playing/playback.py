@@ -63,7 +63,7 @@ class PlaybackSettings:
 
 
 class Step(NamedTuple):
-    """Something to publish.
+    """A message to publish, or a time for /clock, and when.
 
     Attributes:
         wall_ns: when.

@@ -215,7 +215,7 @@ def _described(value: Any) -> str:
     return f"array({value.dtype}, {value.ndim}d{strides})"
 
 
-class Progress(NamedTuple):
+class CompileProgress(NamedTuple):
     """Which entry point is taken up next.
 
     Attributes:
@@ -235,7 +235,9 @@ def entry_points() -> tuple[EntryPoint, ...]:
     return tuple(_ENTRY_POINTS.values())
 
 
-def load_all(progress: Callable[[Progress], None] | None = None, package: str = "") -> float:
+def load_all(
+    progress: Callable[[CompileProgress], None] | None = None, package: str = ""
+) -> float:
     """Compiles, or loads from the cache, the entry points that this process has imported.
 
     Args:
@@ -250,9 +252,9 @@ def load_all(progress: Callable[[Progress], None] | None = None, package: str = 
     inside = f"{package}." if package else ""
     wanted = [one for one in entry_points() if not one.loaded and one.name.startswith(inside)]
     for done, one in enumerate(wanted):
-        tell(Progress(one.name, done, len(wanted), one.cached))
+        tell(CompileProgress(one.name, done, len(wanted), one.cached))
         one.load()
-    tell(Progress("", len(wanted), len(wanted), True))
+    tell(CompileProgress("", len(wanted), len(wanted), True))
     return time.monotonic() - started
 
 
@@ -264,7 +266,7 @@ def load_telling(tell: Callable[[str], None], package: str) -> None:
         package: as in `load_all`; a module, too.
     """
 
-    def told(step: Progress) -> None:
+    def told(step: CompileProgress) -> None:
         if step.name and not step.cached:
             tell(f"compiling {step.name}, {step.done + 1} of {step.total}")
 

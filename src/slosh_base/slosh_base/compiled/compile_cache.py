@@ -59,7 +59,7 @@ class CodeFile(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """The folder."""
+        """Folder of the compiled code."""
         return str(self.path.parent)
 
     @contextlib.contextmanager

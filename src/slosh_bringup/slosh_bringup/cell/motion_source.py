@@ -22,7 +22,7 @@ REPEATS = (1, 10_000)
 
 
 def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> CellMotion:
-    """A motion.
+    """Reads a motion table, or makes a motion of the simulated cell by its name.
 
     Args:
         name: one of `motions.MOTIONS`, or the path of a motion table.

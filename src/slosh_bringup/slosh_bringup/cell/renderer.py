@@ -37,7 +37,7 @@ PLACES = 41
 
 
 @dataclass(frozen=True, slots=True)
-class Appearance:
+class GreyLevels:
     """Grey levels, 0 black … 255 white.
 
     Attributes:
@@ -74,9 +74,9 @@ class CupRenderer:
         appearance: grey levels and noise.
     """
 
-    def __init__(self, view: CupView, appearance: Appearance | None = None) -> None:
+    def __init__(self, view: CupView, appearance: GreyLevels | None = None) -> None:
         self._view = view
-        self._look = look = appearance or Appearance()
+        self._look = look = appearance or GreyLevels()
         self._top = view.cup.radius if view.cup.rim_level is None else view.cup.rim_level
         backdrop = self._draw_backdrop()
         self._region = self._cup_region()

@@ -30,7 +30,7 @@ from slosh_camera.calibrate.board import (
     pose_by_board,
 )
 from slosh_camera.calibrate.camera_file import format_calibration, parse_calibration
-from slosh_camera.calibrate.doubt import Doubt
+from slosh_camera.calibrate.doubt import ToldDeviations
 from slosh_camera.calibrate.intrinsics import KnownCamera, camera_of_view, read_known_camera
 from slosh_camera.calibrate.picture import draw_calibration
 from slosh_camera.calibrate.pose import CameraPlace
@@ -286,7 +286,7 @@ def _fitted(
     return fit, board
 
 
-def _doubt(arguments: argparse.Namespace) -> Doubt:
+def _doubt(arguments: argparse.Namespace) -> ToldDeviations:
     """What may be off; percents become parts."""
     values = []
     for name, unit in (("focal_error", 0.01), ("wall_error", 1.0), ("fill_error", 1.0)):
@@ -295,7 +295,7 @@ def _doubt(arguments: argparse.Namespace) -> Doubt:
         if not 0.0 <= value < 1.0:
             raise SloshBringupError(f"{option}: {value / unit:g}, must be at least 0 and small")
         values.append(value)
-    return Doubt(*values)
+    return ToldDeviations(*values)
 
 
 def _level(arguments: argparse.Namespace) -> tuple[float, float] | None:

@@ -20,12 +20,12 @@ from slosh_bringup.detect.measuring import Detection, Result, measure_all
 from slosh_bringup.detect.pictures import (
     WORST_LENGTH,
     AnnotatedVideo,
-    Sink,
-    Strip,
+    PictureSink,
+    PictureStrip,
     Worst,
 )
 from slosh_bringup.detect.source import FOLDER_RATE, FrameSource, open_source
-from slosh_bringup.detect.table import COLUMNS, Summary, row
+from slosh_bringup.detect.table import COLUMNS, DetectionSummary, row
 from slosh_bringup.errors import SloshBringupError
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.optics.calibration import AnyCalibration
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", nargs="+", help="video, folder of images, image(s), 'pattern*.png' or bag"
     )
-    parser.add_argument("--camera", type=Path, required=True, help="camera.yaml")
+    parser.add_argument("--camera", type=Path, required=True, help="calibration (camera.yaml)")
     parser.add_argument(
         "-o",
         "--output",
@@ -127,13 +127,13 @@ def _check_outputs(arguments: argparse.Namespace, images: Sequence[Path | None])
 
 def _sinks(
     arguments: argparse.Namespace, calibration: AnyCalibration, source: FrameSource
-) -> list[Sink]:
+) -> list[PictureSink]:
     """What takes the results beside the table; refuses wrong names before the work."""
-    sinks: list[Sink] = []
+    sinks: list[PictureSink] = []
     if arguments.video is not None:
         sinks.append(AnnotatedVideo(arguments.video, calibration, source.rate))
     if arguments.strip is not None:
-        sinks.append(Strip(arguments.strip, calibration))
+        sinks.append(PictureStrip(arguments.strip, calibration))
     if arguments.worst is not None:
         path, *further = arguments.worst
         sinks.append(Worst(Path(path), calibration, _worst_length(further)))
@@ -162,14 +162,14 @@ def _jobs(wanted: int | None, total: int | None) -> int:
 
 
 def _write_table(
-    output: Path, source: FrameSource, results: Iterator[Result], sinks: Sequence[Sink]
-) -> Summary:
+    output: Path, source: FrameSource, results: Iterator[Result], sinks: Sequence[PictureSink]
+) -> DetectionSummary:
     """Writes one line for each image.
 
     Raises:
         SloshBringupError: there are none; the old table stays.
     """
-    summary, first_ns = Summary(), None
+    summary, first_ns = DetectionSummary(), None
     progress = Progress("detect", source.total, Unit("images"))
     with new_text(output) as file, progress:
         writer = csv.writer(file, lineterminator="\n")
@@ -198,7 +198,7 @@ def _tell(sentence: str) -> None:
 
 
 def _print(
-    arguments: argparse.Namespace, summary: Summary, source: FrameSource,
+    arguments: argparse.Namespace, summary: DetectionSummary, source: FrameSource,
     pictures: Sequence[str], warnings: Sequence[str],
 ) -> None:  # fmt: skip
     if arguments.json:

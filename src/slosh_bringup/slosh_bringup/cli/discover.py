@@ -17,7 +17,7 @@ from slosh_bringup.replay.frames import pictures_at
 from slosh_discovery.discover import discover
 from slosh_discovery.discovering import (
     PAGE,
-    Request,
+    DiscoveryRequest,
     check_paths,
     make_report,
     prepare,
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     return tell.exit_code
 
 
-def make_request(arguments: argparse.Namespace) -> Request:
+def make_request(arguments: argparse.Namespace) -> DiscoveryRequest:
     """What the options ask for.
 
     Raises:
@@ -112,7 +112,7 @@ def make_request(arguments: argparse.Namespace) -> Request:
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise SloshBringupError(f"--{name} {value}: must be at least 1")
-    return Request(
+    return DiscoveryRequest(
         tuple(arguments.data), arguments.output, arguments.model, tuple(arguments.holdout),
         arguments.from_bag, arguments.motions, groups_of(arguments.group),
         table_options(arguments),

@@ -6,7 +6,7 @@ import argparse
 import dataclasses
 import json
 
-from slosh_bringup.doctor import Finding, examine
+from slosh_bringup.doctor import DoctorFinding, examine
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if all(finding.ok or not finding.required for finding in findings) else 1
 
 
-def line(finding: Finding) -> str:
+def line(finding: DoctorFinding) -> str:
     """One finding for people."""
     mark = "ok  " if finding.ok else ("FAIL" if finding.required else "note")
     remedy = f"; {finding.remedy}" if not finding.ok and finding.remedy else ""

@@ -17,7 +17,13 @@ from slosh_discovery.discovering import check_paths
 from slosh_discovery.identification_report import identification_text
 from slosh_discovery.identify import Strategy, identify
 from slosh_discovery.identify.parameters import DEFAULT
-from slosh_discovery.identifying import PAGE, Request, make_report, prepare, write_results
+from slosh_discovery.identifying import (
+    PAGE,
+    IdentificationRequest,
+    make_report,
+    prepare,
+    write_results,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -95,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     return tell.exit_code
 
 
-def make_request(arguments: argparse.Namespace) -> Request:
+def make_request(arguments: argparse.Namespace) -> IdentificationRequest:
     """What the options ask for.
 
     Raises:
@@ -107,7 +113,7 @@ def make_request(arguments: argparse.Namespace) -> Request:
         raise SloshBringupError(f"--ratio {arguments.ratio:g}: must lie in (0, 1]")
     if not (math.isfinite(arguments.tolerance) and arguments.tolerance > 0.0):
         raise SloshBringupError(f"--tolerance {arguments.tolerance:g}: must be positive")
-    return Request(
+    return IdentificationRequest(
         data=tuple(arguments.data),
         output=arguments.output,
         model=arguments.model,

@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
     add_path_arguments(parser)
     parser.add_argument(
         "--limit",

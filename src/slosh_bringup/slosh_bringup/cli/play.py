@@ -9,11 +9,11 @@ from typing import Any
 
 from slosh_bag.playing.play_plan import PlayRequest, make_plan
 from slosh_bag.playing.playback import PlaybackSettings
-from slosh_bringup.cli.progress import SECONDS, Progress
+from slosh_bringup.cli.progress import IN_SECONDS, Progress
 from slosh_bringup.cli.quantities import RATE, time
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.stop_request import READER_GONE, forget_readers
-from slosh_msgs_py.topics import TOPICS, Role
+from slosh_msgs_py.topics import TOPICS, TopicRole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--inputs", action="store_true",
         help="play only what the robot, its planner and its camera publish: "
-        f"{', '.join(row.name for row in TOPICS if row.role is Role.INPUT)}",
+        f"{', '.join(row.name for row in TOPICS if row.role is TopicRole.INPUT)}",
     )  # fmt: skip
     parser.add_argument(
         "--clock", type=RATE, default=0.0, metavar="HZ",
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     ros += ["-p", f"subscribers:={arguments.subscribers}"]
     length = None if settings.loop else plan.playback.length
     title = "playing, Ctrl-C to stop" if settings.loop else f"play {arguments.bag.name}"
-    with Progress(title, length, SECONDS, delay=0.0) as progress:
+    with Progress(title, length, IN_SECONDS, delay=0.0) as progress:
 
         def watch(node: Any) -> None:
             played: float = node.played

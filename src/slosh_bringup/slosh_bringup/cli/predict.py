@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
     parser.add_argument(
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
         help="trajectory: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw] (.csv, "

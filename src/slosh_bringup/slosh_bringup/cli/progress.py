@@ -56,7 +56,7 @@ class Unit:
         return f"{told} {self.name}"
 
 
-SECONDS, MEGABYTES, SHARE = Unit("s", 1), Unit("MB", 1, 1e-6), Unit("")
+IN_SECONDS, IN_MEGABYTES, SHARE = Unit("s", 1), Unit("MB", 1, 1e-6), Unit("")
 MESSAGES = Unit("messages")
 
 
@@ -238,7 +238,7 @@ def _columns(stream: Any) -> int:
 def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[Tell]:
     """Progress over about so many seconds; what ends without being stopped was all of it."""
     stopped = False
-    with Progress(title, length, SECONDS, delay=0.0, quiet=quiet) as progress:
+    with Progress(title, length, IN_SECONDS, delay=0.0, quiet=quiet) as progress:
 
         def tell(elapsed: float, text: str) -> None:
             nonlocal stopped

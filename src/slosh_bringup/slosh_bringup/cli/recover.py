@@ -12,7 +12,7 @@ from slosh_bag.reader import BagReader
 from slosh_bag.recover import Recovery, recover_bag
 from slosh_base.files import check_free, check_outside
 from slosh_base.files.plain_text import plain_line
-from slosh_bringup.cli.progress import MEGABYTES, MESSAGES, Progress
+from slosh_bringup.cli.progress import IN_MEGABYTES, MESSAGES, Progress
 from slosh_replay.split import split_bag
 from slosh_report.text_table import aligned
 
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_outside(arguments.output, [arguments.bag])
     check_free(arguments.output)
     size = sum(file.stat().st_size for file in files)
-    with Progress("recover", size, MEGABYTES) as progress:
+    with Progress("recover", size, IN_MEGABYTES) as progress:
         recovery = recover_bag(arguments.bag, arguments.output, progress.add)
     for note in recovery.notes:
         print(plain_line(f"slosh recover: {note}"), file=sys.stderr)

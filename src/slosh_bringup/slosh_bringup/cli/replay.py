@@ -20,7 +20,7 @@ from slosh_bringup.cli.input_options import add_input_options, wanted_input
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.progress import item_progress
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.many_files import Outcome, map_files
+from slosh_bringup.many_files import ItemOutcome, map_files
 from slosh_bringup.replay.index import check_index, write_index
 from slosh_bringup.replay.junit import Case, Suite, write_junit
 from slosh_bringup.replay.task import (
@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, cell, "--cell")
     parser.add_argument(
         "--estimator", type=int, default=1, metavar="N",
-        help="which estimator, where several were mixed on one topic; 1 gave the first estimate",
+        help="number of the estimator to replay, for a topic with several; 1: the first",
     )  # fmt: skip
     add_input_options(parser)
     parser.add_argument(
@@ -164,9 +164,9 @@ def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Pat
 
 def replay_all(
     tasks: Sequence[Task], arguments: argparse.Namespace
-) -> list[Outcome[Task, Replayed]]:
+) -> list[ItemOutcome[Task, Replayed]]:
     """The outcomes, in the order of the tasks."""
-    outcomes: list[Outcome[Task, Replayed]] = []
+    outcomes: list[ItemOutcome[Task, Replayed]] = []
     jobs = arguments.jobs
     if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
         jobs = 1
@@ -189,7 +189,7 @@ def _size(tasks: Sequence[Task]) -> int:
     return sum(path.stat().st_size for path in files if path.is_file())
 
 
-def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
+def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     """Errors, warnings and failed checks, one line each."""
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
@@ -203,7 +203,7 @@ def tell(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
             print(plain_line(f"slosh replay: {item.name}: {failure}"), file=sys.stderr)
 
 
-def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
+def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     """What became of each bag; MAE and ε by bag and model; where estimates differ."""
     rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
     if not any(_passed(outcome) is not None for outcome in outcomes):
@@ -222,7 +222,7 @@ def print_tables(outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
                 print(plain_line(f"{item.name}: {line}"))
 
 
-def _row(outcome: Outcome[Task, Replayed]) -> tuple[str, ...]:
+def _row(outcome: ItemOutcome[Task, Replayed]) -> tuple[str, ...]:
     item = outcome.value
     if item is None:
         return outcome.item.name, "", "", "", "not replayed", "FAILED"
@@ -230,7 +230,7 @@ def _row(outcome: Outcome[Task, Replayed]) -> tuple[str, ...]:
     return (item.name, *map(str, item.counts.values()), item.estimates, verdict)
 
 
-def _passed(outcome: Outcome[Task, Replayed]) -> bool | None:
+def _passed(outcome: ItemOutcome[Task, Replayed]) -> bool | None:
     """Whether a bag gave what was expected of it; None: nothing was."""
     if outcome.item.expected is None:
         return None
@@ -238,13 +238,13 @@ def _passed(outcome: Outcome[Task, Replayed]) -> bool | None:
     return item is not None and item.checked is not None and item.checked.passed
 
 
-def _document(outcome: Outcome[Task, Replayed]) -> dict[str, Any]:
+def _document(outcome: ItemOutcome[Task, Replayed]) -> dict[str, Any]:
     if outcome.value is None:
         return {"name": outcome.item.name, "error": outcome.error}
     return dict(outcome.value.document)
 
 
-def _suite(outcome: Outcome[Task, Replayed]) -> Suite:
+def _suite(outcome: ItemOutcome[Task, Replayed]) -> Suite:
     name, item = outcome.item.name, outcome.value
     if item is None:
         return Suite(name, [Case("replay", error=outcome.error)])
@@ -254,7 +254,7 @@ def _suite(outcome: Outcome[Task, Replayed]) -> Suite:
 
 
 def _write_manifests(
-    stated: Sequence[StatedBag], outcomes: Sequence[Outcome[Task, Replayed]]
+    stated: Sequence[StatedBag], outcomes: Sequence[ItemOutcome[Task, Replayed]]
 ) -> int:
     """States what the replays gave, in the manifest where each bag belongs."""
     manifests: dict[Path, dict[str, Expectation]] = {}

@@ -16,13 +16,13 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_model import Model
 from slosh_model.model_text import read_model
 from slosh_plan import Trajectory
-from slosh_plan.planning.checked import Checked, checked
+from slosh_plan.planning.checked import CheckedMotion, checked
 from slosh_plan.planning.plan import upright_yaw
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.shaping.filters import FILTERS
 from slosh_plan.shaping.shaped import (
     POLYNOMIAL,
-    Course,
+    PathCourse,
     course_of,
     deviation,
     excited_modes,
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
     parser.add_argument(
         "motion", type=Path,
         help="motion from rest to rest: motion table t,ax,ay,az[,...] or poses "
@@ -99,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def shape(
-    arguments: argparse.Namespace, model: Model, course: Course, yaw: float
+    arguments: argparse.Namespace, model: Model, course: PathCourse, yaw: float
 ) -> PlannedMotion:
     """The motion as it is asked for.
 
@@ -138,7 +138,7 @@ def kept_attitude(trajectory: Trajectory) -> Array | None:
     return None if attitude is None else attitude[0]
 
 
-def as_facts(found: Checked, linear: Checked) -> dict[str, float]:
+def as_facts(found: CheckedMotion, linear: CheckedMotion) -> dict[str, float]:
     """A motion for a program; SI units."""
     return {
         "duration": found.motion.duration,

@@ -18,7 +18,7 @@ from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.quantities import HEIGHT
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.simulate.answer import Answer, check_possible, doubts, make_answer
+from slosh_bringup.simulate.answer import SimulationAnswer, check_possible, doubts, make_answer
 from slosh_metrics.input_checks.table_checks import InputDoubt
 from slosh_model.gaps import gap_text
 from slosh_model.measure import predicted_heights
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
     parser.add_argument("motion", type=Path, help="motion table: t,ax,ay,az[,...] (.csv, .csv.gz)")
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     return EXIT_NOT_KEPT if doubtful else EXIT_KEPT
 
 
-def summary(answer: Answer, output: str, *, as_json: bool) -> str:
+def summary(answer: SimulationAnswer, output: str, *, as_json: bool) -> str:
     """The answer in one line, or as JSON."""
     if as_json:
         return json.dumps({**answer.facts(), "output": output})

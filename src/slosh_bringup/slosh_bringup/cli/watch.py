@@ -57,11 +57,11 @@ def _watch_cell(arguments: argparse.Namespace) -> int:
 
 def _watch_recording(arguments: argparse.Namespace) -> int:
     from slosh_bringup.watch.access import new_access
-    from slosh_bringup.watch.recording import Recording
+    from slosh_bringup.watch.recording import RecordedFrames
     from slosh_bringup.watch.server import WatchServer, listen, recording_app
 
     listener = listen(arguments.host, arguments.port)
-    recording = Recording(arguments.bag, _say)
+    recording = RecordedFrames(arguments.bag, _say)
     access = new_access(arguments.host, listener.getsockname()[1])
     server = WatchServer(listener, lambda: recording_app(recording, access))
     server.start()

@@ -33,7 +33,7 @@ class CompressedMessage:
 
 @dataclass(frozen=True, slots=True)
 class NoImage:
-    """Why there is none."""
+    """Reason why a frame has no image."""
 
     reason: str
 

@@ -42,18 +42,18 @@ _LEARNT = 8
 _UNKNOWN_RATE = 30.0
 
 
-class Doubt(NamedTuple):
+class ImageDoubt(NamedTuple):
     """How much an image deserves a look, larger is worse, and why."""
 
     rank: tuple[int, int, float]
     reason: str
 
 
-class Sink(Protocol):
+class PictureSink(Protocol):
     """What takes results one after another and ends with a picture."""
 
     def add(self, result: Result) -> None:
-        """The next result."""
+        """Takes the next result into the picture."""
 
     def finish(self) -> str:
         """Writes what is not yet written; returns a sentence about it."""
@@ -63,7 +63,7 @@ class Sink(Protocol):
         return
 
 
-def judge(measurement: Measurement) -> Doubt:
+def judge(measurement: Measurement) -> ImageDoubt:
     """How doubtful a measurement is: not measured, then flagged, then uncertain."""
     names = flag_names(measurement.flags)
     sigma = measurement.msh_stddev
@@ -78,7 +78,7 @@ def judge(measurement: Measurement) -> Doubt:
     size, words = max((doubt for doubt in doubts if math.isfinite(doubt[0])), default=(0.0, ""))
     lost = not math.isfinite(measurement.msh)
     reason = " ".join(names) or words or "nothing measured"
-    return Doubt((int(lost), len(names), size), reason)
+    return ImageDoubt((int(lost), len(names), size), reason)
 
 
 def disagreement(measurement: Measurement) -> float:
@@ -88,7 +88,7 @@ def disagreement(measurement: Measurement) -> float:
     return apart / spread if spread > 0.0 else math.nan
 
 
-class Sheet:
+class PictureSheet:
     """Pictures of single images beside and below one another, in one file.
 
     Args:
@@ -131,7 +131,7 @@ class Sheet:
         return tile
 
 
-class Strip(Sink):
+class PictureStrip(PictureSink):
     """A sheet of images chosen evenly; of a source of any length it holds a few.
 
     Args:
@@ -143,7 +143,7 @@ class Strip(Sink):
     def __init__(
         self, path: Path, calibration: AnyCalibration, length: int = STRIP_LENGTH
     ) -> None:
-        self._sheet, self._length = Sheet(path, calibration), length
+        self._sheet, self._length = PictureSheet(path, calibration), length
         self._kept: list[Result] = []
         self._step, self._count = 1, 0
 
@@ -162,7 +162,7 @@ class Strip(Sink):
         return self._sheet.write([(self._kept[place], "") for place in places])
 
 
-class Worst(Sink):
+class Worst(PictureSink):
     """A sheet of the most doubtful images, the worst first, each with what is wrong.
 
     Args:
@@ -174,7 +174,7 @@ class Worst(Sink):
     def __init__(
         self, path: Path, calibration: AnyCalibration, length: int = WORST_LENGTH
     ) -> None:
-        self._sheet, self._length = Sheet(path, calibration), length
+        self._sheet, self._length = PictureSheet(path, calibration), length
         self._heap: list[tuple[tuple[int, int, float], int, Result, str]] = []
         self._count = 0
 
@@ -196,7 +196,7 @@ class Worst(Sink):
         )
 
 
-class AnnotatedVideo(Sink):
+class AnnotatedVideo(PictureSink):
     """All images with their marks as a video; a strip where no codec works.
 
     Args:
@@ -211,12 +211,12 @@ class AnnotatedVideo(Sink):
         camera = calibration.view.camera
         self._size = (camera.width, camera.height)
         self._early: list[Result] = []
-        self._strip: Strip | None = None
+        self._strip: PictureStrip | None = None
         self._writer: cv2.VideoWriter | None = None
         self._count = 0
 
     def add(self, result: Result) -> None:
-        """The next result."""
+        """Takes the next result into the picture."""
         if self._writer is None and self._strip is None:
             self._early.append(result)
             if self._rate is None and len(self._early) < _LEARNT:
@@ -258,7 +258,7 @@ class AnnotatedVideo(Sink):
             self._writer = writer
         else:
             self._file.discard()
-            self._strip = Strip(self._path.with_suffix(".png"), self._calibration)
+            self._strip = PictureStrip(self._path.with_suffix(".png"), self._calibration)
         early, self._early = self._early, []
         for result in early:
             self._put(result)

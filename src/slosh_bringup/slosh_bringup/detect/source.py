@@ -31,7 +31,7 @@ _BEFORE, _AFTER = 100_000_000, 2_000_000_000
 
 @dataclass(slots=True)
 class FrameSource:
-    """Images to measure.
+    """Source of the images to measure, one after another.
 
     Attributes:
         name: what people call the source.

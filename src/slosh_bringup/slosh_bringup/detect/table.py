@@ -44,7 +44,7 @@ def flag_names(flags: Flag) -> list[str]:
 
 
 @dataclass(slots=True)
-class Summary:
+class DetectionSummary:
     """What all images together say; grows with each."""
 
     frames: int = 0

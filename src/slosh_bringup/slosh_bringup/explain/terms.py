@@ -209,7 +209,7 @@ def unit(name: str) -> str:
     return UNITS.get(name) or UNITS.get(spelt, "")
 
 
-class Flag(NamedTuple):
+class ExplainedFlag(NamedTuple):
     """A flag or a state: its name, the message that has it, what it says, and its value."""
 
     name: str
@@ -229,14 +229,16 @@ class Flag(NamedTuple):
 
 
 @cache
-def flags() -> tuple[Flag, ...]:
+def flags() -> tuple[ExplainedFlag, ...]:
     """All of them, message by message, in the order of their values; none without the messages."""
     share = shared_folder("slosh_msgs")
     if share is None:
         return ()
     folder = share / "msg"
     return tuple(
-        Flag(found["name"], message, found["meaning"] or "all is well", int(found["value"]))
+        ExplainedFlag(
+            found["name"], message, found["meaning"] or "all is well", int(found["value"])
+        )
         for message in OWNERS
         for found in _CONSTANT.finditer((folder / f"{message}.msg").read_text(encoding="utf-8"))
         if not found["name"].startswith("PEAK_")

@@ -28,7 +28,7 @@ READING = ("input", "urdf", "tool_frame")
 
 @dataclass(frozen=True, slots=True)
 class CellSetup:
-    """A cell.
+    """Files and topics of a cell, as its cell.yaml states them.
 
     Attributes:
         model: model file of the container and its liquid.

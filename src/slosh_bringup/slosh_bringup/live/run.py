@@ -56,7 +56,7 @@ def check_files(setup: CellSetup) -> None:
 
 @dataclass(frozen=True, slots=True)
 class LiveRun:
-    """What is run.
+    """Nodes, folder and options of a live run.
 
     Attributes:
         command: the subcommand.
@@ -76,8 +76,8 @@ class LiveRun:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """How the nodes ended.
+class RunOutcome:
+    """How a run ended: what went wrong, and the exit code.
 
     Attributes:
         problem: what went wrong, or ended the run before its time; empty: nothing did.
@@ -90,7 +90,7 @@ class Outcome:
     began: bool = True
 
 
-def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
+def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
     """Runs the nodes until the simulated cell is through or a stop is asked for.
 
     Args:
@@ -99,7 +99,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> Outcome:
         stop: asks for the end.
     """
     if stop.reason:
-        return Outcome(
+        return RunOutcome(
             f"the run was stopped ({stop.reason}) before any node was started", 1, False
         )
     # With ROS, which a wrong option need not wait for.
@@ -191,14 +191,14 @@ def _tell_of_another(running: Sequence[str], namespace: str, watch: LiveWatch) -
 
 def _outcome(
     stop: StopRequest, watch: LiveWatch, end: NodeEnd | None, problems: Sequence[str]
-) -> Outcome:
+) -> RunOutcome:
     if end is not None:
-        return Outcome(end.text, end.code if end.code == 2 else 1, watch.began)
+        return RunOutcome(end.text, end.code if end.code == 2 else 1, watch.began)
     if watch.began:
-        return Outcome("; ".join(problems), int(bool(problems)))
+        return RunOutcome("; ".join(problems), int(bool(problems)))
     if stop.reason:
         problem = f"the run was stopped ({stop.reason}) before all nodes were ready"
-        return Outcome(f"{problem}: {watch.waits_for}", 1, began=False)
+        return RunOutcome(f"{problem}: {watch.waits_for}", 1, began=False)
     if watch.given_up:
-        return Outcome(f"not all nodes became ready: {watch.given_up}", 1, began=False)
-    return Outcome()  # the motion is over: it began, whatever was heard here
+        return RunOutcome(f"not all nodes became ready: {watch.given_up}", 1, began=False)
+    return RunOutcome()  # the motion is over: it began, whatever was heard here

@@ -18,7 +18,7 @@ from slosh_report.json_values import plain
 
 
 @dataclass(frozen=True, slots=True)
-class Agreement:
+class SeriesAgreement:
     """How well one height series follows another.
 
     Attributes:
@@ -48,7 +48,7 @@ class RunResult:
         events: number of excesses of limits.
     """
 
-    agreements: tuple[Agreement, ...]
+    agreements: tuple[SeriesAgreement, ...]
     latency: Mapping[str, tuple[float, float]]
     lost: Mapping[str, int]
     dropped: Mapping[str, int]
@@ -108,12 +108,12 @@ def evaluate(data: RunData) -> RunResult:
     )
 
 
-def agreement(name: str, reference: Array, series: Array) -> Agreement:
+def agreement(name: str, reference: Array, series: Array) -> SeriesAgreement:
     """How well a series follows its reference, where both are known; NaN where they never are."""
     count = int(np.count_nonzero(np.isfinite(reference) & np.isfinite(series)))
     if not count:
-        return Agreement(name, math.nan, math.nan, math.nan, 0)
-    return Agreement(
+        return SeriesAgreement(name, math.nan, math.nan, math.nan, 0)
+    return SeriesAgreement(
         name,
         mean_absolute_error(reference, series),
         peak_error(reference, series),

@@ -14,7 +14,7 @@ from std_msgs.msg import String
 
 from slosh_base.compiled.compilation import load_telling
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
-from slosh_bringup.cell.renderer import Appearance, CupRenderer, GrayImage
+from slosh_bringup.cell.renderer import CupRenderer, GrayImage, GreyLevels
 from slosh_bringup.cell.truth import integrate_truth, read_sensors
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
@@ -103,7 +103,7 @@ class CellNode(PreparedNode):
         self._renderer = None
         if given["camera"]:
             calibration = read_calibration(given["calibration"] or config / "camera.yaml")
-            look = Appearance(noise=given["image_noise"], seed=given["seed"])
+            look = GreyLevels(noise=given["image_noise"], seed=given["seed"])
             self._renderer = CupRenderer(calibration.view, look)
             self._info = camera_info(calibration)
         self._pub = {

@@ -47,7 +47,7 @@ PICTURE_COLOURS = Palette("tab:blue", "tab:orange", "tab:red", "dimgray")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Profile:
+class PredictedProfile:
     """A motion over time, and what is predicted of it.
 
     Attributes:
@@ -86,7 +86,7 @@ def profiles(
     motions: Sequence[Trajectory],
     found: Sequence[Prediction],
     horizon: float | None = None,
-) -> list[Profile]:
+) -> list[PredictedProfile]:
     """The first MOST motions over time.
 
     Args:
@@ -100,14 +100,16 @@ def profiles(
     ]
 
 
-def _profile(model: Model, motion: Trajectory, answer: Prediction, horizon: float) -> Profile:
+def _profile(
+    model: Model, motion: Trajectory, answer: Prediction, horizon: float
+) -> PredictedProfile:
     felt, inputs = feeling(model, attitude_of(motion)), motion.inputs(horizon)
     linear, nonlinear = (simulate(one, inputs)[0].msh for one in (felt.linear(), felt.nonlinear()))
     strength = np.linalg.norm(inputs.acceleration, axis=1)
-    return Profile(inputs.t, linear, nonlinear, strength, answer)
+    return PredictedProfile(inputs.t, linear, nonlinear, strength, answer)
 
 
-def scales(shown: Sequence[Profile]) -> tuple[float, float]:
+def scales(shown: Sequence[PredictedProfile]) -> tuple[float, float]:
     """Tops of the height and of the acceleration axis, the same for all panels [mm], [m/s²]."""
     highest = 1e3 * max((one.highest for one in shown), default=0.0)
     limits = [1e3 * one.answer.limits.height for one in shown]
@@ -116,7 +118,7 @@ def scales(shown: Sequence[Profile]) -> tuple[float, float]:
     return HEADROOM * max([highest, *near]) or 1.0, HEADROOM * strongest or 1.0
 
 
-def draw_heights(axes: Any, one: Profile, colours: Palette, top: float) -> None:
+def draw_heights(axes: Any, one: PredictedProfile, colours: Palette, top: float) -> None:
     """Heights by both models, limit or rim, and where the motion ends."""
     axes.plot(*envelope(one.t, 1e3 * one.linear), color=colours.linear, linestyle=(0, (4, 2)))
     axes.plot(*envelope(one.t, 1e3 * one.nonlinear), color=colours.nonlinear)
@@ -131,14 +133,14 @@ def draw_heights(axes: Any, one: Profile, colours: Palette, top: float) -> None:
     axes.set_ylim(0.0, top)
 
 
-def draw_acceleration(axes: Any, one: Profile, colours: Palette, top: float) -> None:
+def draw_acceleration(axes: Any, one: PredictedProfile, colours: Palette, top: float) -> None:
     """The size of the acceleration."""
     axes.plot(*envelope(one.t, one.acceleration), color=colours.ink)
     axes.axvline(one.answer.duration, color=colours.ink, linewidth=0.8, linestyle=(0, (1, 3)))
     axes.set_ylim(0.0, top)
 
 
-def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[Profile]) -> str:
+def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[PredictedProfile]) -> str:
     """The page as HTML text; every text in it is escaped.
 
     Args:
@@ -159,7 +161,7 @@ def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[Profile]) ->
 
 
 def _charts(
-    one: Profile, number: int, height: float, acceleration: float
+    one: PredictedProfile, number: int, height: float, acceleration: float
 ) -> tuple[Markup, Markup]:
     """Heights and acceleration of a motion, as SVG text."""
 
@@ -178,7 +180,7 @@ def _charts(
     )
 
 
-def write_picture(path: Path, shown: Sequence[Profile]) -> None:
+def write_picture(path: Path, shown: Sequence[PredictedProfile]) -> None:
     """Draws each motion's heights and acceleration, with the same scales.
 
     Args:

@@ -22,12 +22,12 @@ from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.replay.report import report_start, shown_models
 from slosh_replay.replay.result import ReplayResult
-from slosh_report.run_report import Frame, Topic
+from slosh_report.run_report import Frame, TopicRow
 
 JPEG_QUALITY = 85
 
 
-def bag_topics(run: RecordedRun, seconds: float) -> tuple[Topic, ...]:
+def bag_topics(run: RecordedRun, seconds: float) -> tuple[TopicRow, ...]:
     """The topics of a bag with their mean rates.
 
     Args:
@@ -35,7 +35,7 @@ def bag_topics(run: RecordedRun, seconds: float) -> tuple[Topic, ...]:
         seconds: length of the run [s].
     """
     return tuple(
-        Topic(
+        TopicRow(
             name,
             info.message_type,
             info.count or 0,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from slosh_base.files import write_text
 from slosh_bringup.errors import SloshBringupError
-from slosh_bringup.many_files import Outcome
+from slosh_bringup.many_files import ItemOutcome
 from slosh_bringup.replay.task import Replayed, Task
 from slosh_report.index_page import MARK, IndexRow, render_index
 from slosh_report.run_report import RunVerdict
@@ -33,7 +33,7 @@ def check_index(folder: Path, tasks: Sequence[Task]) -> None:
         raise SloshBringupError(f"{page}: is not an index of replays; choose another folder (-o)")
 
 
-def write_index(folder: Path, outcomes: Sequence[Outcome[Task, Replayed]]) -> None:
+def write_index(folder: Path, outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
     """Writes FOLDER/index.html.
 
     Raises:
@@ -50,7 +50,7 @@ def _is_index(page: Path) -> bool:
         return MARK.encode() in file.read(_HEAD)
 
 
-def _row(outcome: Outcome[Task, Replayed]) -> IndexRow:
+def _row(outcome: ItemOutcome[Task, Replayed]) -> IndexRow:
     item = outcome.value
     if item is None:
         return IndexRow(outcome.item.name, None, reason=outcome.error)

@@ -17,7 +17,7 @@ from slosh_replay.in_force import described, in_force, last_starts, parameter_ch
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay import ReplayResult
-from slosh_replay.replay.checking import Checked
+from slosh_replay.replay.checking import CheckedReplay
 from slosh_replay.replay.report import Surroundings, replay_report, report_start
 from slosh_report.run_report import Fact, RunReport, render_report, report_document
 
@@ -26,7 +26,7 @@ MESSAGE_TYPE: Final = "slosh_msgs/msg/PredictionOutcome"
 
 
 def write_page(
-    folder: Path, run: RecordedRun, result: ReplayResult, checked: Checked | None
+    folder: Path, run: RecordedRun, result: ReplayResult, checked: CheckedReplay | None
 ) -> None:
     """Writes FOLDER/<name>.html and FOLDER/<name>.json.
 

@@ -27,7 +27,7 @@ from slosh_replay.manifest import Expectation
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.checking import (
-    Checked,
+    CheckedReplay,
     Point,
     check_result,
     dropped,
@@ -47,7 +47,7 @@ PAGES = (".html", ".json")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A bag to replay.
+    """A bag to replay, with the options of its replay.
 
     Attributes:
         bag: folder or file.
@@ -107,7 +107,7 @@ class Replayed:
     accuracy: tuple[ModelAccuracy, ...]
     headline: ModelAccuracy | None
     peak: float
-    checked: Checked | None
+    checked: CheckedReplay | None
     estimates: str
     differences: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -174,7 +174,7 @@ def _peak(result: ReplayResult) -> float:
     return float(known.max()) if len(known) else math.nan
 
 
-def _checked(result: ReplayResult, task: Task) -> Checked | None:
+def _checked(result: ReplayResult, task: Task) -> CheckedReplay | None:
     if task.expected is None:
         return None
     checked = check_result(result, task.expected)
@@ -192,7 +192,7 @@ def _in_short(found: Verification | None) -> str:
     return f"{found.identical} of {found.recorded + found.missing}"
 
 
-def _document(result: ReplayResult, checked: Checked | None) -> dict[str, Any]:
+def _document(result: ReplayResult, checked: CheckedReplay | None) -> dict[str, Any]:
     """All figures, and what the checks came to."""
     points = None
     if checked is not None:

@@ -24,7 +24,7 @@ MOST_OF_A_PERIOD = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class SimulationAnswer:
     """What a simulated motion comes to.
 
     Attributes:
@@ -121,7 +121,7 @@ def make_answer(
     heights: tuple[Array, Array],
     limit: float | None,
     doubts: tuple[InputDoubt, ...],
-) -> Answer:
+) -> SimulationAnswer:
     """The answer to a motion.
 
     Args:
@@ -134,7 +134,7 @@ def make_answer(
     read, liquid = heights
     peak = int(np.argmax(read))
     acceleration, jerk = greatest(inputs)
-    return Answer(
+    return SimulationAnswer(
         model=model.name,
         samples=len(inputs.t),
         peak=float(read[peak]),

@@ -13,7 +13,7 @@ from matplotlib.style import context
 
 from slosh_base.files import NewFile
 from slosh_base.types import Array
-from slosh_bringup.simulate.answer import Answer
+from slosh_bringup.simulate.answer import SimulationAnswer
 from slosh_model.simulate import Inputs
 from slosh_report.page.series import envelope
 
@@ -26,7 +26,9 @@ STYLE = {"svg.hashsalt": "simulate", "svg.fonttype": "none", "text.parse_math": 
          "axes.grid": True, "grid.alpha": 0.4, "font.size": 10.0}  # fmt: skip
 
 
-def write_chart(path: Path, inputs: Inputs, msh: Array, answer: Answer, allowed: float) -> None:
+def write_chart(
+    path: Path, inputs: Inputs, msh: Array, answer: SimulationAnswer, allowed: float
+) -> None:
     """Draws a prediction into a `.png` or `.svg` file.
 
     Args:
@@ -64,7 +66,7 @@ def new_picture(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
         figure.savefig(stream, format=form, dpi=DPI, metadata=metadata)
 
 
-def _draw_heights(axes: Any, t: Array, msh: Array, answer: Answer) -> None:
+def _draw_heights(axes: Any, t: Array, msh: Array, answer: SimulationAnswer) -> None:
     axes.plot(*envelope(t, 1e3 * msh), color="tab:blue")
     axes.plot(answer.peak_time, 1e3 * answer.peak, "o", color="tab:blue", fillstyle="none")
     axes.annotate(f"{1e3 * answer.peak:.1f} mm", (answer.peak_time, 1e3 * answer.peak),

@@ -27,7 +27,7 @@ _PAGE = {row.name.lstrip("/"): row for row in topics.TOPICS if row.page}
 HEIGHTS = {
     name: row.type
     for name, row in _PAGE.items()
-    if row.role is topics.Role.ANSWER and not row.latched
+    if row.role is topics.TopicRole.ANSWER and not row.latched
 }
 """Topics without one of which nothing of a cell is in a bag, and their types."""
 BESIDE = {name: row.type for name, row in _PAGE.items() if name not in HEIGHTS}
@@ -41,8 +41,8 @@ SHARE, FLAT = 0.2, 1e-3
 rest [m]."""
 
 
-class Recording:
-    """Frames of a bag.
+class RecordedFrames:
+    """Frames of the operator's page, made from a bag.
 
     Args:
         bag: the bag.

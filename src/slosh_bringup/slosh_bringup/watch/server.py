@@ -22,7 +22,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.watch.access import HEADERS, Access
-from slosh_bringup.watch.recording import Recording
+from slosh_bringup.watch.recording import RecordedFrames
 
 PAGE = Path(__file__).parent / "page"
 FILES = "/files/"
@@ -94,7 +94,7 @@ def live_app(hub: Hub, access: Access) -> Guard:
     return _guarded("live", [WebSocketRoute("/frames", watch)], access)
 
 
-def recording_app(recording: Recording, access: Access) -> Guard:
+def recording_app(recording: RecordedFrames, access: Access) -> Guard:
     """The page of a recording."""
 
     def about(request: Request) -> Response:

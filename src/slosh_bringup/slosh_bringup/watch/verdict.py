@@ -21,8 +21,8 @@ class CellVerdict(Enum):
     BLIND = "blind"
 
 
-class Judgement(NamedTuple):
-    """A verdict and why."""
+class CellJudgement(NamedTuple):
+    """Verdict on a cell's safety, and the reason for it."""
 
     verdict: CellVerdict
     reason: str
@@ -36,8 +36,8 @@ def judge(
     *,
     alone: bool = False,
     disagree: bool = False,
-) -> Judgement:
-    """Judges a cell.
+) -> CellJudgement:
+    """Judges whether a cell is safe by its newest messages.
 
     Silence is never safe: what is not compared is not known.
 
@@ -50,28 +50,30 @@ def judge(
         disagree: camera and model disagree.
     """
     if state is None:
-        return Judgement(CellVerdict.BLIND, "no comparison received yet: is the monitor running?")
+        return CellJudgement(
+            CellVerdict.BLIND, "no comparison received yet: is the monitor running?"
+        )
     if age > SILENCE:
-        return Judgement(CellVerdict.BLIND, f"no message from the monitor for {age:.0f} s")
+        return CellJudgement(CellVerdict.BLIND, f"no message from the monitor for {age:.0f} s")
     if state == ERROR or exceeded:
-        return Judgement(CellVerdict.EXCEEDED, exceeded or "a limit is exceeded")
+        return CellJudgement(CellVerdict.EXCEEDED, exceeded or "a limit is exceeded")
     if state == STALE:
-        return Judgement(
+        return CellJudgement(
             CellVerdict.BLIND, f"no messages from {' and '.join(stale) or 'one side'}"
         )
     if state == BLIND:
         what = "the estimate" if alone else "measurement and estimate"
-        return Judgement(
+        return CellJudgement(
             CellVerdict.BLIND, f"{what} cannot be {'trusted' if alone else 'compared'}"
         )
     if state == WARN and disagree:
-        return Judgement(
+        return CellJudgement(
             CellVerdict.DISAGREE, "camera and model disagree: see the monitor's message"
         )
     if state == WARN:
-        return Judgement(CellVerdict.NEAR, "a limit is near, or was exceeded a moment ago")
+        return CellJudgement(CellVerdict.NEAR, "a limit is near, or was exceeded a moment ago")
     if state == OK and alone:
-        return Judgement(CellVerdict.SAFE, "estimated below its limit; no camera configured")
+        return CellJudgement(CellVerdict.SAFE, "estimated below its limit; no camera configured")
     if state == OK:
-        return Judgement(CellVerdict.SAFE, "measured and estimated below their limits")
-    return Judgement(CellVerdict.BLIND, f"unknown state {state} of the monitor")
+        return CellJudgement(CellVerdict.SAFE, "measured and estimated below their limits")
+    return CellJudgement(CellVerdict.BLIND, f"unknown state {state} of the monitor")

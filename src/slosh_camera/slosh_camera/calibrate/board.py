@@ -34,7 +34,7 @@ _STEP = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A printed board.
+    """A printed board of markers, and its dimensions.
 
     Attributes:
         charuco: a chessboard with markers in its white squares; otherwise a grid of markers.

@@ -31,7 +31,7 @@ from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCal
 from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
-from slosh_camera.settings import DetectionSettings, Liquid, RegionOfInterest
+from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _CONTAINER_KEYS = {
@@ -269,11 +269,11 @@ def _still_image(
     return Path(value) if folder is None else folder / value
 
 
-def _liquid(value: object, source: YamlDocument) -> Liquid:
+def _liquid(value: object, source: YamlDocument) -> LiquidContrast:
     try:
-        return Liquid(value)
+        return LiquidContrast(value)
     except ValueError:
-        names = " or ".join(liquid.value for liquid in Liquid)
+        names = " or ".join(liquid.value for liquid in LiquidContrast)
         raise SloshCameraError(
             f"{place(source, 'detection.liquid')}: {shown(value)}, must be {names}"
         ) from None

@@ -17,7 +17,7 @@ QUANTITIES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class ToldDeviations:
     """Standard deviations of what is told; 0: it is known.
 
     Attributes:
@@ -41,7 +41,7 @@ class Doubt:
         return self.stddev > 0.0
 
 
-KNOWN = Doubt()
+KNOWN = ToldDeviations()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,7 @@ class Told:
 
     camera: PinholeCamera
     cup: Cup
-    doubt: Doubt = KNOWN
+    doubt: ToldDeviations = KNOWN
 
     def off_by(self, change: FloatArray) -> tuple[PinholeCamera, Cup]:
         """Camera and container where what was told is off.

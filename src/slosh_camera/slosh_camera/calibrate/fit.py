@@ -68,8 +68,8 @@ NO_HINT = Hint(np.full(_PLACE, np.nan), np.ones(_PLACE))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """A fitted place.
+class PlaceFit:
+    """Pose of the camera from a fit, with its covariance and residuals.
 
     Attributes:
         camera: the camera, with the focal length that fits.
@@ -120,7 +120,7 @@ def fit_place(
     *,
     rough: bool = False,
     found: tuple[SeenCurve, ...] = (),
-) -> Fit | None:
+) -> PlaceFit | None:
     """Fit the camera's place to the edges, looking for them ever closer to the prediction.
 
     Args:
@@ -137,7 +137,7 @@ def fit_place(
     if rough:
         straight = replace(told.cup, wall_refractive_index=1.0)
         told = Told(told.camera, straight)
-    solved = Solution(start, np.zeros(QUANTITIES), np.full((_NUMBERS, _NUMBERS), np.nan), 1.0)
+    solved = PlaceSolution(start, np.zeros(QUANTITIES), np.full((_NUMBERS, _NUMBERS), np.nan), 1.0)
     reach = 0.0
     try:
         view = view_at(*told.off_by(solved.change), solved.place)
@@ -161,7 +161,7 @@ def fit_place(
         return None
     residuals = tuple(distances(view, curve) for curve in seen)
     score = _score(edges, seen, residuals) - TUNING.fit_chance / width_of(view)
-    fit = Fit(
+    fit = PlaceFit(
         view.camera,
         view.cup,
         solved.place,
@@ -203,7 +203,7 @@ def _enough(seen: Sequence[SeenCurve]) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
+class PlaceSolution:
     """What a least-squares fit gives: place, change of what was told, covariance and tension."""
 
     place: CameraPlace
@@ -219,7 +219,9 @@ class _Problem:
     so that the covariance holds what no number of samples averages out.
     """
 
-    def __init__(self, told: Told, start: Solution, seen: Sequence[SeenCurve], hint: Hint) -> None:
+    def __init__(
+        self, told: Told, start: PlaceSolution, seen: Sequence[SeenCurve], hint: Hint
+    ) -> None:
         view = view_at(*told.off_by(start.change), start.place)
         self._told, self._start = told, start
         # A curve that leaves the view's front has no distance from its edges.
@@ -248,7 +250,7 @@ class _Problem:
         rest = np.zeros((self._hint.size + self._open.size + clicks, self._own_size))
         self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), rest))
 
-    def solved(self) -> Solution:
+    def solved(self) -> PlaceSolution:
         """The place, the changes, their covariance and the curves' tension."""
         begin = np.concatenate((self._start.place.numbers, self._start.change[self._open]))
         first = np.concatenate((begin / self._scale, np.zeros(self._own_size)))
@@ -263,7 +265,7 @@ class _Problem:
         told = np.concatenate((np.arange(_PLACE), _PLACE + self._open))
         covariance = np.zeros((_NUMBERS, _NUMBERS))
         covariance[np.ix_(told, told)] = inverse * np.outer(self._scale, self._scale)
-        return Solution(place, change, covariance, self._tension(result.x[count:]))
+        return PlaceSolution(place, change, covariance, self._tension(result.x[count:]))
 
     def _tension(self, own: FloatArray) -> float:
         # The curves' own errors share what the place leaves over.

@@ -13,7 +13,7 @@ import numpy as np
 
 from slosh_camera.calibrate.curves import view_at
 from slosh_camera.calibrate.edges import EdgeImage
-from slosh_camera.calibrate.fit import Fit
+from slosh_camera.calibrate.fit import PlaceFit
 from slosh_camera.calibrate.strip import (
     lasting_changes,
     level_like,
@@ -41,7 +41,7 @@ class Level:
 
 
 @dataclass(frozen=True, slots=True)
-class Levels:
+class LevelLines:
     """The lines on a container's front wall that may be the level.
 
     Attributes:
@@ -58,7 +58,7 @@ class Levels:
         return self.rival is None and self.own.strength >= TUNING.shows
 
 
-def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
+def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
     """The level of a pose as the image shows it, and the strongest line that rivals it.
 
     Args:
@@ -95,4 +95,4 @@ def levels_of(edges: EdgeImage, fit: Fit) -> Levels:
     open_to_doubt = np.where(other, strength, 0.0)
     best = int(np.argmax(open_to_doubt))
     rivals = open_to_doubt[best] > 0.0 and open_to_doubt[best] >= TUNING.rival * own.strength
-    return Levels(own, level(best) if rivals else None)
+    return LevelLines(own, level(best) if rivals else None)

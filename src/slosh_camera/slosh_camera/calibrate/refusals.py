@@ -13,15 +13,15 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.fit import Fit
-from slosh_camera.calibrate.level import Levels
+from slosh_camera.calibrate.fit import PlaceFit
+from slosh_camera.calibrate.level import LevelLines
 from slosh_camera.calibrate.still_fit import StillFit, height_shift
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.cup import CupView, Wall
 
 
-def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str:
+def find_fault(fit: PlaceFit, answer: StillFit, sure: bool, level_shows: bool) -> str:
     """Why a fit is not to be used; empty: it may be.
 
     Args:
@@ -80,7 +80,7 @@ def find_fault(fit: Fit, answer: StillFit, sure: bool, level_shows: bool) -> str
     return ""
 
 
-def level_fault(fit: Fit, levels: Levels, told: tuple[float, float] | None) -> str:
+def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | None) -> str:
     """Why the still level is not certain; empty: it is, or it was told.
 
     Args:
@@ -114,7 +114,7 @@ def level_fault(fit: Fit, levels: Levels, told: tuple[float, float] | None) -> s
     return ""
 
 
-def is_corroborated(fit: Fit) -> bool:
+def is_corroborated(fit: PlaceFit) -> bool:
     """Whether a curve that the pose does not rest on is where it should be, if it can be seen.
 
     A wall of no thickness shows no glass. Where one line of the level is all that is seen, more of
@@ -132,7 +132,7 @@ def is_corroborated(fit: Fit) -> bool:
     return max(known, default=0.0) >= needed or floor >= TUNING.least_share
 
 
-def _speaks_against(fit: Fit, answer: StillFit, level_shows: bool) -> list[str]:
+def _speaks_against(fit: PlaceFit, answer: StillFit, level_shows: bool) -> list[str]:
     """What is off that alone is a matter of a warning, in words."""
     level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
     reasons = {
@@ -145,7 +145,7 @@ def _speaks_against(fit: Fit, answer: StillFit, level_shows: bool) -> list[str]:
     return [reason for reason, holds in reasons.items() if holds]
 
 
-def check_rival(view: CupView, best: Fit, rival: Fit) -> None:
+def check_rival(view: CupView, best: PlaceFit, rival: PlaceFit) -> None:
     """Refuse where two different poses explain the image equally well.
 
     Raises:
@@ -174,7 +174,7 @@ def check_rival(view: CupView, best: Fit, rival: Fit) -> None:
         )
 
 
-def check_enclosed(best: Fit, fits: list[Fit]) -> None:
+def check_enclosed(best: PlaceFit, fits: list[PlaceFit]) -> None:
     """Refuse what stands between the sides of another container: a part of that, or behind it.
 
     The other one need not be good enough to be used: of clear glass with droplets little is seen.
@@ -193,7 +193,7 @@ def check_enclosed(best: Fit, fits: list[Fit]) -> None:
             )
 
 
-def _encloses(wide: Fit, narrow: Fit) -> bool:
+def _encloses(wide: PlaceFit, narrow: PlaceFit) -> bool:
     """Whether a fit is clearly wider than another one and has its middle between its sides."""
     outer, inner = (view_at(fit.camera, fit.cup, fit.place) for fit in (wide, narrow))
     if width_of(outer) < TUNING.wider * width_of(inner):

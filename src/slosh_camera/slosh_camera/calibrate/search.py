@@ -30,7 +30,7 @@ _WEIGHTS = {"level": 3.0, "liquid": 2.0, "glass": 0.5, "base": 0.7}
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class CandidatePlace:
     """A place of the camera that the picture may show.
 
     Attributes:
@@ -58,7 +58,7 @@ def find_candidates(
     cup: Cup,
     count: int,
     level: tuple[float, float] | None = None,
-) -> list[Candidate]:
+) -> list[CandidatePlace]:
     """Places of the camera that fit the picture roughly.
 
     Args:
@@ -75,7 +75,7 @@ def find_candidates(
     rows = edges.shape[0]
     lines = upright_lines(edges, TUNING.lines, TUNING.least_line * rows)
     maps = _support_maps(edges)
-    found: list[Candidate] = []
+    found: list[CandidatePlace] = []
     for axis, width in _axes(lines, camera, cup, edges.shape):
         tries = [_best_level(maps, camera, cup, axis.pitched(p), width, level) for p in _PITCHES]
         # The fine fit finds the pitch from any of them.
@@ -139,7 +139,7 @@ def _best_level(
     axis: Axis,
     width: float,
     level: tuple[float, float] | None,
-) -> Candidate | None:
+) -> CandidatePlace | None:
     """The still level with the most support on an axis, or the one through a pixel."""
     rows = maps.level.shape[0]
     v = np.arange(0.03 * rows, 0.99 * rows, TUNING.row_step)
@@ -156,7 +156,7 @@ def _best_level(
     scores = _scores(maps, camera, cup, axis, heights)
     best = int(np.argmax(scores))
     score = float(scores[best]) - TUNING.search_chance * TUNING.search_slack / width
-    return Candidate(axis.place(float(heights[best])), score, width)
+    return CandidatePlace(axis.place(float(heights[best])), score, width)
 
 
 def height_through(
@@ -254,9 +254,9 @@ def _mean(values: FloatArray, least: float = 0.3) -> FloatArray:
     return np.where(count >= least * values.shape[1], total / np.maximum(count, 1), np.nan)
 
 
-def _distinct(found: list[Candidate], count: int) -> list[Candidate]:
+def _distinct(found: list[CandidatePlace], count: int) -> list[CandidatePlace]:
     """The best candidates, without those that a fit of a better one would reach as well."""
-    kept: list[Candidate] = []
+    kept: list[CandidatePlace] = []
     for candidate in found:
         if len(kept) == count:
             break

@@ -15,9 +15,9 @@ from slosh_camera.calibrate.curves import (
     view_at,
     width_of,
 )
-from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, Doubt, Told
+from slosh_camera.calibrate.doubt import KNOWN, QUANTITIES, Told, ToldDeviations
 from slosh_camera.calibrate.edges import EdgeImage, edge_image
-from slosh_camera.calibrate.fit import NO_HINT, Fit, Hint, fit_place
+from slosh_camera.calibrate.fit import NO_HINT, Hint, PlaceFit, fit_place
 from slosh_camera.calibrate.level import levels_of
 from slosh_camera.calibrate.outline import find_outline
 from slosh_camera.calibrate.pose import CameraPlace, place_of
@@ -28,7 +28,7 @@ from slosh_camera.calibrate.refusals import (
     is_corroborated,
     level_fault,
 )
-from slosh_camera.calibrate.search import Candidate, find_candidates
+from slosh_camera.calibrate.search import CandidatePlace, find_candidates
 from slosh_camera.calibrate.still_fit import StillFit, still_fit
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.errors import SloshCameraError
@@ -47,7 +47,7 @@ def calibrate_by_edges(
     cup: Cup,
     azimuth: float = AZIMUTH,
     hint: Hint = NO_HINT,
-    doubt: Doubt = KNOWN,
+    doubt: ToldDeviations = KNOWN,
     distance: float | None = None,
     level: tuple[float, float] | None = None,
 ) -> StillFit:
@@ -125,7 +125,7 @@ def _by_outline(task: _Task) -> StillFit | None:
     return finer
 
 
-def _sound(fit: Fit | None, task: _Task) -> StillFit | None:
+def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
     """What follows from a fit at a level that is known; None: it has a fault."""
     if fit is None:
         return None
@@ -149,7 +149,7 @@ def _by_edges(task: _Task) -> StillFit:
     """
     edges, cup = edge_image(task.image), task.told.cup
 
-    def roughly(places: list[CameraPlace]) -> list[Fit]:
+    def roughly(places: list[CameraPlace]) -> list[PlaceFit]:
         tries = [fit_place(edges, task.told, place, task.hint, rough=True) for place in places]
         return _distinct([fit for fit in tries if fit])
 
@@ -212,7 +212,7 @@ def check_pose(
     residuals = tuple(distances(upright, curve) for curve in seen)
     every = np.zeros((len(covariance) + QUANTITIES,) * 2)
     every[: len(covariance), : len(covariance)] = covariance
-    fit = Fit(pinhole, view.cup, place, every, 1.0, seen, residuals, float("nan"))
+    fit = PlaceFit(pinhole, view.cup, place, every, 1.0, seen, residuals, float("nan"))
     return still_fit(fit, view.camera, azimuth)
 
 
@@ -252,7 +252,7 @@ def _undistort_maps(camera: PinholeCamera) -> tuple[FloatMap, FloatMap]:
     return across, down
 
 
-def _with_rivals(edges: EdgeImage, task: _Task, fits: list[Fit]) -> list[Fit]:
+def _with_rivals(edges: EdgeImage, task: _Task, fits: list[PlaceFit]) -> list[PlaceFit]:
     """The fits, and those that begin at the rival levels of the best, the best first."""
     ranked = sorted(fits, key=lambda fit: -fit.score)
     if task.hint.level is not None:
@@ -266,7 +266,7 @@ def _with_rivals(edges: EdgeImage, task: _Task, fits: list[Fit]) -> list[Fit]:
     return sorted((*ranked, *(fit for fit in more if fit)), key=lambda fit: -fit.score)
 
 
-def _at_level(fit: Fit, height: float) -> list[CameraPlace]:
+def _at_level(fit: PlaceFit, height: float) -> list[CameraPlace]:
     """Places whose level is higher by so much [m]; the old one may be the rear line of it."""
     place, radius = fit.place, fit.cup.radius
     moved = replace(place, height=place.height - height)
@@ -279,7 +279,7 @@ def _at_level(fit: Fit, height: float) -> list[CameraPlace]:
     return [moved, replace(moved, height=above, pitch=place.pitch + turn)]
 
 
-def _candidates(task: _Task) -> list[Candidate]:
+def _candidates(task: _Task) -> list[CandidatePlace]:
     small = _smaller(task, _shrink(task.camera))
     edges, camera, cup = edge_image(small.image), small.camera, task.told.cup
     level = small.hint.level
@@ -343,7 +343,7 @@ def _straight_pixel(pixel: tuple[float, float], camera: PinholeCamera) -> tuple[
     return float(camera.fx * ray[0] + camera.cx), float(camera.fy * ray[1] + camera.cy)
 
 
-def _worth_a_fit(rough: list[Fit]) -> list[Fit]:
+def _worth_a_fit(rough: list[PlaceFit]) -> list[PlaceFit]:
     """The best rough fits, and the one of the nearest container, in which others may be parts."""
     if not rough:
         return []
@@ -363,9 +363,9 @@ def _mirrored(place: CameraPlace, cup: Cup) -> CameraPlace:
     return replace(place, height=-place.height, pitch=place.pitch + float(becomes - was))
 
 
-def _distinct(fits: list[Fit]) -> list[Fit]:
+def _distinct(fits: list[PlaceFit]) -> list[PlaceFit]:
     """The fits that ended at different places, the best first."""
-    kept: list[Fit] = []
+    kept: list[PlaceFit] = []
     for fit in sorted(fits, key=lambda fit: -fit.score):
         far = TUNING.alike * fit.place.distance
         size = np.array([far, far, TUNING.alike, TUNING.alike, TUNING.alike])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.curves import AZIMUTH, Curve, view_at
 from slosh_camera.calibrate.doubt import QUANTITIES, Told
-from slosh_camera.calibrate.fit import Fit
+from slosh_camera.calibrate.fit import PlaceFit
 from slosh_camera.calibrate.pose import CameraPlace
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.camera import PinholeCamera
@@ -72,7 +72,7 @@ class StillFit:
     level_shows: bool = True
 
 
-def still_fit(fit: Fit, camera: PinholeCamera, azimuth: float) -> StillFit:
+def still_fit(fit: PlaceFit, camera: PinholeCamera, azimuth: float) -> StillFit:
     """The pose that was fitted, and how good it is.
 
     Args:
@@ -118,7 +118,7 @@ def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
     return CurveCheck(curve.value, near.size / samples, offset, rms)
 
 
-def _height_stddev(view: CupView, fit: Fit, wall: Wall) -> float:
+def _height_stddev(view: CupView, fit: PlaceFit, wall: Wall) -> float:
     """Largest standard error of a height, by the covariance of all that was fitted [m]."""
     told = Told(fit.camera, fit.cup)
     here = _heights(view, view, wall)
@@ -133,7 +133,7 @@ def _height_stddev(view: CupView, fit: Fit, wall: Wall) -> float:
     return _doubtful(fit) * float(np.sqrt(known.max())) if known.size else float("inf")
 
 
-def _doubtful(fit: Fit) -> float:
+def _doubtful(fit: PlaceFit) -> float:
     """Factor of the standard errors where curves contradict each other, or edges their curve."""
     return float(np.nanmax([fit.tension, fit.rms / TUNING.usual_residual, 1.0]))
 

@@ -22,7 +22,7 @@ from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.still_lesson import StillLearner, StillLesson
 from slosh_camera.cylinder.still_surface import REMEDY
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
-from slosh_camera.cylinder.surface_comparison import Choice, Sighting
+from slosh_camera.cylinder.surface_comparison import ChosenSurface, Sighting
 from slosh_camera.cylinder.surface_evidence import USUAL_FADE, FadeShare, SurfaceFit, Unrolled
 from slosh_camera.cylinder.surface_fit import SurfaceFitter
 from slosh_camera.cylinder.surface_flags import surface_flags
@@ -215,7 +215,7 @@ class FreeSurfaceDetector:
             found = replace(found, fit=fit)
         return found, found.fit.fade
 
-    def _found(self, choice: Choice, steps: Steps) -> _Found:
+    def _found(self, choice: ChosenSurface, steps: Steps) -> _Found:
         """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
         view, fit = choice.candidate.view, choice.candidate.fit
         prior = self._lesson.comparison.prior_of(choice.candidate)

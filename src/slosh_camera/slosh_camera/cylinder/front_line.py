@@ -19,7 +19,7 @@ from slosh_camera.cylinder.surroundings import Backdrop
 from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.cylinder.wall_geometry import WallGeometry
 from slosh_camera.measurement import Flag
-from slosh_camera.settings import DetectionSettings, Liquid
+from slosh_camera.settings import DetectionSettings, LiquidContrast
 
 Image = NDArray[np.uint8]
 Single = NDArray[np.float32]
@@ -135,4 +135,4 @@ class FrontLineFinder:
             return False
         lighter = float(np.mean(tone.liquid)) > float(np.mean(tone.background))
         expected = self._settings.liquid
-        return expected is Liquid.ANY or (expected is Liquid.LIGHTER) == lighter
+        return expected is LiquidContrast.ANY or (expected is LiquidContrast.LIGHTER) == lighter

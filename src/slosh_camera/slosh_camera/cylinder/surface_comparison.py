@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder.surface_choice import SurfaceChooser
 from slosh_camera.cylinder.surface_evidence import SurfaceFit, Unrolled, WallPoints
-from slosh_camera.cylinder.surface_memory import Expected
+from slosh_camera.cylinder.surface_memory import ExpectedMode
 from slosh_camera.cylinder.surface_prior import Prior
 from slosh_camera.cylinder.tuning import TUNING
 from slosh_camera.images.seams import NO_STEPS, Steps
@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class CandidateSurface:
     """A surface that an image may show.
 
     Attributes:
@@ -49,14 +49,14 @@ class Sighting:
     """
 
     seen: tuple[tuple[Unrolled, WallPoints], ...] = ()
-    candidates: tuple[Candidate, ...] = ()
+    candidates: tuple[CandidateSurface, ...] = ()
     certain: bool = False
     flags: Flag = Flag.NONE
     steps: Steps = NO_STEPS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Choice:
+class ChosenSurface:
     """The surface that an image shows.
 
     Attributes:
@@ -68,7 +68,7 @@ class Choice:
             does with the still image.
     """
 
-    candidate: Candidate
+    candidate: CandidateSurface
     believed: bool
     decided: bool = False
     jumped: bool = False
@@ -105,11 +105,11 @@ class SurfaceComparison:
             if fit is None:
                 continue
             if self._chooser.plausible(view, fit, self.prior) >= self._at_rest - TUNING.worse:
-                return Sighting(seen, (Candidate(view, fit, np.inf),), certain=True)
+                return Sighting(seen, (CandidateSurface(view, fit, np.inf),), certain=True)
             return Sighting(seen, (self._sure(view, fit), *self._several(seen)))
         return Sighting(seen, self._several(seen))
 
-    def choose(self, sighting: Sighting, expected: Expected | None) -> Choice:
+    def choose(self, sighting: Sighting, expected: ExpectedMode | None) -> ChosenSurface:
         """The surface that a sighting with candidates shows.
 
         Args:
@@ -122,19 +122,19 @@ class SurfaceComparison:
             others = self._others(sighting.candidates, best)
             next_best = max((plausible[k] for k in others), default=-np.inf)
             doubtful = self._is_doubtful(best, best.plausible - next_best)
-            return Choice(best, best.plausible >= 0.0, doubtful=doubtful)
+            return ChosenSurface(best, best.plausible >= 0.0, doubtful=doubtful)
         usual = expected.distance(self.first(best.fit)) < TUNING.usual
         if sighting.certain and usual:
-            return Choice(best, True)
+            return ChosenSurface(best, True)
         return self._compared(
             sighting.candidates if usual else self._more(sighting, expected), expected
         )
 
-    def prior_of(self, candidate: Candidate) -> Prior:
+    def prior_of(self, candidate: CandidateSurface) -> Prior:
         """What a candidate was fitted with."""
         return candidate.changed or self.prior
 
-    def level_has_changed(self, candidate: Candidate) -> bool:
+    def level_has_changed(self, candidate: CandidateSurface) -> bool:
         """Whether its level is less likely an error than a change."""
         heights, changed = candidate.fit.heights, candidate.changed
         return changed is not None and (
@@ -145,21 +145,23 @@ class SurfaceComparison:
         """A surface's first mode above rest, (2,) [m]."""
         return (fit.heights - self.prior.centre)[1:3]
 
-    def _several(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> tuple[Candidate, ...]:
+    def _several(
+        self, seen: tuple[tuple[Unrolled, WallPoints], ...]
+    ) -> tuple[CandidateSurface, ...]:
         usual = [
-            Candidate(view, *found)
+            CandidateSurface(view, *found)
             for view, points in seen
             for found in self._chooser.fit_several(view, points, self.prior)
         ]
         changed = [
-            Candidate(view, fit, plausible, changed)
+            CandidateSurface(view, fit, plausible, changed)
             for view, points in seen
             for changed, fit, plausible in self._chooser.fit_levels(view, points, *self._changed)
             if plausible >= self._least
         ]
         return (*usual, *changed)
 
-    def _more(self, sighting: Sighting, expected: Expected) -> tuple[Candidate, ...]:
+    def _more(self, sighting: Sighting, expected: ExpectedMode) -> tuple[CandidateSurface, ...]:
         """Candidates of an image whose best one is far from what was foretold."""
         candidates = sighting.candidates
         if sighting.certain:
@@ -168,19 +170,21 @@ class SurfaceComparison:
         start = self.prior.centre.copy()
         start[1:3] += expected.first
         foretold = (
-            Candidate(view, *found)
+            CandidateSurface(view, *found)
             for view, points in sighting.seen
             for found in self._chooser.fit_near(view, points, self.prior, start)
         )
         return (*candidates, *foretold)
 
-    def _sure(self, view: Unrolled, fit: SurfaceFit) -> Candidate:
+    def _sure(self, view: Unrolled, fit: SurfaceFit) -> CandidateSurface:
         """A surface that nearly all of the front line agrees with, to be compared with others."""
-        return Candidate(
+        return CandidateSurface(
             view, fit, self._chooser.plausible(view, fit, self.prior) + TUNING.certainly
         )
 
-    def _compared(self, candidates: tuple[Candidate, ...], expected: Expected) -> Choice:
+    def _compared(
+        self, candidates: tuple[CandidateSurface, ...], expected: ExpectedMode
+    ) -> ChosenSurface:
         """The surface that agrees best with the picture and with what was foretold."""
         agreement = [
             entry.plausible - expected.surprise(self.first(entry.fit)) for entry in candidates
@@ -197,12 +201,12 @@ class SurfaceComparison:
         )
         by_itself = chosen.plausible >= 0.0
         decided = not by_itself or any(candidates[k].plausible > chosen.plausible for k in others)
-        return Choice(
+        return ChosenSurface(
             chosen, by_itself or foretold, decided, distance > TUNING.jump,
             doubtful=self._is_doubtful(chosen, lead),
         )  # fmt: skip
 
-    def _fullest(self, candidates: tuple[Candidate, ...], agreement: list[float]) -> int:
+    def _fullest(self, candidates: tuple[CandidateSurface, ...], agreement: list[float]) -> int:
         """Which candidate agrees best; of fits to the same surface the one of most edges.
 
         A changed level that agrees hardly less, and with far more edges, is preferred to a wave.
@@ -223,11 +227,13 @@ class SurfaceComparison:
         ]
         return max(levels, key=lambda k: agreement[k], default=fullest)
 
-    def _is_doubtful(self, chosen: Candidate, lead: float) -> bool:
+    def _is_doubtful(self, chosen: CandidateSurface, lead: float) -> bool:
         """Whether an image does not tell a surface that agrees by a lead better than others."""
         return lead < TUNING.hardly or chosen.plausible < self._at_rest - TUNING.far_worse
 
-    def _others(self, candidates: tuple[Candidate, ...], chosen: Candidate) -> list[int]:
+    def _others(
+        self, candidates: tuple[CandidateSurface, ...], chosen: CandidateSurface
+    ) -> list[int]:
         """Which candidates are other surfaces than the chosen one."""
         place, apart = chosen.fit.heights[:3], TUNING.other_rows * self._footprint
         return [

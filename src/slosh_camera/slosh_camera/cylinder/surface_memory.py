@@ -28,7 +28,7 @@ _IN_TURN = (2, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Expected:
+class ExpectedMode:
     """First mode that an image should show.
 
     Attributes:
@@ -69,7 +69,7 @@ class SurfaceMemory:
         self.forget()
 
     def forget(self) -> None:
-        """Knows nothing any more."""
+        """Forgets the images before."""
         self._seen: tuple[tuple[int, FloatArray], ...] = ()
         self._decided = 0
         self._fade = USUAL_FADE
@@ -109,7 +109,7 @@ class SurfaceMemory:
         if self._seen and stamp_ns < self._seen[-1][0]:
             self.forget()
 
-    def expected(self, stamp_ns: int) -> Expected | None:
+    def expected(self, stamp_ns: int) -> ExpectedMode | None:
         """What the image of a moment [ns] should show; None: nothing is known.
 
         A gap, and a stamp that repeats or runs back, leave nothing to go by.
@@ -126,7 +126,7 @@ class SurfaceMemory:
         if len(self._seen) == 1:
             size = max(TUNING.amplitude * self._radius, float(np.hypot(*last)))
             spread = np.linalg.norm((measured, size * np.sin(phase), 0.5 * pushed * ahead**2))
-            return Expected(last * np.cos(phase), float(spread))
+            return ExpectedMode(last * np.cos(phase), float(spread))
         before_ns, before = self._seen[0]
         ago = self._time(before_ns, last_ns)
         ratio = np.sin(phase) / np.sin(self._frequency * ago)
@@ -134,7 +134,7 @@ class SurfaceMemory:
         spread = np.linalg.norm(
             (measured * swung, measured * ratio, measured, 0.5 * pushed * ahead * (ahead + ago))
         )
-        return Expected(last * swung - before * ratio, float(spread))
+        return ExpectedMode(last * swung - before * ratio, float(spread))
 
     def remember(
         self, stamp_ns: int, first: FloatArray, fade: FadeShare, *, decided: bool, jumped: bool

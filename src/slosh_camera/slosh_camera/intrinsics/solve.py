@@ -94,7 +94,7 @@ class _Solution:
 
     @property
     def coefficients(self) -> list[float]:
-        """Of the lens."""
+        """Distortion coefficients of the lens."""
         return [float(value) for value in self.lens.ravel()[: COEFFICIENTS[self.model]]]
 
 

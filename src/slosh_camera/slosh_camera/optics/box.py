@@ -17,7 +17,7 @@ from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.container import Container
+from slosh_camera.optics.container import SeenContainer
 from slosh_camera.optics.pose import Pose
 
 # Newton's method on a concave increasing function converges from below in a handful of steps.
@@ -27,7 +27,7 @@ _FITTED_POINTS = 80
 
 
 @dataclass(frozen=True, slots=True)
-class Box(Container):
+class Box(SeenContainer):
     """A rectangular container.
 
     Attributes:

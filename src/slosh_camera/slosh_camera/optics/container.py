@@ -30,7 +30,7 @@ class _Filled(Protocol):
     def rim_height(self) -> float | None: ...
 
 
-class Container:
+class SeenContainer:
     """Base of the containers, which are dataclasses with the fields WALL and their own lengths."""
 
     __slots__ = ()

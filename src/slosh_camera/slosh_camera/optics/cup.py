@@ -18,7 +18,7 @@ from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.camera import PinholeCamera
-from slosh_camera.optics.container import Container
+from slosh_camera.optics.container import SeenContainer
 from slosh_camera.optics.pose import Pose
 from slosh_camera.optics.refraction import GlassWall, WallTrace
 
@@ -34,7 +34,7 @@ class Wall(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Cup(Container):
+class Cup(SeenContainer):
     """A cylindrical container.
 
     Attributes:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_camera.rectangle.region import Samples, SideRegion
+from slosh_camera.rectangle.region import RegionPlaces, SideRegion
 from slosh_camera.rectangle.tuning import TUNING
 
 Image = NDArray[np.uint8]
@@ -224,7 +224,7 @@ def _typical(part: Image, region: SideRegion) -> tuple[FloatArray, FloatArray]:
     return wet, dry
 
 
-def _at(image: Image, samples: Samples) -> FloatArray:
+def _at(image: Image, samples: RegionPlaces) -> FloatArray:
     return image[samples.rows, samples.columns].astype(np.float64)
 
 

@@ -31,8 +31,8 @@ _GRID = 201
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A fitted line.
+class FittedLine:
+    """Line of the liquid that was fitted to a side view.
 
     Attributes:
         width: the container's [m].
@@ -74,7 +74,7 @@ def basis(x: FloatArray, width: float) -> FloatArray:
     return functions
 
 
-def first_shape(x: FloatArray, z: FloatArray, width: float, draws: FloatArray) -> Shape:
+def first_shape(x: FloatArray, z: FloatArray, width: float, draws: FloatArray) -> FittedLine:
     """Shape through the largest part of points that agree, found from small samples.
 
     Args:
@@ -96,7 +96,7 @@ def first_shape(x: FloatArray, z: FloatArray, width: float, draws: FloatArray) -
     cost = np.minimum(residuals, TUNING.truncation * width).sum(axis=1)
     best = int(np.argmin(cost))
     scatter = _MAD * float(np.median(residuals[best]))
-    return Shape(width, coefficients[best], np.zeros((_FUNCTIONS, _FUNCTIONS)), scatter)
+    return FittedLine(width, coefficients[best], np.zeros((_FUNCTIONS, _FUNCTIONS)), scatter)
 
 
 def sample_draws() -> FloatArray:
@@ -106,8 +106,12 @@ def sample_draws() -> FloatArray:
 
 
 def refined_shape(
-    x: FloatArray, z: FloatArray, start: Shape, floor: float, bounds: tuple[FloatArray, FloatArray]
-) -> Shape:
+    x: FloatArray,
+    z: FloatArray,
+    start: FittedLine,
+    floor: float,
+    bounds: tuple[FloatArray, FloatArray],
+) -> FittedLine:
     """Robust least squares about a first shape (Tukey's weights).
 
     Args:
@@ -134,7 +138,7 @@ def refined_shape(
         coefficients = covariance @ (weighted.T @ target)
         own = np.abs(z - functions[: x.size] @ coefficients)
         scatter = max(_MAD * float(np.median(own)), floor)
-    return Shape(start.width, coefficients, covariance, scatter)
+    return FittedLine(start.width, coefficients, covariance, scatter)
 
 
 def straight_line(x: FloatArray, z: FloatArray) -> tuple[float, float]:

@@ -23,7 +23,7 @@ _SOBEL_STEP = 8.0 / float(np.sqrt(2.0 * np.pi))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Split:
+class ColumnSplit:
     """Where columns go over from background to liquid, by columns of half the size.
 
     Attributes:
@@ -52,7 +52,7 @@ class Edges:
     softness: FloatArray
 
 
-def split_columns(speaks: Single, region: SideRegion) -> Split:
+def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
     """Most likely boundary of each column: most evidence for background above, liquid below.
 
     Args:
@@ -80,7 +80,7 @@ def split_columns(speaks: Single, region: SideRegion) -> Split:
     agreement = (
         float(np.mean((above + below)[seen])) / (2.0 * TUNING.beside_rows) if seen.any() else 0.0
     )
-    return Split(rows, seen, full, agreement)
+    return ColumnSplit(rows, seen, full, agreement)
 
 
 def canny_edges(channel: Image, limits: tuple[float, float]) -> Image:

@@ -21,7 +21,7 @@ PLACES = 65
 
 @dataclass(frozen=True, slots=True)
 class Highest:
-    """A highest point.
+    """Highest point of a line, with its standard deviation.
 
     Attributes:
         x: place [m].
@@ -36,7 +36,7 @@ class Highest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """What one line says.
+    """Heights that one line of a side view shows.
 
     Attributes:
         x: (PLACES,) at equal distances from the left wall to the right wall [m].

@@ -24,7 +24,7 @@ _LEVELS = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class RegionPlaces:
     """Places in the region, as index arrays of one shape."""
 
     rows: IntArray
@@ -47,8 +47,8 @@ class SideRegion:
     top: int
     left: int
     inside: BoolArray
-    wet: Samples
-    dry: Samples
+    wet: RegionPlaces
+    dry: RegionPlaces
     row_of_level: FloatArray
 
     @property
@@ -165,7 +165,7 @@ def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> Flo
 
 def _visible(
     view: BoxView, inside: BoolArray, rows_of: FloatArray, levels: tuple[float, float]
-) -> tuple[Samples, Samples]:
+) -> tuple[RegionPlaces, RegionPlaces]:
     """Places that are nearly always wet and nearly always dry, of the part inside the image."""
     columns = np.flatnonzero(inside.any(axis=0))
     first = np.argmax(inside, axis=0)
@@ -180,8 +180,8 @@ def _visible(
     limit = inside.shape[0] - 1
     places = np.broadcast_to(columns, wet.shape)
     return (
-        Samples(np.clip(np.rint(wet), 0, limit).astype(np.intp), places),
-        Samples(np.clip(np.rint(dry), 0, limit).astype(np.intp), places),
+        RegionPlaces(np.clip(np.rint(wet), 0, limit).astype(np.intp), places),
+        RegionPlaces(np.clip(np.rint(dry), 0, limit).astype(np.intp), places),
     )
 
 

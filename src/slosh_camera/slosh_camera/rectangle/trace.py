@@ -23,10 +23,10 @@ from slosh_camera.rectangle.appearance import (
     raw_contrast,
     seen_appearance,
 )
-from slosh_camera.rectangle.fit import Shape, first_shape, refined_shape, sample_draws
+from slosh_camera.rectangle.fit import FittedLine, first_shape, refined_shape, sample_draws
 from slosh_camera.rectangle.line import (
+    ColumnSplit,
     Edges,
-    Split,
     canny_edges,
     drop_loose_segments,
     refine_edges,
@@ -105,7 +105,7 @@ class TracedLine:
     pixels: FloatArray
     softness: FloatArray
     doubt: FloatArray
-    shape: Shape
+    shape: FittedLine
     pixel_height: float
     full_x: FloatArray
     full_z: FloatArray
@@ -199,7 +199,7 @@ class _Tracer:
         pixel = (region.left + middle, region.top + self._still[middle])
         self._pixel_height = view.height_per_pixel(pixel)
 
-    def line(self, split: Split) -> TracedLine | None:
+    def line(self, split: ColumnSplit) -> TracedLine | None:
         """The line along the boundary of the columns' split; None where no line is found."""
         at_split = np.repeat(2.0 * split.rows.astype(np.float64) - 0.5, 2)
         seen, full = np.repeat(split.seen, 2), np.repeat(split.full, 2)
@@ -229,13 +229,13 @@ class _Tracer:
         line = front_line(self._view, self._region, light.channel, line, light.levels)
         return self._placed(line, full & ~seen, full)
 
-    def _first(self, at_split: FloatArray, seen: BoolArray) -> Shape:
+    def _first(self, at_split: FloatArray, seen: BoolArray) -> FittedLine:
         """Shape through most of the boundaries."""
         columns = self._columns[seen][::2]
         x, z = self._place(at_split[columns], columns)
         return first_shape(x, z, self._view.box.width, _DRAWS)
 
-    def _rows_of(self, shape: Shape) -> FloatArray:
+    def _rows_of(self, shape: FittedLine) -> FloatArray:
         """Rows (columns,) at which a shape crosses the columns."""
         rows = self._still
         # Only where the camera is rolled or looks askew does a column's place depend on the row.
@@ -255,7 +255,7 @@ class _Tracer:
     def _refine(self, edges: Image, expected: FloatArray) -> Edges:
         return refine_edges(self._light.channel, edges, expected, self._light.levels.contrast)
 
-    def _kept(self, found: Edges, first: Shape) -> BoolArray:
+    def _kept(self, found: Edges, first: FittedLine) -> BoolArray:
         """Columns whose edge belongs to the line."""
         rows = np.where(found.rows >= self._upper + TUNING.end_rows, found.rows, np.nan)
         columns = np.flatnonzero(np.isfinite(rows))

@@ -41,7 +41,7 @@ class Role(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FittedParameters:
-    """Of one effect.
+    """Fitted parameters of one effect.
 
     Attributes:
         parameters: fitted values, all of them, in the effect's order.
@@ -108,7 +108,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class HeightGap:
     """The disagreement of the highest point of the wall in numbers: root mean squares [m].
 
     Attributes:
@@ -305,7 +305,7 @@ class Finding(Shown):
     model: Model
     effects: tuple[FoundEffect, ...]
     confidence: float
-    gap: Gap
+    gap: HeightGap
     motions: tuple[MotionFinding, ...]
     where: tuple[WhereRow, ...] = ()
     worst: tuple[WorstMoment, ...] = ()

@@ -30,7 +30,7 @@ IMPOSSIBLE = 1e3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """A fitted explanation.
+    """Fitted parameters and residuals of one explanation.
 
     Attributes:
         explanation: what was fitted.

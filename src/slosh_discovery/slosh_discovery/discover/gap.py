@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slosh_discovery.discover.finding import Gap, MotionFinding, Role
+from slosh_discovery.discover.finding import HeightGap, MotionFinding, Role
 from slosh_discovery.discover.tuning import TUNING
 
 NAN = float("nan")
@@ -38,13 +38,13 @@ def closed_share(before: float, after: float, noise: float, samples: int) -> flo
     return min(1.0 - (after**2 - noise**2) / removable, 1.0)
 
 
-def total_gap(cases: Sequence[MotionFinding]) -> Gap:
+def total_gap(cases: Sequence[MotionFinding]) -> HeightGap:
     """The gap over motions: the squares of all their heights count alike."""
     fitted = [case for case in cases if case.role is Role.FIT]
     others = [case for case in cases if case.role is Role.HOLDOUT]
     fit_before, fit_after, fit_closed = _closed(fitted)
     holdout_before, holdout_after, holdout_closed = _closed(others)
-    return Gap(
+    return HeightGap(
         noise=_pooled([case.noise for case in cases], cases),
         fit_before=fit_before,
         fit_after=fit_after,
@@ -55,7 +55,7 @@ def total_gap(cases: Sequence[MotionFinding]) -> Gap:
     )
 
 
-def is_worse(gap: Gap) -> bool:
+def is_worse(gap: HeightGap) -> bool:
     """Whether an explanation foretells the motions held out clearly worse than the base does.
 
     Its mean square beyond the noise is more than WORSE times the base's, and a noise's besides:

@@ -308,7 +308,7 @@ def liquid_alone(model: Model) -> Model:
 def prepare(
     motion: MeasuredMotion, others: Sequence[MeasuredMotion] = (), noise: float | None = None
 ) -> PreparedMotion:
-    """Lays a motion out.
+    """Prepares a measured motion for many simulations.
 
     Args:
         motion: the motion.

@@ -21,7 +21,7 @@ from scipy import optimize
 
 from slosh_base.types import Array
 from slosh_discovery.discover.finding import Proposal
-from slosh_discovery.discover.generic.response import Setting
+from slosh_discovery.discover.generic.response import MotionWithTerms
 from slosh_discovery.discover.generic.terms import LIBRARY, Term
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import is_white, removable
@@ -37,7 +37,7 @@ FOLDS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """All motions.
+    """Regression for missing terms over all motions.
 
     Attributes:
         settings: one for each motion.
@@ -47,7 +47,7 @@ class _Problem:
             acts.
     """
 
-    settings: tuple[Setting, ...]
+    settings: tuple[MotionWithTerms, ...]
     measured: tuple[Array, ...]
     kept: tuple[NDArray[np.bool_], ...]
     units: Array
@@ -79,7 +79,7 @@ class _Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A choice of terms.
+    """Fitted coefficients of a choice of terms.
 
     Attributes:
         support: indices into LIBRARY, in the order of their choice.
@@ -148,7 +148,8 @@ def _problem_of(
     offsets = [0.0] * len(motions) if clock_offsets is None else clock_offsets
     zeros = [0.0] * len(motions) if levels is None else levels
     settings = tuple(
-        Setting.of(model, motion, offset) for motion, offset in zip(motions, offsets, strict=True)
+        MotionWithTerms.of(model, motion, offset)
+        for motion, offset in zip(motions, offsets, strict=True)
     )
     measured = tuple(motion.heights - level for motion, level in zip(motions, zeros, strict=True))
     pairs = [setting.sizes(LIBRARY) for setting in settings]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slosh_discovery.discover.finding import Gap, MotionFinding, Role
+from slosh_discovery.discover.finding import HeightGap, MotionFinding, Role
 from slosh_discovery.discover.motion import MeasuredMotion
-from slosh_discovery.discover.verdict import Judgement
+from slosh_discovery.discover.verdict import ChosenExplanation
 
 
 def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
@@ -30,7 +30,7 @@ def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def rejection_remarks(judgement: Judgement, gap: Gap) -> tuple[str, ...]:
+def rejection_remarks(judgement: ChosenExplanation, gap: HeightGap) -> tuple[str, ...]:
     """Why the likeliest explanation is not added."""
     names = " + ".join(judgement.chosen.explanation.effects)
     if not math.isfinite(gap.holdout_after):
@@ -61,7 +61,7 @@ def unanswered(motion: MeasuredMotion) -> str:
     )
 
 
-def judgement_remarks(judgement: Judgement) -> tuple[str, ...]:
+def judgement_remarks(judgement: ChosenExplanation) -> tuple[str, ...]:
     """What the heights themselves leave in doubt."""
     remarks = []
     if judgement.unseen:

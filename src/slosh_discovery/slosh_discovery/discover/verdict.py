@@ -41,7 +41,7 @@ CLEARLY = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judgement:
+class ChosenExplanation:
     """Which explanation is chosen, and how sure that is.
 
     Attributes:
@@ -75,7 +75,7 @@ class Judgement:
     change: Change | None = None
 
 
-def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
+def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> ChosenExplanation:
     """Weighs the fitted explanations against each other.
 
     Where the likeliest leaves nothing but noise, the evidence decides. Where even that leaves
@@ -119,7 +119,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
         else (_without_effects(before), False)
     )
     names = best.explanation.effects if added else ()
-    return Judgement(
+    return ChosenExplanation(
         verdict=verdict,
         chosen=best if added else base,
         confidence=trust * likely,
@@ -139,7 +139,7 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> Judgement:
     )
 
 
-def rejected(judgement: Judgement, base: Fit) -> Judgement:
+def rejected(judgement: ChosenExplanation, base: Fit) -> ChosenExplanation:
     """The judgement where the chosen explanation turns out to be none."""
     return replace(judgement, verdict=Verdict.UNEXPLAINED, chosen=base, confidences={}, rivals={})
 
@@ -265,7 +265,7 @@ def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class OtherFrequency:
-    """Where the liquid swings.
+    """Frequency at which the liquid swings, if it is not the model's.
 
     Attributes:
         expected: the model's first natural frequency [Hz].

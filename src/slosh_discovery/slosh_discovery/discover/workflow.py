@@ -43,7 +43,7 @@ from slosh_discovery.discover.rounds import Searched, search_in_rounds, with_noi
 from slosh_discovery.discover.search import Progress, leftover
 from slosh_discovery.discover.separate import separating_motion
 from slosh_discovery.discover.tuning import TUNING
-from slosh_discovery.discover.verdict import Judgement, judge, rejected
+from slosh_discovery.discover.verdict import ChosenExplanation, judge, rejected
 from slosh_discovery.discover.where import where, worst_moments
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.sound_inputs import sound, sound_fit
@@ -150,7 +150,7 @@ def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
 
 def _judged(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
-) -> tuple[Searched, Judgement]:
+) -> tuple[Searched, ChosenExplanation]:
     """Searches and judges; again in groups, where nobody gave any and the motions show some."""
     searched = search_in_rounds(base, plain, told, threads)
     best = searched.pool.ranked()[0]
@@ -191,7 +191,7 @@ def _cases(
     searched: Searched,
     holdout: Sequence[MeasuredMotion],
     base: Model,
-    judgement: Judgement,
+    judgement: ChosenExplanation,
 ) -> tuple[MotionFinding, ...]:
     motions = [one.motion for one in searched.motions]
     known = dict(zip(map(id, motions), searched.motions, strict=True))
@@ -249,7 +249,7 @@ def _answer(one: PreparedMotion, model: Model, start: float) -> _Answer:
     return _Answer(heights, offset, level, agreement)
 
 
-def _effects(judgement: Judgement, base: Model) -> tuple[FoundEffect, ...]:
+def _effects(judgement: ChosenExplanation, base: Model) -> tuple[FoundEffect, ...]:
     chosen = judgement.chosen
     errors = standard_errors(chosen, judgement.temperature)
     explanation = chosen.explanation
@@ -295,7 +295,7 @@ def _group_models(chosen: Fit) -> dict[str, Model]:
 
 
 def _candidates(
-    judgement: Judgement, motions: Sequence[PreparedMotion], reasons: dict[str, str]
+    judgement: ChosenExplanation, motions: Sequence[PreparedMotion], reasons: dict[str, str]
 ) -> tuple[Candidate, ...]:
     base = next(one for one, _ in judgement.ranked if not one.explanation.effects)
     zero = log_evidence(base, judgement.temperature)
@@ -337,7 +337,7 @@ def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
 
 
 def separating_motions(
-    judgement: Judgement, motions: Sequence[PreparedMotion]
+    judgement: ChosenExplanation, motions: Sequence[PreparedMotion]
 ) -> tuple[SeparatingMotion, ...]:
     """For an ambiguous verdict: what would tell the best explanation from each rival."""
     if judgement.verdict is not Verdict.AMBIGUOUS:
@@ -363,7 +363,7 @@ def separating_motions(
     return tuple(found)
 
 
-def proposal(judgement: Judgement, motions: Sequence[PreparedMotion]) -> Proposal | None:
+def proposal(judgement: ChosenExplanation, motions: Sequence[PreparedMotion]) -> Proposal | None:
     """For an unexplained gap: a generic term, on top of the best of the listed effects."""
     if judgement.verdict is not Verdict.UNEXPLAINED or judgement.elsewhere is not None:
         return None

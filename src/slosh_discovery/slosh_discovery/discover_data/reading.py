@@ -16,8 +16,8 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.tuning import TUNING
 from slosh_discovery.discover_data.heights import without_spikes
 from slosh_discovery.discover_data.recording import (
+    BagRecording,
     Heights,
-    Recording,
     Tell,
     read_recording,
     sources_of,
@@ -150,7 +150,7 @@ def _read(
 
 
 def _motions(
-    name: str, recording: Recording, tell: Tell
+    name: str, recording: BagRecording, tell: Tell
 ) -> Iterator[tuple[MeasuredMotion, float]]:
     path, raw = recording.path, recording.heights
     clean, spikes = without_spikes(raw.msh)
@@ -174,7 +174,7 @@ def _motions(
         raise SloshDiscoveryError(f"{path}: holds no motion with measured heights")
 
 
-def _motion_of(name: str, recording: Recording, part: Part) -> MeasuredMotion | None:
+def _motion_of(name: str, recording: BagRecording, part: Part) -> MeasuredMotion | None:
     """The motion of a part, on seconds since the recording's first input."""
     motion, heights = recording.motion, recording.heights
     rows = slice(*np.searchsorted(motion.stamps, (part.start, part.end + 1)))
@@ -201,7 +201,7 @@ def _motion_of(name: str, recording: Recording, part: Part) -> MeasuredMotion | 
         raise SloshDiscoveryError(f"{recording.path}: {error}") from None
 
 
-def _disagreement(recording: Recording, part: Part) -> float:
+def _disagreement(recording: BagRecording, part: Part) -> float:
     """RMS of the recorded residuals over a part [m]; NaN: there are none."""
     stamps, values = recording.residuals
     first, last = np.searchsorted(stamps, (part.heights_start, part.end + 1))

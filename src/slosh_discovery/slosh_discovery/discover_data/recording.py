@@ -67,7 +67,7 @@ class Residuals(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class BagRecording:
     """A bag's motion and heights.
 
     Attributes:
@@ -87,8 +87,8 @@ class Recording:
     max_gap_ns: int
 
 
-def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) -> Recording:
-    """Reads a bag.
+def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) -> BagRecording:
+    """Reads the motion and the heights of a bag.
 
     Args:
         path: of the bag, for what is said of it.
@@ -126,7 +126,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
         tell(doubt.about(path))
     for line in (*reader.warnings, *left_out):
         tell(line if line.startswith(str(path)) else f"{path}: {line}")
-    return Recording(
+    return BagRecording(
         path, motion, heights, compared.residuals(), sources.facts,
         round(how.gate.max_gap * SECOND),
     )  # fmt: skip

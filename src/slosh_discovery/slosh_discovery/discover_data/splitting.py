@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_discovery.discover_data.heights import Still, find_still, rms_about
-from slosh_discovery.discover_data.recording import Heights, Recording
+from slosh_discovery.discover_data.recording import BagRecording, Heights
 from slosh_metrics.input_checks.constancy import BIN_NS
 from slosh_metrics.motion_spans import MotionSpan, motion_spans
 from slosh_replay.recording.motion import RecordedMotion
@@ -55,14 +55,14 @@ class Part(NamedTuple):
     heights_start: int
 
 
-class Split(NamedTuple):
+class RecordingParts(NamedTuple):
     """The parts of a recording, and what is left out, one line each."""
 
     parts: list[Part]
     notes: list[str]
 
 
-def split(recording: Recording) -> Split:
+def split(recording: BagRecording) -> RecordingParts:
     """The parts of a recording."""
     stamps, rest = recording.motion.stamps, _Rest(recording.heights)
     spans = recorded_spans(recording.motion)
@@ -88,7 +88,7 @@ def split(recording: Recording) -> Split:
             )
             end = int(broken[0])
         parts.append(Part(start, end, chain.start if chain.joined else start))
-    return Split(parts, notes)
+    return RecordingParts(parts, notes)
 
 
 def recorded_spans(motion: RecordedMotion) -> list[MotionSpan]:

@@ -16,7 +16,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data.heights import without_spikes
-from slosh_discovery.discover_data.recording import Recording, Tell
+from slosh_discovery.discover_data.recording import BagRecording, Tell
 from slosh_discovery.discover_data.splitting import DWELL_NS, recorded_spans
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_metrics.alignment import despike, estimate_clock_offset, find_still_level, onset_offset
@@ -36,7 +36,7 @@ ENDS_AT_REST = 0.5
 
 
 def unrelated_motion(
-    name: str, recording: Recording, model: Model | None, tell: Tell
+    name: str, recording: BagRecording, model: Model | None, tell: Tell
 ) -> MeasuredMotion:
     """The run of such a bag.
 

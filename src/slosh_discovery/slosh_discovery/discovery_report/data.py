@@ -14,7 +14,7 @@ from slosh_discovery.discover.finding import (
     Candidate,
     Finding,
     FoundEffect,
-    Gap,
+    HeightGap,
     MotionFinding,
     Proposal,
     SeparatingMotion,
@@ -33,7 +33,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Something to type next.
+    """A command that the reader may type next.
 
     Attributes:
         purpose: what it does, a few words.
@@ -120,7 +120,7 @@ def _effect(effect: FoundEffect) -> Document:
     return {**plain(effect), "units": units}
 
 
-def _gap(gap: Gap) -> Document:
+def _gap(gap: HeightGap) -> Document:
     """Root mean squares of the residual [m] by stage; holdout is null where none was held out.
 
     `closed`: see Gap; the other two are the shares by motions' role.

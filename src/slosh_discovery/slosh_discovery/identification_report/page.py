@@ -13,6 +13,7 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from slosh_base.types import Array
+from slosh_discovery.discover.finding import Role
 from slosh_discovery.identification_report import text as words
 from slosh_discovery.identification_report.data import (
     Beside,
@@ -27,7 +28,6 @@ from slosh_discovery.identify.result import (
     Identification,
     IdentifiedModel,
     PointAgreement,
-    Role,
 )
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model

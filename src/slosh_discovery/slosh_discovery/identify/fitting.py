@@ -32,8 +32,8 @@ SINGULAR = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
-    """A fit.
+class FittedVector:
+    """Values of all unknowns from a fit, with their covariance.
 
     Attributes:
         problem: what was fitted.
@@ -104,7 +104,7 @@ class Estimate:
         return band
 
 
-def fit(problem: Problem, start: Array) -> Estimate:
+def fit(problem: Problem, start: Array) -> FittedVector:
     """Fits parameters and nuisances.
 
     Args:
@@ -184,7 +184,7 @@ def _solve(
     return found
 
 
-def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) -> Estimate:
+def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) -> FittedVector:
     white, neighbours, colour = noise.applied(residual), noise.neighbours, noise.colour
     jacobian = problem.derivative(vector)
     scaled = noise.applied(jacobian) * problem.widths
@@ -201,7 +201,7 @@ def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) ->
     ) * (frames / degrees)
     scatter = _scatter(problem, scores, inverse, covariance)
     widths = problem.widths
-    return Estimate(
+    return FittedVector(
         problem=problem,
         vector=vector,
         covariance=scatter**2 * covariance * np.outer(widths, widths),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from slosh_base.types import Array
 from slosh_discovery.discover.colour import Colour
+from slosh_discovery.discover.finding import Role
 from slosh_discovery.identify.information import Unidentified
 from slosh_discovery.identify.trials import OperatingPoint
 from slosh_discovery.identify.validity import LineLimit
@@ -24,13 +25,6 @@ class Strategy(Enum):
 
     SOSM = "sosm"
     MOSM = "mosm"
-
-
-class Role(Enum):
-    """What a motion was used for."""
-
-    FIT = "fit"
-    HOLDOUT = "holdout"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +158,7 @@ class DwellVibration:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Identification(Shown):
-    """What was found.
+    """Models, parameters and figures that an identification found.
 
     Attributes:
         base: the model that came in.

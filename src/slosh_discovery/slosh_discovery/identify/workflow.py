@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
+from slosh_discovery.discover.finding import Role
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover.noise import whiteness
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_discovery.identify.dwell import dwell_vibration
-from slosh_discovery.identify.fitting import Estimate, fit
+from slosh_discovery.identify.fitting import FittedVector, fit
 from slosh_discovery.identify.frequency_scan import scanned_start
 from slosh_discovery.identify.information import Unidentified, unidentified
 from slosh_discovery.identify.parameters import (
@@ -30,7 +31,6 @@ from slosh_discovery.identify.result import (
     Identification,
     IdentifiedModel,
     PointAgreement,
-    Role,
     Strategy,
 )
 from slosh_discovery.identify.trials import OperatingPoint, Trial, make_trials
@@ -145,7 +145,7 @@ class _Identified:
     """A result and the fit that it comes from."""
 
     result: IdentifiedModel
-    estimate: Estimate
+    estimate: FittedVector
 
 
 def _identified(
@@ -177,7 +177,7 @@ def _identified(
     return _Identified(result, estimate)
 
 
-def _fit_known(problem: Problem) -> tuple[Estimate, tuple[Unidentified, ...]]:
+def _fit_known(problem: Problem) -> tuple[FittedVector, tuple[Unidentified, ...]]:
     """Fits what the motions tell of; what they do not keeps its value.
 
     Raises:
@@ -200,7 +200,7 @@ def _fit_known(problem: Problem) -> tuple[Estimate, tuple[Unidentified, ...]]:
     return estimate, tuple(held)
 
 
-def _found(estimate: Estimate) -> tuple[FoundParameter, ...]:
+def _found(estimate: FittedVector) -> tuple[FoundParameter, ...]:
     lower, upper = estimate.interval()
     rows = zip(
         estimate.problem.parameters, estimate.values.tolist(), estimate.standard_errors.tolist(),
@@ -214,7 +214,7 @@ def _found(estimate: Estimate) -> tuple[FoundParameter, ...]:
     )
 
 
-def _derived(base: Model, estimate: Estimate) -> tuple[FoundParameter, ...]:
+def _derived(base: Model, estimate: FittedVector) -> tuple[FoundParameter, ...]:
     """Frequency and damping of the first mode, and p, where they are not parameters themselves."""
     problem = estimate.problem
     names = [parameter.name for parameter in problem.parameters]
@@ -240,7 +240,7 @@ def _factor(model: Model) -> float:
     return gain * model.mode_constants()[0].natural_frequency ** 2 / GRAVITY
 
 
-def _propagated(estimate: Estimate, of: Callable[[Model], float]) -> tuple[float, float]:
+def _propagated(estimate: FittedVector, of: Callable[[Model], float]) -> tuple[float, float]:
     """A function of the model at the fit, and its standard error."""
     problem, vector = estimate.problem, estimate.vector
     gradient = np.zeros(len(problem.parameters))
@@ -261,7 +261,7 @@ def _sure(model: Model | None) -> Model:
     return model
 
 
-def _shown(base: Model, own: Estimate, trial: Trial, label: str, role: Role) -> FittedMotion:
+def _shown(base: Model, own: FittedVector, trial: Trial, label: str, role: Role) -> FittedMotion:
     """A trial with the answers of the base and of an estimate that knows it."""
     prepared = trial.prepared
     after, offset = _heights_and_clock(own, trial)
@@ -290,13 +290,13 @@ def _shown(base: Model, own: Estimate, trial: Trial, label: str, role: Role) -> 
     )
 
 
-def _answered(model: Model, trial: Trial) -> Estimate:
+def _answered(model: Model, trial: Trial) -> FittedVector:
     """A model's answer to one trial, with the trial's own nuisances fitted."""
     problem = Problem(model, (), (trial,))
     return fit(problem, problem.start(np.empty(0)))
 
 
-def _heights_and_clock(estimate: Estimate, trial: Trial) -> tuple[Array, float]:
+def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, float]:
     """(M, K) heights on the measured clock and level [m], and the clock's offset [s]."""
     problem = estimate.problem
     place = problem.trials.index(trial)
@@ -310,7 +310,7 @@ def _heights_and_clock(estimate: Estimate, trial: Trial) -> tuple[Array, float]:
     return heights, offset
 
 
-def _own_part(estimate: Estimate, trial: Trial, row: Array) -> Array:
+def _own_part(estimate: FittedVector, trial: Trial, row: Array) -> Array:
     """A trial's part of a row of all kept heights."""
     trials = estimate.problem.trials
     place = trials.index(trial)
@@ -379,7 +379,7 @@ def _line_remarks(line: LineLimit | None) -> tuple[str, ...]:
     )
 
 
-def _noise_alone(estimate: Estimate) -> bool:
+def _noise_alone(estimate: FittedVector) -> bool:
     """Whether the residual freed of its colour may be white in each motion."""
     trials = estimate.problem.trials
     white = estimate.noise.applied(estimate.residual)

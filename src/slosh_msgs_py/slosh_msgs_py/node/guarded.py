@@ -26,7 +26,7 @@ Callback = Callable[..., Any]
 
 
 class Faults:
-    """What callbacks stumbled over.
+    """Exceptions that callbacks raised, counted and reported.
 
     Args:
         tell: is given a line the first time, the tenth, the hundredth, and so on.
@@ -40,7 +40,7 @@ class Faults:
 
     @property
     def total(self) -> int:
-        """How many so far."""
+        """Number of exceptions so far."""
         return self._counts.total()
 
     def add(self, where: str, error: Exception) -> str:

@@ -20,7 +20,7 @@ Progress = Callable[[str], None]
 
 
 class Readiness:
-    """Where a node stands.
+    """How far a node is with its start.
 
     Attributes:
         state: STARTING, COMPILING, WAITING or READY.

@@ -36,7 +36,7 @@ from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
 from slosh_plan.planning.path import Path, path_through
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.waypoints import TURNED, JointWaypoints, Waypoints
-from slosh_plan.robot_file import Robot
+from slosh_plan.robot_file import CarryingRobot
 
 NAME = "the path"
 MOST_WAYPOINTS = 5_000
@@ -44,7 +44,7 @@ MOST_WAYPOINTS = 5_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class AskedPath:
+class RequestedPath:
     """The path of a request.
 
     Attributes:
@@ -53,7 +53,7 @@ class AskedPath:
     """
 
     waypoints: Waypoints | None
-    joints: tuple[JointWaypoints, Robot] | None = None
+    joints: tuple[JointWaypoints, CarryingRobot] | None = None
 
     @property
     def attitude(self) -> Array | None:
@@ -82,7 +82,7 @@ def points_of(request: Any) -> tuple[Any, Any]:
     return request.trajectory.points, request.joint_trajectory.points
 
 
-def path_of(request: Any, robot: Robot | None) -> AskedPath:
+def path_of(request: Any, robot: CarryingRobot | None) -> RequestedPath:
     """The path of a request.
 
     Args:
@@ -94,7 +94,7 @@ def path_of(request: Any, robot: Robot | None) -> AskedPath:
     """
     places, joints = points_of(request)
     if not len(joints):
-        return AskedPath(waypoints_of(request))
+        return RequestedPath(waypoints_of(request))
     if len(places):
         raise SloshEstimatorError("give either a trajectory or a joint_trajectory")
     if robot is None:
@@ -104,7 +104,7 @@ def path_of(request: Any, robot: Robot | None) -> AskedPath:
         )
     names, t, columns = joint_columns(request.joint_trajectory, NAME)
     columns[0] = robot.arm.joined(names, columns[0])
-    return AskedPath(None, (JointWaypoints(names, t, *columns), robot))
+    return RequestedPath(None, (JointWaypoints(names, t, *columns), robot))
 
 
 def waypoints_of(request: Any) -> Waypoints:
@@ -159,7 +159,7 @@ def limits_of(request: Any) -> PlanLimits:
     )
 
 
-def plan_message(answer: Plan, request: Any, asked: AskedPath) -> MotionPlan:
+def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan:
     """The plan as it goes back: header and names as they came."""
     found, upper = answer.found, answer.upper or (math.nan, math.nan)
     places = np.empty((0, 3)) if asked.waypoints is None else asked.waypoints.position

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_plan.planning.checked import Checked
+from slosh_plan.planning.checked import CheckedMotion
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.time_law import STEP
@@ -30,7 +30,7 @@ class ShownMotion:
     """
 
     title: str
-    found: Checked
+    found: CheckedMotion
 
     @property
     def times(self) -> Array:

@@ -10,7 +10,7 @@ from slosh_model import Inputs, Model, wall_heights
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import msh_of
 from slosh_plan.plan_report.data import PlanReport, ShownMotion
-from slosh_plan.planning.checked import Checked, attitudes, checked
+from slosh_plan.planning.checked import CheckedMotion, attitudes, checked
 from slosh_plan.planning.plan import Plan
 from slosh_plan.planning.time_law import STEP, PlannedMotion
 from slosh_plan.planning.waypoints import Waypoints
@@ -69,7 +69,7 @@ def proposed_motion(waypoints: Waypoints) -> PlannedMotion:
     )
 
 
-def height_band(model: Model, found: Checked, attitude: Array | None) -> Array | None:
+def height_band(model: Model, found: CheckedMotion, attitude: Array | None) -> Array | None:
     """Lower and upper end of a motion's heights by the covariance of the model's parameters.
 
     Along each principal axis of the covariance the model is simulated two standard errors to

@@ -58,7 +58,7 @@ WIDE_LABELS = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Series:
+class ChartSeries:
     """What a chart over time shows.
 
     Attributes:
@@ -89,34 +89,34 @@ def ends(report: PlanReport) -> tuple[float, float]:
     return -0.01 * longest, longest + after
 
 
-def speed_series(report: PlanReport) -> Series:
+def speed_series(report: PlanReport) -> ChartSeries:
     """Speed along the path."""
     lines = [(one.found.motion.t, one.found.motion.speed) for one in drawn(report)]
-    return Series("speed [m/s]", 1.0, lines, None)
+    return ChartSeries("speed [m/s]", 1.0, lines, None)
 
 
-def acceleration_series(report: PlanReport) -> Series:
+def acceleration_series(report: PlanReport) -> ChartSeries:
     """‖a‖ against its limit."""
     lines = [(one.found.motion.t, one.acceleration) for one in drawn(report)]
-    return Series("‖a‖ [m/s²]", 1.0, lines, report.plan.limits.acceleration)
+    return ChartSeries("‖a‖ [m/s²]", 1.0, lines, report.plan.limits.acceleration)
 
 
-def jerk_series(report: PlanReport) -> Series:
+def jerk_series(report: PlanReport) -> ChartSeries:
     """‖da/dt‖ against its limit."""
     lines = [(one.found.motion.t[1:], one.jerk) for one in drawn(report)]
-    return Series("‖jerk‖ [m/s³]", 1.0, lines, report.plan.limits.jerk)
+    return ChartSeries("‖jerk‖ [m/s³]", 1.0, lines, report.plan.limits.jerk)
 
 
 SERIES = {"speed": speed_series, "acceleration": acceleration_series, "jerk": jerk_series}
 
 
-def heights_series(report: PlanReport) -> Series:
+def heights_series(report: PlanReport) -> ChartSeries:
     """Height at the wall against its limit."""
     lines = [(one.times, one.found.msh) for one in drawn(report)]
-    return Series("height [mm]", 1e3, lines, report.plan.limits.height)
+    return ChartSeries("height [mm]", 1e3, lines, report.plan.limits.height)
 
 
-def series_chart(report: PlanReport, series: Series, size: Size, name: str) -> str:
+def series_chart(report: PlanReport, series: ChartSeries, size: Size, name: str) -> str:
     """A chart over time as SVG text; the planned motion is the last line."""
 
     def draw(axes: Any) -> None:
@@ -210,7 +210,7 @@ def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name
         return svg_text(figure, name)
 
 
-def _top(series: Series) -> float:
+def _top(series: ChartSeries) -> float:
     """Upper end of the axis: all of the planned motion, of the others as far as that allows."""
     planned = float(np.max(series.lines[-1][1]))
     if series.limit is not None:

@@ -21,7 +21,7 @@ TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Checked:
+class CheckedMotion:
     """A motion and what it reaches.
 
     Attributes:
@@ -88,7 +88,7 @@ class Checker:
     attitude: Array | None = None
     error: ModelError | None = None
 
-    def __call__(self, motions: Sequence[PlannedMotion]) -> list[Checked]:
+    def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """What motions reach."""
         found = checked(self.model, motions, self.attitude)
         if self.error is None:
@@ -106,12 +106,12 @@ class Checker:
             for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
         ]
 
-    def glance(self, motions: Sequence[PlannedMotion]) -> list[Checked]:
+    def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """The same without the covariance: not lower than it is."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
-def _squared(one: Checked, other: Checked) -> tuple[float, float]:
+def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
     """Variances from one standard error to either side."""
     if not math.isfinite(one.peak + other.peak):
         return math.inf, math.inf
@@ -120,7 +120,7 @@ def _squared(one: Checked, other: Checked) -> tuple[float, float]:
 
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
-) -> list[Checked]:
+) -> list[CheckedMotion]:
     """Simulates motions from a liquid at rest.
 
     Args:
@@ -152,12 +152,12 @@ def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array
     return None if attitude is None else np.tile(attitude, (rows, 1))
 
 
-def _checked(model: Model, motion: PlannedMotion, heights: Array) -> Checked:
+def _checked(model: Model, motion: PlannedMotion, heights: Array) -> CheckedMotion:
     msh = msh_of(model.container, heights)
     msh = np.where(np.isfinite(msh), msh, np.inf)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
     peak, residual = float(msh.max()), float(msh[len(motion.t) - 1 :].max())
-    return Checked(
+    return CheckedMotion(
         motion,
         msh,
         peak,

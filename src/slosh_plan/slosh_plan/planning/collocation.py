@@ -18,7 +18,7 @@ from slosh_plan.planning.interval import (
     LIQUID,
     SHARES,
     Interval,
-    Layout,
+    StateLayout,
     casadi,
     curve_of,
 )
@@ -44,7 +44,7 @@ class LegUnknowns:
     middles: Indices
 
     @classmethod
-    def after(cls, begin: int, count: int, layout: Layout) -> LegUnknowns:
+    def after(cls, begin: int, count: int, layout: StateLayout) -> LegUnknowns:
         """Those of `count` intervals, from the `begin`-th unknown on."""
         shapes = ((count + 1, layout.size), (count, layout.driven), (count, LIQUID))
         arrays, at = [], begin + 1
@@ -83,7 +83,7 @@ class _Part:
     hessian_columns: Indices
 
 
-class Problem:
+class CollocationProblem:
     """A search's unknowns, demands and their derivatives.
 
     Args:
@@ -99,7 +99,7 @@ class Problem:
     """
 
     def __init__(
-        self, flow: Flow, path: Path, yaw: float, counts: Sequence[int], layout: Layout
+        self, flow: Flow, path: Path, yaw: float, counts: Sequence[int], layout: StateLayout
     ) -> None:
         ca = casadi()
 
@@ -172,7 +172,7 @@ class Problem:
             of_intervals[:, second].ravel(),
         )
 
-    def _residual(self, flow: Flow, layout: Layout) -> _Part:
+    def _residual(self, flow: Flow, layout: StateLayout) -> _Part:
         """What is left of the wave at the end."""
         ca = casadi()
 
@@ -202,7 +202,7 @@ class Problem:
             place[second],
         )
 
-    def _joins(self, flow: Flow, path: Path, layout: Layout) -> _Part:
+    def _joins(self, flow: Flow, path: Path, layout: StateLayout) -> _Part:
         """Rest at the path's ends and at corners; tilt and liquid as the leg before left them."""
         ca = casadi()
 

@@ -47,7 +47,7 @@ def casadi() -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class StateLayout:
     """What the state of a node holds: s and its rates, the tilts' likewise, the liquid.
 
     Attributes:
@@ -100,7 +100,7 @@ class Interval:
 
     flow: Flow
     yaw: float
-    layout: Layout
+    layout: StateLayout
     count: int
     joints: JointDemands | None = None
 

@@ -19,7 +19,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from slosh_base.types import Array
 from slosh_model.motion_profiles import cycloidal, modified_trapezoid, quintic
-from slosh_plan.planning.checked import Checked, Checker
+from slosh_plan.planning.checked import CheckedMotion, Checker
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
@@ -132,7 +132,7 @@ class Scaled:
 
     law: str
     known: KnownLaw
-    found: Checked
+    found: CheckedMotion
 
 
 def known_laws(path: Path) -> dict[str, KnownLaw]:
@@ -175,7 +175,7 @@ def fastest(
     limits: PlanLimits,
     longest: float = LONGEST,
     stopped: Callable[[], bool] = never,
-) -> Checked | None:
+) -> CheckedMotion | None:
     """The shortest duration of a scan that keeps the limits.
 
     All durations are simulated with few rows, and those that may keep the limits with all.

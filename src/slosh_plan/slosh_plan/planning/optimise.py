@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_plan.planning.collocation import Problem
+from slosh_plan.planning.collocation import CollocationProblem
 from slosh_plan.planning.flow import Flow
-from slosh_plan.planning.interval import LIMITS, LIQUID, Layout, casadi
+from slosh_plan.planning.interval import LIMITS, LIQUID, StateLayout, casadi
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
@@ -47,8 +47,8 @@ class LegGuess:
 
     Attributes:
         duration: of the leg [s].
-        states: (n + 1, K) as `Layout` has them: s [m] and its first two derivatives, the tilts
-            [rad] and theirs where there are any, the liquid's x, y, ẋ, ẏ.
+        states: (n + 1, K) as `StateLayout` has them: s [m] and its first two derivatives, the
+            tilts [rad] and theirs where there are any, the liquid's x, y, ẋ, ẏ.
         controls: (n, D) third derivatives of s and of the tilts between nodes.
         middles: (n, 4) the liquid half-way between nodes.
     """
@@ -60,8 +60,8 @@ class LegGuess:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """What a search found.
+class PathSolution:
+    """Motion that a search found, and how it ended.
 
     Attributes:
         legs: the motion: where the next search may start.
@@ -83,7 +83,7 @@ def node_counts(durations: Sequence[float]) -> tuple[int, ...]:
     return tuple(max(FEWEST_ON_A_LEG, round(count * part / total)) for part in durations)
 
 
-class Search:
+class PathSearch:
     """The problem of one path and one number of nodes; its limits are parameters.
 
     Args:
@@ -108,9 +108,9 @@ class Search:
         tilting: bool = False,
     ) -> None:
         self.counts = node_counts(durations)
-        self.layout = Layout(tilting)
+        self.layout = StateLayout(tilting)
         self._path = path
-        self._problem = Problem(flow, path, yaw, self.counts, self.layout)
+        self._problem = CollocationProblem(flow, path, yaw, self.counts, self.layout)
         # Asked at each iteration; another one in each search.
         self._stop: Callable[[], bool] = never
         self._stopper = _stopper(lambda: self._stop(), self._problem.sizes())
@@ -123,7 +123,7 @@ class Search:
         guess: Sequence[LegGuess],
         seconds: float,
         stop: Callable[[], bool] = never,
-    ) -> Solution:
+    ) -> PathSolution:
         """Searches from a guess.
 
         Args:
@@ -142,7 +142,7 @@ class Search:
         )  # fmt: skip
         stats = solver.stats()
         legs = self._unpacked(np.asarray(answer["x"]).ravel())
-        return Solution(
+        return PathSolution(
             legs, self.layout.tilting, bool(stats["success"]), str(stats["return_status"])
         )
 

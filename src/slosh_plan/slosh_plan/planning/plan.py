@@ -20,7 +20,7 @@ from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import Checked, Checker, attitudes, horizon
+from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes, horizon
 from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
@@ -67,7 +67,7 @@ class Plan(Shown):
         attitude: (4,) that the container keeps; None: not turned.
     """
 
-    found: Checked
+    found: CheckedMotion
     limits: PlanLimits
     margin: float
     error: ModelError | None

@@ -14,12 +14,12 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, simulate
-from slosh_plan.planning.checked import Checked, Checker, attitudes
+from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes
 from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.interval import CHAIN
 from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.optimise import LegGuess, Search, Solution
+from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.time_law import JerkLaw, Tilt, motion_along, whole_rows
@@ -48,7 +48,7 @@ class _Found:
         words: why there is none.
     """
 
-    motion: Checked | None
+    motion: CheckedMotion | None
     legs: Legs = ()
     words: str = ""
 
@@ -77,7 +77,7 @@ class OptimalSearch:
     time_limit: float
     watch: Watch
 
-    def run(self) -> tuple[Checked, str]:
+    def run(self) -> tuple[CheckedMotion, str]:
         """The best motion, and why it is the scaled one where it is."""
         best, last = _Found(self.scaled.found), "the search found nothing faster"
         if self._over():
@@ -95,7 +95,7 @@ class OptimalSearch:
         assert best.motion is not None
         return best.motion, last if best.motion is self.scaled.found else ""
 
-    def _starts(self) -> Iterator[tuple[Search, Legs]]:
+    def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
         """Searches of a container that keeps its attitude."""
         duration = self.scaled.found.motion.duration
         problem = self._problem(leg_durations(self.path, duration), tilting=False)
@@ -113,16 +113,16 @@ class OptimalSearch:
         self.watch.found(found.motion.motion.duration)
         return found
 
-    def _problem(self, durations: Sequence[float], *, tilting: bool) -> Search:
+    def _problem(self, durations: Sequence[float], *, tilting: bool) -> PathSearch:
         flow = flow_of(self.check.model)
-        return Search(flow, self.path, self.yaw, durations, tilting=tilting)
+        return PathSearch(flow, self.path, self.yaw, durations, tilting=tilting)
 
     def _enough(self, best: _Found) -> bool:
         """Whether to search no more from other starts."""
         share = AGAIN if best.legs else 1.0
         return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
 
-    def _tightened(self, problem: Search, guess: Legs, best: _Found) -> _Found:
+    def _tightened(self, problem: PathSearch, guess: Legs, best: _Found) -> _Found:
         """Searches until the simulation keeps the limits.
 
         What is not faster than the best so far is not gone on with.
@@ -158,7 +158,7 @@ class OptimalSearch:
         late = self.watch.elapsed >= self.time_limit
         return "the search's time was up" if late else "the search was stopped"
 
-    def _checked(self, solution: Solution) -> Checked | None:
+    def _checked(self, solution: PathSolution) -> CheckedMotion | None:
         duration = sum(leg.duration for leg in solution.legs)
         if not (math.isfinite(duration) and 0.0 < duration < LONGEST):
             return None
@@ -213,7 +213,7 @@ def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
 
 
 def guess_of(
-    model: Model, path: Path, start: Scaled, search: Search, factor: float
+    model: Model, path: Path, start: Scaled, search: PathSearch, factor: float
 ) -> tuple[LegGuess, ...]:
     """A motion by a law as the start of a search.
 
@@ -248,7 +248,7 @@ def guess_of(
     return tuple(legs)
 
 
-def upright_guess(legs: Sequence[LegGuess], search: Search) -> tuple[LegGuess, ...]:
+def upright_guess(legs: Sequence[LegGuess], search: PathSearch) -> tuple[LegGuess, ...]:
     """The motion of an upright container as the start of a search of one that tilts."""
     layout = search.layout
     found = []

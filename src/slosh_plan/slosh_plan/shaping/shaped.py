@@ -43,7 +43,7 @@ _BACKWARDS = -1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class PathCourse:
     """A motion as its path and when it is where.
 
     Attributes:
@@ -68,7 +68,7 @@ class Course:
         return _along(self.path, list(self.laws), list(self.durations))
 
 
-def course_of(trajectory: Trajectory) -> Course:
+def course_of(trajectory: Trajectory) -> PathCourse:
     """Divides a motion into its path and its time law.
 
     Args:
@@ -96,16 +96,16 @@ def course_of(trajectory: Trajectory) -> Course:
     for (start, stop), (low, high) in zip(pairwise(ends), pairwise(lengths), strict=True):
         size = [float(np.linalg.norm(spline(moment, 2))) for moment in (start, stop)]
         laws.append(_leg_law(along, start, stop, low, high, size))
-    return Course(path, tuple(laws), tuple(np.diff(ends).tolist()), spline)
+    return PathCourse(path, tuple(laws), tuple(np.diff(ends).tolist()), spline)
 
 
-def shaped(course: Course, chosen: Filter) -> PlannedMotion:
+def shaped(course: PathCourse, chosen: Filter) -> PlannedMotion:
     """A motion filtered along its path's length: every leg for itself, the path as it was."""
     laws = [_filtered(law, chosen) for law in course.laws]
     return _along(course.path, laws, [time + chosen.length for time in course.durations])
 
 
-def shaped_per_axis(course: Course, chosen: Filter) -> PlannedMotion:
+def shaped_per_axis(course: PathCourse, chosen: Filter) -> PlannedMotion:
     """A motion filtered in x, y and z, as a machine does that knows no path; it bends the path."""
     end = course.duration
     duration = whole_rows(end + chosen.length)
@@ -125,7 +125,7 @@ def shaped_per_axis(course: Course, chosen: Filter) -> PlannedMotion:
     return PlannedMotion(t, chosen(part(0), t), chosen(part(2), t), np.asarray(speed))
 
 
-def residual_free_motion(course: Course, mode: Damped) -> PlannedMotion:
+def residual_free_motion(course: PathCourse, mode: Damped) -> PlannedMotion:
     """A motion along the same path in the same time by the residual-free polynomial, leg by leg.
 
     Raises:
@@ -184,7 +184,7 @@ def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[
     return tuple(Damped(frequency, mode.damping_ratio) for frequency in kept or [along])
 
 
-def deviation(course: Course, motion: PlannedMotion) -> float:
+def deviation(course: PathCourse, motion: PlannedMotion) -> float:
     """Farthest that a motion is from a path [m]."""
     farthest = np.full(len(motion.t), np.inf)
     for leg in course.path.legs:

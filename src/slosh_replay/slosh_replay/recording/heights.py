@@ -23,7 +23,7 @@ WAVE_FIELDS: Final = (*STAMP, "msh_stddev", *Surfaces._fields)
 
 
 class Measurements(NamedTuple):
-    """Measured heights.
+    """Measured heights of a recording as columns.
 
     Attributes:
         stamps: (N,) [ns].

@@ -35,7 +35,7 @@ _ORIENTATION_KNOWN, _TURNING_KNOWN = (
 
 @dataclass(frozen=True, slots=True)
 class RecordedMotion:
-    """A motion at stamps.
+    """Recorded motion of the container at the stamps of its samples.
 
     Attributes:
         stamps: (N,) [ns], strictly increasing.

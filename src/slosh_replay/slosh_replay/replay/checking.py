@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 from slosh_estimator.limits import Event, Source
 from slosh_msgs_py.topics import ESTIMATE
-from slosh_replay.manifest import Expectation, Expected, ExpectedEvent
+from slosh_replay.manifest import Expectation, ExpectedEvent, ExpectedNumber
 from slosh_replay.replay.result import ReplayResult
 from slosh_replay.replay.verification import Verification
 from slosh_report.page.units import unit_style
-from slosh_report.run_report import Check
+from slosh_report.run_report import CheckRow
 
-HEIGHT, SHARE, SECONDS = 1e-6, 1e-4, 1e-3
+HEIGHT_TOLERANCE, SHARE_TOLERANCE, TIME_TOLERANCE = 1e-6, 1e-4, 1e-3
 """Tolerances of a manifest that is written: of heights [m], of ε [1], of times [s]."""
 ROUNDING = 1e-9
 """Tolerance of estimates on a machine that rounds otherwise than the recording one [SI units]."""
@@ -34,7 +34,7 @@ class Point(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedReplay:
     """A replay and whether it is as expected.
 
     Attributes:
@@ -45,7 +45,7 @@ class Checked:
 
     name: str
     points: tuple[Point, ...]
-    checks: tuple[Check, ...] = ()
+    checks: tuple[CheckRow, ...] = ()
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -58,7 +58,7 @@ class Checked:
         return not self.failures
 
 
-def check_result(result: ReplayResult, expected: Expectation) -> Checked:
+def check_result(result: ReplayResult, expected: Expectation) -> CheckedReplay:
     """Looks at everything that the expectation names."""
     checks = [
         *_models("MAE", "mm", expected.sigma, {a.name: a.sigma for a in result.accuracy}),
@@ -81,7 +81,7 @@ def check_result(result: ReplayResult, expected: Expectation) -> Checked:
         *_further(result, expected.tolerance),
         _warnings(result.warnings, expected.warnings),
     ]
-    return Checked(result.name, tuple(points), tuple(checks))
+    return CheckedReplay(result.name, tuple(points), tuple(checks))
 
 
 def expectation_of(result: ReplayResult) -> Expectation:
@@ -96,20 +96,20 @@ def expectation_of(result: ReplayResult) -> Expectation:
         images=result.counters.get("images", 0),
         drops=dropped(result),
         sigma={
-            row.name: Expected(row.sigma, HEIGHT)
+            row.name: ExpectedNumber(row.sigma, HEIGHT_TOLERANCE)
             for row in result.accuracy
             if math.isfinite(row.sigma)
         },
         epsilon={
-            row.name: Expected(row.epsilon, SHARE)
+            row.name: ExpectedNumber(row.epsilon, SHARE_TOLERANCE)
             for row in result.accuracy
             if math.isfinite(row.epsilon)
         },
         events=tuple(
             ExpectedEvent(
                 Source(event.source).name.lower(),
-                Expected(event.peak, HEIGHT),
-                Expected(event.duration_ns * 1e-9, SECONDS),
+                ExpectedNumber(event.peak, HEIGHT_TOLERANCE),
+                ExpectedNumber(event.duration_ns * 1e-9, TIME_TOLERANCE),
             )
             for event in excesses(result.events)
         ),
@@ -130,27 +130,27 @@ def excesses(events: Sequence[Event]) -> list[Event]:
 
 
 def _models(
-    name: str, unit: str, expected: Mapping[str, Expected], found: Mapping[str, float]
-) -> list[Check]:
+    name: str, unit: str, expected: Mapping[str, ExpectedNumber], found: Mapping[str, float]
+) -> list[CheckRow]:
     return [
-        Check(f"{name} {model}", found.get(model, math.nan), *bound.bounds, unit)
+        CheckRow(f"{name} {model}", found.get(model, math.nan), *bound.bounds, unit)
         for model, bound in expected.items()
     ]
 
 
-def _exactly(name: str, value: int, expected: int) -> Check:
-    return Check(name, float(value), float(expected), float(expected))
+def _exactly(name: str, value: int, expected: int) -> CheckRow:
+    return CheckRow(name, float(value), float(expected), float(expected))
 
 
-def _events(expected: Sequence[ExpectedEvent], found: Sequence[Event]) -> list[Check]:
+def _events(expected: Sequence[ExpectedEvent], found: Sequence[Event]) -> list[CheckRow]:
     checks = []
     for number, (wanted, event) in enumerate(zip(expected, found, strict=False), start=1):
         if wanted.peak is not None:
-            checks.append(Check(f"event {number}: peak", event.peak, *wanted.peak.bounds, "mm"))
+            checks.append(CheckRow(f"event {number}: peak", event.peak, *wanted.peak.bounds, "mm"))
         if wanted.duration is not None:
             seconds = event.duration_ns * 1e-9
             checks.append(
-                Check(f"event {number}: duration", seconds, *wanted.duration.bounds, "s")
+                CheckRow(f"event {number}: duration", seconds, *wanted.duration.bounds, "s")
             )
     return checks
 
@@ -201,7 +201,7 @@ def _warnings(found: Sequence[str], expected: Sequence[str]) -> Point:
     return Point("warnings", "; ".join(lines))
 
 
-def _failure(check: Check) -> str:
+def _failure(check: CheckRow) -> str:
     if check.lower == check.upper:
         return f"{check.name}: {check.value:g}, expected {check.lower:g}"
     style = unit_style(check.unit)

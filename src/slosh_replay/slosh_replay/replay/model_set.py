@@ -25,7 +25,7 @@ MAX_GAP_NS = 50_000_000
 
 
 class ModelSetEstimates(NamedTuple):
-    """Answers to N samples.
+    """Estimates of several models for N samples.
 
     Attributes:
         own: the model's own, as the node publishes them.

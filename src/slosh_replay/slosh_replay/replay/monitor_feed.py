@@ -31,7 +31,7 @@ LONG_SILENCE_NS = 100 * CHECK_NS
 _NEVER = 2**63 - 1
 
 
-class Heights(NamedTuple):
+class MonitoredHeights(NamedTuple):
     """The estimates that are monitored.
 
     Attributes:
@@ -74,7 +74,7 @@ class MonitorFeed:
         self._due = deque(changes)
         self._next_check = self._newest = -(2**62)
 
-    def add(self, estimates: Heights, measured: Measurements) -> list[Comparison]:
+    def add(self, estimates: MonitoredHeights, measured: Measurements) -> list[Comparison]:
         """Takes what comes next on both sides; an estimate comes before an image of its moment.
 
         Args:
@@ -106,7 +106,7 @@ class MonitorFeed:
         """The events since the last call."""
         return self.monitor.take_events()
 
-    def _needed(self, estimates: Heights, images: Integers) -> NDArray[np.bool_]:
+    def _needed(self, estimates: MonitoredHeights, images: Integers) -> NDArray[np.bool_]:
         """Which estimates can change what the monitor says; the others it would only store.
 
         These are the neighbours of the images, the last one before each look at the clock, and all
@@ -175,7 +175,7 @@ class _Felt:
         motions.add_accelerations(self._stamps[part], self._accelerations[part])
 
 
-def _points(estimates: Heights) -> list[EstimatePoint]:
+def _points(estimates: MonitoredHeights) -> list[EstimatePoint]:
     stamps, linear, nonlinear, flags = (column.tolist() for column in estimates[:4])
     if all(
         column is None for column in (estimates.readings, estimates.delays, estimates.azimuths)
@@ -247,7 +247,7 @@ class ReplayedMonitor:
         return {COMPARISON: comparison_columns(comparisons)} if comparisons else {}
 
 
-def monitored(estimates: ModelHeights, own: tuple[int, int]) -> Heights:
+def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights:
     """What the monitor is told of estimates.
 
     Args:
@@ -257,7 +257,7 @@ def monitored(estimates: ModelHeights, own: tuple[int, int]) -> Heights:
     columns = list(own)
     heights, readings = estimates.heights[:, columns], estimates.as_read[:, columns]
     delayed = estimates.delays is not None and estimates.delays.any()
-    return Heights(
+    return MonitoredHeights(
         estimates.stamps,
         heights[:, 0],
         heights[:, 1],
@@ -270,4 +270,4 @@ def monitored(estimates: ModelHeights, own: tuple[int, int]) -> Heights:
 
 
 _FLOATS, _WHOLE = np.empty(0), np.empty(0, dtype=np.int64)
-_NOTHING = Heights(_WHOLE, _FLOATS, _FLOATS, _WHOLE)
+_NOTHING = MonitoredHeights(_WHOLE, _FLOATS, _FLOATS, _WHOLE)

@@ -9,14 +9,14 @@ from slosh_msgs_py.topics import COMPARISON, ESTIMATE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
-from slosh_replay.replay.nodes import Node, Topic
+from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import ReplayedEstimator
 from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
 
 _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
 
 
-def node_table(modes: int = 1) -> tuple[Node, ...]:
+def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
     """The nodes, each below those whose topics it reads; a further node is a further row.
 
     Args:
@@ -24,16 +24,16 @@ def node_table(modes: int = 1) -> tuple[Node, ...]:
     """
     estimate = ("samples_used", *estimate_fields(modes))
     return (
-        Node(
+        ReplayedNode(
             "estimator",
             ReplayedEstimator,
-            outputs=(Topic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
         ),
-        Node(
+        ReplayedNode(
             "monitor",
             ReplayedMonitor,
             outputs=(
-                Topic(
+                NodeTopic(
                     COMPARISON,
                     COMPARISON_TYPE,
                     ("measured_stale", *COMPARED),

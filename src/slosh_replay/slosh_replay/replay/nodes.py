@@ -99,7 +99,7 @@ class Core(Protocol):
         """Takes what is new; returns its own messages by the topic's last name."""
 
 
-class Topic(NamedTuple):
+class NodeTopic(NamedTuple):
     """A topic that a node in a replay reads or gives.
 
     Attributes:
@@ -117,7 +117,7 @@ class Topic(NamedTuple):
     known: Callable[[Messages], Messages] | None = None
 
 
-class Node(NamedTuple):
+class ReplayedNode(NamedTuple):
     """A row: a node that a replay runs.
 
     Attributes:
@@ -131,6 +131,6 @@ class Node(NamedTuple):
 
     name: str
     core: Callable[[Setting], Core]
-    inputs: tuple[Topic, ...] = ()
-    outputs: tuple[Topic, ...] = ()
+    inputs: tuple[NodeTopic, ...] = ()
+    outputs: tuple[NodeTopic, ...] = ()
     tolerance: float | None = 0.0

@@ -46,7 +46,7 @@ from slosh_replay.replay.conclusion import Origin, conclude
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.node_table import node_table
-from slosh_replay.replay.nodes import Node, Outputs, Setting, Topic
+from slosh_replay.replay.nodes import NodeTopic, Outputs, ReplayedNode, Setting
 from slosh_replay.replay.one_estimator import OneEstimator
 from slosh_replay.replay.replay_table import replay_table
 from slosh_replay.replay.result import ReplayResult
@@ -67,7 +67,7 @@ def replay_bag(
     outputs: Outputs | None = None,
     cell: str | None = None,
     estimator: int = 1,
-    further: Sequence[Node] = (),
+    further: Sequence[ReplayedNode] = (),
 ) -> ReplayResult:
     """Replays a bag.
 
@@ -268,7 +268,7 @@ class TopicBatch(NamedTuple):
 
 
 def feed(
-    reader: BagReader, sources: Sources, heard: Mapping[str, Topic], inputs_of: InputBlocks
+    reader: BagReader, sources: Sources, heard: Mapping[str, NodeTopic], inputs_of: InputBlocks
 ) -> Iterator[list[TopicBatch]]:
     """The messages that a replay reads, chunk by chunk in the order of the recording.
 
@@ -300,7 +300,7 @@ def feed(
         yield batches
 
 
-def _heard(sources: Sources, nodes: Sequence[Node]) -> dict[str, Topic]:
+def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTopic]:
     """Recorded topics that nodes give, or read of no node above them, by their full names."""
     given = {topic.name for node in nodes for topic in node.outputs}
     own = {ESTIMATE: sources.estimate, COMPARISON: sources.comparison}
@@ -315,7 +315,7 @@ def _heard(sources: Sources, nodes: Sequence[Node]) -> dict[str, Topic]:
 
 
 def _verifiers(
-    heard: Mapping[str, Topic], nodes: Sequence[Node], *, camera: bool
+    heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
 ) -> dict[str, Verifier]:
     """What compares the messages that nodes give, by the last name of their topic."""
     return {
@@ -330,7 +330,7 @@ def _verifiers(
 def _hand_over(
     batch: TopicBatch,
     sources: Sources,
-    heard: Mapping[str, Topic],
+    heard: Mapping[str, NodeTopic],
     stream: ReplayStream,
     estimator: OneEstimator | None,
 ) -> None:

@@ -15,11 +15,12 @@ from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_replay.replay import verification
-from slosh_replay.replay.checking import Checked, dropped
+from slosh_replay.replay.checking import CheckedReplay, dropped
 from slosh_replay.replay.result import ModelAccuracy, ReplayResult
 from slosh_report.run_report import (
     AzimuthSeries,
-    Difference,
+    DifferenceRow,
+    ExcessSpan,
     Fact,
     Frame,
     KeyFigure,
@@ -27,10 +28,9 @@ from slosh_report.run_report import (
     RunMotion,
     RunReport,
     RunVerdict,
-    Span,
     Status,
-    Topic,
-    Verification,
+    TopicRow,
+    VerificationRow,
 )
 
 NAN = float("nan")
@@ -53,9 +53,9 @@ class Surroundings:
     key_figures: tuple[KeyFigure, ...] = ()
     facts: tuple[Fact, ...] = ()
     frames: tuple[Frame, ...] = ()
-    topics: tuple[Topic, ...] = ()
+    topics: tuple[TopicRow, ...] = ()
     notes: tuple[str, ...] = ()
-    checked: Checked | None = None
+    checked: CheckedReplay | None = None
 
 
 def replay_report(result: ReplayResult, around: Surroundings | None = None) -> RunReport:
@@ -151,18 +151,18 @@ def shown_models(result: ReplayResult) -> tuple[str, str]:
     return names[spatial], names[spatial + half]
 
 
-def event_spans(events: Sequence[Event], start: int) -> tuple[Span, ...]:
+def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
     """The excesses, each from its START and, where it came, its END.
 
     Args:
         events: of the monitor.
         start: the report's zero of time [ns].
     """
-    spans: dict[int, Span] = {}
+    spans: dict[int, ExcessSpan] = {}
     for event in events:
         begin = (event.stamp_ns - event.duration_ns - start) * 1e-9
         end = (event.stamp_ns - start) * 1e-9 if event.kind == Kind.END else NAN
-        spans[event.id] = Span(
+        spans[event.id] = ExcessSpan(
             Source(event.source).name.lower(), begin, end, event.limit, event.peak,
             event.description, (event.peak_stamp_ns - start) * 1e-9,
         )  # fmt: skip
@@ -179,7 +179,7 @@ def _shown(result: ReplayResult) -> slice:
     return slice(*np.searchsorted(result.t, (first, last)).tolist())
 
 
-def _status(result: ReplayResult, checked: Checked | None) -> Status:
+def _status(result: ReplayResult, checked: CheckedReplay | None) -> Status:
     if checked is not None:
         verdict = RunVerdict.PASSED if checked.passed else RunVerdict.FAILED
         return Status(verdict, checked.failures)
@@ -189,9 +189,9 @@ def _status(result: ReplayResult, checked: Checked | None) -> Status:
     return Status(RunVerdict.NO_EXPECTATION, () if found.exact else found.lines())
 
 
-def _verifications(result: ReplayResult, start: int) -> list[Verification]:
+def _verifications(result: ReplayResult, start: int) -> list[VerificationRow]:
     return [
-        Verification(
+        VerificationRow(
             f"recorded {name}s, bit for bit",
             found.identical,
             found.recorded + found.missing,
@@ -202,13 +202,13 @@ def _verifications(result: ReplayResult, start: int) -> list[Verification]:
     ]
 
 
-def _differences(found: verification.Verification, start: int) -> tuple[Difference, ...]:
+def _differences(found: verification.Verification, start: int) -> tuple[DifferenceRow, ...]:
     first = found.first
     rows = []
     for field, largest in sorted(found.largest.items(), key=lambda item: -item[1]):
         leads = first is not None and first.field == field
         rows.append(
-            Difference(
+            DifferenceRow(
                 found.topic,
                 field,
                 found.counts[field],
@@ -248,7 +248,7 @@ def _model_row(row: ModelAccuracy) -> ModelRow:
 
 
 def _key_figures(
-    result: ReplayResult, linear: str, nonlinear: str, spans: Sequence[Span]
+    result: ReplayResult, linear: str, nonlinear: str, spans: Sequence[ExcessSpan]
 ) -> tuple[KeyFigure, ...]:
     rows = {row.name: row for row in result.accuracy}
     figures: list[KeyFigure] = []

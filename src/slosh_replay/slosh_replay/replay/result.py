@@ -76,7 +76,7 @@ class MotionAccuracy:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ReplayResult(Shown):
-    """A replayed run.
+    """Estimates, accuracy, events and warnings of a replayed run.
 
     The series are whole for runs up to some minutes; of a longer one they hold the extremes.
 

@@ -24,7 +24,14 @@ from slosh_replay.recording.inputs import stamps_of
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.model_set import ModelHeights, at_images
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
-from slosh_replay.replay.nodes import NO_MEASUREMENTS, Core, Moment, Node, Setting, Topic
+from slosh_replay.replay.nodes import (
+    NO_MEASUREMENTS,
+    Core,
+    Moment,
+    NodeTopic,
+    ReplayedNode,
+    Setting,
+)
 from slosh_replay.replay.replayed_estimator import ReplayedEstimator
 from slosh_replay.replay.series import Series, chosen, joined
 from slosh_replay.replay.unrelated import Alignment, align
@@ -70,7 +77,7 @@ class ReplayStream:
     def __init__(
         self,
         name: str,
-        nodes: Sequence[Node],
+        nodes: Sequence[ReplayedNode],
         setting: Setting,
         series: Series,
         *,
@@ -131,7 +138,7 @@ class ReplayStream:
         self._keep_for_nodes(self.setting.reader.kind, messages)
         self._note("input", stamps, log_ns)
 
-    def add_recorded(self, topic: Topic, columns: Columns) -> None:
+    def add_recorded(self, topic: NodeTopic, columns: Columns) -> None:
         """Takes recorded messages of a topic that a node reads or gives."""
         recorded = Messages(stamps_of(columns), columns)
         if topic.name == ESTIMATE and self.setting.matcher is not None:

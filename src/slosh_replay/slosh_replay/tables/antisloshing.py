@@ -120,14 +120,14 @@ def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
     return [(run, heights[run], poses[run]) for run in sorted(heights)]
 
 
-class Arm(NamedTuple):
+class RecordedArm(NamedTuple):
     """The arm of the data set: its description, and the files of its joints by run."""
 
     urdf: str
     joints: Mapping[str, Path]
 
 
-def read_arm(folder: Path) -> Arm | None:
+def read_arm(folder: Path) -> RecordedArm | None:
     """The arm; None: the data set does not hold it.
 
     Raises:
@@ -145,10 +145,12 @@ def read_arm(folder: Path) -> Arm | None:
     except TextFileError as error:
         raise SloshBagError(str(error)) from None
     body, end, rest = text.rpartition("</robot>")
-    return Arm(f"{body}{CUP}{end}{rest}" if end else f"{text}{CUP}", joints)
+    return RecordedArm(f"{body}{CUP}{end}{rest}" if end else f"{text}{CUP}", joints)
 
 
-def import_run(heights: Path, poses: Path, bag: Path, run: str, arm: Arm | None = None) -> None:
+def import_run(
+    heights: Path, poses: Path, bag: Path, run: str, arm: RecordedArm | None = None
+) -> None:
     """Writes one run's bag.
 
     Args:

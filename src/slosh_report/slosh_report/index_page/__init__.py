@@ -23,7 +23,7 @@ _FOLDER = "slosh_report.index_page"
 
 @dataclass(frozen=True, slots=True)
 class IndexRow:
-    """One run.
+    """Figures of one run in the index of runs.
 
     Attributes:
         name: of the run; its page is NAME.html beside the index.

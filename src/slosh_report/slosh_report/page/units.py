@@ -13,7 +13,7 @@ MOST_DIGITS = 17
 """More decimals tell no two doubles apart that are of a size met here."""
 
 
-class Shown(NamedTuple):
+class UnitDisplay(NamedTuple):
     """How a unit is shown.
 
     Attributes:
@@ -28,19 +28,19 @@ class Shown(NamedTuple):
 
 
 UNITS = {
-    "mm": Shown(1e3, 2),  # of metres
-    "%": Shown(1e2, 1, signed=True),  # of a fraction; a deviation, so with its sign
-    "% of": Shown(1e2, 0),  # of a share of a whole
-    "s": Shown(1.0, 2),
-    "ms": Shown(1e3, 0),  # of seconds
-    "°": Shown(180.0 / math.pi, 0),  # of radians
-    "m": Shown(1.0, 3),
-    "m/s": Shown(1.0, 2),
-    "m/s²": Shown(1.0, 2),
-    "m/s³": Shown(1.0, 1),
-    "1/s": Shown(1.0, 1),
-    "×": Shown(1.0, 1),
-    "": Shown(1.0, 0),
+    "mm": UnitDisplay(1e3, 2),  # of metres
+    "%": UnitDisplay(1e2, 1, signed=True),  # of a fraction; a deviation, so with its sign
+    "% of": UnitDisplay(1e2, 0),  # of a share of a whole
+    "s": UnitDisplay(1.0, 2),
+    "ms": UnitDisplay(1e3, 0),  # of seconds
+    "°": UnitDisplay(180.0 / math.pi, 0),  # of radians
+    "m": UnitDisplay(1.0, 3),
+    "m/s": UnitDisplay(1.0, 2),
+    "m/s²": UnitDisplay(1.0, 2),
+    "m/s³": UnitDisplay(1.0, 1),
+    "1/s": UnitDisplay(1.0, 1),
+    "×": UnitDisplay(1.0, 1),
+    "": UnitDisplay(1.0, 0),
 }
 """Units of the page by name. The number itself is in SI units."""
 
@@ -69,7 +69,7 @@ def shown(value: float | None, unit: str, digits: int | None = None) -> str:
     return plus + text.replace("-", "−")
 
 
-def unit_style(unit: str) -> Shown:
+def unit_style(unit: str) -> UnitDisplay:
     """How the unit is shown.
 
     Raises:

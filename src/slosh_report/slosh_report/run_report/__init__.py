@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 from slosh_report.page.frame import Frame
 from slosh_report.run_report.data import AzimuthSeries, RunReport
 from slosh_report.run_report.rows import (
-    Check,
-    Difference,
+    CheckRow,
+    DifferenceRow,
+    ExcessSpan,
     Fact,
     KeyFigure,
     ModelRow,
     RunMotion,
     RunVerdict,
-    Span,
     Status,
-    Topic,
-    Verification,
+    TopicRow,
+    VerificationRow,
 )
 
 if TYPE_CHECKING:
@@ -27,8 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AzimuthSeries",
-    "Check",
-    "Difference",
+    "CheckRow",
+    "DifferenceRow",
+    "ExcessSpan",
     "Fact",
     "Frame",
     "KeyFigure",
@@ -36,10 +37,9 @@ __all__ = [
     "RunMotion",
     "RunReport",
     "RunVerdict",
-    "Span",
     "Status",
-    "Topic",
-    "Verification",
+    "TopicRow",
+    "VerificationRow",
     "render_report",
     "report_document",
 ]

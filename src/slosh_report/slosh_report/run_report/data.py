@@ -12,15 +12,15 @@ from slosh_base.types import Array
 from slosh_report.errors import SloshReportError
 from slosh_report.page.frame import Frame
 from slosh_report.run_report.rows import (
-    Check,
+    CheckRow,
+    ExcessSpan,
     Fact,
     KeyFigure,
     ModelRow,
     RunMotion,
-    Span,
     Status,
-    Topic,
-    Verification,
+    TopicRow,
+    VerificationRow,
 )
 
 OPEN = Status()
@@ -88,17 +88,17 @@ class RunReport:
     limit: float | None = None
     limit_name: str = "limit"
     key_figures: tuple[KeyFigure, ...] = ()
-    events: tuple[Span, ...] = ()
+    events: tuple[ExcessSpan, ...] = ()
     models: tuple[ModelRow, ...] = ()
     frames: tuple[Frame, ...] = ()
-    topics: tuple[Topic, ...] = ()
+    topics: tuple[TopicRow, ...] = ()
     model_text: str = ""
     effects: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     status: Status = OPEN
-    checks: tuple[Check, ...] = ()
-    verifications: tuple[Verification, ...] = ()
+    checks: tuple[CheckRow, ...] = ()
+    verifications: tuple[VerificationRow, ...] = ()
     facts: tuple[Fact, ...] = ()
     motions: tuple[RunMotion, ...] = ()
     measured_azimuth: AzimuthSeries | None = None

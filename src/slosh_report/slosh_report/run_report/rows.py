@@ -33,7 +33,7 @@ class Status:
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class CheckRow:
     """One number against what was expected of it.
 
     Attributes:
@@ -76,7 +76,7 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class DifferenceRow:
     """One field that a replay did not reproduce.
 
     Attributes:
@@ -98,7 +98,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Verification:
+class VerificationRow:
     """Whether something recorded came out again.
 
     Attributes:
@@ -111,7 +111,7 @@ class Verification:
     name: str
     same: int
     total: int
-    differences: tuple[Difference, ...] = ()
+    differences: tuple[DifferenceRow, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -157,7 +157,7 @@ class Fact:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class ExcessSpan:
     """An excess of a limit.
 
     Attributes:
@@ -222,8 +222,8 @@ class RunMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class Topic:
-    """A recorded topic.
+class TopicRow:
+    """A recorded topic and its number of messages.
 
     Attributes:
         name, type: as in the bag.

@@ -33,7 +33,7 @@ _THOUSANDS: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextTable:
-    """Columns of a table.
+    """Columns of a table in a text file.
 
     Attributes:
         path: of its file.

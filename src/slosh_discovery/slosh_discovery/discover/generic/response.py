@@ -34,7 +34,7 @@ STRONGEST = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Setting:
+class MotionWithTerms:
     """A motion, ready for many simulations with terms added to the model.
 
     Attributes:
@@ -50,7 +50,7 @@ class Setting:
     rows: NDArray[np.intp]
 
     @classmethod
-    def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> Setting:
+    def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> MotionWithTerms:
         """A motion; clock_offset: measured minus inputs' clock [s]."""
         start = float(motion.inputs.t[0])
         clock = reading_clock(model)

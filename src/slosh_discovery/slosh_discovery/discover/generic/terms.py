@@ -46,7 +46,7 @@ _ALONE = (
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A term.
+    """A term of the equation of motion that may be missing.
 
     Attributes:
         label: for people.

@@ -1,6 +1,6 @@
 """Counts the estimates that come, and calls reset; for a process in a network of its own.
 
-    python tests/who_hears.py robot|stranger SECONDS
+    python -m slosh_testing.who_hears robot|stranger SECONDS
 
 Prints {"heard": N, "answered": whether reset was} as soon as it has heard enough and reset was
 answered, or when so many seconds have passed. The robot sends accelerations, until it is ended.

@@ -13,7 +13,7 @@ from slosh_replay.tables.antisloshing import import_antisloshing
 from slosh_tables.motion_table import read_motion_table
 from slosh_testing.robot_runs import RUNS, write_runs
 
-REPOSITORY = Path(__file__).resolve().parent.parent
+REPOSITORY = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("SLOSH_SHARED_DATA", REPOSITORY.parent / "shared" / "data"))
 ANTISLOSHING = DATA / "antisloshing"
 CFD = DATA / "cfd"
@@ -60,16 +60,6 @@ class TestMeasuredRuns:
     def test_every_offset_of_3d_nl_is_unambiguous(self, untilted):
         ambiguous = [r.name for r in untilted if not r.accuracy[-1].clock.unambiguous]
         assert ambiguous == []
-
-    def test_all_models_are_searched_in_one_window(self, untilted):
-        for result in untilted:
-            assert len({row.clock.onset_offset for row in result.accuracy}) == 1
-
-    def test_no_offset_lays_a_model_over_the_quiet_part(self, untilted):
-        """There the residual would be the model's own height; where the motion is, it is less."""
-        for result in untilted:
-            own = np.sqrt(np.nanmean(result.heights["3D-NL"] ** 2))
-            assert result.accuracy[-1].rms < own, result.name
 
 
 @pytest.mark.long

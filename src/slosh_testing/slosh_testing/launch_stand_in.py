@@ -16,7 +16,7 @@ from types import ModuleType, SimpleNamespace
 import yaml
 from ament_index_python.packages import get_package_prefix
 
-LAUNCH_FILE = Path(__file__).parents[1] / "src/slosh_bringup/launch/cell.launch.py"
+LAUNCH_FILE = Path(__file__).resolve().parents[2] / "slosh_bringup/launch/cell.launch.py"
 PATIENCE = 60.0
 
 

@@ -1,4 +1,4 @@
-"""The truth that tools/scenes writes: its mathematics against slosh_camera's own geometry."""
+"""The truth that validation/scenes writes: its mathematics against slosh_camera's own geometry."""
 
 import importlib
 import json
@@ -14,16 +14,15 @@ import pytest
 
 from slosh_camera.optics.cup import Wall
 
-TOOLS = Path(__file__).parents[1] / "tools"
+SCENES = Path(__file__).parent
 NAMES = ("definitions", "optics", "surface", "truth", "povray", "render", "check_truth")
 MM = 1e-3
 
 
 @pytest.fixture
 def scenes(monkeypatch):
-    """The modules of tools/scenes and the reader of sequences, under their plain names."""
-    monkeypatch.syspath_prepend(str(TOOLS))
-    monkeypatch.syspath_prepend(str(TOOLS / "scenes"))
+    """The modules of validation/scenes and the reader of sequences, under their plain names."""
+    monkeypatch.syspath_prepend(str(SCENES))
     modules = {name: importlib.import_module(name) for name in NAMES}
     yield SimpleNamespace(sequences=importlib.import_module("camera_sequences"), **modules)
     for name in NAMES:
@@ -67,28 +66,6 @@ def test_wall_points_are_seen_where_the_detector_s_geometry_sees_them(scenes, tm
         assert math.dist(through, straight) > 0.1
 
 
-def test_a_steep_camera_sees_the_rear_wall_over_the_front_rim(scenes):
-    view = scenes.render.view_of(scenes.definitions.SCENES["steep"])
-    for height, over in [(-9 * MM, False), (20 * MM, True)]:
-        # Camera, front wall and rear wall in the plane through the axis.
-        rear = np.array([-view.radius, height])
-        front = rear + (np.array([view.distance, view.position[2]]) - rear) * (
-            2 * view.radius / (view.distance + view.radius)
-        )
-        assert bool(front[1] > view.rim) is over
-        azimuth = view.azimuth + math.pi
-        straight = view.project(view.wall_point(azimuth, height))
-        through = view.project_refracted(azimuth, height)
-        assert math.dist(straight, through) > 0.5
-        assert view.seen(azimuth, height) == (straight if over else through)
-
-
-def test_edges_of_the_cup_are_those_of_the_detector_s_geometry(scenes, tmp_path):
-    view, _ = written(scenes, tmp_path, scenes.definitions.BASE, [])
-    cup_view = scenes.sequences.read_sequence(tmp_path).calibration.view
-    assert view.edges() == pytest.approx(cup_view.tangent_azimuths(), abs=1e-6)
-
-
 @pytest.mark.parametrize(("towards", "side"), [(-90, "front"), (90, "rear"), (0, "side")])
 def test_highest_point_and_its_side(scenes, tmp_path, towards, side):
     wave = sharp_wave(scenes, towards)
@@ -114,18 +91,6 @@ def test_no_part_of_the_surface_adds_liquid_or_leans_on_the_wall(scenes):
     step = 1e-6
     wall, inside = wave.wall(angle), wave.height(np.array(wave.radius - step), angle)
     assert np.max(np.abs(wall - inside)) / step < 1e-3
-
-
-def test_topmost_liquid_leaves_specks_at_the_rim_out(scenes):
-    mask = np.zeros((40, 60), np.uint8)
-    mask[15:20, 20:41], mask[20:35, 20:41], mask[35:, 20:41] = 2, 1, 3
-    mask[2, 50] = 2
-    entry = {"peak_px": [30.0, 11.0], "peak_px_norefraction": None, "peak_out_of_frame": False}
-    found = scenes.truth.mask_truth(mask, entry)
-    assert found["liquid_top_px"] == {"u": 30, "v": 15, "cls": 2}
-    assert found["peak_visible"] is True
-    assert found["liquid_touches_frame_top"] is False
-    assert scenes.truth.mask_truth(mask[15:], entry)["liquid_touches_frame_top"] is True
 
 
 def test_sequences_start_at_rest_and_reach_their_amplitude(scenes):

@@ -1,6 +1,6 @@
 """Publishes accelerations at 1 kHz and images at 60 Hz, and notes when it sent each: a helper.
 
-    python tests/real_time/recorder_source.py NAMESPACE FOLDER
+    python -m slosh_testing.recorder_source NAMESPACE FOLDER
 
 The seconds of a message's stamp are its number. FOLDER/accel and FOLDER/image hold the system
 times of sending in the same order, int64 [ns].

@@ -1,6 +1,6 @@
 """Programs that compile, each in its own order; and one that compares what they left behind.
 
-    python tests/compiled_work.py WORK [FOLDER]
+    python validation/long_runs/compiled_work.py WORK [FOLDER]
 
 Each WORK is what a process of the product does with compiled code, short. `compare` prints, for
 each effect, whether the live estimator, the replay's columns and the simulation give the same
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 Array = NDArray[np.float64]
 SAMPLES, TICK_NS = 200, 3_906_250  # 1/256 s: exact in both clocks

@@ -1,0 +1,33 @@
+"""Time and memory of what the benchmarks run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+
+def timed(work: Callable[[], object]) -> float:
+    """Time of a call [s]."""
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
+
+
+def peak_memory() -> float:
+    """Greatest memory of this process [MiB].
+
+    Not from getrusage: that counts the process it was started by.
+    """
+    status = Path("/proc/self/status").read_text()
+    line = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+    return int(line.split()[1]) / 1024
+
+
+def greatest_memory(program: str, *words: Path) -> float:
+    """Greatest memory of `PROGRAM --measure WORD…`, which prints it in its last line [MiB]."""
+    command = [sys.executable, program, "--measure", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return float(done.stdout.splitlines()[-1])
