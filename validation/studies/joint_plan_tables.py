@@ -273,7 +273,7 @@ def table(rows: Sequence[Row]) -> str:
         seconds = [row.seconds for row in done]
         lines.append(
             f"| {name} | {len(own)} | {len(done)} | {sum(row.method == 'optimal' for row in done)}"
-            f" | {slowed:.2f} | {bound:.2f} | {100.0 * worst:.2f} % | "
+            f" | {slowed:.2f} | {bound:.2f} | {max(100.0 * worst, 0.0):.2f} % | "
             f"{statistics.median(seconds):.1f} | {max(seconds):.1f} |"
         )
     over = sum(row.excess > TOLERANCE for row in rows)
