@@ -53,7 +53,7 @@ test: setup
 	@$(MAKE) --no-print-directory --jobs=1 --keep-going SELECT='$(SELECT)' keeping-pace the-others
 
 test-all: setup
-	@$(MAKE) --no-print-directory --jobs=1 SELECT=--hypothesis-profile=search the-others keeping-pace validation
+	@$(MAKE) --no-print-directory --jobs=1 --keep-going SELECT=--hypothesis-profile=search the-others keeping-pace validation
 
 validation: setup
 	@nice -n 5 $(PYTEST) $(BESIDE) $(SELECT) validation

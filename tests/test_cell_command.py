@@ -286,6 +286,8 @@ def test_a_cell_without_a_camera_is_a_whole_cell(domain, tmp_path, said):
     assert "limit exceeded" in {frame["verdict"] for frame in frames}
     # Blind is the page without estimates alone, never for want of images.
     blind = {frame["reason"] for frame in frames if frame["verdict"] == "blind"}
-    assert blind <= {"no messages from the estimator"}
+    # Before the monitor's first message, too, on a busy machine.
+    monitor = "no comparison received yet: is the monitor running?"
+    assert blind <= {"no messages from the estimator", monitor}
     safe = {frame["reason"] for frame in frames if frame["verdict"] == "safe"}
     assert safe <= {"estimated below its limit; no camera configured"}
