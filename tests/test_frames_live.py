@@ -9,54 +9,24 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from sensor_msgs.msg import Imu
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
-from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.replay import replay_bag
+from slosh_testing.hearing_robot import HearingRobot
 from slosh_testing.rail_robot import acceleration, cup_position, quaternion, swung
 
 pytestmark = pytest.mark.timeout(200)
 TEXT = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\n"
-PATIENCE, SECOND = 60.0, 1_000_000_000
 TIMES = np.arange(-0.5, 2.6, 0.005)
 
 
-class Robot:
-    """Speaks on some topics, and hears the estimator.
-
-    Attributes:
-        health: last sentence and facts of each node.
-        estimates: what has come.
-    """
-
-    def __init__(self) -> None:
-        self.node = Node("robot", namespace="/slosh")
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
-        self.estimates: list[SloshEstimate] = []
-        self.health: dict[str, tuple[str, dict[str, str]]] = {}
-        hear = self.node.create_subscription
-        hear(SloshEstimate, topics.ESTIMATE, self.estimates.append, qos.STREAM_IN)
-        hear(DiagnosticArray, topics.DIAGNOSTICS, self._take, qos.DIAGNOSTICS)
-
-    def _take(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            self.health[status.name.rpartition("/")[2]] = status.message, values
-
-    def until(self, condition: Callable[[], object], what: str) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, f"waited in vain for {what}: {self.health}"
-            self._executor.spin_once(timeout_sec=0.01)
+class Robot(HearingRobot):
+    """Speaks on some topics, and hears the estimator."""
 
     def play(self, kind: type, topic: str, made: Callable[[float, Any], Any]) -> np.ndarray:
         """Sends messages of the motion; returns times [s] and accelerations of the estimates."""
@@ -64,28 +34,16 @@ class Robot:
         self.until(lambda: publisher.get_subscription_count() >= 2, "two readers")
         begin = time.time_ns()
         for k, t in enumerate(TIMES.tolist()):
-            publisher.publish(made(t, to_time(begin + round(t * 1e9))))
-            if k % 10 == 0 and self.estimates:
-                reached = begin + round(t * 1e9) - SECOND // 2
-                self.until(lambda at=reached: self.newest_ns >= at, "the estimates to follow")
-            else:
-                self._executor.spin_once(timeout_sec=0.002)
-        last = begin + round(TIMES[-1] * 1e9) - SECOND // 4
-        self.until(lambda: self.newest_ns > last, "the last one")
+            stamp_ns = begin + round(t * 1e9)
+            publisher.publish(made(t, to_time(stamp_ns)))
+            self.pace(k, stamp_ns)
+        self.finish(begin + round(TIMES[-1] * 1e9))
         return np.array(
             [
                 ((to_nanoseconds(one.header.stamp) - begin) * 1e-9, *one.acceleration)
                 for one in self.estimates
             ]
         )
-
-    @property
-    def newest_ns(self) -> int:
-        return to_nanoseconds(self.estimates[-1].header.stamp) if self.estimates else 0
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self.node.destroy_node()
 
 
 @contextmanager

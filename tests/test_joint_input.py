@@ -1,16 +1,13 @@
 """A robot that publishes its joints alone: estimated live, recorded, and replayed bit for bit."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -18,10 +15,10 @@ from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.simulate import Inputs, simulate
-from slosh_msgs.msg import SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_replay.replay import replay_bag
+from slosh_testing.hearing_robot import HearingRobot
 from slosh_testing.rail_robot import JOINTS, RAIL_URDF, acceleration, swung
 
 pytestmark = [
@@ -32,42 +29,18 @@ TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
 effects: [{name: vertical_acceleration}, {name: surface_nonlinearity, alpha: 0.58}]
 """
-PATIENCE, SECOND = 60.0, 1_000_000_000
 
 
-class Driver:
-    """The drivers of arm, rail and gripper, and who hears the estimator.
-
-    Attributes:
-        estimates: what has come.
-        health: last sentence and facts of each node.
-    """
+class Driver(HearingRobot):
+    """The drivers of arm, rail and gripper, and who hears the estimator."""
 
     def __init__(self) -> None:
-        self.node = Node("driver", namespace="/slosh")
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
-        self.estimates: list[SloshEstimate] = []
-        self.health: dict[str, tuple[str, dict[str, str]]] = {}
+        super().__init__("driver")
         self._describe = self.node.create_publisher(String, topics.ROBOT_DESCRIPTION, qos.EVENT)
         self.states = [
             self.node.create_publisher(JointState, topics.JOINT_STATES, qos.STREAM_OUT)
             for _ in range(2)
         ]
-        hear = self.node.create_subscription
-        hear(SloshEstimate, topics.ESTIMATE, self.estimates.append, qos.STREAM_IN)
-        hear(DiagnosticArray, topics.DIAGNOSTICS, self._take, qos.DIAGNOSTICS)
-
-    def _take(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            self.health[status.name.rpartition("/")[2]] = status.message, values
-
-    def until(self, condition: Callable[[], object], what: str) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, f"waited in vain for {what}: {self.health}"
-            self._executor.spin_once(timeout_sec=0.01)
 
     def describe(self) -> None:
         self._describe.publish(String(data=RAIL_URDF))
@@ -76,7 +49,8 @@ class Driver:
         """Sends the joints at times [s] from now on; returns when that was [ns]."""
         begin = time.time_ns()
         for k, t in enumerate(times.tolist()):
-            stamp = to_time(begin + round(t * 1e9))
+            stamp_ns = begin + round(t * 1e9)
+            stamp = to_time(stamp_ns)
             rail, *arm = swung(t).tolist()
             message = JointState(name=["jaw", *JOINTS[:0:-1]], position=[0.01, *arm[::-1]])
             message.header.stamp = stamp
@@ -85,23 +59,9 @@ class Driver:
                 message = JointState(name=["rail"], position=[rail])
                 message.header.stamp = stamp
                 self.states[1].publish(message)
-            if k % 10 == 0 and self.estimates:
-                reached = begin + round(t * 1e9) - SECOND // 2
-                self.until(lambda at=reached: self.newest_ns >= at, "the estimates to follow")
-            else:
-                self._executor.spin_once(timeout_sec=0.002)
-        self.until(
-            lambda: self.newest_ns > begin + round(times[-1] * 1e9) - SECOND // 4, "the last one"
-        )
+            self.pace(k, stamp_ns)
+        self.finish(begin + round(times[-1] * 1e9))
         return begin
-
-    @property
-    def newest_ns(self) -> int:
-        return to_nanoseconds(self.estimates[-1].header.stamp) if self.estimates else 0
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self.node.destroy_node()
 
 
 @contextmanager

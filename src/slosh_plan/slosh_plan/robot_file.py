@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path as FilePath
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.robot import read_urdf
+from slosh_model.containers import Container
 from slosh_plan.joints import Arm
 from slosh_plan.planning.joint_limits import JointLimits, limits_of, read_joint_limits
+from slosh_plan.planning.joint_path import joint_path
+from slosh_plan.planning.path import Path
+from slosh_plan.planning.progress import never
+from slosh_plan.planning.waypoints import JointWaypoints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,9 +33,27 @@ class CarryingRobot:
         """The limits of joints."""
         return limits_of(self.arm, joints, self.given)
 
+    def path(
+        self,
+        waypoints: JointWaypoints,
+        container: Container,
+        name: str,
+        stopped: Callable[[], bool] = never,
+    ) -> Path:
+        """The path of a container as the joints move.
+
+        Raises:
+            SloshPlanError, StoppedError: as `joint_path`.
+        """
+        # The liquid in a round one does not turn with it.
+        return joint_path(
+            self.arm, self.limits(waypoints.names), waypoints.points(name),
+            follows_yaw=container.cornered, name=name, stopped=stopped,
+        )  # fmt: skip
+
 
 def read_robot(
-    urdf: str | Path, tool_frame: str, joint_limits: str | Path = ""
+    urdf: str | FilePath, tool_frame: str, joint_limits: str | FilePath = ""
 ) -> CarryingRobot | None:
     """The robot of some files; None: none is named.
 
@@ -44,11 +67,11 @@ def read_robot(
     """
     if not str(urdf):
         return None
-    given = read_joint_limits(Path(joint_limits)) if str(joint_limits) else {}
+    given = read_joint_limits(FilePath(joint_limits)) if str(joint_limits) else {}
     return CarryingRobot(read_arm(urdf, tool_frame), given)
 
 
-def read_arm(path: str | Path, tool_frame: str) -> Arm:
+def read_arm(path: str | FilePath, tool_frame: str) -> Arm:
     """The robot in a URDF file.
 
     Args:

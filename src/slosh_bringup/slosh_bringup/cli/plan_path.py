@@ -16,7 +16,6 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_model import Model
 from slosh_plan.doubts import path_doubts
 from slosh_plan.planning import path as paths
-from slosh_plan.planning.joint_path import joint_path
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.waypoints import Waypoints
 from slosh_plan.robot_file import read_robot
@@ -103,13 +102,10 @@ def _of_joints(arguments: argparse.Namespace, model: Model, tell: Teller) -> Ask
     assert robot is not None
     arm = robot.arm
     given = read_joint_table(arguments.path, arm, table_options(arguments))
-    limits = robot.limits(given.names)
-    path = joint_path(
-        arm, limits, given.points(name), follows_yaw=model.container.cornered, name=name
-    )
+    path = robot.path(given, model.container, name)
     unknown = [joint for joint, has in zip(given.names, arm.known(given.names), strict=True)
                if not has]  # fmt: skip
-    for remark in _remarks(unknown, limits.acceleration, given.names):
+    for remark in _remarks(unknown, robot.limits(given.names).acceleration, given.names):
         tell(f"{name}: {remark}")
     places, _ = arm.poses(given.names, given.position)
     return AskedPath(name, path, Waypoints(given.t, places, None), given.names)

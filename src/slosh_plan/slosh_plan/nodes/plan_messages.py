@@ -31,7 +31,7 @@ from slosh_plan.nodes.predict_messages import (
 )
 from slosh_plan.planning.checked import attitudes
 from slosh_plan.planning.execution import Execution, execution_of
-from slosh_plan.planning.joint_path import JointMotion, joint_path
+from slosh_plan.planning.joint_path import JointMotion
 from slosh_plan.planning.limits import ACCELERATION, JERK, PlanLimits
 from slosh_plan.planning.path import Path, path_through
 from slosh_plan.planning.plan import Plan
@@ -71,10 +71,7 @@ class RequestedPath:
             assert self.waypoints is not None
             return path_through(self.waypoints.position, stopped)
         given, robot = self.joints
-        return joint_path(
-            robot.arm, robot.limits(given.names), given.points(NAME),
-            follows_yaw=model.container.cornered, name=NAME, stopped=stopped,
-        )  # fmt: skip
+        return robot.path(given, model.container, NAME, stopped)
 
 
 def points_of(request: Any) -> tuple[Any, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
 from slosh_base.types import Array
-from slosh_plan.planning.flow import Expression, Flow
+from slosh_plan.planning.flow import Expression, Flow, casadi
 from slosh_plan.planning.interval import (
     CHAIN,
     LIMITS,
@@ -19,7 +19,6 @@ from slosh_plan.planning.interval import (
     SHARES,
     Interval,
     StateLayout,
-    casadi,
     curve_of,
 )
 from slosh_plan.planning.path import Leg, Path

@@ -7,6 +7,7 @@ finds is simulated with the whole model.
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,11 @@ from slosh_model.model import VERTICAL
 
 Expression = Any
 """A CasADi expression, or a number: CasADi has no types."""
+
+
+def casadi() -> Any:
+    """The module, which is loaded only where something is searched."""
+    return importlib.import_module("casadi")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +65,11 @@ class Flow:
     def _swing(
         self, q: Expression, v: Expression, a: Expression, lift: Expression, w: float
     ) -> Expression:
-        from casadi import cos, sin
+        ca = casadi()
 
         angle = q * w * w / GRAVITY
-        c = cos(angle)
-        return -2.0 * self.damping * w * c * c * v - GRAVITY * lift * sin(angle) - a * c
+        c = ca.cos(angle)
+        return -2.0 * self.damping * w * c * c * v - GRAVITY * lift * ca.sin(angle) - a * c
 
     def _slide(self, q: Expression, force: list[Expression]) -> list[Expression]:
         x, y, vx, vy = q[0], q[1], q[2], q[3]

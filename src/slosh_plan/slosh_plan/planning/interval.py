@@ -9,7 +9,6 @@ times faster than the same in matrices.
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
-from slosh_plan.planning.flow import Expression, Flow
+from slosh_plan.planning.flow import Expression, Flow, casadi
 from slosh_plan.planning.joint_demands import CURVE, JointDemands
 from slosh_plan.planning.limits import JOINT_LIMITS
 from slosh_plan.planning.path import DEGREE, Leg
@@ -39,11 +38,6 @@ _CURVE_POINTS = 400
 _LEAST_ANGLE = 1e-4
 _EDGE = 1e-6
 """Share of a leg at its ends where CasADi's splines are zero."""
-
-
-def casadi() -> Any:
-    """The module, which is loaded only where something is searched."""
-    return importlib.import_module("casadi")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,13 @@ Torques are τ = α s̈ + β ṡ² + γ, as in Bobrow, Dubowsky and Gibson, Int.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_plan.planning.flow import Expression
+from slosh_plan.planning.flow import Expression, casadi
 from slosh_plan.planning.joint_limits import JointLimits
 
 CURVE = 9
@@ -45,7 +44,7 @@ class JointDemands:
 
     def turned(self, curve: Expression) -> Expression:
         """(3, 3) from the world's axes to those in which the liquid moves."""
-        ca = importlib.import_module("casadi")
+        ca = casadi()
         return ca.reshape(curve[CURVE : CURVE + TURN], 3, 3).T
 
     def demands(

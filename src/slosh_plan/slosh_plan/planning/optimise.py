@@ -17,8 +17,8 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_plan.planning.collocation import CollocationProblem
-from slosh_plan.planning.flow import Flow
-from slosh_plan.planning.interval import LIMITS, LIQUID, StateLayout, casadi
+from slosh_plan.planning.flow import Flow, casadi
+from slosh_plan.planning.interval import LIMITS, LIQUID, StateLayout
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never

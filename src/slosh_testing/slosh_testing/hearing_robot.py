@@ -1,0 +1,58 @@
+"""A robot's node that hears the estimator, and plays no faster than its estimates follow."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_msgs.msg import SloshEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_testing.graph import Graph
+
+BEHIND_NS = SECOND // 2
+"""How far the estimates may be behind what is played [ns]."""
+DELAY_NS = SECOND // 4
+"""How far the last of them is behind at most: half a window of the filter [ns]."""
+
+
+class HearingRobot(Graph):
+    """Speaks on a robot's topics.
+
+    Args:
+        name: of its node.
+
+    Attributes:
+        estimates: what has come.
+        health: last sentence and facts of each node.
+    """
+
+    def __init__(self, name: str = "robot") -> None:
+        super().__init__(name, "/slosh", SingleThreadedExecutor())
+        self.estimates: list[SloshEstimate] = self.listen(SloshEstimate, topics.ESTIMATE)
+        self.health: dict[str, tuple[str, dict[str, str]]] = {}
+        self.node.create_subscription(
+            DiagnosticArray, topics.DIAGNOSTICS, self._take, qos.DIAGNOSTICS
+        )
+
+    def _take(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            self.health[status.name.rpartition("/")[2]] = status.message, values
+
+    @property
+    def newest_ns(self) -> int:
+        """Stamp of the newest estimate [ns]; 0: none has come."""
+        return to_nanoseconds(self.estimates[-1].header.stamp) if self.estimates else 0
+
+    def pace(self, number: int, stamp_ns: int) -> None:
+        """Waits, now and then, until the estimates follow the message of a stamp [ns]."""
+        if number % 10 == 0 and self.estimates:
+            self.until(lambda: self.newest_ns >= stamp_ns - BEHIND_NS, "the estimates to follow")
+        else:
+            self.executor.spin_once(timeout_sec=0.002)
+
+    def finish(self, stamp_ns: int) -> None:
+        """Waits for the estimate of the last message, of a stamp [ns]."""
+        self.until(lambda: self.newest_ns > stamp_ns - DELAY_NS, "the last one")
