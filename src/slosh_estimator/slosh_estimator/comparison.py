@@ -86,6 +86,7 @@ class MeasuredPoint(NamedTuple):
         flags: of FreeSurface.msg.
         wave: the wave as a vector [m], and
         axis: the image plane's right, of side views [rad]; see `azimuth.measured_waves`.
+        level: mean height at the left and right edge [m]; NaN: unknown.
     """
 
     stamp_ns: int
@@ -94,6 +95,7 @@ class MeasuredPoint(NamedTuple):
     flags: int = 0
     wave: complex = complex(math.nan, math.nan)
     axis: float = math.nan
+    level: float = math.nan
 
 
 class Waiting(NamedTuple):

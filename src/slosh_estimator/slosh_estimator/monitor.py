@@ -22,6 +22,7 @@ from slosh_estimator.comparison import (
     MeasuredPoint,
     Waiting,
 )
+from slosh_estimator.level_watch import LevelWatch
 from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.repeated_heights import RepeatedHeights
@@ -46,6 +47,7 @@ MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
 _NEVER = 2**63
 _TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
+_NO_CONTAINER = int(EstimateFlag.NO_CONTAINER)
 HEARTBEAT = 3
 """After so many looks at the clock without a comparison one says what holds."""
 
@@ -64,7 +66,10 @@ class Monitor:
     Without a camera, by its settings, the estimate alone is watched, and each look at the clock
     gives a comparison of it with nothing.
 
+    While the estimates say that the gripper is empty nothing is watched, and nothing is missed.
+
     Attributes:
+        level: whether the camera sees the level that the fill height tells.
         motions: how well motion by motion agrees, where the estimates' acceleration is known.
         obstruction: why nothing that comes can be believed, as the user of this object knows;
             empty: no reason is known.
@@ -87,7 +92,7 @@ class Monitor:
         self._started_at: int | None = None
         self._last_measured = self._last_estimate_msh = NAN
         self._measured_stamp = 0
-        self._sight = Sight(settings.timeout)
+        self._sight, self.level = Sight(settings.timeout), LevelWatch()
         self._pictures, self._strays = RepeatedHeights(), StrayHeights()
         self._met = False  # a measurement was compared since the last look at the clock
         self._silent_looks = 0
@@ -115,6 +120,7 @@ class Monitor:
             stamp_ns = self._newest_stamp()
         self.settings = settings
         self._sight.timeout = settings.timeout
+        self.level.forget()
         self.motions.watch(settings.disagreement_limit)
         for source, limit in settings.limits.items():
             self._changes[source].append(
@@ -141,6 +147,9 @@ class Monitor:
         self._drop_old(point.stamp_ns)
         self._last_estimate_msh = point.nonlinear
         self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        if self.vacant:
+            for source in Source:
+                self._close(source, point.stamp_ns, "no container")
         found = list(self._ready(arrival_ns)) if self._waiting else []
         if point.acceleration is not None:
             self.motions.add_acceleration(point.stamp_ns, point.acceleration)
@@ -175,7 +184,8 @@ class Monitor:
         height = point.msh if usable else NAN
         point = point._replace(msh=height)
         self._last_measured, self._measured_stamp = height, point.stamp_ns
-        self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
+        if not self.vacant:
+            self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
         self._waiting.append(Waiting(point, arrival_ns))
         if len(self._waiting) > MAXIMUM_WAITING:
             self._waiting.popleft()
@@ -244,6 +254,8 @@ class Monitor:
 
     def blindness(self, now_ns: int) -> str:
         """Why nothing could be compared for too long, though both sides speak; empty: it could."""
+        if self.vacant:
+            return ""
         if self.standstill or self.obstruction:
             return self.standstill or self.obstruction
         blindness = self._sight.blindness(now_ns)
@@ -259,12 +271,14 @@ class Monitor:
             return Condition.STALE
         if self.blindness(now_ns):
             return Condition.BLIND
+        if self.vacant:
+            return Condition.OK
         share = self.settings.warn_share
         near = (
             self._last_measured > share * self._trackers[Source.MEASURED].limit
             or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
         )
-        warned = near or self.too_slow or self.motions.warning
+        warned = near or self.too_slow or self.motions.warning or self.level.text
         return Condition.WARN if warned else Condition.OK
 
     @property
@@ -276,6 +290,11 @@ class Monitor:
             if tracker.active and tracker.at_rim
         ]
         return f"the liquid is above the {above[0]}" if above else ""
+
+    @property
+    def vacant(self) -> bool:
+        """Whether the gripper is empty, as the newest estimate says."""
+        return bool(self._estimates) and self._estimates[-1].flags & _NO_CONTAINER != 0
 
     @property
     def too_slow(self) -> bool:
@@ -320,6 +339,8 @@ class Monitor:
         if self._waiting or self._changes[Source.ESTIMATED] or not self._estimates:
             return False
         follow = points[first].stamp_ns > self._estimates[-1].stamp_ns
+        if points[-1].flags & _NO_CONTAINER and any(t.active for t in self._trackers.values()):
+            return False
         heights = (point.nonlinear for point in points[first:])
         return follow and self._trackers[Source.ESTIMATED].ignores(heights)
 
@@ -433,6 +454,7 @@ class Monitor:
                 measured = measured._replace(flags=measured.flags | FROZEN)
             if self._strays.look(measured, expected):
                 measured = measured._replace(flags=measured.flags | AMBIGUOUS)
+            self.level.look(measured, expected)
             found = obstacle(measured.msh, measured.flags, nonlinear, flags)
             self._sight.look(now_ns, found)
             if not found:

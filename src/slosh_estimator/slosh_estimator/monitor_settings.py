@@ -13,6 +13,8 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Hysteresis, Source
 from slosh_model.model import Model
 
+HEIGHT_LIMITS = ("measured_limit", "estimated_limit")
+"""Names of the limits that a container's own limit takes the place of."""
 RIM = "rim"
 """Name of the rim's height among the recorded settings of the monitor."""
 

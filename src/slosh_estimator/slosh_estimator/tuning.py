@@ -73,6 +73,11 @@ class EstimatorTuning:
     highest: float = number(10.0, "m", "largest height that is believed")
     clocks_apart: float = number(2.0, "s", "distance of stamps at which two clocks differ")
     clock_stands: float = number(0.8, "s", "time without a step after which a clock stands")
+    # level_watch.py
+    level_window_ns: int = number(5 * SECOND // 4, "ns", "time at rest over which a level is seen")
+    level_least: int = number(5, "1", "fewest images of it")
+    level_noise: float = number(3.0, "σ", "difference of a level that is off")
+    least_level: float = number(5e-4, "m", "the same at least: what a calibration leaves")
     # prediction_record.py
     early_ns: int = number(SECOND // 2, "ns", "time by which a motion may begin early")
     late: float = number(1.0, "s", "time by which it may begin late")

@@ -44,5 +44,7 @@ PLANNED_IN: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
 """To read trajectories: too large for best effort, and whoever plans publishes reliable."""
 EVENT: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 100)
 """Events and latched facts, both ends: a late joiner receives the latest ones."""
+LATEST: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 1)
+"""A latched fact of which the newest alone counts, both ends."""
 DIAGNOSTICS: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
 """/diagnostics, as its usual publishers and viewers have it."""

@@ -29,6 +29,8 @@ EXPECTED_READING: Final = "expected_reading"
 """Of models with effects on the measurement, beside each estimate."""
 ESTIMATOR_STATE: Final = "estimator_state"
 """What the estimator's next answers depend on, some times a second."""
+CONTAINER: Final = "container"
+"""What the gripper holds; latched."""
 COMPARISON: Final = "comparison"
 LIMIT_EVENT: Final = "limit_event"
 SETTINGS: Final = "settings"
@@ -52,6 +54,7 @@ PREDICT: Final = "predict"
 PLAN: Final = "plan"
 PLAN_MOTION: Final = "plan_motion"
 """The action: what `plan` does, with feedback and an end at any time."""
+CHANGE_CONTAINER: Final = "change_container"
 LOAD_MODEL: Final = "load_model"
 RESET: Final = "reset"
 MONITOR_RESET: Final = f"monitor/{RESET}"
@@ -141,6 +144,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
+    Topic(CONTAINER, "slosh_msgs/msg/ContainerChange", _ANSWER, latched=True),
     Topic(COMPARISON, "slosh_msgs/msg/SloshComparison", _ANSWER, remappable=True, page=True),
     Topic(
         LIMIT_EVENT, "slosh_msgs/msg/LimitEvent", _ANSWER,
@@ -167,6 +171,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", _INPUT, remappable=True, latched=True),
 )  # fmt: skip
 SERVICES: tuple[Service, ...] = (
+    Service(CHANGE_CONTAINER, "slosh_msgs/srv/ChangeContainer", remappable=True),
     Service(LOAD_MODEL, "slosh_msgs/srv/LoadModel", remappable=True),
     Service(RESET, "std_srvs/srv/Trigger", remappable=True),
     Service(MONITOR_RESET, "std_srvs/srv/Trigger", remappable=True),

@@ -13,6 +13,7 @@ from slosh_bag.definitions import Definitions
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
+from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
@@ -73,6 +74,7 @@ class LiveBag:
         idle: indices of inputs before which an estimator process begins and ends; the next one,
             which takes that input first, does not take the liquid for still.
         loads: model texts by the index of the first input that they apply to.
+        holds: what the gripper holds by the index of the first input that it applies to.
         changes: changed input parameters by the index of the first input that they apply to.
         gaps: in the inputs of the last estimator process that was written.
         camera_gap: from and to which moment there are no images [s].
@@ -101,6 +103,7 @@ class LiveBag:
         self.restarts: Collection[int] = ()
         self.idle: Collection[int] = ()
         self.loads: dict[int, str] = {}
+        self.holds: dict[int, HeldContainer] = {}
         self.changes: dict[int, dict[str, float]] = {}
         self.gaps = 0
         self.camera_gap = (0.0, 0.0)
@@ -186,6 +189,12 @@ class LiveBag:
             source.sampling.carry(modes_of(estimator.model))
             files = {"model": format_model(estimator.model)}
             self._settings("estimator", before, files, stamp - 1)
+        if index in self.holds:
+            held = self.holds[index]
+            estimator.load_model(held.model, fresh=held.fresh, empty=held.empty)
+            source.sampling.carry(modes_of(estimator.model))
+            files = {"model": format_model(held.model)}
+            self._settings("estimator", before, files, stamp - 1, **held.recorded)
         if index in self.changes:
             own = {"max_jump": GateSettings().max_jump, **self.changes[index]}
             source.gate.change(GateSettings(**own))

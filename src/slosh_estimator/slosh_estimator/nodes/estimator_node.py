@@ -6,6 +6,7 @@ import sys
 import time
 from collections import ChainMap
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from threading import Event
 from typing import Any
@@ -16,10 +17,12 @@ from std_srvs.srv import Trigger
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
+from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import (
     JOINTS,
     MESSAGE_TYPES,
@@ -30,6 +33,7 @@ from slosh_estimator.inputs import (
     AnyInput,
     InputSettings,
 )
+from slosh_estimator.nodes.container_changes import ContainerChanges
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading
 from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
@@ -60,6 +64,9 @@ _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec(
+        "containers", "", "folder of model files NAME.yaml for change_container; empty: none"
+    ),
     ParameterSpec("input", "accel", "input that drives the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
@@ -139,7 +146,8 @@ class EstimatorNode(PreparedNode):
         self._kind = values["input"]
         names = (TOPIC_NAMES[self._kind], topics.ESTIMATE)
         self._given: dict[str, Any] = {}  # by fixed transforms
-        self._known = ChainMap(self._given, values)
+        self._container: dict[str, Any] = {}  # by `change_container`
+        self._known = ChainMap(self._container, self._given, values)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), self._known, names
         )
@@ -210,6 +218,10 @@ class EstimatorNode(PreparedNode):
         self._set_names()
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
+        self._changes = ContainerChanges(
+            self, self._model, self._values["containers"],
+            lambda: self._input.gate.last_ns or self._now(), self._take,
+        )  # fmt: skip
         self._announce_start()
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
@@ -222,7 +234,9 @@ class EstimatorNode(PreparedNode):
         name = TOPIC_NAMES[self._kind]
         self._input_health = InputHealth(self, name, MESSAGE_TYPES[self._kind])
         how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
-        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
+        self._heard = HeardInput(
+            self, self._kind, how, self._now, self._answer, self._mount, self._reach
+        )
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
         """Takes what fixed transforms say of the mounting; nothing was used before."""
@@ -238,6 +252,11 @@ class EstimatorNode(PreparedNode):
         if self._ros_time_is_active():
             return int(self.get_clock().now().nanoseconds)
         return time.time_ns()
+
+    def _reach(self, stamp_ns: int) -> None:
+        """Takes what the gripper holds from a moment on, before the first input behind it."""
+        if stamp_ns - self._now() <= self._values["max_age"] * SECOND:
+            self._changes.reach(stamp_ns)
 
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
@@ -267,18 +286,24 @@ class EstimatorNode(PreparedNode):
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
 
+    def _take(self, held: HeldContainer) -> int:
+        """Goes on with what the gripper holds from the next input on; the last stamp before it."""
+        self._estimator.load_model(self._felt(held.model), fresh=held.fresh, empty=held.empty)
+        self._container.update(held.recorded)
+        self._announce_start()
+        self._container.update(replace(held, fresh=False).recorded)  # of this start alone
+        self._set_names()
+        self._input.sampling.carry(modes_of(self._estimator.model))
+        return self._input.gate.last_ns or 0
+
     def _on_load_model(
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
         try:
-            model = requested_model(request, self.get_logger().warning)
-            self._estimator.load_model(self._felt(model))
-            self._announce_start()
+            self._changes.load(requested_model(request, self.get_logger().warning))
         except ValueError as error:
             response.success, response.message = False, str(error)
         else:
-            self._set_names()
-            self._input.sampling.carry(modes_of(self._estimator.model))
             remark = "".join(f"; {line}" for line in (self._unfelt, self._added) if line)
             response.success = True
             response.message = f"loaded; the models start from rest{remark}"
@@ -330,7 +355,11 @@ class EstimatorNode(PreparedNode):
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
-        if flags & ~EstimateFlag.LINEAR_ONLY:  # that one is the container's shape, no trouble
+        if self._estimator.empty:
+            return OK, "no container: the gripper is empty"
+        if flags & ~(
+            EstimateFlag.LINEAR_ONLY | EstimateFlag.NO_CONTAINER
+        ):  # that one is the container's shape, no trouble
             return WARN, f"validity flags {flags:#x}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
 
@@ -346,6 +375,7 @@ class EstimatorNode(PreparedNode):
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
+            **self._changes.facts(),
         }
 
 

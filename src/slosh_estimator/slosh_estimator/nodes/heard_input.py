@@ -56,6 +56,7 @@ class HeardInput:
         now: the time [ns].
         answer: is called with each message's stamp and samples.
         mounted: is told the parameters that fixed transforms give, before the first sample.
+        before: is told the stamp of each input before it is read [ns].
 
     Attributes:
         source: what turns messages into samples.
@@ -76,9 +77,10 @@ class HeardInput:
         now: Callable[[], int],
         answer: Answer,
         mounted: Callable[[Mapping[str, Any]], InputSettings],
+        before: Callable[[int], None],
     ) -> None:
         self._node, self._kind, self._now, self._answer = node, kind, now, answer
-        self._settings, self._mounted = settings, mounted
+        self._settings, self._mounted, self._before = settings, mounted, before
         self._fixed, self._first = FixedFrames(), 0.0
         self._decided, self._unconnected = kind not in MOUNTED, ""
         self._world = settings.frames[0]
@@ -207,6 +209,7 @@ class HeardInput:
             return
         assert isinstance(self.source, AccelInput)
         stamp = to_nanoseconds(header.stamp)
+        self._before(stamp)
         found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
         self._answer(stamp, found)
 
@@ -215,6 +218,7 @@ class HeardInput:
             return
         assert isinstance(self.source, ImuInput)
         stamp, force, rate = imu_sample(message)
+        self._before(stamp)
         self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
 
     def _on_pose(self, message: Any) -> None:
@@ -242,6 +246,7 @@ class HeardInput:
         assert isinstance(self.source, VelocityInput)
         v, w = twist.linear, twist.angular
         stamp = to_nanoseconds(message.header.stamp)
+        self._before(stamp)
         found = Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), attitude, frame)
         self._answer(stamp, *self.source.update_twist(found, self._now()))
 
@@ -259,6 +264,7 @@ class HeardInput:
     def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
         assert isinstance(self.source, PoseInput)
         for stamp, position, quaternion in poses:
+            self._before(stamp)
             found: list[Sample] = self.source.update(
                 stamp, position, quaternion, self._now(), frame
             )

@@ -88,6 +88,11 @@ class MonitorHealth:
             return WARN, f"WARN: {TOO_SLOW}; see the estimator's diagnostics"
         if condition is Condition.WARN and disagreement:
             return WARN, disagreement
+        if self._core.vacant and condition is Condition.OK:
+            return OK, "OK: the gripper is empty"
+        level = self._core.level.text
+        if condition is Condition.WARN and level:
+            return WARN, f"WARN: {level}"
         alone = "" if self._core.settings.camera else "; no camera configured"
         if condition is not Condition.OK:
             level = ERROR if condition is Condition.ERROR else WARN

@@ -21,7 +21,7 @@ from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
-from slosh_estimator.monitor_settings import RIM, MonitorSettings
+from slosh_estimator.monitor_settings import HEIGHT_LIMITS, RIM, MonitorSettings
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_estimator.readings import Reading, ReadingJoiner
@@ -29,6 +29,7 @@ from slosh_estimator.sight import ClockWatch
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs.msg import (
+    ContainerChange,
     ExpectedReading,
     FreeSurface,
     LimitEvent,
@@ -108,11 +109,13 @@ class MonitorNode(GuardedNode):
             self.create_subscription(
                 FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
             )
+        self.create_subscription(ContainerChange, topics.CONTAINER, self._on_container, qos.LATEST)
         self.create_subscription(NodeSettings, topics.SETTINGS, self._on_settings, qos.EVENT)
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._judge = MonitorHealth(self, self._core)
         self._predictions = PredictionWatch(self, self._frame)
         self._measured = 0
+        self._level_off = False
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
@@ -129,6 +132,28 @@ class MonitorNode(GuardedNode):
         if self._rim.get(RIM) != wanted.rim and (self._rim or math.isfinite(wanted.rim)):
             self._rim[RIM] = wanted.rim
             self._on_change((RIM,))
+
+    def _on_container(self, message: ContainerChange) -> None:
+        """Watches the limits of another container in later data."""
+        try:
+            model = parse_model(message.model, topics.CONTAINER) if message.model else None
+        except ValueError as error:
+            self.get_logger().error(f"{topics.CONTAINER}: not followed: {error}")
+            return
+        before = dict(self._rim)
+        self._rim.clear()
+        if message.present and message.limit > 0.0:
+            self._rim.update(dict.fromkeys(HEIGHT_LIMITS, message.limit))
+        rim = before.get(RIM, math.nan)
+        if model is not None:
+            rim = self._core.settings.under_rim(model).rim
+        if RIM in before or math.isfinite(rim):
+            self._rim[RIM] = rim
+        if self._rim != before or model is not None:
+            stamp_ns = to_nanoseconds(message.header.stamp)
+            wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
+            self._core.change_settings(wanted, stamp_ns or None)
+            self._settings.publish_change(tuple({**before, **self._rim}), stamp_ns)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.counts["estimate"] += 1
@@ -161,8 +186,12 @@ class MonitorNode(GuardedNode):
         self._measured += 1
         stamp_ns = to_nanoseconds(message.header.stamp)
         fields = (getattr(message, name) for name in Surfaces._fields)
-        (wave,), (axis,) = (column.tolist() for column in measured_waves(Surfaces(*fields)))
-        point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis)
+        surfaces = Surfaces(*fields)
+        (wave,), (axis,) = (column.tolist() for column in measured_waves(surfaces))
+        point = MeasuredPoint(
+            stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis,
+            float(surfaces.levels),
+        )  # fmt: skip
         self._publish(self._core.add_measurement(point, self._arrival()))
 
     def _on_check(self) -> None:
@@ -173,6 +202,10 @@ class MonitorNode(GuardedNode):
             else ""
         )
         self._publish(self._core.check(self._arrival()))
+        level = bool(self._core.level.text)
+        if level and not self._level_off:
+            self.get_logger().warning(self._core.level.text)
+        self._level_off = level
         for motion in self._core.motions.take_finished():
             self._predictions.judge(motion)
             if motion.disagrees:

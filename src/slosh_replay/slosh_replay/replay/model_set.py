@@ -69,8 +69,10 @@ class ModelSet:
         return self._own.names
 
     def restart(self, *, at_rest: bool = True) -> None:
-        """A new estimator with the same model."""
+        """A new estimator with the same model; an empty gripper stays so."""
+        empty = self._own.empty
         self._begin(self.model, at_rest=at_rest)
+        self._own.empty = self._twin.empty = empty
 
     def take_up(self, state: EstimatorState) -> None:
         """Goes on from a state of the live estimator.
@@ -84,10 +86,17 @@ class ModelSet:
         self._own.take_up(state)
         self._twin.take_up(state)
 
-    def load_model(self, model: Model) -> None:
-        """Replaces the model, as the node's service does; the same one: as its reset does."""
-        self._own.load_model(model)
-        self._twin.load_model(_twin(model))
+    def load_model(self, model: Model, *, fresh: bool = False, empty: bool = False) -> None:
+        """Replaces the model, as the node's services do; the same one: as its reset does.
+
+        See `Estimator.load_model`.
+        """
+        self._own.load_model(model, fresh=fresh, empty=empty)
+        self._twin.load_model(_twin(model), fresh=fresh, empty=empty)
+
+    def empty(self) -> None:
+        """There is no container at first."""
+        self._own.empty = self._twin.empty = True
 
     def update_many(self, samples: Samples) -> ModelSetEstimates:
         """Takes samples."""

@@ -210,6 +210,7 @@ def _images(measured: Measurements) -> list[MeasuredPoint]:
     ]  # fmt: skip
     if measured.waves is not None and measured.axes is not None:
         columns += [measured.waves, measured.axes]
+        columns += [] if measured.levels is None else [measured.levels]
     rows: Any = zip(*(column.tolist() for column in columns), strict=True)
     return [MeasuredPoint(*row) for row in rows]
 

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Integers
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.held_container import empty_and_fresh
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sampling import modes_of
 from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
-from slosh_replay.recording.settings import NodeStart, model_of, starts_at_rest
+from slosh_replay.recording.settings import NodeStart, first, model_of, starts_at_rest
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.input_matching import Decision
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
@@ -43,6 +44,9 @@ class ReplayedEstimator:
         self._inputs: list[Messages] = []
         self._heights: list[ModelHeights] = []
         self._given: list[Messages] = []
+        started = first(setting.starts, "estimator")
+        if started is not None and empty_and_fresh(started.parameters)[0]:
+            self.models.empty()
         setting.reader.carry(modes_of(setting.model))
         setting.outputs.begin(self.models.own_names)
 
@@ -144,7 +148,8 @@ class ReplayedEstimator:
 
     def _load(self, change: NodeStart) -> None:
         model = model_of(change)
-        self.models.load_model(model)
+        empty, fresh = empty_and_fresh(change.parameters)
+        self.models.load_model(model, fresh=fresh, empty=empty)
         self.setting.reader.carry(modes_of(model))
         self.setting.outputs.begin(self.models.own_names)
 
