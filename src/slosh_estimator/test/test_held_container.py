@@ -39,7 +39,8 @@ def test_another_container_and_one_that_comes_back_bring_other_liquid():
     assert START.changed(name="mug", model=MUG).fresh
     assert not START.changed(name="cup", model=CUP, fill_height=0.05).fresh
     empty = START.changed(empty=True)
-    assert empty.empty and not empty.fresh
+    assert empty.empty
+    assert not empty.fresh
     again = empty.changed(fill_height=0.05)
     assert (again.empty, again.fresh, again.name) == (False, True, "cup")
 
@@ -86,7 +87,8 @@ def test_an_empty_gripper_has_no_height_and_says_so():
     estimator.load_model(CUP, empty=True)
     estimate = shaken(estimator, 100, 10, 2.0)
     assert estimate.flags == EstimateFlag.NO_CONTAINER
-    assert math.isnan(estimate.nonlinear.msh) and math.isnan(estimate.linear.reading)
+    assert math.isnan(estimate.nonlinear.msh)
+    assert math.isnan(estimate.linear.reading)
     assert all(map(math.isnan, estimate.nonlinear.modal))
     assert math.isfinite(estimate.jerk)
 
@@ -102,7 +104,8 @@ def test_one_by_one_and_together_an_empty_gripper_gives_the_same_bits():
         Samples(stamps, accelerations, np.zeros(300), np.zeros(300, dtype=bool))
     )
     last = [one.update(Sample(int(t), a, 0.0, 0.0, 0.0)) for t, a in zip(stamps, ax, strict=True)]
-    assert np.isnan(together.heights).all() and np.isnan(together.modal).all()
+    assert np.isnan(together.heights).all()
+    assert np.isnan(together.modal).all()
     assert together.flags.tolist() == [estimate.flags for estimate in last]
     assert together.jerk.tolist() == [estimate.jerk for estimate in last]
 
@@ -144,7 +147,8 @@ def test_nothing_is_watched_and_nothing_missed_while_the_gripper_is_empty():
         if k % 100 == 0:
             monitor.check(k * MS)
     (ended,) = monitor.take_events()
-    assert ended.kind is Kind.END and "no container" in ended.description
+    assert ended.kind is Kind.END
+    assert "no container" in ended.description
     assert monitor.condition(1500 * MS) is Condition.OK
     assert monitor.blindness(1500 * MS) == ""
     assert monitor.nonlinear.count == 0

@@ -120,9 +120,10 @@ class ContainerChanges:
     def _answer(self, request: ChangeContainer.Request) -> str:
         after_ns, now_ns = to_nanoseconds(request.stamp), self._now()
         if after_ns > now_ns + FARTHEST_NS:
+            at, ahead = after_ns * 1e-9, (after_ns - now_ns) * 1e-9
             raise SloshEstimatorError(
-                f"stamp {after_ns * 1e-9:.3f} s is {(after_ns - now_ns) * 1e-9:.0f} s ahead of the "
-                "inputs' stamps: give it by their clock"
+                f"stamp {at:.3f} s is {ahead:.0f} s ahead of the inputs' stamps: give "
+                "it by their clock"
             )
         before = [one.held for one in self._waiting if one.after_ns <= after_ns]
         held = self._requested(request, [self.held, *before][-1])
