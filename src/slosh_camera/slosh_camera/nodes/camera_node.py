@@ -167,7 +167,7 @@ class CameraNode(PreparedNode):
         measured, self._reported = self._images - self._reported, self._images
         dropped, self._dropped = self._input.dropped - self._dropped, self._input.dropped
         recent, self._recent = self._recent, Flag.NONE
-        level = self._levels.report(measured)
+        level = self._levels.report(measured, told=self._looking.is_told)
         self._contested = self._rivals.look()
         if not measured:
             return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
@@ -271,21 +271,28 @@ class LevelChanges:
         if Flag.LEVEL_CHANGED in measurement.flags:
             self._changes.append((measurement.level_change, measurement.level_change_stddev))
 
-    def report(self, images: int) -> str:
+    def report(self, images: int, *, told: bool = False) -> str:
         """One line, empty where fewer than half of the images show a change; starts anew.
 
         Args:
             images: how many there were since the last report.
+            told: whether the level is that of a fill height that was told, not of a still image.
         """
         changes, self._changes = self._changes, []
         if 2 * len(changes) <= images:
             return ""
         level, stddev = (statistics.median(part) for part in zip(*changes, strict=True))
+        size = f"{1e3 * level:+.1f} ± {max(1e3 * stddev, 0.1):.1f} mm"
+        seen = f"({len(changes)} of {images} images)"
+        if told:
+            return (
+                f"the liquid's level is {size} from the fill height that was told {seen}: check "
+                "the fill height, and which container it is"
+            )
         return (
-            f"the liquid's level has changed by {1e3 * level:+.1f} ± "
-            f"{max(1e3 * stddev, 0.1):.1f} mm since the still image ({len(changes)} of "
-            f"{images} images): heights refer to the old level; record a new still image and "
-            "correct the fill height of camera and model"
+            f"the liquid's level has changed by {size} since the still image {seen}: heights "
+            "refer to the old level; record a new still image and correct the fill height of "
+            "camera and model"
         )
 
 

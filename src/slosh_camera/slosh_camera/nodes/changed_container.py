@@ -70,6 +70,11 @@ class FollowingDetector:
         return self._now.detector.update(stamp_ns, image)
 
     @property
+    def is_told(self) -> bool:
+        """Whether the level is that of a fill height that was told, not the calibrated one."""
+        return self._now.detector is not self._start.detector
+
+    @property
     def why_not(self) -> tuple[str, bool]:
         """Why nothing can be measured, empty where it can, and whether that is a fault."""
         return self._now.why_not, self._now.wrong
