@@ -170,14 +170,18 @@ def test_a_level_that_contradicts_the_fill_is_told_within_two_seconds(level, off
 
 
 def test_a_level_is_judged_at_rest_and_by_clear_images_alone():
-    watch = LevelWatch()
-    seen(watch, 2.0, 4e-3, wave=2e-3)  # in motion
-    seen(watch, 2.0, 4e-3, flags=512, begin=2.0)  # AMBIGUOUS
-    assert not watch.text
-    seen(watch, 2.0, 4e-3, begin=4.0)
-    assert watch.text
-    seen(watch, 2.0, 0.0, begin=6.0)
-    assert not watch.text
+    watch, told = LevelWatch(), []
+    for begin, given in enumerate(
+        (
+            {"level": 4e-3, "wave": 2e-3},  # in motion
+            {"level": 4e-3, "flags": 512},  # AMBIGUOUS
+            {"level": 4e-3},
+            {"level": 0.0},
+        )
+    ):
+        seen(watch, 2.0, begin=2.0 * begin, **given)
+        told.append(bool(watch.text))
+    assert told == [False, False, True, False]
 
 
 def test_the_monitor_warns_of_the_level_until_the_fill_is_told():

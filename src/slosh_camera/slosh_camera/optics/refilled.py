@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from slosh_camera.optics.calibration import AnyCalibration, Calibration
+from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
 from slosh_camera.optics.pose import Pose
 from slosh_model.containers import Container, Cylinder, Rectangle
 
@@ -27,40 +27,46 @@ def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibratio
     Raises:
         SloshCameraError: the camera cannot see that container from there.
     """
-    view = calibration.view
-    rise = container.fill_height - _filled(calibration)
-    pose = Pose(view.pose.rotation, view.pose.translation + rise * view.pose.rotation[:, 2])
-    heights = {"fill_height": container.fill_height}
-    if container.rim_height is not None:
-        heights["rim_height"] = container.rim_height
     if isinstance(calibration, Calibration):
         cup = calibration.view.cup
         radius = container.radius if isinstance(container, Cylinder) else cup.radius
-        changed_cup = replace(cup, radius=radius, **_rimmed(heights, cup.rim_height))
+        changed_cup = replace(
+            cup, radius=radius, fill_height=container.fill_height,
+            rim_height=_rim(container, cup.rim_height),
+        )  # fmt: skip
         if changed_cup == cup:
             return calibration
+        pose = _risen(calibration.view.pose, container.fill_height - cup.fill_height)
         seen = replace(calibration.view, pose=pose, cup=changed_cup)
-        return replace(calibration, view=seen, still_image=None)
+        return Calibration(
+            seen, calibration.camera_name, calibration.region, calibration.detection
+        )
+    assert isinstance(calibration, SideCalibration)
     box = calibration.view.box
-    sides: dict[str, float] = {}
+    width, depth = box.width, box.depth
     if isinstance(container, Rectangle):
-        sides = {"width": container.width}
-        sides |= {"depth": container.depth} if box.depth and container.depth else {}
-    changed_box = replace(box, **sides, **_rimmed(heights, box.rim_height))
+        width, depth = container.width, depth and container.depth
+    changed_box = replace(
+        box, width=width, depth=depth, fill_height=container.fill_height,
+        rim_height=_rim(container, box.rim_height),
+    )  # fmt: skip
     if changed_box == box:
         return calibration
+    pose = _risen(calibration.view.pose, container.fill_height - box.fill_height)
     side = replace(calibration.view, pose=pose, box=changed_box)
-    return replace(calibration, view=side, still_image=None)
+    return SideCalibration(
+        side, calibration.camera_name, calibration.region, calibration.detection
+    )
 
 
-def _filled(calibration: AnyCalibration) -> float:
-    if isinstance(calibration, Calibration):
-        return calibration.view.cup.fill_height
-    return calibration.view.box.fill_height
+def _risen(pose: Pose, rise: float) -> Pose:
+    """The pose of a frame whose origin lies higher along its own axis [m]."""
+    return Pose(pose.rotation, pose.translation + rise * pose.rotation[:, 2])
 
 
-def _rimmed(heights: dict[str, float], rim: float | None) -> dict[str, float | None]:
-    """The heights, with no rim where the calibrated one would lie below the liquid."""
-    if "rim_height" in heights or rim is None or rim > heights["fill_height"]:
-        return dict(heights)
-    return {**heights, "rim_height": None}
+def _rim(container: Container, calibrated: float | None) -> float | None:
+    """The container's rim, else the calibrated one if that lies above the liquid [m]."""
+    if container.rim_height is not None:
+        return container.rim_height
+    above = calibrated is not None and calibrated > container.fill_height
+    return calibrated if above else None
