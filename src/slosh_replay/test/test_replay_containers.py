@@ -7,6 +7,7 @@ from slosh_bag.reader import BagReader
 from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.model_text import parse_model
+from slosh_model.tray import Tray, TrayContainer
 from slosh_replay.replay import replay_bag
 from slosh_testing.live_bag import MODEL, LiveBag
 
@@ -47,3 +48,47 @@ def test_the_estimates_say_when_the_gripper_was_empty_and_what_is_unknown(tmp_pa
     settling = (flags & EstimateFlag.SETTLING) != 0
     assert not settling[:1300].any()  # refilled at rest
     assert settling[1300:].all()  # picked up in motion
+
+
+@pytest.mark.parametrize("kind", ["imu", "pose"])
+def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
+    """Of each container; a start in the middle knows the first alone, and compares no other."""
+    names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
+    models = (MODEL.feeling_gravity(), MUG.feeling_gravity(), MODEL.feeling_gravity())
+    tray = Tray(tuple(map(TrayContainer, names, models, places)))
+    live = LiveBag(kind)
+    live.tray, live.model, live.states, live.restarts = tray, tray.first.model, True, [1500]
+    live.attitude = lambda index: (0.0, 0.0, np.sin(1e-3 * index), np.cos(1e-3 * index))
+    folder = live.write(tmp_path / "bag")
+    found = replay_bag(folder).verification
+    assert found.exact, found.lines()
+    reader = BagReader(folder)
+    estimate = reader.decode(list(reader.messages(["/slosh/estimate"]))[-1200])
+    assert len(set(estimate.container_msh.tolist())) == 3
+    live.restarts, live.unheard, live.unrecorded = (), range(700), range(700)
+    assert replay_bag(live.write(tmp_path / "late")).verification.exact
+
+
+def test_a_container_of_a_tray_that_is_another_one_is_found_out(tmp_path):
+    tray = Tray((TrayContainer("a", MODEL), TrayContainer("b", MUG)))
+    live = LiveBag("imu")
+    live.tray = tray
+    other = Tray((tray.first, TrayContainer("b", MUG.filled_to(0.04))))
+    entries = live.entries(3.0)
+    told = live.entries
+    live.entries = lambda seconds: (
+        [  # what the estimates are of, and what is told
+            (log, topic, kind, data)
+            for log, topic, kind, data in entries
+            if "settings" not in topic
+        ]
+        + settings_of(live, told, other)
+    )
+    found = replay_bag(live.write(tmp_path / "bag")).verification
+    assert not found.exact
+    assert "container_msh[1]" in found.largest
+
+
+def settings_of(live, entries, tray):
+    live.tray = tray
+    return [entry for entry in entries(3.0) if "settings" in entry[1]]

@@ -17,8 +17,10 @@ from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
+from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
+from slosh_model.tray import TRAY, Tray, format_tray
 
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.135}
@@ -89,6 +91,7 @@ class LiveBag:
         topics: those that are written; None: all.
         namespace: of the cell.
         facts: of the whole bag.
+        tray: whose first container the model is of; None: there is none.
         checks: whether the estimator checks its input; None: it is one of the time before.
         rotation: sensor_rotation of the estimator [rad].
         offset: what the input tells beyond what is true [m/s²].
@@ -119,6 +122,7 @@ class LiveBag:
         self.topics: Collection[str] | None = None
         self.namespace = "/slosh"
         self.facts: dict[str, str] = {}
+        self.tray: Tray | None = None
         self.checks: bool | None = None
         self.rotation = (0.0, 0.0, 0.0)
         self.offset = (0.0, 0.0, 0.0)
@@ -171,7 +175,8 @@ class LiveBag:
                     self._state(estimator, source, stamp)
                 if recorded:
                     lag = self.estimate_lag(index)
-                    self._estimate(estimator, estimate, source.gate, stamp + lag)
+                    others = self._others.update(sample, estimate) if self._others else None
+                    self._estimate(estimator, estimate, source.gate, stamp + lag, others)
             self.gaps = source.gate.gaps
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
@@ -223,6 +228,10 @@ class LiveBag:
 
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
         files = {"model": format_model(model)}
+        self._others = None
+        if self.tray is not None:
+            files[TRAY] = format_tray(self.tray)
+            self._others = TrayEstimator(self.tray, at_rest=at_rest)
         # A node whose parameters can change sets jumps aside, too.
         own = {"starts_at_rest": at_rest, "pose_window": self.pose_window}
         if self.changes:
@@ -283,8 +292,11 @@ class LiveBag:
             self._types["geometry_msgs/msg/Quaternion"](*attitude),
         )
 
-    def _estimate(self, estimator: Estimator, estimate, gate, log_ns: int) -> None:
-        models = []
+    def _estimate(
+        self, estimator: Estimator, estimate, gate, log_ns: int, others: TrayEstimate | None
+    ) -> None:
+        models, names = [], [] if self.tray is None else list(self.tray.names)
+        msh, azimuth, flags, worst = others or ((), (), (), 0)
         for name, state in zip(
             estimator.names, (estimate.linear, estimate.nonlinear), strict=True
         ):
@@ -299,6 +311,8 @@ class LiveBag:
             "estimate", sample.stamp_ns, log_ns, linear=models[0], nonlinear=models[1],
             acceleration=np.array(sample[1:4]), jerk=estimate.jerk, yaw=sample.yaw,
             flags=estimate.flags, samples_used=gate.used, samples_dropped=gate.dropped,
+            containers=names, container_msh=np.array(msh), container_azimuth=np.array(azimuth),
+            container_flags=np.array(flags, np.uint16), worst=worst,
         )  # fmt: skip
 
     def _state(self, estimator: Estimator, source, stamp: int) -> None:

@@ -43,6 +43,7 @@ class ContainerChanges:
         folder: of models by the containers' names; empty: there is none.
         now: the newest input's stamp, or the time before any input [ns].
         apply: makes a change take effect; returns the stamp of the last input before it [ns].
+        fixed: why nothing can change; empty: it can.
 
     Attributes:
         held: what the gripper holds.
@@ -55,7 +56,9 @@ class ContainerChanges:
         folder: str,
         now: Callable[[], int],
         apply: Callable[[HeldContainer], int],
+        fixed: str = "",
     ) -> None:
+        self._fixed = fixed
         self._node, self._folder, self._now, self._apply = node, folder, now, apply
         self.held = HeldContainer(start)
         self._waiting: list[_Waiting] = []
@@ -83,10 +86,16 @@ class ContainerChanges:
         """Replaces the model of what is held, as `load_model` does: neither name nor level change.
 
         Raises:
+            SloshEstimatorError: nothing can change.
             SloshModelError: the compiled code does not do what the model's equations say.
         """
+        self._refuse()
         held = self.held
         self._take(HeldContainer(model, held.name, held.empty, limit=held.limit))
+
+    def _refuse(self) -> None:
+        if self._fixed:
+            raise SloshEstimatorError(self._fixed)
 
     def _take(self, held: HeldContainer) -> None:
         last_ns = self._apply(held)
@@ -118,6 +127,7 @@ class ContainerChanges:
         return response
 
     def _answer(self, request: ChangeContainer.Request) -> str:
+        self._refuse()
         after_ns, now_ns = to_nanoseconds(request.stamp), self._now()
         if after_ns > now_ns + FARTHEST_NS:
             at, ahead = after_ns * 1e-9, (after_ns - now_ns) * 1e-9

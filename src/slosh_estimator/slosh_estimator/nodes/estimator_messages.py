@@ -11,6 +11,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
 from slosh_estimator.state import EstimatorState
+from slosh_estimator.tray_estimator import TrayEstimate
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -39,6 +40,14 @@ def fill(message: SloshEstimate, estimate: Estimate) -> None:
     acceleration[0], acceleration[1], acceleration[2] = sample.ax, sample.ay, sample.az
     message.jerk = estimate.jerk
     message.yaw = sample.yaw
+
+
+def fill_tray(message: SloshEstimate, tray: TrayEstimate) -> None:
+    """Writes what is estimated of a tray's containers."""
+    message.container_msh = array("d", tray.msh)
+    message.container_azimuth = array("d", tray.azimuth)
+    message.container_flags = array("H", tray.flags)
+    message.worst = tray.worst
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 import sys
 import time
 from collections import ChainMap
@@ -34,7 +36,7 @@ from slosh_estimator.inputs import (
     InputSettings,
 )
 from slosh_estimator.nodes.container_changes import ContainerChanges
-from slosh_estimator.nodes.estimator_messages import fill, fill_reading
+from slosh_estimator.nodes.estimator_messages import fill, fill_reading, fill_tray
 from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.requested_model import requested_model
@@ -43,9 +45,11 @@ from slosh_estimator.readings import has_readings
 from slosh_estimator.robot import Robot, read_urdf
 from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
+from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import TILT, Model
-from slosh_model.model_text import format_model, read_model
+from slosh_model.model_text import format_model
+from slosh_model.tray import TRAY, format_tray, read_tray
 from slosh_msgs.msg import ExpectedReading, SloshEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
@@ -58,12 +62,15 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
+TRAY_STAYS = "the cell carries a tray: its containers are those of the tray's file"
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
-    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec(
+        "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
+    ),
     ParameterSpec(
         "containers", "", "folder of model files NAME.yaml for change_container; empty: none"
     ),
@@ -138,7 +145,7 @@ class EstimatorNode(PreparedNode):
         )
         # Asked for each message: the clock's own property takes a lock each time.
         self._ros_time_is_active = self.get_clock().handle.get_ros_time_override_is_enabled
-        self._model = read_model(values["model"])
+        self._tray = read_tray(values["model"])
         self._message = SloshEstimate()
         self._reading = ExpectedReading()
         self._message.header.frame_id = values["container_frame"]
@@ -170,9 +177,9 @@ class EstimatorNode(PreparedNode):
             load_telling(progress, "slosh_estimator.pose_input")
         if self._kind == JOINTS:
             self._await_the_robot()
-        self._estimator = Estimator(
-            self._felt(self._model), at_rest=self._values["starts_at_rest"]
-        )
+        at_rest = self._values["starts_at_rest"]
+        self._estimator = Estimator(self._felt(self._tray.first.placed), at_rest=at_rest)
+        self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
 
     def _ask_for_the_robot(self) -> None:
         """Reads the robot's description, or subscribes to it."""
@@ -219,9 +226,12 @@ class EstimatorNode(PreparedNode):
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._changes = ContainerChanges(
-            self, self._model, self._values["containers"],
+            self, self._tray.first.model, self._values["containers"],
             lambda: self._input.gate.last_ns or self._now(), self._take,
+            TRAY_STAYS if self._tray.is_tray else "",
         )  # fmt: skip
+        if self._tray.is_tray:
+            self._message.containers = list(self._tray.names)
         self._announce_start()
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
@@ -277,6 +287,10 @@ class EstimatorNode(PreparedNode):
         self._message.flags = flags
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
+        if self._tray.is_tray:
+            tray = self._others.update(sample, estimate)
+            fill_tray(self._message, tray)
+            self._flags |= functools.reduce(operator.or_, tray.flags)
         if self._has_readings:
             late = self._estimator.reading_delay(sample.stamp_ns)
             fill_reading(self._reading, estimate, late)
@@ -312,6 +326,7 @@ class EstimatorNode(PreparedNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()
+        self._others.reset()
         self._announce_start()
         response.success, response.message = True, "the models start from rest"
         return response
@@ -319,6 +334,8 @@ class EstimatorNode(PreparedNode):
     def _announce_start(self) -> None:
         """Tells what the models work with from the next sample on, starting from rest."""
         files = {"model": format_model(self._estimator.model)}
+        if self._tray.is_tray:
+            files[TRAY] = format_tray(self._tray.of(self._felt))
         if self._urdf:
             files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
@@ -334,7 +351,9 @@ class EstimatorNode(PreparedNode):
         linear, nonlinear = self._estimator.names
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
-        self._unfelt = attitude_warning(self._estimator.model, self._kind)
+        others = (other.model for other in self._others.others)
+        unfelt = (attitude_warning(m, self._kind) for m in (self._estimator.model, *others))
+        self._unfelt = next(filter(None, unfelt), "")
 
     def _health(self) -> Health:
         fault = self._input_health.look(self._input.gate)

@@ -11,18 +11,25 @@ from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import ReplayedEstimator
-from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
+from slosh_replay.replay.verification import (
+    COMPARED,
+    ESTIMATED,
+    Messages,
+    estimate_fields,
+    tray_fields,
+)
 
 _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
 
 
-def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
+def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
     """The nodes, each below those whose topics it reads; a further node is a further row.
 
     Args:
         modes: of the recorded estimates.
+        containers: of a tray; 0: there is none.
     """
-    estimate = ("samples_used", *estimate_fields(modes))
+    estimate = ("samples_used", *estimate_fields(modes), *tray_fields(containers))
     return (
         ReplayedNode(
             "estimator",

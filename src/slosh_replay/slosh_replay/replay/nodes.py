@@ -11,6 +11,7 @@ from slosh_estimator.comparison import Comparison
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
+from slosh_model.tray import Tray
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.recording.settings import NodeStart
@@ -51,6 +52,7 @@ class Setting(NamedTuple):
             tells nothing.
         changes: starts of the estimator after its first, and changes of its parameters.
         follows_input: whether they also say how the input is read.
+        tray: whose first container the model is of; None: there is none.
         starts: of all recorded nodes.
         outputs: receives all results.
     """
@@ -65,6 +67,7 @@ class Setting(NamedTuple):
     counter: KnownState | None = None
     changes: tuple[NodeStart, ...] = ()
     follows_input: bool = True
+    tray: Tray | None = None
     starts: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
 

@@ -113,7 +113,9 @@ def replay_bag(
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    nodes = (*node_table(len(used.mode_constants())), *further)
+    tray = settings.tray_of(started) if started and model is None else None
+    count = len(tray.containers) if tray else 0
+    nodes = (*node_table(len(used.mode_constants()), count), *further)
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
@@ -131,6 +133,7 @@ def replay_bag(
         counter=None if sources.state or matcher is None or mixed else KnownState(None),
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
+        tray=tray,
         starts=sources.starts,
         outputs=outputs or Outputs(),
     )

@@ -13,6 +13,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.held_container import empty_and_fresh
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sampling import modes_of
+from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
 from slosh_replay.recording.settings import NodeStart, first, model_of, starts_at_rest
@@ -20,7 +21,13 @@ from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.input_matching import Decision
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
 from slosh_replay.replay.nodes import Moment, Setting
-from slosh_replay.replay.verification import Columns, Messages, estimate_columns, joined_messages
+from slosh_replay.replay.verification import (
+    Columns,
+    Messages,
+    estimate_columns,
+    joined_messages,
+    tray_columns,
+)
 
 
 class ReplayedEstimator:
@@ -38,6 +45,7 @@ class ReplayedEstimator:
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
         self.models = ModelSet(setting.model, at_rest=setting.at_rest)
+        self._others = self._new_others(setting.at_rest)
         self.unused = 0
         self.untaken = ""
         self._changes = list(setting.changes)
@@ -49,6 +57,10 @@ class ReplayedEstimator:
             self.models.empty()
         setting.reader.carry(modes_of(setting.model))
         setting.outputs.begin(self.models.own_names)
+
+    def _new_others(self, at_rest: bool) -> TrayEstimator | None:
+        tray = self.setting.tray
+        return None if tray is None else TrayEstimator(tray, at_rest=at_rest)
 
     @property
     def longest_gap_ns(self) -> int:
@@ -140,6 +152,7 @@ class ReplayedEstimator:
         return actions + [(index, partial(self._take_up, state)) for index, state in course.states]
 
     def _take_up(self, state: RecordedState) -> None:
+        self._others = None  # no state tells of a tray's further containers
         try:
             self.models.take_up(state.estimator)
             self.setting.reader.take_up(state.stamp_ns, state.memory)
@@ -150,6 +163,8 @@ class ReplayedEstimator:
         model = model_of(change)
         empty, fresh = empty_and_fresh(change.parameters)
         self.models.load_model(model, fresh=fresh, empty=empty)
+        if self._others is not None:
+            self._others.reset()
         self.setting.reader.carry(modes_of(model))
         self.setting.outputs.begin(self.models.own_names)
 
@@ -172,18 +187,22 @@ class ReplayedEstimator:
             self.setting.reader.restart(self._input_settings(start))
             self._load(start)
         self.models.restart(at_rest=starts_at_rest(start))
+        self._others = self._new_others(starts_at_rest(start))
 
     def _take(
-        self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int
+        self, stamps: Integers, inputs: Columns, used: NDArray[np.bool_], start: int, end: int
     ) -> None:
         rows = start + np.flatnonzero(used[start:end])
         if not len(rows):
             return
-        samples = self.setting.reader.samples(stamps, columns, rows)
+        samples = self.setting.reader.samples(stamps, inputs, rows)
         if not len(samples.stamps):
             return
         answers = self.models.update_many(samples)
         own = answers.own
-        self._given.append(Messages(own.stamps, estimate_columns(own)))
+        columns = dict(estimate_columns(own))
+        if self._others is not None:
+            columns |= tray_columns(self._others.update_many(samples, own))
+        self._given.append(Messages(own.stamps, columns))
         self.setting.outputs.estimates(answers)
         self._heights.append(answers.heights)
