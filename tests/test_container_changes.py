@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped
+from sensor_msgs.msg import Imu
 
 from slosh_bag.reader import BagReader
 from slosh_base.files.nanoseconds import SECOND
@@ -94,6 +95,67 @@ class Shift:
         assert answer.success, answer.message
 
 
+def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain: int) -> None:
+    """One IMU, three cups: the tray turns, and the cup farthest out is nearest to its limit."""
+    (tmp_path / "cup.yaml").write_text(CUP)
+    entries = (("middle", 0.0, 0.03), ("near", 0.05, 0.03), ("far", 0.25, 0.02))
+    text = "".join(
+        f"- {{name: {name}, model: cup.yaml, place: [{x}, 0.0, 0.0], limit: {limit}}}\n"
+        for name, x, limit in entries
+    )
+    (tmp_path / "tray.yaml").write_text(f"containers:\n{text}")
+    own = {
+        "recorder": {"output": str(tmp_path / "bag")},
+        "estimator": {
+            "model": str(tmp_path / "tray.yaml"), "input": "imu", "max_age": "600.0",
+            "check_input": "false",
+        },
+        "monitor": {"camera": "false"},
+    }  # fmt: skip
+    rclpy.init()
+    robot = HearingRobot()
+    try:
+        with NodeGroup("/slosh", tmp_path / "logs", node_environment(domain)) as group:
+            for name, given in own.items():
+                group.start(NodeProcess(name, (), given))
+            for name in own:
+                robot.until(lambda name=name: state_of(robot, name) == "ready", name)
+            turn(robot)
+            robot.until(lambda: "worst container far" in robot.health["monitor"][0], "the worst")
+            told = robot.estimates[-1]
+            assert list(told.containers) == ["middle", "near", "far"]
+            assert told.worst == 2
+            assert told.container_msh[0] < told.container_msh[1] < told.container_msh[2]
+            refused = robot.call(ChangeContainer, topics.CHANGE_CONTAINER, CHANGE)
+            assert not refused.success
+            assert "tray" in refused.message
+        found = replay_bag(tmp_path / "bag").verification
+        assert found is not None
+        assert found.exact, found.lines()
+    finally:
+        robot.close()
+        rclpy.shutdown()
+
+
+CHANGE = ChangeContainer.Request(fill_height=0.05)
+
+
+def turn(robot: HearingRobot) -> None:
+    """Turns the tray to and fro about its own axis, for a second."""
+    publisher = robot.node.create_publisher(Imu, topics.IMU, qos.STREAM_OUT)
+    robot.until(lambda: publisher.get_subscription_count() >= 2, "two readers")
+    stamp_ns = time.time_ns()
+    for k in range(250):
+        stamp_ns += STEP_NS
+        message = Imu()
+        message.header.stamp = to_time(stamp_ns)
+        message.linear_acceleration.z = 9.81
+        message.angular_velocity.z = 1.5 * math.sin(20.0 * k * STEP_NS * 1e-9)
+        publisher.publish(message)
+        robot.pace(k, stamp_ns)
+    robot.finish(stamp_ns)
+
+
 def predicted_peak(robot: HearingRobot) -> PredictSlosh.Response:
     t = np.linspace(0.0, 0.5, 251)
     push = (3.0 * np.sin(4.0 * np.pi * t)).tolist()
@@ -123,7 +185,7 @@ def test_each_cycle_of_a_filling_line_reaches_all_nodes_and_is_replayed(
         shift.change(name="mug", fill_height=fill, limit=0.015)
         line.until(
             lambda fill=fill: (
-                f"{1e3 * fill:g} mm" in line.health["predictor"][1].get("container", "")
+                f"filled to {1e3 * fill:g} mm" in line.health["predictor"][1].get("container", "")
             )
         )
         assert predicted_peak(line).peak_nonlinear == peak_of(MUG, fill)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -56,6 +57,7 @@ class EstimatePoint(NamedTuple):
             None: the heights themselves.
         delay_ns: by how much a measurement comes late [ns].
         azimuth: of the nonlinear height [rad]; NaN: unknown.
+        tray: nonlinear height of each container of a tray [m]; empty: there is none.
     """
 
     stamp_ns: int
@@ -66,6 +68,7 @@ class EstimatePoint(NamedTuple):
     reading: tuple[float, float] | None = None
     delay_ns: int = 0
     azimuth: float = math.nan
+    tray: Sequence[float] = ()
 
     @property
     def expected(self) -> Expected:

@@ -38,9 +38,11 @@ from slosh_estimator.sight import (
     obstacle,
 )
 from slosh_estimator.stray_heights import StrayHeights
+from slosh_estimator.tray_watch import TrayWatch
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import RunningAccuracy
+from slosh_model.tray import Tray
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
@@ -69,6 +71,8 @@ class Monitor:
     While the estimates say that the gripper is empty nothing is watched, and nothing is missed.
 
     Attributes:
+        tray: the limits of a tray's containers, of the first of which the estimates are; None:
+            there is none.
         level: whether the camera sees the level that the fill height tells.
         motions: how well motion by motion agrees, where the estimates' acceleration is known.
         obstruction: why nothing that comes can be believed, as the user of this object knows;
@@ -92,6 +96,7 @@ class Monitor:
         self._started_at: int | None = None
         self._last_measured = self._last_estimate_msh = NAN
         self._measured_stamp = 0
+        self.tray: TrayWatch | None = None
         self._sight, self.level = Sight(settings.timeout), LevelWatch()
         self._pictures, self._strays = RepeatedHeights(), StrayHeights()
         self._met = False  # a measurement was compared since the last look at the clock
@@ -121,12 +126,18 @@ class Monitor:
         self.settings = settings
         self._sight.timeout = settings.timeout
         self.level.forget()
+        if self.tray is not None:
+            self._events += self.tray.change_settings(settings, stamp_ns)
         self.motions.watch(settings.disagreement_limit)
         for source, limit in settings.limits.items():
             self._changes[source].append(
                 LimitChange(stamp_ns, limit, settings.hysteresis, settings.at_rim(source))
             )
         return stamp_ns
+
+    def carry(self, tray: Tray) -> None:
+        """Watches the containers of a tray, each by its own limit."""
+        self.tray = TrayWatch(tray, self.settings, self._next_excess)
 
     def reset_accuracy(self) -> None:
         """Starts MAE and ε, and the count of motions, anew."""
@@ -146,7 +157,10 @@ class Monitor:
         estimates.append(point)
         self._drop_old(point.stamp_ns)
         self._last_estimate_msh = point.nonlinear
-        self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        if self.tray is not None and point.tray:
+            self._events += self.tray.update(point.stamp_ns, point.tray)
+        else:
+            self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
         if self.vacant:
             for source in Source:
                 self._close(source, point.stamp_ns, "no container")
@@ -243,7 +257,7 @@ class Monitor:
         self, stamps: NDArray[np.int64], heights: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
         """Which estimates can matter for their limit; see `LimitTracker.can_matter`."""
-        if self._changes[Source.ESTIMATED]:
+        if self.tray is not None or self._changes[Source.ESTIMATED]:
             return np.ones(len(stamps), dtype=bool)
         return self._trackers[Source.ESTIMATED].can_matter(stamps, heights)
 
@@ -265,7 +279,8 @@ class Monitor:
 
     def condition(self, now_ns: int) -> Condition:
         """The state: an exceeded limit weighs most, then a silent side, then blindness."""
-        if any(tracker.active for tracker in self._trackers.values()):
+        tray = self.tray
+        if any(tracker.active for tracker in self._trackers.values()) or (tray and tray.active):
             return Condition.ERROR
         if any(self.silent_sides(now_ns)):
             return Condition.STALE
@@ -278,6 +293,7 @@ class Monitor:
             self._last_measured > share * self._trackers[Source.MEASURED].limit
             or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
         )
+        near = near or (tray is not None and tray.share > share)
         warned = near or self.too_slow or self.motions.warning or self.level.text
         return Condition.WARN if warned else Condition.OK
 
@@ -338,6 +354,8 @@ class Monitor:
         """True where the estimates from the first on complete no comparison and cause no event."""
         if self._waiting or self._changes[Source.ESTIMATED] or not self._estimates:
             return False
+        if self.tray is not None:
+            return False
         follow = points[first].stamp_ns > self._estimates[-1].stamp_ns
         if points[-1].flags & _NO_CONTAINER and any(t.active for t in self._trackers.values()):
             return False
@@ -370,13 +388,18 @@ class Monitor:
         self._change_limit(source, stamp_ns)
         tracker = self._trackers[source]
         if not tracker.active and value > tracker.limit:
-            self._excesses += 1
-            tracker.identifier = self._excesses
+            tracker.identifier = self._next_excess()
         event = tracker.update(stamp_ns, value)
         if event is not None:
             self._events.append(event)
 
+    def _next_excess(self) -> int:
+        self._excesses += 1
+        return self._excesses
+
     def _close(self, source: Source, stamp_ns: int, reason: str) -> None:
+        if source is Source.ESTIMATED and self.tray is not None:
+            self._events += self.tray.close(stamp_ns, reason)
         event = self._trackers[source].close(stamp_ns, reason)
         if event is not None:
             self._events.append(event)

@@ -5,6 +5,7 @@ import pytest
 
 from slosh_bag.reader import BagReader
 from slosh_estimator.held_container import HeldContainer
+from slosh_estimator.limits import Source
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.model_text import parse_model
 from slosh_model.tray import Tray, TrayContainer
@@ -55,13 +56,15 @@ def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
     """Of each container; a start in the middle knows the first alone, and compares no other."""
     names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
     models = (MODEL.feeling_gravity(), MUG.feeling_gravity(), MODEL.feeling_gravity())
-    tray = Tray(tuple(map(TrayContainer, names, models, places)))
+    tray = Tray(tuple(map(TrayContainer, names, models, places, (0.5, 0.5, 0.003))))
     live = LiveBag(kind)
     live.tray, live.model, live.states, live.restarts = tray, tray.first.model, True, [1500]
     live.attitude = lambda index: (0.0, 0.0, np.sin(1e-3 * index), np.cos(1e-3 * index))
     folder = live.write(tmp_path / "bag")
-    found = replay_bag(folder).verification
-    assert found.exact, found.lines()
+    result = replay_bag(folder)
+    assert result.verification.exact, result.verification.lines()
+    estimated = [one for one in result.events if one.source is Source.ESTIMATED]
+    assert {one.description.partition(":")[0] for one in estimated} == {"container c"}
     reader = BagReader(folder)
     estimate = reader.decode(list(reader.messages(["/slosh/estimate"]))[-1200])
     assert len(set(estimate.container_msh.tolist())) == 3

@@ -93,7 +93,9 @@ class MonitorHealth:
         level = self._core.level.text
         if condition is Condition.WARN and level:
             return WARN, f"WARN: {level}"
-        alone = "" if self._core.settings.camera else "; no camera configured"
+        tray = self._core.tray.text if self._core.tray is not None else ""
+        alone = f"; {tray}" if tray else ""
+        alone += "" if self._core.settings.camera else "; no camera configured"
         if condition is not Condition.OK:
             level = ERROR if condition is Condition.ERROR else WARN
             above = self._core.at_rim

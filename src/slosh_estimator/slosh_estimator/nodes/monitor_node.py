@@ -28,6 +28,7 @@ from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_estimator.sight import ClockWatch
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_model.tray import TRAY, Tray, parse_tray
 from slosh_msgs.msg import (
     ContainerChange,
     ExpectedReading,
@@ -128,6 +129,9 @@ class MonitorNode(GuardedNode):
         model = announced_model(message)
         if model is None:
             return
+        tray = announced_tray(message)
+        if tray is not None and (self._core.tray is None or tray != self._core.tray.tray):
+            self._core.carry(tray)
         wanted = self._core.settings.under_rim(model)
         if self._rim.get(RIM) != wanted.rim and (self._rim or math.isfinite(wanted.rim)):
             self._rim[RIM] = wanted.rim
@@ -165,6 +169,7 @@ class MonitorNode(GuardedNode):
             message.flags,
             tuple(message.acceleration.tolist()),
             azimuth=message.nonlinear.azimuth,
+            tray=tuple(message.container_msh),
         )
         self._add(self._joiner.add_estimate(point, message.nonlinear.model))
 
@@ -257,6 +262,7 @@ class MonitorNode(GuardedNode):
             "estimates out of order": core.late_estimates,
             "estimates without an expected reading": self._joiner.lost,
             **({"rim [mm]": f"{1e3 * core.settings.rim:.1f}"} if self._rim else {}),
+            **(core.tray.facts() if core.tray is not None else {}),
             **core.motions.clocks.facts(),
             **self._predictions.facts(),
             **self._judge.facts(self._report.counts),
@@ -290,6 +296,15 @@ def announced_model(message: NodeSettings) -> Model | None:
     try:
         document = parse_yaml(message.document, "settings of the estimator").value
         return parse_model(document["files"]["model"], "the estimator's model")
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def announced_tray(message: NodeSettings) -> Tray | None:
+    """The tray that an estimator's announcement says that it carries; None: as of the model."""
+    try:
+        document = parse_yaml(message.document, "settings of the estimator").value
+        return parse_tray(document["files"][TRAY], "the estimator's tray")
     except (KeyError, TypeError, ValueError):
         return None
 

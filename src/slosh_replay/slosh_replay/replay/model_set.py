@@ -147,6 +147,7 @@ class ModelHeights(NamedTuple):
         readings: (M, K) what a sensor reads of the heights [m]; None: the heights.
         delays: (M,) by how much a measurement comes late [ns]; None: it does not.
         accelerations: (M, 3) that drove the models [m/s²]; None: not kept.
+        tray: (M, C) nonlinear height of each container of a tray [m]; None: there is none.
     """
 
     stamps: Integers
@@ -156,6 +157,7 @@ class ModelHeights(NamedTuple):
     readings: Array | None = None
     delays: Integers | None = None
     accelerations: Array | None = None
+    tray: Array | None = None
 
     @property
     def as_read(self) -> Array:

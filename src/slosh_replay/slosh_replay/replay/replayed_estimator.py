@@ -201,8 +201,14 @@ class ReplayedEstimator:
         answers = self.models.update_many(samples)
         own = answers.own
         columns = dict(estimate_columns(own))
+        heights = answers.heights
         if self._others is not None:
-            columns |= tray_columns(self._others.update_many(samples, own))
+            tray = self._others.update_many(samples, own)
+            columns |= tray_columns(tray)
+            heights = heights._replace(tray=tray.msh)
+        elif self.setting.tray is not None:
+            unknown = np.full((len(own.stamps), len(self.setting.tray.containers)), np.nan)
+            heights = heights._replace(tray=unknown)
         self._given.append(Messages(own.stamps, columns))
         self.setting.outputs.estimates(answers)
-        self._heights.append(answers.heights)
+        self._heights.append(heights)
