@@ -121,7 +121,8 @@ def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain:
             for name in own:
                 robot.until(lambda name=name: state_of(robot, name) == "ready", name)
             turn(robot)
-            robot.until(lambda: "worst container far" in robot.health["monitor"][0], "the worst")
+            worst = "worst container"
+            robot.until(lambda: robot.health["monitor"][1].get(worst) == "far", "the worst")
             told = robot.estimates[-1]
             assert list(told.containers) == ["middle", "near", "far"]
             assert told.worst == 2
@@ -195,7 +196,12 @@ def test_each_cycle_of_a_filling_line_reaches_all_nodes_and_is_replayed(
         shift.move(0.1, 0.0)
     line.until(lambda: not predicted_peak(line).success)
     line.until(lambda: "gripper is empty" in line.health["planner"][0], "the planner")
-    line.until(lambda: "gripper is empty" in line.health["monitor"][0], "the monitor")
+    for _ in range(100):  # a robot that is silent makes the monitor stale
+        shift.move(0.2, 0.0)
+        if "gripper is empty" in line.health["monitor"][0]:
+            break
+    else:
+        pytest.fail(line.health["monitor"][0])
     flags = np.array([one.flags for one in line.estimates])
     assert not (flags & EstimateFlag.SETTLING).any()  # each was picked up at rest
     assert (flags & EstimateFlag.NO_CONTAINER).any()
@@ -240,13 +246,14 @@ def test_a_camera_that_contradicts_the_fill_says_so_within_two_seconds_of_rest(
         fill = view.cup.fill_height + 0.006
         told = robot.call(ChangeContainer, topics.CHANGE_CONTAINER, fill_height=fill)
         assert told.success, told.message
-        asked = time.monotonic()
+        first = len(robot.comparisons)
         # The monitor's state is in each comparison; its sentence comes once a second.
         robot.until(lambda: noisy(robot.comparisons[-1].state == Condition.WARN), "a warning")
-        took = time.monotonic() - asked
+        seen = [one for one in robot.comparisons[first:] if one.measured < -3e-3]
+        stamps = [to_nanoseconds(one.header.stamp) for one in seen]
         robot.until(lambda: noisy("-6.0 ±" in robot.health["monitor"][1]), "the level in words")
         assert "check the fill height" in robot.health["monitor"][1]
         robot.until(lambda: noisy("that was told" in robot.health["camera"][1]), "the camera")
         robot.call(ChangeContainer, topics.CHANGE_CONTAINER, fill_height=fill - 0.006)
         robot.until(lambda: noisy(robot.comparisons[-1].state == Condition.OK), "agreement")
-    assert took < 2.0
+    assert stamps[-1] - stamps[0] < 2 * SECOND

@@ -82,13 +82,13 @@ class TrayWatch:
         return f"worst container {self.tray.names[worst]}: {1e3 * height:.1f} mm, {limit}"
 
     def facts(self) -> dict[str, str]:
-        """The height of each container, for the diagnostics."""
-        return {
+        """The height of each container, and the worst, for the diagnostics."""
+        rows = zip(self.tray.names, self._heights, self._trackers, strict=True)
+        heights = {
             f"container {name}": f"{1e3 * height:.1f} mm, {tracker.limit_text}"
-            for name, height, tracker in zip(
-                self.tray.names, self._heights, self._trackers, strict=True
-            )
+            for name, height, tracker in rows
         }
+        return {"worst container": self.tray.names[self.worst], **heights}
 
     @property
     def _shares(self) -> list[float]:

@@ -56,7 +56,12 @@ def test_the_worst_is_named_and_warned_of_before_its_limit():
     assert watching.condition(10 * MS) is Condition.WARN
     tell(watching, 10, 10, 0.002, 0.001, 0.007)
     assert watching.tray.text == "worst container rim: 7.0 mm, rim 8.0 mm"
-    assert list(watching.tray.facts()) == ["container own", "container common", "container rim"]
+    assert watching.tray.facts() == {
+        "worst container": "rim",
+        "container own": "2.0 mm, limit 15.0 mm",
+        "container common": "1.0 mm, limit 20.0 mm",
+        "container rim": "7.0 mm, rim 8.0 mm",
+    }
 
 
 def test_a_limit_that_changes_is_that_of_those_without_their_own():
