@@ -158,7 +158,17 @@ class EstimatorTuning:
     common_error: float = number(0.5, "1", "part of a variance that all points share")
     relative_error: float = number(0.015, "1", "error of a height as part of the wave")
     error_memory: float = number(0.1, "s", "time over which errors of heights are alike")
+    rest_average: float = number(0.5, "s", "time over which the acceleration at rest is averaged")
     form_error: float = number(0.15, "1", "error of a height η by the form of the wave, in η²/R")
+    # observer/calm.py
+    bound: float = number(1.645, "σ", "deviation of the stated bound: 95 % are below")
+    surely_calm: float = number(
+        3.1, "σ", "deviation with which a wave must be below the tolerance"
+    )
+    calm_again: float = number(1.2, "1", "bound over the tolerance at which calm ends")
+    calm_ns: int = number(SECOND // 20, "ns", "time between two messages about calm")
+    calm_silence: float = number(0.1, "s", "time without an input after which it is stale")
+    calm_after_ns: int = number(SECOND // 5, "ns", "time after a motion that still belongs to it")
 
 
 TUNING = EstimatorTuning()

@@ -16,9 +16,13 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_estimator.estimate_kernel import MAX_STEP
 from slosh_estimator.observer import observer_kernel as kernel
+from slosh_estimator.observer import (
+    self_test as self_test,
+)  # its checks belong to the compiled functions
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
+from slosh_metrics.motion_spans import MotionFinder
 from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import back_to_rest, divided
 from slosh_model.model import Model
@@ -66,6 +70,10 @@ class FusedState(NamedTuple):
         modal: x, y, vx, vy of each mode, one after the other [m, m/s].
         frequency_factor, damping_factor: natural frequency and damping ratio over the model's.
         frequency_stddev, damping_stddev: standard deviations of their logarithms.
+        envelope, envelope_stddev: largest height that the wave still reaches if nothing moves from
+            now on, and its standard deviation [m].
+        decay: of that [1/s].
+        moved_ns: when the container moved last [ns]; None: it has not.
         level: still level above the measurement's zero [m].
         clock_offset: by how much stamps of measurements are late [s].
     """
@@ -84,6 +92,10 @@ class FusedState(NamedTuple):
     damping_factor: float
     frequency_stddev: float
     damping_stddev: float
+    envelope: float
+    envelope_stddev: float
+    decay: float
+    moved_ns: int | None
     level: float
     clock_offset: float
 
@@ -130,6 +142,9 @@ class Observer:
         self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
         self._blocks = np.zeros((2 * modes, kernel.BLOCK))
         self._theta = np.zeros(kernel.PARAMETERS)
+        self._averages = np.zeros(3)
+        self._motions = MotionFinder()
+        self._moved_ns: int | None = None
         self._noise = _noise()
         self._ring = np.zeros((TUNING.kept_inputs, kernel.MODES + 4 * modes))
         self._out = np.zeros(kernel.STATE + 4 * modes)
@@ -176,11 +191,15 @@ class Observer:
             self._restart(now, at_rest=not unknown)
             self._step(sample, now)
         self._newest_ns = stamp_ns
+        self._follow_motion(sample)
         if 0 <= stamp_ns - self._given_ns < TUNING.fused_ns:
             return None
         self._given_ns = stamp_ns
         self._use_waiting()
-        self._read(self._store, self._blocks, self._ring, self._count, self._covariance, self._out)
+        self._read(
+            self._store, self._blocks, self._ring, self._count, self._covariance,
+            self._averages, self._out,
+        )  # fmt: skip
         return self._state()
 
     def _step(self, sample: Sample, now: float) -> bool:
@@ -194,10 +213,22 @@ class Observer:
             pose = self._pose
         inside: bool = self._follow(
             self._store, pose, now, dt, sample.ax, sample.ay, sample.az, sample.yaw, self._ring,
-            self._count, self._blocks, self._noise, self._bound,
+            self._count, self._blocks, self._averages, self._noise, self._bound,
         )  # fmt: skip
         self._count += 1
         return inside
+
+    def _follow_motion(self, sample: Sample) -> None:
+        """Averages the acceleration at rest anew from the end of each motion on."""
+        self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
+        spans = self._motions.spans
+        if not spans:
+            return
+        if len(spans) > 1:
+            self._motions.forget_first()
+        self._moved_ns = spans[-1].end_ns
+        if sample.stamp_ns - self._moved_ns < TUNING.calm_after_ns:
+            self._averages[kernel.COUNT] = 0.0
 
     def _use_waiting(self) -> None:
         while self._waiting:
@@ -300,7 +331,9 @@ class Observer:
             out[kernel.SH_X], out[kernel.SH_Y], out[kernel.STDDEV_X], out[kernel.STDDEV_Y],
             out[kernel.STDDEV], out[kernel.STATE :], math.exp(theta[kernel.FREQUENCY]),
             math.exp(theta[kernel.DAMPING]), math.sqrt(variance[kernel.FREQUENCY]),
-            math.sqrt(variance[kernel.DAMPING]), theta[kernel.LEVEL], theta[kernel.CLOCK],
+            math.sqrt(variance[kernel.DAMPING]), out[kernel.ENVELOPE],
+            out[kernel.ENVELOPE_STDDEV], out[kernel.DECAY], self._moved_ns,
+            theta[kernel.LEVEL], theta[kernel.CLOCK],
         )  # fmt: skip
 
 
@@ -315,6 +348,7 @@ def _noise() -> Array:
     noise[kernel.GATE] = TUNING.innovation_gate
     noise[kernel.COMMON], noise[kernel.FORM] = TUNING.common_error, TUNING.form_error
     noise[kernel.RELATIVE], noise[kernel.ALIKE] = TUNING.relative_error, TUNING.error_memory
+    noise[kernel.MEAN] = TUNING.rest_average
     noise[kernel.STEEP] = TUNING.noise_steep
     noise[kernel.MOST_FREQUENCY] = TUNING.most_frequency
     noise[kernel.MOST_DAMPING] = TUNING.most_damping

@@ -51,24 +51,32 @@ PARAMETERS = 4
 
 (
     FLOOR, SHARE, WAVE, MEMORY, FREQUENCY_WALK, DAMPING_WALK, LEVEL_WALK, CLOCK_WALK, GATE, COMMON,
-    FORM, STEEP, MOST_FREQUENCY, MOST_DAMPING, RELATIVE, ALIKE,
-) = range(16)  # fmt: skip
+    FORM, STEEP, MOST_FREQUENCY, MOST_DAMPING, RELATIVE, ALIKE, MEAN,
+) = range(17)  # fmt: skip
 """Noise: spectral density of w at rest [m²/s³]; its amplitude as parts of the acceleration and of
 the wave's own, and how long such an error lasts [s]; random walks of ε, κ [1/s], of the level
 [m²/s] and of the clock [s]; the largest innovation, as of a normal deviate; the part of a variance
 that all points of a measurement share; error of a height η by the form of the wave, in η²/R;
 height of a wave whose own error is twice as large, as part of R; largest |ε| and |κ|; error of a
-height as part of the wave; how long errors of heights are alike [s]."""
-NOISES = 16
+height as part of the wave; how long errors of heights are alike, and time of the average at rest
+[s]."""
+NOISES = 17
 
 TIME, LIFT, DENSITY, HEIGHT_X, HEIGHT_Y, TURN, MODES = range(7)
 """Columns of the ring: time [s], vertical acceleration as part of g, spectral density of w,
 heights along the modal axes [m], the container's angle in them [rad]; then q and q̇ of each
 block."""
 
-SH_X, SH_Y, MSH, AZIMUTH, STDDEV_X, STDDEV_Y, STDDEV, STATE = range(8)
+(
+    SH_X, SH_Y, MSH, AZIMUTH, STDDEV_X, STDDEV_Y, STDDEV, ENVELOPE, ENVELOPE_STDDEV, DECAY, STATE,
+) = range(11)  # fmt: skip
 """Columns of an answer: heights at +x and +y, their maximum [m] and its azimuth [rad], standard
-deviations of the three heights [m]; then x, y, vx, vy of each mode."""
+deviations of the three heights [m]; the largest height that the wave reaches if nothing moves from
+now on, and its standard deviation [m]; the slowest mode's ζω [1/s]; then x, y, vx, vy of each
+mode."""
+
+MEAN_X, MEAN_Y, COUNT = range(3)
+"""Mean of the acceleration that drives the liquid at rest [m/s²], and of how many inputs."""
 
 
 @compiled
@@ -164,8 +172,55 @@ def _product(one, matrix, other):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _answer(store, blocks, covariance, row, out):  # type: ignore[no-untyped-def]
+def _averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
+    """Averages the acceleration that drives the liquid."""
+    averages[COUNT] += 1.0
+    share = max(1.0 / averages[COUNT], dt / (time + dt))
+    averages[MEAN_X] += share * (run["ax"] - averages[MEAN_X])
+    averages[MEAN_Y] += share * (run["ay"] - averages[MEAN_Y])
+
+
+@compiled
+def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-untyped-def]
+    """Writes how high the wave still becomes if nothing moves from now on.
+
+    Each mode goes along an ellipse about the place where the liquid rests; its longer half axis is
+    the height. The standard deviation is bounded from above.
+    """
+    modes, size = records(store)[1], covariance.shape[0]
+    row, states = np.zeros(size), 2 * blocks.shape[0]
+    height = variance = 0.0
+    decay = math.inf
+    for n in range(modes.shape[0]):
+        mode, wave, axes = modes[n], np.zeros(4), 0.0
+        for axis in range(2):
+            block = blocks[2 * n + axis]
+            omega, gain = block[OMEGA], block[GAIN]
+            place, rate = (mode["x"], mode["vx"]) if axis == 0 else (mode["y"], mode["vy"])
+            wave[axis] = gain * (place + averages[MEAN_X + axis] / (omega * omega))
+            wave[2 + axis] = gain * rate / omega
+            decay = min(decay, omega * block[ZETA])
+            widest = 0.0
+            for i, scale in ((0, gain), (1, gain / omega)):
+                row[:] = 0.0
+                for j in range(2):
+                    row[2 * (2 * n + axis) + j] = scale * block[PHI + 2 * i + j]
+                    row[states + j] = scale * block[SENSITIVITY + 2 * i + j]
+                noisy = scale * scale * block[NOISE + 2 * i]
+                widest = max(widest, _product(row, covariance, row) + noisy)
+            axes += widest
+        squares = wave[0] ** 2 + wave[1] ** 2 + wave[2] ** 2 + wave[3] ** 2
+        area = wave[0] * wave[3] - wave[1] * wave[2]
+        rest = max(squares * squares - 4.0 * area * area, 0.0)
+        height += math.sqrt(0.5 * (squares + math.sqrt(rest)))
+        variance += axes
+    out[ENVELOPE], out[ENVELOPE_STDDEV], out[DECAY] = height, math.sqrt(max(variance, 0.0)), decay
+
+
+@compiled
+def _answer(store, blocks, covariance, averages, row, out):  # type: ignore[no-untyped-def]
     """Writes the fused state of a row of the ring."""
+    _envelope(store, blocks, covariance, averages, out)
     runs, modes = records(store)
     hx, hy = kernel.turned(row[HEIGHT_X], row[HEIGHT_Y], row[TURN])
     rows, noise = _rows(blocks, (row[HEIGHT_X], row[HEIGHT_Y]), covariance.shape[0])
@@ -239,11 +294,11 @@ def begin(store, blocks):  # type: ignore[no-untyped-def]
 @entry_point(
     boolean(
         CHANGED_1, GIVEN_2, float64, float64, float64, float64, float64, float64, CHANGED_2, int64,
-        CHANGED_2, GIVEN_1, float64,
+        CHANGED_2, CHANGED_1, GIVEN_1, float64,
     )
 )  # fmt: skip
 def follow(  # type: ignore[no-untyped-def]
-    store, poses, now, dt, ax, ay, az, yaw, ring, count, blocks, noise, bound
+    store, poses, now, dt, ax, ay, az, yaw, ring, count, blocks, averages, noise, bound
 ):
     """Carries the state on to the newest input.
 
@@ -254,6 +309,7 @@ def follow(  # type: ignore[no-untyped-def]
         ring: (K, MODES + 2 blocks) past states; changed.
         count: states before it, since the last restart.
         blocks: (2 modes, BLOCK) since the anchor; changed.
+        averages: (3,) of the acceleration; changed.
         noise: (NOISES,).
         bound: a mass farther out is no liquid any more [m].
 
@@ -265,6 +321,7 @@ def follow(  # type: ignore[no-untyped-def]
     row = ring[count % ring.shape[0]]
     pose = kernel.pose_at(poses, 0)
     row[HEIGHT_X], row[HEIGHT_Y], row[TURN] = kernel.advance(run, modes, ax, ay, az, yaw, pose, dt)
+    _averaged(run, averages, noise[MEAN], dt)
     row[TIME], row[LIFT] = now, 1.0 + run["lift"] * run["az"] / GRAVITY
     wave, inside = 0.0, True
     for n in range(modes.shape[0]):
@@ -287,17 +344,18 @@ def follow(  # type: ignore[no-untyped-def]
     return inside
 
 
-@entry_point(void(GIVEN_1, GIVEN_2, GIVEN_2, int64, GIVEN_2, CHANGED_1))
-def read(store, blocks, ring, count, covariance, out):  # type: ignore[no-untyped-def]
+@entry_point(void(GIVEN_1, GIVEN_2, GIVEN_2, int64, GIVEN_2, GIVEN_1, CHANGED_1))
+def read(store, blocks, ring, count, covariance, averages, out):  # type: ignore[no-untyped-def]
     """Writes the fused state at the newest input.
 
     Args:
         store, blocks, ring: as in `follow`.
         count: inputs since the last restart.
         covariance: of the state at the anchor.
+        averages: as in `follow`.
         out: (STATE + 4 modes,) receives the answer.
     """
-    _answer(store, blocks, covariance, ring[(count - 1) % ring.shape[0]], out)
+    _answer(store, blocks, covariance, averages, ring[(count - 1) % ring.shape[0]], out)
 
 
 @compiled
