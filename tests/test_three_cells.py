@@ -47,7 +47,7 @@ class Hall(Graph):
         for name, (radius, _) in CELLS.items():
             path = folder / f"{name[1:]}.yaml"
             path.write_text(model(radius))
-            self.with_parameters(EstimatorNode, name, model=str(path))
+            self.with_parameters(EstimatorNode, name, model=str(path), max_age=600.0)
             limits = {"estimated_limit": 0.002}
             self.with_parameters(MonitorNode, name, camera=False, **limits)
             self.estimates[name] = self.listen(SloshEstimate, f"{name}/{topics.ESTIMATE}")

@@ -399,7 +399,7 @@ def test_heights_are_above_the_level_of_the_fill_that_is_told(make_rig, make_sce
     scene = make_scene(camera_height=0.08)
     rig = make_rig()
     rig.start()
-    changes = rig.publisher(ContainerChange, topics.CONTAINER, qos.LATEST)
+    changes = rig.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
     refilled = scene.draw(HEIGHT, 0.0, level=0.008)
     answer = rig.measure(images.image_message(refilled, "mono8", SECOND, "camera_optical"))
     assert answer.msh == pytest.approx(HEIGHT + 0.008, abs=1e-3)
@@ -423,7 +423,7 @@ def test_heights_are_above_the_level_of_the_fill_that_is_told(make_rig, make_sce
 def test_a_container_that_cannot_be_measured_is_said_so(make_rig, make_scene, picture, text):
     rig = make_rig()
     rig.start()
-    changes = rig.publisher(ContainerChange, topics.CONTAINER, qos.LATEST)
+    changes = rig.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
     changes.publish(container(make_scene(camera_height=0.08), SECOND, model=text))
     rig.until(lambda: rig.nodes[-1]._looking._next_ns == SECOND)
     answer = rig.measure(images.image_message(picture, "mono8", 2 * SECOND, "camera_optical"))

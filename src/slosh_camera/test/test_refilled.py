@@ -9,7 +9,8 @@ from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.pose import look_at
 from slosh_camera.optics.refilled import refilled
-from slosh_model.containers import Cylinder, Rectangle
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 
 FILL = 0.05
 

@@ -35,7 +35,7 @@ class Line(Graph):
         self.add(EstimatorNode())
         self.monitor = self.add(MonitorNode())
         self.estimates = self.listen(SloshEstimate, topics.ESTIMATE)
-        self.changes = self.listen(ContainerChange, topics.CONTAINER, qos.LATEST)
+        self.changes = self.listen(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
         self.settings = self.listen(NodeSettings, topics.SETTINGS, qos.EVENT)
         self._robot = self.publisher(AccelStamped, topics.ACCEL)
         self.until(lambda: self.node.count_publishers(topics.ESTIMATE) and self.changes)
@@ -80,7 +80,7 @@ def line(tmp_path: Path) -> Iterator[Line]:
     (tmp_path / "mug.yaml").write_text(MUG)
     (tmp_path / "broken.yaml").write_text("container: 7")
     words = ["-p", f"model:={tmp_path}/model.yaml", "-p", f"containers:={tmp_path}"]
-    rclpy.init(args=["--ros-args", *words, "-p", "camera:=false"])
+    rclpy.init(args=["--ros-args", *words, "-p", "camera:=false", "-p", "max_age:=600.0"])
     made = Line()
     yield made
     made.close()

@@ -8,8 +8,8 @@ import pytest
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.tray_estimator import TrayEstimator
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.tray import Tray, TrayContainer
 
 MS = 1_000_000

@@ -6,8 +6,8 @@ from slosh_estimator.comparison import Condition, EstimatePoint
 from slosh_estimator.limits import Kind
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.tray import Tray, TrayContainer
 
 MS = 1_000_000

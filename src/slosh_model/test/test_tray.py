@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.tray import Tray, TrayContainer, format_tray, parse_tray, read_tray
 
 CUP = "container: {shape: cylinder, radius: 0.04, fill_height: 0.06, rim_height: 0.09}\n"

@@ -30,6 +30,8 @@ def _profile(reliability: Reliability, durability: Durability, depth: int) -> Qo
 
 STREAM_OUT: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, STREAM_DEPTH)
 """To publish accelerations, estimates, measurements."""
+LATCHED_STREAM: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 1)
+"""To publish what a late reader needs at once, and what comes again and again."""
 STREAM_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, STREAM_DEPTH)
 """To read them: sensor data, with room for a pause."""
 NEWEST_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)
@@ -44,7 +46,5 @@ PLANNED_IN: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
 """To read trajectories: too large for best effort, and whoever plans publishes reliable."""
 EVENT: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 100)
 """Events and latched facts, both ends: a late joiner receives the latest ones."""
-LATEST: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 1)
-"""A latched fact of which the newest alone counts, both ends."""
 DIAGNOSTICS: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, 10)
 """/diagnostics, as its usual publishers and viewers have it."""

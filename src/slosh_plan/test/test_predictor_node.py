@@ -383,7 +383,7 @@ def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
 def test_it_predicts_for_what_the_gripper_holds(cell: Cell) -> None:
     """An empty gripper is refused; what the estimator says at its start is the own model again."""
     mug = "container: {shape: cylinder, radius: 0.04, fill_height: 0.05}"
-    changes = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATEST)
+    changes = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
     (own,) = predict(MODEL, motion(), limits=HeightLimits())
     (other,) = predict(parse_model(mug), motion(), limits=HeightLimits())
     held = cell.predictor._container

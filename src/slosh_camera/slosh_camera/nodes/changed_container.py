@@ -55,7 +55,9 @@ class FollowingDetector:
         self._node, self._calibration, self._changed = node, calibration, changed
         self._start = self._now = self._next = _Looking(detector)
         self._next_ns = 0
-        node.create_subscription(ContainerChange, topics.CONTAINER, self._on_change, qos.LATEST)
+        node.create_subscription(
+            ContainerChange, topics.CONTAINER, self._on_change, qos.LATCHED_STREAM
+        )
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
         """Measures the next image.

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
 from slosh_camera.optics.pose import Pose
-from slosh_model.containers import Container, Cylinder, Rectangle
+from slosh_model.containers import Container
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 
 
 def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibration:

@@ -63,7 +63,9 @@ class ContainerChanges:
         self.held = HeldContainer(start)
         self._waiting: list[_Waiting] = []
         self._next_ns = 2**63
-        self._publisher = node.create_publisher(ContainerChange, topics.CONTAINER, qos.LATEST)
+        self._publisher = node.create_publisher(
+            ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM
+        )
         self._publisher.publish(filled(ContainerChange, frame_id=self._frame, present=True))
         node.create_service(ChangeContainer, topics.CHANGE_CONTAINER, self._on_request)
 

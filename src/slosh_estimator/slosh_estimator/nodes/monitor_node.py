@@ -110,7 +110,9 @@ class MonitorNode(GuardedNode):
             self.create_subscription(
                 FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
             )
-        self.create_subscription(ContainerChange, topics.CONTAINER, self._on_container, qos.LATEST)
+        self.create_subscription(
+            ContainerChange, topics.CONTAINER, self._on_container, qos.LATCHED_STREAM
+        )
         self.create_subscription(NodeSettings, topics.SETTINGS, self._on_settings, qos.EVENT)
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._judge = MonitorHealth(self, self._core)

@@ -28,7 +28,9 @@ class ContainerWatch:
     def __init__(self, node: Node, start: Model, changed: Callable[[], None]) -> None:
         self._node, self._start, self._changed = node, start, changed
         self.held, self._follows = HeldContainer(start), False
-        node.create_subscription(ContainerChange, topics.CONTAINER, self._on_change, qos.LATEST)
+        node.create_subscription(
+            ContainerChange, topics.CONTAINER, self._on_change, qos.LATCHED_STREAM
+        )
 
     def model(self) -> Model:
         """The model of the container.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,10 @@ from slosh_base.types import Integers
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.held_container import empty_and_fresh
 from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
+from slosh_model.indices import POSE_COUNT
 from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
 from slosh_replay.recording.settings import NodeStart, first, model_of, starts_at_rest
@@ -28,6 +31,10 @@ from slosh_replay.replay.verification import (
     joined_messages,
     tray_columns,
 )
+
+SAMPLES: Final = "samples"
+"""What the estimator's models are driven by, for nodes that run models of their own."""
+_AXES = ("ax", "ay", "az")
 
 
 class ReplayedEstimator:
@@ -55,6 +62,8 @@ class ReplayedEstimator:
         started = first(setting.starts, "estimator")
         if started is not None and empty_and_fresh(started.parameters)[0]:
             self.models.empty()
+        self._samples: list[Messages] = []
+        setting.loaded.append(setting.model)
         setting.reader.carry(modes_of(setting.model))
         setting.outputs.begin(self.models.own_names)
 
@@ -81,7 +90,8 @@ class ReplayedEstimator:
             self._inputs.append(taken)
         self._estimate(moment.final)
         given, self._given = joined_messages(self._given), []
-        return {ESTIMATE: given} if len(given.stamps) else {}
+        samples, self._samples = joined_messages(self._samples), []
+        return {ESTIMATE: given, SAMPLES: samples} if len(given.stamps) else {}
 
     def take_heights(self) -> list[ModelHeights]:
         """Heights of all models since the last call."""
@@ -165,6 +175,7 @@ class ReplayedEstimator:
         self.models.load_model(model, fresh=fresh, empty=empty)
         if self._others is not None:
             self._others.reset()
+        self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
         self.setting.outputs.begin(self.models.own_names)
 
@@ -183,6 +194,7 @@ class ReplayedEstimator:
         """The node's process was a new one from here on; None: what it tells is not known."""
         if start is None:
             self.setting.reader.restart()
+            self.setting.loaded.append(self.setting.loaded[-1])
         else:
             self.setting.reader.restart(self._input_settings(start))
             self._load(start)
@@ -210,5 +222,30 @@ class ReplayedEstimator:
             unknown = np.full((len(own.stamps), len(self.setting.tray.containers)), np.nan)
             heights = heights._replace(tray=unknown)
         self._given.append(Messages(own.stamps, columns))
+        self._samples.append(_columns(samples, own.flags, len(self.setting.loaded) - 1))
         self.setting.outputs.estimates(answers)
         self._heights.append(heights)
+
+
+def samples_of(batch: Messages) -> Samples:
+    """The samples of messages of SAMPLES."""
+    columns = batch.columns
+    poses = np.column_stack([columns[f"pose{i}"] for i in range(POSE_COUNT)])
+    return Samples(
+        batch.stamps, np.column_stack([columns[name] for name in _AXES]), columns["yaw"],
+        columns["restarted"], poses if np.isfinite(poses).all() else None,
+    )  # fmt: skip
+
+
+def _columns(samples: Samples, flags: Integers, start: int) -> Messages:
+    count = len(samples.stamps)
+    poses = np.full((count, POSE_COUNT), np.nan) if samples.poses is None else samples.poses
+    return Messages(
+        samples.stamps,
+        {
+            **{name: samples.accelerations[:, i] for i, name in enumerate(_AXES)},
+            **{f"pose{i}": poses[:, i] for i in range(POSE_COUNT)},
+            "yaw": samples.yaws, "restarted": samples.restarted, "flags": flags,
+            "start": np.full(count, start),
+        },
+    )  # fmt: skip
