@@ -60,7 +60,8 @@ def tray_motion() -> Trajectory:
     """The motion of the tray's centre, upright, in axes that are the world's at its start."""
     arm = read_arm(str(DATA / "antisloshing" / "comau_smartsix5.urdf"), "axes_6")
     joints = np.loadtxt(DATA / "tray" / f"{MOTION}.csv", delimiter=";")
-    given = arm.motion(STEP * np.arange(len(joints)), JOINTS, joints, name=MOTION)
+    t = np.arange(len(joints), dtype=np.float64) * STEP
+    given = arm.motion(t, JOINTS, joints, name=MOTION)
     assert given.attitude is not None
     turn = Rotation.from_quat(given.attitude)
     upright = (turn * turn[0].inv()).as_quat()

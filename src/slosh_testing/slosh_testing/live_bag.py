@@ -17,7 +17,7 @@ from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
-from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
+from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.tray import TRAY, Tray, format_tray
@@ -171,12 +171,13 @@ class LiveBag:
             sample, recorded = samples[-1], index not in self.unrecorded
             for sample in samples:
                 estimate = estimator.update(sample)
+                if self._others is not None:
+                    self._of_tray = self._others.update(sample, estimate)
                 if self.states and index % STATE_EVERY == 0 and recorded and sample is samples[-1]:
                     self._state(estimator, source, stamp)
                 if recorded:
                     lag = self.estimate_lag(index)
-                    others = self._others.update(sample, estimate) if self._others else None
-                    self._estimate(estimator, estimate, source.gate, stamp + lag, others)
+                    self._estimate(estimator, estimate, source.gate, stamp + lag)
             self.gaps = source.gate.gaps
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
@@ -228,7 +229,7 @@ class LiveBag:
 
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
         files = {"model": format_model(model)}
-        self._others = None
+        self._others, self._of_tray = None, None
         if self.tray is not None:
             files[TRAY] = format_tray(self.tray)
             self._others = TrayEstimator(self.tray, at_rest=at_rest)
@@ -292,11 +293,9 @@ class LiveBag:
             self._types["geometry_msgs/msg/Quaternion"](*attitude),
         )
 
-    def _estimate(
-        self, estimator: Estimator, estimate, gate, log_ns: int, others: TrayEstimate | None
-    ) -> None:
+    def _estimate(self, estimator: Estimator, estimate, gate, log_ns: int) -> None:
         models, names = [], [] if self.tray is None else list(self.tray.names)
-        msh, azimuth, flags, worst = others or ((), (), (), 0)
+        msh, azimuth, flags, worst = self._of_tray or ((), (), (), 0)
         for name, state in zip(
             estimator.names, (estimate.linear, estimate.nonlinear), strict=True
         ):
