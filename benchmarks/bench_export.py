@@ -73,9 +73,7 @@ def serialised(definitions: Definitions, k: int) -> tuple[bytes, bytes]:
     )
     estimate = types[ESTIMATE_TYPE](
         header=header, linear=linear, nonlinear=nonlinear, acceleration=x[:3],
-        jerk=float(x[11]), yaw=0.0, flags=0, samples_used=k, samples_dropped=0, containers=[],
-            container_msh=np.empty(0), container_azimuth=np.empty(0),
-            container_flags=np.empty(0, np.uint16), worst=0,
+        jerk=float(x[11]), yaw=0.0, flags=0, samples_used=k, samples_dropped=0,
     )  # fmt: skip
     serialise = definitions.typestore.serialize_cdr
     return (

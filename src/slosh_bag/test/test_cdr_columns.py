@@ -187,9 +187,7 @@ def estimates(lengths, stamp=5):
             STORE.types["slosh_msgs/msg/SloshEstimate"](
                 header=header(stamp=time(sec=stamp, nanosec=0), frame_id="c"),
                 linear=model, nonlinear=model, acceleration=np.arange(3.0), jerk=0.0, yaw=0.0,
-                flags=count, samples_used=0, samples_dropped=0, containers=[],
-            container_msh=np.empty(0), container_azimuth=np.empty(0),
-            container_flags=np.empty(0, np.uint16), worst=0,
+                flags=count, samples_used=0, samples_dropped=0,
             )
         )  # fmt: skip
     return [serialised("slosh_msgs/msg/SloshEstimate", message) for message in made]

@@ -139,6 +139,11 @@ class Monitor:
         """Watches the containers of a tray, each by its own limit."""
         self.tray = TrayWatch(tray, self.settings, self._next_excess)
 
+    def add_tray(self, stamp_ns: int, heights: Sequence[float]) -> None:
+        """Takes the height of each container of the tray that is carried [m]."""
+        if self.tray is not None:
+            self._events += self.tray.update(stamp_ns, heights)
+
     def reset_accuracy(self) -> None:
         """Starts MAE and ε, and the count of motions, anew."""
         self.linear.reset()
@@ -157,10 +162,10 @@ class Monitor:
         estimates.append(point)
         self._drop_old(point.stamp_ns)
         self._last_estimate_msh = point.nonlinear
-        if self.tray is not None and point.tray:
-            self._events += self.tray.update(point.stamp_ns, point.tray)
-        else:
+        if self.tray is None:
             self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        elif point.tray:
+            self.add_tray(point.stamp_ns, point.tray)
         if self.vacant:
             for source in Source:
                 self._close(source, point.stamp_ns, "no container")

@@ -73,6 +73,8 @@ class EstimatorTuning:
     highest: float = number(10.0, "m", "largest height that is believed")
     clocks_apart: float = number(2.0, "s", "distance of stamps at which two clocks differ")
     clock_stands: float = number(0.8, "s", "time without a step after which a clock stands")
+    # estimator_node.py
+    tray_ns: int = number(SECOND // 200, "ns", "shortest time between two estimates of a tray")
     # level_watch.py
     level_window_ns: int = number(5 * SECOND // 4, "ns", "time at rest over which a level is seen")
     level_least: int = number(5, "1", "fewest images of it")

@@ -31,6 +31,8 @@ ESTIMATOR_STATE: Final = "estimator_state"
 """What the estimator's next answers depend on, some times a second."""
 CONTAINER: Final = "container"
 """What the gripper holds; latched."""
+TRAY_ESTIMATE: Final = "tray_estimate"
+"""Of a cell with several containers, beside the first one's estimates."""
 FUSED_ESTIMATE: Final = "fused_estimate"
 """The liquid's state by model and measured heights together."""
 CALM: Final = "calm"
@@ -152,6 +154,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
     Topic(CONTAINER, "slosh_msgs/msg/ContainerChange", _ANSWER, latched=True),
+    Topic(TRAY_ESTIMATE, "slosh_msgs/msg/TrayEstimate", _ANSWER, remappable=True),
     Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
     Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),
     Topic(IS_CALM, "std_msgs/msg/Bool", _ANSWER, remappable=True, latched=True),

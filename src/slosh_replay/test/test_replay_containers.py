@@ -62,14 +62,19 @@ def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
     live.attitude = lambda index: (0.0, 0.0, np.sin(1e-3 * index), np.cos(1e-3 * index))
     folder = live.write(tmp_path / "bag")
     result = replay_bag(folder)
-    assert result.verification.exact, result.verification.lines()
+    for found in (result.verification, result.verified["tray_estimate"]):
+        assert found.exact, found.lines()
     estimated = [one for one in result.events if one.source is Source.ESTIMATED]
     assert {one.description.partition(":")[0] for one in estimated} == {"container c"}
     reader = BagReader(folder)
-    estimate = reader.decode(list(reader.messages(["/slosh/estimate"]))[-1200])
-    assert len(set(estimate.container_msh.tolist())) == 3
+    told = reader.decode(list(reader.messages(["/slosh/tray_estimate"]))[-1200])
+    assert len(set(told.msh.tolist())) == 3
     live.restarts, live.unheard, live.unrecorded = (), range(700), range(700)
-    assert replay_bag(live.write(tmp_path / "late")).verification.exact
+    late = replay_bag(live.write(tmp_path / "late")).verified
+    assert late["estimate"].exact
+    (why,) = late["tray_estimate"].unchecked
+    assert "further containers" in why
+    assert not late["tray_estimate"].missing
 
 
 def test_a_container_of_a_tray_that_is_another_one_is_found_out(tmp_path):
@@ -87,9 +92,10 @@ def test_a_container_of_a_tray_that_is_another_one_is_found_out(tmp_path):
         ]
         + settings_of(live, told, other)
     )
-    found = replay_bag(live.write(tmp_path / "bag")).verification
-    assert not found.exact
-    assert "container_msh[1]" in found.largest
+    found = replay_bag(live.write(tmp_path / "bag")).verified
+    assert found["estimate"].exact
+    assert not found["tray_estimate"].exact
+    assert "msh[1]" in found["tray_estimate"].largest
 
 
 def settings_of(live, entries, tray):

@@ -51,6 +51,7 @@ TYPES = {
     "imu": "sensor_msgs/msg/Imu",
     "pose": "geometry_msgs/msg/PoseStamped",
     "settings": "slosh_msgs/msg/NodeSettings",
+    "tray_estimate": "slosh_msgs/msg/TrayEstimate",
 }
 
 
@@ -171,13 +172,13 @@ class LiveBag:
             sample, recorded = samples[-1], index not in self.unrecorded
             for sample in samples:
                 estimate = estimator.update(sample)
-                if self._others is not None:
-                    self._of_tray = self._others.update(sample, estimate)
+                self._follow_tray(sample, estimate)
                 if self.states and index % STATE_EVERY == 0 and recorded and sample is samples[-1]:
                     self._state(estimator, source, stamp)
                 if recorded:
                     lag = self.estimate_lag(index)
                     self._estimate(estimator, estimate, source.gate, stamp + lag)
+                    self._put_tray(sample.stamp_ns, stamp + lag)
             self.gaps = source.gate.gaps
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
@@ -294,8 +295,7 @@ class LiveBag:
         )
 
     def _estimate(self, estimator: Estimator, estimate, gate, log_ns: int) -> None:
-        models, names = [], [] if self.tray is None else list(self.tray.names)
-        msh, azimuth, flags, worst = self._of_tray or ((), (), (), 0)
+        models = []
         for name, state in zip(
             estimator.names, (estimate.linear, estimate.nonlinear), strict=True
         ):
@@ -310,8 +310,20 @@ class LiveBag:
             "estimate", sample.stamp_ns, log_ns, linear=models[0], nonlinear=models[1],
             acceleration=np.array(sample[1:4]), jerk=estimate.jerk, yaw=sample.yaw,
             flags=estimate.flags, samples_used=gate.used, samples_dropped=gate.dropped,
-            containers=names, container_msh=np.array(msh), container_azimuth=np.array(azimuth),
-            container_flags=np.array(flags, np.uint16), worst=worst,
+        )  # fmt: skip
+
+    def _follow_tray(self, sample, estimate) -> None:
+        if self._others is not None:
+            self._of_tray = self._others.update(sample, estimate)
+
+    def _put_tray(self, stamp: int, log_ns: int) -> None:
+        told = self._of_tray
+        if told is None:
+            return
+        self._put(
+            "tray_estimate", stamp, log_ns, containers=list(self.tray.names),
+            msh=np.array(told.msh), azimuth=np.array(told.azimuth),
+            flags=np.array(told.flags, np.uint16), worst=told.worst,
         )  # fmt: skip
 
     def _state(self, estimator: Estimator, source, stamp: int) -> None:

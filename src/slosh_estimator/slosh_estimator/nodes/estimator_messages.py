@@ -42,12 +42,12 @@ def fill(message: SloshEstimate, estimate: Estimate) -> None:
     message.yaw = sample.yaw
 
 
-def fill_tray(message: SloshEstimate, tray: TrayEstimate) -> None:
-    """Writes what is estimated of a tray's containers."""
-    message.container_msh = array("d", tray.msh)
-    message.container_azimuth = array("d", tray.azimuth)
-    message.container_flags = array("H", tray.flags)
-    message.worst = tray.worst
+def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate) -> None:
+    """Writes what is estimated of a tray's containers at a stamp [ns]."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(stamp_ns, SECOND)
+    message.msh, message.azimuth = array("d", tray.msh), array("d", tray.azimuth)
+    message.flags, message.worst = array("H", tray.flags), tray.worst
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:

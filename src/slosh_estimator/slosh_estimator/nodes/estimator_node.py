@@ -22,7 +22,7 @@ from slosh_base.compiled.compile_cache import sources_digest
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.estimator import Estimator
+from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
 from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import (
@@ -47,11 +47,12 @@ from slosh_estimator.robot import Robot, read_urdf
 from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import TILT, Model
 from slosh_model.model_text import format_model
 from slosh_model.tray import TRAY, format_tray, read_tray
-from slosh_msgs.msg import ExpectedReading, SloshEstimate
+from slosh_msgs.msg import ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
@@ -156,6 +157,7 @@ class EstimatorNode(PreparedNode):
         self._tray = read_tray(values["model"])
         self._message = SloshEstimate()
         self._reading = ExpectedReading()
+        self._tray_message, self._tray_ns = TrayEstimate(), -(2**62)
         self._message.header.frame_id = values["container_frame"]
         self._reading.header.frame_id = values["container_frame"]
         self._kind = values["input"]
@@ -242,7 +244,9 @@ class EstimatorNode(PreparedNode):
             TRAY_STAYS if self._tray.is_tray else "",
         )  # fmt: skip
         if self._tray.is_tray:
-            self._message.containers = list(self._tray.names)
+            self._trays = self.create_publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
+            self._tray_message.header.frame_id = self._values["container_frame"]
+            self._tray_message.containers = list(self._tray.names)
         self._announce_start()
         if self._values["observer"]:
             self._observed = ObserverOutput(
@@ -304,9 +308,7 @@ class EstimatorNode(PreparedNode):
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
         if self._tray.is_tray:
-            tray = self._others.update(sample, estimate)
-            fill_tray(self._message, tray)
-            self._flags |= functools.reduce(operator.or_, tray.flags)
+            self._tell_tray(sample, estimate)
         if self._has_readings:
             late = self._estimator.reading_delay(sample.stamp_ns)
             fill_reading(self._reading, estimate, late)
@@ -317,6 +319,15 @@ class EstimatorNode(PreparedNode):
         self._report.counts["output"] += 1
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
+
+    def _tell_tray(self, sample: Sample, estimate: Estimate) -> None:
+        """Estimates the further containers; of many samples a second some are told."""
+        tray = self._others.update(sample, estimate)
+        self._flags |= functools.reduce(operator.or_, tray.flags)
+        if not 0 <= sample.stamp_ns - self._tray_ns < TUNING.tray_ns:
+            self._tray_ns = sample.stamp_ns
+            fill_tray(self._tray_message, sample.stamp_ns, tray)
+            self._trays.publish(self._tray_message)
 
     def _take(self, held: HeldContainer) -> int:
         """Goes on with what the gripper holds from the next input on; the last stamp before it."""

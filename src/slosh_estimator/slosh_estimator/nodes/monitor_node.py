@@ -39,6 +39,7 @@ from slosh_msgs.msg import (
     PredictionOutcome,
     SloshComparison,
     SloshEstimate,
+    TrayEstimate,
 )
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -102,6 +103,7 @@ class MonitorNode(GuardedNode):
         )
         self._events = self.create_publisher(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
         self.create_subscription(SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN)
+        self.create_subscription(TrayEstimate, topics.TRAY_ESTIMATE, self._on_tray, qos.STREAM_IN)
         self._joiner = ReadingJoiner()
         self.create_subscription(
             ExpectedReading, topics.EXPECTED_READING, self._on_reading, qos.STREAM_IN
@@ -171,9 +173,14 @@ class MonitorNode(GuardedNode):
             message.flags,
             tuple(message.acceleration.tolist()),
             azimuth=message.nonlinear.azimuth,
-            tray=tuple(message.container_msh),
         )
         self._add(self._joiner.add_estimate(point, message.nonlinear.model))
+
+    def _on_tray(self, message: TrayEstimate) -> None:
+        if self._core.tray is None or len(message.msh) != len(self._core.tray.tray.containers):
+            return  # not announced yet, or a stranger's
+        self._core.add_tray(to_nanoseconds(message.header.stamp), message.msh.tolist())
+        self._publish([])
 
     def _on_reading(self, message: ExpectedReading) -> None:
         reading = Reading(

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.recording.sources import FUSED as FUSED_TYPE
 from slosh_replay.recording.sources import SURFACE
+from slosh_replay.recording.sources import TRAY as TRAY_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
@@ -32,12 +33,16 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
         modes: of the recorded estimates.
         containers: of a tray; 0: there is none.
     """
-    estimate = ("samples_used", *estimate_fields(modes), *tray_fields(containers))
+    estimate = ("samples_used", *estimate_fields(modes))
+    tray = NodeTopic(TRAY_ESTIMATE, TRAY_TYPE, tray_fields(containers))
     return (
         ReplayedNode(
             "estimator",
             ReplayedEstimator,
-            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+            outputs=(
+                NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),
+                *([tray] if containers else []),
+            ),
         ),
         ReplayedNode(
             "observer",

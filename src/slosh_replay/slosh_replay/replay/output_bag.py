@@ -121,9 +121,7 @@ class OutputBag(Outputs):
         message = types[ESTIMATE](
             header=self._header(0), linear=models[0], nonlinear=models[1],
             acceleration=np.zeros(3), jerk=0.0, yaw=0.0, flags=0, samples_used=0,
-            samples_dropped=0, containers=[],
-            container_msh=np.empty(0), container_azimuth=np.empty(0),
-            container_flags=np.empty(0, np.uint16), worst=0,
+            samples_dropped=0,
         )  # fmt: skip
         data = bytes(self._store.serialize_cdr(message, ESTIMATE))
         return layout_of(self._store, ESTIMATE, data), data

@@ -24,7 +24,7 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -129,7 +129,9 @@ def replay_bag(
         limit_changes,
         at_rest=settings.starts_at_rest(started),
         matcher=matcher,
-        known=KnownState(verifiers.get(ESTIMATE)) if sources.state else None,
+        known=KnownState(verifiers.get(ESTIMATE), verifiers.get(TRAY_ESTIMATE))
+        if sources.state
+        else None,
         counter=None if sources.state or matcher is None or mixed else KnownState(None),
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),

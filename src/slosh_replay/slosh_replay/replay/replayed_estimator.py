@@ -17,7 +17,7 @@ from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
 from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_model.indices import POSE_COUNT
-from slosh_msgs_py.topics import ESTIMATE
+from slosh_msgs_py.topics import ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
 from slosh_replay.recording.settings import NodeStart, first, model_of, starts_at_rest
 from slosh_replay.recording.states import RecordedState
@@ -59,6 +59,7 @@ class ReplayedEstimator:
         self._inputs: list[Messages] = []
         self._heights: list[ModelHeights] = []
         self._given: list[Messages] = []
+        self._trays: list[Messages] = []
         started = first(setting.starts, "estimator")
         if started is not None and empty_and_fresh(started.parameters)[0]:
             self.models.empty()
@@ -91,7 +92,9 @@ class ReplayedEstimator:
         self._estimate(moment.final)
         given, self._given = joined_messages(self._given), []
         samples, self._samples = joined_messages(self._samples), []
-        return {ESTIMATE: given, SAMPLES: samples} if len(given.stamps) else {}
+        trays, self._trays = joined_messages(self._trays), []
+        found = {ESTIMATE: given, SAMPLES: samples, TRAY_ESTIMATE: trays}
+        return {name: messages for name, messages in found.items() if len(messages.stamps)}
 
     def take_heights(self) -> list[ModelHeights]:
         """Heights of all models since the last call."""
@@ -212,16 +215,15 @@ class ReplayedEstimator:
             return
         answers = self.models.update_many(samples)
         own = answers.own
-        columns = dict(estimate_columns(own))
         heights = answers.heights
         if self._others is not None:
             tray = self._others.update_many(samples, own)
-            columns |= tray_columns(tray)
+            self._trays.append(Messages(own.stamps, tray_columns(tray)))
             heights = heights._replace(tray=tray.msh)
         elif self.setting.tray is not None:
             unknown = np.full((len(own.stamps), len(self.setting.tray.containers)), np.nan)
             heights = heights._replace(tray=unknown)
-        self._given.append(Messages(own.stamps, columns))
+        self._given.append(Messages(own.stamps, estimate_columns(own)))
         self._samples.append(_columns(samples, own.flags, len(self.setting.loaded) - 1))
         self.setting.outputs.estimates(answers)
         self._heights.append(heights)

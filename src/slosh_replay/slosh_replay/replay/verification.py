@@ -329,18 +329,18 @@ def estimate_fields(modes: int) -> tuple[str, ...]:
 
 
 def tray_columns(tray: TrayEstimates) -> Columns:
-    """What SloshEstimate.msg says of a tray's containers, (N,) each."""
+    """The numbers of TrayEstimate.msg by dotted field name, (N,) each."""
     columns: dict[str, NDArray[Any]] = {"worst": tray.worst}
     for name in ("msh", "azimuth", "flags"):
         for index, column in enumerate(getattr(tray, name).T):
-            columns[f"container_{name}[{index}]"] = column
+            columns[f"{name}[{index}]"] = column
     return columns
 
 
 def tray_fields(count: int) -> tuple[str, ...]:
-    """The names of these columns for so many containers; none where it is no tray."""
+    """The names of these columns for so many containers."""
     none, whole = np.empty((0, count)), np.empty((0, count), dtype=np.int64)
-    return tuple(tray_columns(TrayEstimates(none, none, whole, whole[:, 0]))) if count else ()
+    return tuple(tray_columns(TrayEstimates(none, none, whole, np.empty(0, dtype=np.int64))))
 
 
 def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
