@@ -2,4 +2,4 @@
 
 
 class SloshCameraError(ValueError):
-    """A calibration, image or setting that cannot be used; the message says what and where."""
+    """A calibration, an image or a setting cannot be used; the message says what and where."""

@@ -1,4 +1,4 @@
-"""What a user may set about the detection."""
+"""User settings of the detection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_camera.errors import SloshCameraError
 
 
 class LiquidContrast(Enum):
-    """How the liquid looks against its background."""
+    """Contrast of the liquid to its background."""
 
     ANY = "any"
     DARKER = "darker"
@@ -20,7 +20,7 @@ class LiquidContrast(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RegionOfInterest:
-    """Rectangle of the image in which the container is looked for [px].
+    """Rectangle of the image in which the container is searched [px].
 
     Attributes:
         x_offset: leftmost column.

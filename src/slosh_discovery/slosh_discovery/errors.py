@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshDiscoveryError(ValueError):
-    """Data from which the asked-for answer cannot be computed; the text is one line."""
+    """The data do not allow the requested computation; the text is one line."""

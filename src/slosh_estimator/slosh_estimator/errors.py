@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshEstimatorError(ValueError):
-    """A setting, a file or a sample is not usable; the text is one line."""
+    """A setting, a file or a sample cannot be used; the text is one line."""

@@ -1,4 +1,4 @@
-"""The tuning numbers of inputs, estimator and monitor."""
+"""Tuning numbers of inputs, estimator and monitor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_model.constants import GRAVITY
 
 @dataclass(frozen=True, slots=True)
 class EstimatorTuning:
-    """What is assumed about sensors, trackers, cameras and liquids.
+    """Assumptions about sensors, trackers, cameras and liquids.
 
     Checked on the simulated cell's recordings by `slosh replay bags --check`. The unit
     "σ" is the sensor's standard deviation.

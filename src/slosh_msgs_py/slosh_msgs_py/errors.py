@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshMessageError(ValueError):
-    """A message or a parameter holds what it must not; the text is one line."""
+    """A message or a parameter has an invalid value; the text is one line."""

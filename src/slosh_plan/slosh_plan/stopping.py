@@ -1,4 +1,4 @@
-"""The quickest stop of a moving container that keeps the liquid below a limit.
+"""Finds the quickest stop of a moving container that keeps the liquid below a limit.
 
 Of a family of laws: the velocity is the cubic that leads from the present velocity and
 acceleration to rest, and two bumps along the present direction that brake earlier or later. Ever
@@ -74,7 +74,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """How the container moves now."""
+    """Present motion of the container."""
 
     velocity: Array
     acceleration: Array
@@ -88,7 +88,7 @@ class _Moving:
         return self.velocity / self.speed
 
     def law(self, duration: float, bumps: tuple[float, float], t: Array) -> tuple[Array, Array]:
-        """(N, 3) velocity [m/s] and acceleration [m/s²] at times t from now (N,) [s]."""
+        """Returns velocity [m/s] and acceleration [m/s²], (N, 3) each, at times t from now [s]."""
         u = t / duration
         rest, half = 1.0 - u, 1.0 - 2.0 * u
         early, late = bumps
@@ -115,7 +115,7 @@ def safe_stop(
     acceleration: ArrayLike = (0.0, 0.0, 0.0),
     state: LiquidState | None = None,
 ) -> Stop:
-    """The quickest stop of the family that keeps the limits, of an upright container.
+    """Finds the quickest stop of the family within the limits, for an upright container.
 
     Args:
         model: the model; its NL twin decides.
@@ -175,7 +175,7 @@ def _checked(velocity: ArrayLike, acceleration: ArrayLike, limits: PlanLimits) -
 
 
 def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
-    """From what the acceleration allows at best to LONGEST [s]."""
+    """Yields durations from the acceleration's minimum to LONGEST [s]."""
     duration = whole_rows(max(moving.speed / limits.acceleration, 10.0 * STEP))
     while duration <= LONGEST:
         yield duration
@@ -183,7 +183,7 @@ def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
 
 
 def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple[float, float]]:
-    """Bumps whose law keeps acceleration and jerk, as far as some rows tell, and its direction."""
+    """Yields the law's parameters that keep acceleration and jerk, on a coarse grid."""
     t = np.linspace(0.0, duration, ROWS)
     plain, early, late = (
         moving.law(duration, pair, t) for pair in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
@@ -239,7 +239,7 @@ def _heights(
 
 
 def _excess(found: Extremes, limits: PlanLimits) -> float:
-    """By how much of itself the worse of both limits is exceeded; not above 0: they are kept."""
+    """Returns the larger relative excess of both limits; at most 0: kept."""
     return max(found.peak / limits.height, found.residual / limits.residual) - 1.0
 
 

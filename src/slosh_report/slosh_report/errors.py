@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshReportError(ValueError):
-    """Series that cannot be compared, or what no page can show; the text is one line."""
+    """Series cannot be compared or shown on a page; the text is one line."""

@@ -1,4 +1,4 @@
-"""A measured motion: what moved the container and what was seen of the liquid."""
+"""A measured motion: the container's inputs and the liquid's heights."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class MeasuredMotion:
 
     @property
     def peak_heights(self) -> Array:
-        """(M,) MSH: as measured, or the highest of the wall heights [m]; NaN: no sample."""
+        """(M,) MSH: measured, or the maximum of the wall heights [m]; NaN: no sample."""
         finite = np.isfinite(self.heights)
         filled = np.where(finite, self.heights, -np.inf).max(axis=1)
         return np.where(finite.any(axis=1), filled, np.nan)

@@ -1,4 +1,4 @@
-"""What the reader of a finding must know beside its numbers, a sentence each."""
+"""Remarks on a finding besides its numbers, one sentence each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slosh_discovery.discover.verdict import ChosenExplanation
 
 
 def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
-    """Which motions were found to belong together."""
+    """Lists the groups of motions that were found."""
     groups: dict[str, list[str]] = {}
     for case in cases:
         if case.role is Role.FIT and case.motion.group is not None:
@@ -31,7 +31,7 @@ def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
 
 
 def rejection_remarks(judgement: ChosenExplanation, gap: HeightGap) -> tuple[str, ...]:
-    """Why the likeliest explanation is not added."""
+    """Explains why the most probable explanation is not added to the model."""
     names = " + ".join(judgement.chosen.explanation.effects)
     if not math.isfinite(gap.holdout_after):
         return (
@@ -46,14 +46,14 @@ def rejection_remarks(judgement: ChosenExplanation, gap: HeightGap) -> tuple[str
 
 
 def answer_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
-    """Motions for which the model that came in has no answer."""
+    """Lists motions for which the base model has no solution."""
     return tuple(
         f"{unanswered(case.motion)}." for case in cases if not math.isfinite(case.before.rms)
     )
 
 
 def unanswered(motion: MeasuredMotion) -> str:
-    """Why a model has no answer to a motion."""
+    """Explains why a model has no solution for a motion."""
     highest = float(np.linalg.norm(motion.inputs.acceleration, axis=1).max())
     return (
         f"{motion.name}: the model has no finite solution for this motion, whose acceleration "
@@ -62,7 +62,7 @@ def unanswered(motion: MeasuredMotion) -> str:
 
 
 def judgement_remarks(judgement: ChosenExplanation) -> tuple[str, ...]:
-    """What the heights themselves leave in doubt."""
+    """Lists doubts that follow from the heights themselves."""
     remarks = []
     if judgement.unseen:
         remarks.append(

@@ -1,4 +1,4 @@
-"""The tuning numbers of the discovery."""
+"""Tuning numbers of the discovery."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class DiscoverTuning:
-    """What is assumed about noise, effects, recordings and robots.
+    """Assumptions about noise, effects, recordings and robots.
 
     Checked on blind cases by `validation/studies/blind_tables.py` and on measured recordings by
     `validation/studies/discovery_findings.py`. The unit "σ" is a standard deviation of the noise,

@@ -1,4 +1,4 @@
-"""Containers of other shapes than cylinder and rectangle, one family in each module.
+"""Containers of further shapes, one family in each module.
 
 Importing it makes their names known to `model.yaml`.
 """

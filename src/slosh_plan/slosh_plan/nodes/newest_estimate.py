@@ -1,4 +1,4 @@
-"""The newest estimate, for who asks now and then."""
+"""The newest estimate, polled on demand."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNKNOWN = EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED
 
 
 class NewestEstimate:
-    """Lets the middleware keep the newest estimate, and takes it when it is wanted.
+    """Subscribes to estimates without a callback, and takes the newest on demand.
 
     A thousand messages a second must not wake the process. So the subscription is one of a hidden
     node that no executor has. A callback group that never executes is not enough: the events
@@ -48,7 +48,7 @@ class NewestEstimate:
         self._last: SloshEstimate | None = None
 
     def state(self) -> LiquidState:
-        """How the liquid stands now.
+        """Returns the present state of the liquid.
 
         Raises:
             SloshEstimatorError: nobody tells, or what is told is old or no known state.
