@@ -1,4 +1,4 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ _DURABILITY = {1: "transient_local", 2: "volatile"}
 
 @dataclass(frozen=True, slots=True)
 class BagTopic:
-    """A topic of a bag.
+    """A topic of a bag, with its type and count.
 
     Attributes:
         message_type: e.g. 'slosh_msgs/msg/FreeSurface'.

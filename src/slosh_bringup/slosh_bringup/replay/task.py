@@ -118,7 +118,7 @@ class Replayed:
 
 
 def replay_task(task: Task) -> Replayed:
-    """Replays a bag.
+    """Replays a recorded bag: selects its topics and runs the cores.
 
     Raises:
         SloshBagError: it cannot be replayed.

@@ -69,7 +69,7 @@ def replay_bag(
     estimator: int = 1,
     further: Sequence[ReplayedNode] = (),
 ) -> ReplayResult:
-    """Replays a bag.
+    """Replays a recorded bag: selects its topics and runs the cores.
 
     >>> from slosh_replay import replay_bag
     >>> result = replay_bag("bags/c3")
