@@ -50,6 +50,9 @@ def _no_pixels() -> Array:
 class Measurement:
     """Free surface in one image; heights are above the still level, NaN is unknown.
 
+    >>> Flag.TOO_DARK in Measurement(stamp_ns=0).flagged(Flag.TOO_DARK).flags
+    True
+
     Attributes:
         stamp_ns: moment of exposure [ns].
         msh: highest point of the wall [m], as seen; where it is hidden, as fitted, if that is the
@@ -106,5 +109,9 @@ class Measurement:
 
 
 def bad_image(stamp_ns: int) -> Measurement:
-    """Makes the measurement of an image that could not be decoded."""
+    """Makes the measurement of an image that could not be decoded.
+
+    >>> bad_image(stamp_ns=0).flags == Flag.BAD_IMAGE
+    True
+    """
     return Measurement(stamp_ns=stamp_ns, flags=Flag.BAD_IMAGE)

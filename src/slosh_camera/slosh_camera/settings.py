@@ -47,6 +47,9 @@ class RegionOfInterest:
 class DetectionSettings:
     """Settings of the detector; grey levels are those of an 8-bit image.
 
+    >>> DetectionSettings(liquid=LiquidContrast.DARKER).min_contrast  # grey levels
+    12.0
+
     Attributes:
         liquid: how the liquid looks against its background; what looks otherwise is not taken
             for liquid.

@@ -114,6 +114,13 @@ class Estimates(NamedTuple):
 class Estimator:
     """Runs the L and the NL variant of a model in parallel.
 
+    >>> from slosh_model import Model
+    >>> estimator = Estimator(Model.from_cup(diameter=0.08, fill_height=0.06))
+    >>> estimator.names
+    ('3D-L', '3D-NL')
+    >>> estimator.update(Sample(stamp_ns=0, ax=0.0, ay=0.0, az=0.0, restarted=True)).nonlinear.msh
+    0.0
+
     The container counts as at rest, with still liquid, when the first sample comes. After a gap,
     and after a reset or another model in the middle of a motion, the liquid's state is unknown:
     the models restart from rest, and the estimates carry a flag until the unknown part has died

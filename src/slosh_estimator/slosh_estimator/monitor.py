@@ -53,6 +53,12 @@ HEARTBEAT = 3
 class Monitor:
     """Compares estimates with measurements as they arrive, and checks limits.
 
+    >>> monitor = Monitor(MonitorSettings(measured_limit=0.02))  # m
+    >>> monitor.add_measurement(MeasuredPoint(stamp_ns=10, msh=0.012), arrival_ns=10)
+    []
+    >>> len(monitor.add_estimate(EstimatePoint(10, linear=0.014, nonlinear=0.011), arrival_ns=10))
+    1
+
     A measurement waits until an estimate of the moment that it shows, or a later one, has come, or
     until the estimator has long been silent. It is compared with what the model expects a sensor
     to read; the limit of the estimated height is that of the liquid itself. A saturated

@@ -21,6 +21,9 @@ RIM = "rim"
 class MonitorSettings:
     """Limits and timeouts of the monitor.
 
+    >>> MonitorSettings(measured_limit=0.02).limits[Source.MEASURED]  # m
+    0.02
+
     Attributes:
         measured_limit, estimated_limit, disagreement_limit: [m]; NaN: not watched.
         warn_share: share of a limit from which the state is WARN.

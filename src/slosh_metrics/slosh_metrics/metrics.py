@@ -19,6 +19,9 @@ NAN = float("nan")
 def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
     """Returns ε: relative error of the maximum (DL22, eq. (32)); positive: overestimated.
 
+    >>> round(peak_error(measured=[0.0, 0.010, 0.004], model=[0.0, 0.011, 0.005]), 3)
+    0.1
+
     Raises:
         SloshMetricsError: the series do not match or share no finite moment.
     """
@@ -27,6 +30,9 @@ def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
     """Returns MAE: mean absolute error (DL22, eq. (33)), in the series' unit.
+
+    >>> round(mean_absolute_error(measured=[0.0, 0.010, 0.004], model=[0.0, 0.011, 0.006]), 6)
+    0.001
 
     Raises:
         SloshMetricsError: the series do not match or share no finite moment.
@@ -37,6 +43,9 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
     """Returns the root mean square difference; TM20's SEOE if the series hold all repetitions.
 
+    >>> round(rms_error(measured=[0.003, 0.010], model=[0.003, 0.012]), 6)
+    0.001414
+
     Raises:
         SloshMetricsError: the series do not match or share no finite moment.
     """
@@ -45,6 +54,10 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
     """Returns SEOE (TM20, §2.4): rms deviation over all repetitions and samples.
+
+    >>> repetitions = [[0.010, 0.004], [0.012, 0.004]]
+    >>> round(standard_error_of_estimate(repetitions, model=[0.011, 0.004]), 6)
+    0.000707
 
     Args:
         measured: (J,) samples, or (K, J) of K repetitions.
@@ -64,7 +77,11 @@ def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def relative_peak_error(measured_peak: float, model_peak: float) -> float:
-    """Returns (model - measured) / measured; NaN without a positive measured peak."""
+    """Returns (model - measured) / measured; NaN without a positive measured peak.
+
+    >>> round(relative_peak_error(measured_peak=0.010, model_peak=0.011), 3)
+    0.1
+    """
     if not measured_peak > 0.0:
         return NAN
     return (model_peak - measured_peak) / measured_peak
@@ -72,6 +89,11 @@ def relative_peak_error(measured_peak: float, model_peak: float) -> float:
 
 class RunningAccuracy:
     """ε, MAE and rms of a stream; the functions above evaluate one series with it.
+
+    >>> accuracy = RunningAccuracy()
+    >>> accuracy.update(0.010, 0.011)
+    >>> accuracy.count, round(accuracy.sigma, 6)
+    (1, 0.001)
 
     Attributes:
         count: pairs that were taken.

@@ -46,6 +46,13 @@ def peak_gradient(
 ) -> HeightGradient:
     """Computes the maximum height of a motion from rest, and its gradient by the acceleration.
 
+    >>> from slosh_model import Model
+    >>> t = np.linspace(0.0, 1.0, 201)
+    >>> move = Inputs(t, np.outer(np.sin(12.0 * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> found = peak_gradient(Model.from_cup(diameter=0.08, fill_height=0.06), move)
+    >>> round(found.height, 4), found.gradient.shape
+    (0.0077, (201, 3))
+
     By the adjoint of the simulation's own steps: in about the time of a few simulations, however
     many samples there are. Covered are the linear model and `vertical_acceleration`,
     `surface_nonlinearity`, further modes and every effect that changes the modes' constants alone

@@ -141,6 +141,12 @@ def simulate_tanks(
 ) -> FreeSurfaces:
     """Simulates the free surfaces of swaying tanks from rest.
 
+    >>> tank = Tanks.of(width=0.1, fill_height=0.06, damping_ratio=0.01)
+    >>> sway = 0.5 * np.sin(10.0 * np.linspace(0.0, 1.0, 201))[:, np.newaxis]  # m/s²
+    >>> surface = simulate_tanks(tank, sway, interval=0.005)
+    >>> surface.profile([-0.5, 0.5]).shape  # at both walls
+    (201, 1, 2)
+
     Args:
         tanks: L of them.
         accelerations: (T, L) of the tanks along their width [m/s²]; linear between the samples.

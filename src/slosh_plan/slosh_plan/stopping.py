@@ -108,6 +108,12 @@ def safe_stop(
 ) -> Stop:
     """Finds the quickest stop of the family within the limits, for an upright container.
 
+    >>> from slosh_model import Model
+    >>> cup = Model.from_cup(diameter=0.08, fill_height=0.06)
+    >>> stop = safe_stop(cup, velocity=[0.3, 0.0, 0.0], limits=PlanLimits(0.010, 0.005))
+    >>> stop.peak <= 0.010 and stop.residual <= 0.005
+    True
+
     Args:
         model: the model; its NL twin decides.
         velocity: (3,) of the container's origin now, world's axes [m/s].

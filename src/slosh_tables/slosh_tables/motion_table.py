@@ -47,7 +47,11 @@ _BATCH = 10_000  # rows that are turned into text at a time
 
 
 def is_motion_table(path: Path) -> bool:
-    """Whether a path has a motion table's suffix."""
+    """Whether a path has a motion table's suffix.
+
+    >>> is_motion_table(Path("move.csv.gz")), is_motion_table(Path("bag.mcap"))
+    (True, False)
+    """
     return path.name.lower().endswith(SUFFIXES)
 
 
@@ -188,7 +192,11 @@ def column_names(path: Path, table: MotionTable) -> list[str]:
 
 
 def eta_azimuths(names: Iterable[str]) -> Array:
-    """Returns the azimuths [rad] of wall height columns, in increasing order."""
+    """Returns the azimuths [rad] of wall height columns, in increasing order.
+
+    >>> eta_azimuths(["t", "eta_090", "eta_000"]).round(3).tolist()  # rad
+    [0.0, 1.571]
+    """
     degrees = sorted(float(name.removeprefix(ETA)) for name in names if _is_eta(name))
     return np.radians(degrees)
 

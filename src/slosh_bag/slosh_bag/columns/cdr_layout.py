@@ -232,6 +232,9 @@ class _Walk:
 def wide_text(raw: bytes, order: str) -> str:
     """Decodes a wide string; unpaired surrogates are kept.
 
+    >>> wide_text("cup".encode("utf-32-le"), "<")
+    'cup'
+
     Args:
         raw: its units, four bytes each.
         order: of their bytes, '<' or '>'.

@@ -105,6 +105,10 @@ def read_yaml(path: str | Path, longest: int = LONGEST) -> YamlDocument:
 def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
     """Parses a YAML text.
 
+    >>> document = parse_yaml("container: {radius: 0.05}", "cup.yaml")
+    >>> document.value["container"]["radius"], document.at("container", "radius")
+    (0.05, 'cup.yaml:1: container.radius')
+
     Args:
         text: one document.
         source: how errors name it.
@@ -134,7 +138,11 @@ def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
 
 
 def dotted(keys: KeyPath) -> str:
-    """Formats a path of keys for errors, in one line: `effects[0].alpha`."""
+    """Formats a path of keys for errors, in one line: `effects[0].alpha`.
+
+    >>> dotted(["effects", 0, "alpha"])
+    'effects[0].alpha'
+    """
     parts = (f"[{key}]" if isinstance(key, int) else f".{brief(key)}" for key in keys)
     return "".join(parts).removeprefix(".")
 
@@ -304,6 +312,9 @@ quote_numbers(_Dumper)
 
 def format_yaml(document: Any, **style: Any) -> str:
     """Formats a document as YAML.
+
+    >>> format_yaml({"radius": 0.05}).strip()
+    'radius: 0.05'
 
     Args:
         document: of plain values.

@@ -73,6 +73,9 @@ RADIAL_TABLE = (np.arange(RADIAL_STEPS + 2) / RADIAL_STEPS)[:, np.newaxis] ** np
 def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:
     """Returns the heights of all shapes.
 
+    >>> shapes_at(0.0, 0.0)[0, [Shape.LEVEL, Shape.FIRST_X]].tolist()  # on the axis
+    [1.0, 0.0]
+
     Args:
         x, y: place over the cross-section in radii, (N,).
 
@@ -98,6 +101,10 @@ def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:
 
 
 def wall_shapes(azimuth: ArrayLike) -> FloatArray:
-    """Returns the heights of all shapes on the wall, (N, SHAPES), by azimuth (N,) [rad]."""
+    """Returns the heights of all shapes on the wall, (N, SHAPES), by azimuth (N,) [rad].
+
+    >>> wall_shapes([0.0])[0, [Shape.FIRST_X, Shape.FIRST_Y]].round(3).tolist()
+    [1.0, 0.0]
+    """
     angle = np.atleast_1d(np.asarray(azimuth, dtype=np.float64))
     return shapes_at(np.cos(angle), np.sin(angle))

@@ -37,6 +37,9 @@ class Wall(Enum):
 class Cup(SeenContainer):
     """A cylindrical container.
 
+    >>> Cup(radius=0.04, fill_height=0.06, rim_height=0.11).rim_level  # m above the still level
+    0.05
+
     Attributes:
         radius: inner radius [m].
         fill_height: depth of the liquid at rest [m].
@@ -55,6 +58,12 @@ class Cup(SeenContainer):
 @dataclass(frozen=True, slots=True, eq=False)
 class CupView:
     """A container as seen by a camera.
+
+    >>> from slosh_camera.optics.pose import look_at
+    >>> camera = PinholeCamera(640, 480, fx=800.0, fy=800.0, cx=319.5, cy=239.5)
+    >>> view = CupView(camera, look_at([0.0, -0.4, 0.1], [0.0, 0.0, 0.0]), Cup(0.04, 0.06))
+    >>> view.project([[0.0, 0.0, 0.0]]).round(1).tolist()  # px
+    [[319.5, 239.5]]
 
     Attributes:
         camera: the camera.

@@ -38,6 +38,10 @@ class WallTrace:
 class GlassWall:
     """A transparent tube about the z axis.
 
+    >>> wall = GlassWall(radius=0.04, thickness=0.003, index=1.49)
+    >>> round(wall.outer_radius, 3), wall.bends
+    (0.043, True)
+
     Attributes:
         radius: inner radius [m].
         thickness: [m].

@@ -17,6 +17,11 @@ from slosh_model.simulate import Inputs
 class MeasuredMotion:
     """A motion and its measured heights.
 
+    >>> t = np.linspace(0.0, 2.0, 201)
+    >>> still = Inputs(t, np.zeros((201, 3)))
+    >>> float(MeasuredMotion("still", still, t, msh=np.zeros(201)).peak_heights.max())  # m
+    0.0
+
     Attributes:
         name: for people; the file's name or the bag's with the motion's number.
         inputs: the container's motion, from rest.

@@ -27,6 +27,10 @@ LARGEST = 1e6
 class PlanLimits(HeightLimits):
     """Limits of a motion, including the liquid's height; all hold at every time.
 
+    >>> limits = PlanLimits(height=0.020, residual=0.010)  # m
+    >>> round(limits.lowered(0.002).height, 3)
+    0.018
+
     Attributes:
         acceleration: ‖a‖ of the container's origin [m/s²].
         jerk: ‖da/dt‖ of the same [m/s³].

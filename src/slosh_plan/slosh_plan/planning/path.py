@@ -89,6 +89,10 @@ class Path:
 def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
     """Makes the path through waypoints.
 
+    >>> path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.2, 0.0]]))
+    >>> len(path.legs), round(path.length, 3)  # the path stops at the corner
+    (2, 0.5)
+
     Args:
         points: (N, 3) positions [m].
         stopped: whether somebody wants to end it.

@@ -26,6 +26,9 @@ QUADRATURE = 32
 class Damped:
     """A mode's frequency and damping for filters.
 
+    >>> round(Damped(frequency=2.0 * math.pi, damping_ratio=0.01).period, 3)  # s
+    1.0
+
     Attributes:
         frequency: ω, undamped [rad/s].
         damping_ratio: ζ.
@@ -103,19 +106,33 @@ class Filter:
 
 
 def zero_vibration(mode: Damped) -> Filter:
-    """Makes the ZV shaper: two impulses half a period apart."""
+    """Makes the ZV shaper: two impulses half a period apart.
+
+    >>> shaper = zero_vibration(Damped(frequency=2.0 * math.pi, damping_ratio=0.0))
+    >>> shaper.times.tolist(), shaper.amplitudes.tolist()
+    ([0.0, 0.5], [0.5, 0.5])
+    """
     k = math.exp(-mode.decay * mode.period / 2.0)
     return _impulses("zv", mode, [1.0, k])
 
 
 def zero_vibration_derivative(mode: Damped) -> Filter:
-    """Makes the ZVD shaper: three impulses; robust to frequency errors to first order."""
+    """Makes the ZVD shaper: three impulses; robust to frequency errors to first order.
+
+    >>> shaper = zero_vibration_derivative(Damped(frequency=2.0 * math.pi, damping_ratio=0.0))
+    >>> shaper.times.tolist(), shaper.amplitudes.tolist()
+    ([0.0, 0.5, 1.0], [0.25, 0.5, 0.25])
+    """
     k = math.exp(-mode.decay * mode.period / 2.0)
     return _impulses("zvd", mode, [1.0, 2.0 * k, k * k])
 
 
 def moving_average(mode: Damped) -> Filter:
     """Makes the moving average over one period, an FIR filter for an undamped mode.
+
+    >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.0)
+    >>> moving_average(mode).length  # s
+    1.0
 
     It has zeros at all multiples of the frequency; of a damped mode it leaves about ζ.
     """
@@ -125,6 +142,10 @@ def moving_average(mode: Damped) -> Filter:
 
 def exponential(mode: Damped) -> Filter:
     """Makes the exponential filter: an average over one period that decays as the mode.
+
+    >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.02)
+    >>> exponential(mode).residual(mode) < 1e-6
+    True
 
     Its zeros are those of the damped mode (Biagiotti, Melchiorri, Moriello 2016).
     """

@@ -62,6 +62,13 @@ class PathCourse:
 def course_of(trajectory: Trajectory) -> PathCourse:
     """Splits a motion in its path and its time law.
 
+    >>> from slosh_plan.shaping.filters import Damped, zero_vibration
+    >>> t = np.linspace(0.0, 1.0, 1001)
+    >>> move = Trajectory(t, np.outer(np.sin(2.0 * np.pi * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> course = course_of(move)
+    >>> round(shaped(course, zero_vibration(Damped(16.0, 0.01))).duration, 3)  # s
+    1.197
+
     Args:
         trajectory: from rest to rest; without positions its accelerations are integrated.
 
