@@ -30,6 +30,6 @@ def sound_fit(motions: Sequence[MeasuredMotion]) -> tuple[Motions, tuple[str, ..
     """
     kept, told = sound(motions)
     if motions and not kept:
-        count = f" (and {len(told) - 1} more likewise)" if len(told) > 1 else ""
+        count = f" (and {len(told) - 1} more like this)" if len(told) > 1 else ""
         raise SloshDiscoveryError(f"no motion with a sound input: {told[0]}{count}")
     return kept, told

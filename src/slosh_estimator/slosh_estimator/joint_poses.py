@@ -123,8 +123,8 @@ class JointPoses:
             self._owners.update(dict.fromkeys(joints, joints))
         elif taken:
             self._twice = (
-                f"joint {taken[0]} comes in joint states with different names beside it: "
-                "those that came first are used"
+                f"joint {taken[0]} is in joint states with different sets of joints: those "
+                "received first are used"
             )
             joints = ()
         else:

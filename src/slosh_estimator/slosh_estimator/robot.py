@@ -195,7 +195,7 @@ def read_urdf(path: str | Path) -> str:
     if importlib.util.find_spec("xacro") is None:
         raise SloshEstimatorError(
             f"{path}: is xacro, and the package xacro is not installed; run "
-            f"`xacro {path} > robot.urdf` where it is, and give robot.urdf"
+            f"`xacro {path} > robot.urdf` on a machine that has it, and give robot.urdf"
         )
     try:
         return str(importlib.import_module("xacro").process_file(str(path)).toxml())

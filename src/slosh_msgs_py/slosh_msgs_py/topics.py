@@ -60,9 +60,9 @@ MONITOR_RESET: Final = f"monitor/{RESET}"
 class TopicRole(Enum):
     """Publisher and purpose of a topic."""
 
-    INPUT = "the robot, its planner or its camera: what the cell's nodes read"
-    ANSWER = "the cell's nodes: what they compute"
-    SETTING = "the cell's nodes: what they work with"
+    INPUT = "the robot, its planner or its camera: inputs of the cell's nodes"
+    ANSWER = "the cell's nodes: their results"
+    SETTING = "the cell's nodes: their settings"
     SIMULATION = "the simulated cell, in addition to the inputs"
     TABLE = "no node; only in bags made from motion tables"
     SHARED = "the whole graph"

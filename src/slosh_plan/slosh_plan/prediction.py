@@ -297,7 +297,7 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
     height = float(model.container.msh(np.asarray(x), np.asarray(y)))
     if height > limits.height:
         raise SloshPlanError(
-            f"the liquid stands {1e3 * height:.1f} mm high before the motion begins, above the "
+            f"the liquid's height is {1e3 * height:.1f} mm before the motion begins, above the "
             f"limit of {1e3 * limits.height:g} mm; wait until it has settled"
         )
 

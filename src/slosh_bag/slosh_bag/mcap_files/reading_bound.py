@@ -52,5 +52,5 @@ class ReadingBound:
     def _error(self, what: str) -> SloshBagError:
         return SloshBagError(
             f"{self._path}: a file of {1e-6 * self._size:.1f} MB that unpacks to more than "
-            f"{what}: no recording can be packed so well; take it from where it was recorded"
+            f"{what}: no recording compresses so well; copy it again from the recorder"
         )

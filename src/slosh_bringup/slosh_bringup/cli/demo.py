@@ -71,9 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         setup = replace(setup, model=arguments.model.resolve(), calibration=None)
         given |= {"model": str(setup.model), "camera": "false"}
-        tell(
-            "the simulated camera sees the package's own cup alone: there are no measured heights"
-        )
+        tell("the simulated camera supports only the package's own cup: no heights are measured")
     nodes = [process.name for process in setup.processes(Path())]
     simulated = NodeProcess("cell", [setup.parameters], {**given, "wait_for": ",".join(nodes)})
     length = STARTING + arguments.repeat * motion.duration

@@ -254,14 +254,14 @@ def _check_kinds(arguments: argparse.Namespace) -> None:
     for model in filter(Path.is_dir, _paths(arguments, "model")):
         inside = model / "model.yaml"
         meant = f"; did you mean {inside}?" if inside.is_file() else ""
-        raise SloshBringupError(f"{model}: a folder where MODEL belongs, a model.yaml{meant}")
+        raise SloshBringupError(f"{model}: is a folder where MODEL belongs, a model.yaml{meant}")
     for name, usual in (("model", "model.yaml"), ("config", "cell.yaml")):
         for path in _paths(arguments, name):
             if path.name in OTHERS and path.name != usual:
                 inside = path.with_name(usual)
                 meant = f"; did you mean {inside}?" if inside.is_file() else ""
                 belongs = f"where {name.upper()} belongs, a {usual}"
-                raise SloshBringupError(f"{path}: another file of a cell {belongs}{meant}")
+                raise SloshBringupError(f"{path}: is another file {belongs}{meant}")
     for name in AFTER_MODEL:
         for table in filter(Path.is_dir, _paths(arguments, name)):
             raise SloshBringupError(

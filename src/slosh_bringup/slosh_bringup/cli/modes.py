@@ -135,11 +135,12 @@ def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
     first = rows[0]
     if first.crest_ratio > 1.001:
         found.append(
-            f"The first mode's crest is inside, {1e3 * first.crest_place:.1f} mm from the axis: "
-            f"{first.crest_ratio:.3f} times as high as at the wall, of which heights are given."
+            f"The first mode's crest is {1e3 * first.crest_place:.1f} mm from the axis, away from "
+            f"the wall, and {first.crest_ratio:.3f} times as high; heights refer to the wall."
         )
     if math.isfinite(limit):
         found.append(
-            f"Linear model alone: waves above {1e3 * limit:.1f} mm are flagged BEYOND_LINEAR."
+            f"Only the linear model applies: waves above {1e3 * limit:.1f} mm are flagged "
+            "BEYOND_LINEAR."
         )
     return found

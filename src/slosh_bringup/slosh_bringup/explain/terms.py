@@ -64,7 +64,7 @@ COLUMNS: Mapping[str, str] = {
     "what": "quantity that the row is about",
     "found": "value of this run, or estimated value",
     "expected": "value in the manifest with its tolerance",
-    "model": "model of the row: slosh explain 3D-NL tells its name",
+    "model": "model of the row: slosh explain 3D-NL explains its name",
     "topic topic_field field": "recorded topic, and the field of its messages",
     "type": "message type of the topic",
     "messages": "number of messages",
@@ -109,7 +109,7 @@ COLUMNS: Mapping[str, str] = {
     "acceleration greatest_acceleration": "greatest acceleration of the container [m/s²]",
     "jerk": "greatest change of the acceleration [m/s³]",
     # identification and discovery
-    "effect": "named effect of a model: slosh explain NAME tells it",
+    "effect": "named effect of a model: slosh explain NAME explains it",
     "explanation": "set of effects that was fitted",
     "parameter parameters": "parameter of the model or of an effect",
     "unit": "unit of the value",

@@ -70,7 +70,7 @@ class LiveWatch:
     @property
     def waits_for(self) -> str:
         """Describes the nodes that are not ready, and why."""
-        return f"waiting for {sentence(self._wait.missing()) or 'what the nodes work with'}"
+        return f"waiting for {sentence(self._wait.missing()) or 'the settings of the nodes'}"
 
     @property
     def given_up(self) -> str:

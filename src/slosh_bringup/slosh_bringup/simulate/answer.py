@@ -106,10 +106,10 @@ class SimulationAnswer:
     def _on_wall(self) -> list[str]:
         found = []
         if "along_wall" in self.wall and math.isfinite(self.wall["along_wall"]):
-            found.append(f"{1e3 * self.wall['along_wall']:.1f} mm along the leaning wall")
+            found.append(f"{1e3 * self.wall['along_wall']:.1f} mm along the inclined wall")
         if "crest_ratio" in self.wall:
             found.append(
-                f"the crest is inside ({1e3 * self.wall['crest_place']:.0f} mm from the axis), "
+                f"the crest is {1e3 * self.wall['crest_place']:.0f} mm from the axis, "
                 f"{self.wall['crest_ratio']:.2f} times as high"
             )
         return found

@@ -20,12 +20,12 @@ def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
             groups.setdefault(case.motion.group, []).append(case.motion.name)
     listed = "; ".join(f"{group}: {', '.join(names)}" for group, names in sorted(groups.items()))
     remarks = [
-        f"The heights show {len(groups)} set-ups of the sensor: {listed}. Where you know which "
-        "motions belong together, say so (--group)."
+        f"The heights show {len(groups)} set-ups of the sensor: {listed}. If you know which "
+        "motions belong together, give them with --group."
     ]
     if any(case.role is Role.HOLDOUT for case in cases):
         remarks.append(
-            "Each held-out motion is taken for one of the set-up that its own heights fit best."
+            "Each held-out motion is assigned to the set-up that fits its heights best."
         )
     return tuple(remarks)
 
@@ -36,12 +36,12 @@ def rejection_remarks(judgement: ChosenExplanation, gap: HeightGap) -> tuple[str
     if not math.isfinite(gap.holdout_after):
         return (
             f"{names} explains the fitted motions best, but has no finite solution for a motion "
-            "held out: it is not what is missing, and not added. Check the units of that motion.",
+            "held out: it is not the missing effect and not added. Check that motion's units.",
         )
     return (
-        f"{names} explains the fitted motions best, but takes those held out from "
-        f"{1e3 * gap.holdout_before:.2f} to {1e3 * gap.holdout_after:.2f} mm rms: it is not what "
-        "is missing, and not added.",
+        f"{names} explains the fitted motions best, but changes the rms residual of the "
+        f"held-out ones from {1e3 * gap.holdout_before:.2f} to {1e3 * gap.holdout_after:.2f} mm: "
+        "it is not the missing effect, and not added.",
     )
 
 
@@ -66,21 +66,21 @@ def judgement_remarks(judgement: ChosenExplanation) -> tuple[str, ...]:
     remarks = []
     if judgement.unseen:
         remarks.append(
-            "The measured heights hardly move while the model says that the liquid does: look at "
-            "the camera first."
+            "The measured heights hardly change although the model predicts motion: check the "
+            "camera first."
         )
     elif judgement.elsewhere is not None:
         remarks.append(judgement.elsewhere.text())
     elif judgement.hidden:
         remarks.append(
-            "What the likeliest explanation gains is less than the sensor's own standard "
-            "deviation: nobody could see it, and nothing is added."
+            "The most probable explanation improves the fit by less than the sensor's standard "
+            "deviation: it cannot be verified, and nothing is added."
         )
     elif judgement.change is not None:
         remarks.append(judgement.change.text())
     elif judgement.trust < 1.0:
         remarks.append(
-            "The best explanation leaves more than noise: something else is at work, too, or its "
-            "equation is not quite what the liquid does."
+            "The best explanation leaves more than noise: another effect acts as well, or its "
+            "equation is inaccurate."
         )
     return tuple(remarks)

@@ -130,8 +130,8 @@ def separating_motion(
         if other is not None and (best is None or other.relative > best.relative):
             best = other
             remark = (
-                "; the two are about the same for small waves: the difference is that of their "
-                "nonlinear twins, as the real liquid is nonlinear"
+                "; the two agree for small waves: the difference is that of their "
+                "nonlinear variants, since real liquid is nonlinear"
             )
     if best is None:
         raise SloshDiscoveryError(

@@ -49,7 +49,7 @@ class Change:
         return (
             f"Something changes {when}: the {self.parameter} of {self.effect} from about "
             f"{self.first:.3g} to {self.last:.3g} explains more than any effect of constant size. "
-            "No effect of the list does that, and none is added."
+            "No listed effect changes in this way, so none is added."
         )
 
 

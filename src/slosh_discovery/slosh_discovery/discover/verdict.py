@@ -279,9 +279,9 @@ class OtherFrequency:
         """Asks in a sentence whether the container is the right one."""
         apart = 100.0 * (self.seen / self.expected - 1.0)
         return (
-            f"Is this the container? The liquid swings at {self.seen:.2f} Hz, the model's at "
-            f"{self.expected:.2f} Hz ({apart:+.0f} %): compare shape, size and fill height with "
-            "the model, and the unit of time with the data; then run this again."
+            f"Is this the right container? The liquid oscillates at {self.seen:.2f} Hz, the "
+            f"model at {self.expected:.2f} Hz ({apart:+.0f} %): compare shape, size and fill "
+            "height with the model, and the unit of time with the data; then run this again."
         )
 
 

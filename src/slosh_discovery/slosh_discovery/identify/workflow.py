@@ -347,8 +347,8 @@ def _remarks(overall: _Identified) -> tuple[str, ...]:
     remarks = []
     if result.scatter > 1.0:
         remarks.append(
-            "The motions differ by more than their noise explains: the standard errors are "
-            f"{result.scatter:.1f} times what it alone would give."
+            "The motions differ by more than noise: the standard errors are increased by a factor "
+            f"of {result.scatter:.1f}."
         )
     elif not _noise_alone(estimate):
         remarks.append(

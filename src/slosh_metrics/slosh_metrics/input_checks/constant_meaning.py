@@ -77,8 +77,8 @@ def acceleration_doubt(c: Vector, what: str = "the acceleration at rest") -> Dou
         )
     wrong = size >= GRAVITY * math.sin(WRONG_TILT)
     return Doubt(
-        f"{told}: a bias, gravity of another size, or another unit: no container that rests is "
-        "accelerated; subtract it, or publish m/s² without gravity",
+        f"{told}: a bias, gravity of another size, or another unit: a container at rest has "
+        "no acceleration; subtract it, or publish m/s² without gravity",
         wrong,
     )
 

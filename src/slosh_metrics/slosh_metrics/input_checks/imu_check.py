@@ -177,7 +177,7 @@ class ImuCheck(Check):
             told = math.degrees(cause.vector[0])
             return Doubt(
                 f"by the angular velocity the container has tilted by {told:.0f}°, by gravity it "
-                "has not: it is in degrees/s; publish rad/s"
+                "has not: the velocity is in degrees/s; publish rad/s"
             )
         return force_doubt(cause.vector, self._rotation) if cause.kind else None
 

@@ -24,9 +24,9 @@ from slosh_model.potential_flow.mesh import (
 from slosh_model.shapes.contour import Piece
 
 HOW_TO_GET = (
-    "the modes of this container are not computed yet, and that needs scikit-fem, which is not "
-    "installed (pip install -r requirements/modes.txt); or let `slosh modes MODEL -o OUT.yaml` "
-    "write its modes into a model file where it is"
+    "the modes of this container must be computed with scikit-fem, which is not installed "
+    "(pip install -r requirements/modes.txt); or store them in a model file, with "
+    "`slosh modes MODEL -o OUT.yaml` on a machine that has scikit-fem"
 )
 INTEGRATED = 6
 """Degree to which integrals are exact: r³ times two gradients of second-order elements."""

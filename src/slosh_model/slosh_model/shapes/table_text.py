@@ -99,8 +99,8 @@ def with_solved(
     owner = document.get(OWNER, container.digest)
     if owner != container.digest:
         raise SloshModelError(
-            f"{OWNER} = {shown(owner)}: the modes are those of another container, its dimensions "
-            f"were changed since; delete {MODES} and {OWNER}, and they are computed anew",
+            f"{OWNER} = {shown(owner)}: the modes belong to other dimensions than the "
+            f"container's; delete {MODES} and {OWNER} to compute them again",
             (OWNER,),
         )
     if not 1 <= len(rows) <= 2 * MOST:

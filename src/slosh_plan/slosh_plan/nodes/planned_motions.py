@@ -86,7 +86,7 @@ class PlannedMotions:
         if not record.possible:
             self._node.get_logger().warning(
                 f"a prediction_outcome with sigma {record.sigma:g} m and epsilon "
-                f"{record.epsilon:g} is not used: these cannot be"
+                f"{record.epsilon:g} is not used: the values are invalid"
             )
             return
         self._record = record

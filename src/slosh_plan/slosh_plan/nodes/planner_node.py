@@ -40,16 +40,16 @@ LONGEST = 600.0
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec(
-        "time_limit", TIME_LIMIT, "of an action's search where its goal has none [s]",
+        "time_limit", TIME_LIMIT, "time limit of an action's search, if its goal has none [s]",
         (0.1, LONGEST),
     ),
     ParameterSpec(
-        "service_time_limit", 5.0, "of the service, from request to reply [s]", (0.1, 60.0)
+        "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
     ),
     ParameterSpec("urdf", "", "robot's description, for paths of its joints; empty: none"),
     ParameterSpec("tool_frame", "", "link of the robot that is the container"),
     ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, beside the description; empty: none"
+        "joint_limits", "", "MoveIt's joint_limits.yaml, besides the URDF's limits; empty: none"
     ),
 )  # fmt: skip
 REPLY = 0.2
@@ -190,7 +190,7 @@ class PlannerNode(PreparedNode):
         if most is not None and len(motion.t) > most:
             raise SloshEstimatorError(
                 f"the fastest safe motion that was found lasts {motion.duration:.3g} s; the "
-                f"service gives back {most} points, one per millisecond: send the goal to the "
+                f"service returns {most} points, one per millisecond: send the goal to the "
                 f"action {topics.PLAN_MOTION}, or cut the path"
             )
         if request.from_estimate:

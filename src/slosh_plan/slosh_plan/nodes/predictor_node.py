@@ -36,7 +36,7 @@ MOST_SAMPLES = 10_000_000
 """Of all time scales of a request: about a second, in which nothing else is answered."""
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
+    ParameterSpec("scales", COUNT, "number of time scales tested per request", (10, 10_000)),
     ParameterSpec(
         "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0),
         read_only=False,

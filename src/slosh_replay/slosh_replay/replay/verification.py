@@ -117,8 +117,8 @@ class Verification:
         ]
         if self.miscounted:
             lines.append(
-                f"{self.topic}: samples_used goes on {self.miscounted} times by another number "
-                "than that of the recorded inputs: inputs are missing, or it was edited"
+                f"{self.topic}: samples_used increases {self.miscounted} times by another number "
+                "than that of the recorded inputs: inputs are missing, or the bag was edited"
             )
         if self.missing:
             lines.append(f"{self.topic}: for the missing ones the recording has no usable input")
