@@ -82,7 +82,7 @@ class DiscoverTuning:
     clock_span: float = number(0.2, "s", "largest change of a clock offset")
     # driven.py
     small_answer: float = number(0.1, "σ", "least answer to an input's noise")
-    flat: float = number(0.1, "1", "change with the liquid below which a reading stands still")
+    flat: float = number(0.1, "1", "change with the liquid below which a measurement is constant")
     # explanation.py
     least_fill: float = number(0.1, "1", "least part of the fill height that is left")
     # evidence.py
