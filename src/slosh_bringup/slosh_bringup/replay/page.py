@@ -50,7 +50,7 @@ def write_page(
 
 
 def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
-    """Returns dates and program versions of recording and replay; reproducible."""
+    """Returns date, settings, model and program version of a replay; reproducible."""
     start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
     facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(run))}
     if result.model is not None:

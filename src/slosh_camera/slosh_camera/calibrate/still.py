@@ -316,7 +316,7 @@ def _smaller(task: _Task, shrink: int) -> _Task:
 
 
 def _for_lens(answer: StillFit, camera: PinholeCamera, shrink: int) -> StillFit:
-    """Converts a result of an undistorted, reduced image to the camera itself."""
+    """Converts a result from the undistorted, reduced image to the original camera."""
     found = answer.view.camera
     lens = replace(camera, fx=found.fx * shrink, fy=found.fy * shrink)
     curves = tuple(

@@ -1,4 +1,4 @@
-"""The residual gap between measured and modelled heights, and the share a model closes."""
+"""Computes the error of modelled heights, and the share of it that a model removes."""
 
 from __future__ import annotations
 

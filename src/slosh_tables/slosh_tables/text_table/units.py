@@ -96,7 +96,7 @@ def assumed_unit(first: float, t: Array) -> str:
 
 
 def likely_units(step: float) -> list[str]:
-    """Returns units in which the row spacing [s, if seconds] is a common rate."""
+    """Returns time units with which a row spacing gives a common sample rate."""
     low, high = USUAL_RATES
     return [u for u in ("ms", "us", "ns") if low <= 1.0 / (step * TIME[u]) <= high]
 
