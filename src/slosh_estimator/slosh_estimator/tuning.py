@@ -168,6 +168,9 @@ class EstimatorTuning:
     calm_again: float = number(1.2, "1", "bound over the tolerance at which calm ends")
     calm_ns: int = number(SECOND // 20, "ns", "time between two messages about calm")
     calm_silence: float = number(0.1, "s", "time without an input after which it is stale")
+    calm_first_ns: int = number(
+        SECOND, "ns", "time after the start in which measurements may come"
+    )
     calm_after_ns: int = number(SECOND // 5, "ns", "time after a motion that still belongs to it")
 
 

@@ -61,16 +61,19 @@ class CalmWatch:
     def __init__(self, tolerance: float) -> None:
         self.tolerance = tolerance
         self._calm = False
+        self._first_ns: int | None = None
 
     def update(self, state: FusedState) -> CalmState:
         """Returns the calm state of a newer fused state."""
+        if self._first_ns is None:
+            self._first_ns = state.stamp_ns
         bound = state.envelope + TUNING.bound * state.envelope_stddev
         return CalmState(
-            state.stamp_ns, self._reason(state, bound), self.tolerance, state.envelope, bound,
-            *self._waits(state, bound),
+            state.stamp_ns, self._reason(state, bound, self._first_ns), self.tolerance,
+            state.envelope, bound, *self._waits(state, bound),
         )  # fmt: skip
 
-    def _reason(self, state: FusedState, bound: float) -> CalmReason:
+    def _reason(self, state: FusedState, bound: float, first_ns: int) -> CalmReason:
         since = math.inf if state.moved_ns is None else state.stamp_ns - state.moved_ns
         surely = state.envelope + TUNING.surely_calm * state.envelope_stddev
         if self._calm:
@@ -80,6 +83,9 @@ class CalmWatch:
         if since < TUNING.calm_after_ns:
             self._calm = False
             return CalmReason.MOVING
+        # A start beside a wave: the first measurements have not come yet.
+        if state.corrected_ns is None and state.stamp_ns - first_ns < TUNING.calm_first_ns:
+            self._calm = False
         if self._calm:
             return CalmReason.CALM
         return CalmReason.SETTLING if state.envelope > self.tolerance else CalmReason.UNSURE
