@@ -31,7 +31,11 @@ class Flag(IntFlag):
 
 
 class PeakSide(IntEnum):
-    """Wall part, seen from the camera, with the peak; values of slosh_msgs/FreeSurface."""
+    """Wall part, seen from the camera, with the peak; values of slosh_msgs/FreeSurface.
+
+    >>> PeakSide(2).name
+    'REAR'
+    """
 
     UNKNOWN = 0
     FRONT = 1

@@ -27,6 +27,9 @@ class RegionOfInterest:
         y_offset: uppermost row.
         width: number of columns.
         height: number of rows.
+
+    >>> RegionOfInterest(x_offset=100, y_offset=50, width=400, height=300).width  # px
+    400
     """
 
     x_offset: int

@@ -90,6 +90,10 @@ class MotionWatch:
         disagreeing: those of them that disagree.
         last: the newest of them; None: none.
         clocks: how the heights' clock differs from the estimates'.
+
+    >>> watch = MotionWatch(limit=0.01)  # m
+    >>> watch.finished
+    0
     """
 
     def __init__(self, limit: float = NAN) -> None:

@@ -11,7 +11,11 @@ from slosh_estimator.tuning import TUNING
 
 
 class Condition(IntEnum):
-    """State of the monitor; the values of SloshComparison.msg."""
+    """State of the monitor; the values of SloshComparison.msg.
+
+    >>> Condition.WARN < Condition.ERROR
+    True
+    """
 
     OK = 0
     WARN = 1

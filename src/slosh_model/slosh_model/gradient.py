@@ -117,7 +117,11 @@ def pulled_back(
 
 
 def check_covered(model: Model) -> None:
-    """Raises SloshModelError if an effect has no known derivative."""
+    """Raises SloshModelError if an effect has no known derivative.
+
+    >>> from slosh_model import Model
+    >>> check_covered(Model.from_cup(diameter=0.08, fill_height=0.06))
+    """
     for hook in ("drive", "modulation", "term"):
         for effect, _ in model.uses(hook):
             if effect.name not in COVERED and not effect.needs_rotation:

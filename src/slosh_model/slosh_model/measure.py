@@ -69,7 +69,12 @@ def _read_with(model: Model) -> tuple[Array, float]:
 
 
 def remembers(model: Model) -> bool:
-    """Whether a measurement depends on earlier ones."""
+    """Whether a measurement depends on earlier ones.
+
+    >>> from slosh_model import read_model
+    >>> remembers(read_model("cup/model.yaml"))
+    False
+    """
     return any(effect.reading_memory for effect, _ in model.uses("reading"))
 
 
@@ -111,7 +116,12 @@ class ReadingClock(NamedTuple):
 
 
 def reading_clock(model: Model) -> ReadingClock:
-    """Returns the heights' clock of a model."""
+    """Returns the heights' clock of a model.
+
+    >>> from slosh_model import read_model
+    >>> reading_clock(read_model("cup/model.yaml")) == ReadingClock(0.0, 0.0)
+    True
+    """
     late = rate = 0.0
     for effect, parameters in model.uses("delay"):
         assert effect.delay is not None  # it was asked for
@@ -164,6 +174,10 @@ def with_moments(inputs: Inputs, moments: Array) -> Inputs:
     Args:
         inputs: the motion.
         moments: (M,) not before its first sample [s]; after its last the values stay.
+
+    >>> inputs = Inputs(np.array([0.0, 1.0]), np.zeros((2, 3)))
+    >>> with_moments(inputs, np.array([0.5])).t.tolist()  # s
+    [0.0, 0.5, 1.0]
     """
     t = np.union1d(inputs.t, moments)
     return inputs if len(t) == len(inputs.t) else inputs.resampled(t)

@@ -306,5 +306,10 @@ def write_model(path: str | Path, model: Model) -> None:
 
     Raises:
         OSError: the file cannot be written; what was there is as it was.
+
+    >>> model = read_model("cup/model.yaml")
+    >>> write_model("copy.yaml", model)
+    >>> read_model("copy.yaml") == model
+    True
     """
     write_text(Path(path), format_model(model))

@@ -271,6 +271,10 @@ def checked_horizon(model: Model, horizon: float | None) -> float:
 
     Raises:
         SloshPlanError: an impossible one.
+
+    >>> from slosh_model import read_model
+    >>> checked_horizon(read_model("cup/model.yaml"), 2.5)  # s
+    2.5
     """
     if horizon is None:
         return min(usual_horizon(model), LONGEST_HORIZON)
@@ -311,6 +315,10 @@ def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Mo
 
     Raises:
         SloshPlanError: the covariance is of parameters that the model cannot take.
+
+    >>> from slosh_model import read_model
+    >>> principal_variants(read_model("cup/model.yaml"))  # no covariance
+    []
     """
     covariance = model.covariance
     if covariance is None:

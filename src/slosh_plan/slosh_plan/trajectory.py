@@ -301,7 +301,11 @@ def _check_sizes(trajectory: Trajectory) -> None:
 
 
 def dense(t: Array, spacing: float) -> Array:
-    """Inserts times where the spacing is too large."""
+    """Inserts times where the spacing is too large.
+
+    >>> dense(np.array([0.0, 0.5, 1.5]), spacing=0.5).tolist()  # s
+    [0.0, 0.5, 1.0, 1.5]
+    """
     counts = np.maximum(np.ceil(np.diff(t) / spacing - 1e-3).astype(int), 1)
     if counts.max() == 1:
         return t

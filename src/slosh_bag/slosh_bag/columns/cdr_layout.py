@@ -253,6 +253,10 @@ def kind_of(typestore: Typestore, message_type: str, name: str) -> str:
 
     Raises:
         SloshBagError: the type has no such field.
+
+    >>> from rosbags.typesys import Stores, get_typestore
+    >>> kind_of(get_typestore(Stores.ROS2_HUMBLE), "geometry_msgs/msg/Point", "x")
+    'float64'
     """
     description: Any = (Nodetype.NAME, message_type)
     whole = False

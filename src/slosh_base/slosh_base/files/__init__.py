@@ -47,6 +47,10 @@ def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -
 
     Raises:
         SloshFileError: an output is an input, or two outputs are one file.
+
+    >>> check_apart([Path("out.csv"), Path("out.csv")], [])
+    Traceback (most recent call last):
+    slosh_base.files.errors.SloshFileError: out.csv: is given for two outputs; change one of them
     """
     read = {_identity(path): path for path in inputs if path is not None}
     written: dict[_Identity | str, Path] = {}
@@ -68,6 +72,8 @@ def check_outside(folder: Path, inputs: Iterable[Path]) -> None:
 
     Raises:
         SloshFileError: it does.
+
+    >>> check_outside(Path("new"), [Path("move.csv")])
     """
     places = [folder.resolve(), *folder.resolve().parents]
     for path in inputs:

@@ -98,6 +98,9 @@ def read_yaml(path: str | Path, longest: int = LONGEST) -> YamlDocument:
     Raises:
         TextFileError: the file cannot be read.
         YamlError: as `parse_yaml`.
+
+    >>> read_yaml("cup/model.yaml").value["container"]["shape"]
+    'cylinder'
     """
     return parse_yaml(read_text(path, longest), str(path), longest)
 
@@ -148,14 +151,22 @@ def dotted(keys: KeyPath) -> str:
 
 
 def shown(value: object) -> str:
-    """Formats a value for errors; collections are named, not written out."""
+    """Formats a value for errors; collections are named, not written out.
+
+    >>> shown([1, 2]), shown("abc")
+    ('a list', "'abc'")
+    """
     if isinstance(value, (list, dict, set, tuple)):
         return {list: "a list", dict: "a mapping"}.get(type(value), "a collection")
     return brief(repr(value))
 
 
 def brief(text: str) -> str:
-    """Shortens a text to one line of at most sixty characters, for errors."""
+    """Shortens a text to one line of at most sixty characters, for errors.
+
+    >>> len(brief("a long text " * 20))
+    61
+    """
     line = " ".join(text.split())
     return line if len(line) <= _MOST_SHOWN else f"{line[:_MOST_SHOWN]}…"
 

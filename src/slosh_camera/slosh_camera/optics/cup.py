@@ -27,7 +27,11 @@ _FITTED_POINTS = 241
 
 
 class Wall(Enum):
-    """The two intersections of a ray with the container's wall."""
+    """The two intersections of a ray with the container's wall.
+
+    >>> [wall.value for wall in Wall]
+    ['front', 'rear']
+    """
 
     FRONT = "front"
     REAR = "rear"

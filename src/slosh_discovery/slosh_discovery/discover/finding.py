@@ -117,6 +117,10 @@ class HeightGap:
         holdout_before, holdout_after: over the others; NaN: none.
         fit_closed, holdout_closed: share of the removable gap that the found model closes on
             these motions, over their own noise: see `closed_share`.
+
+    >>> gap = HeightGap(2e-4, 1e-3, 3e-4, 1e-3, 4e-4, fit_closed=0.95, holdout_closed=0.87)
+    >>> gap.closed  # on held-out motions
+    0.87
     """
 
     noise: float

@@ -115,6 +115,9 @@ def files_at(path: Path) -> list[Path]:
 
     Raises:
         SloshDiscoveryError: there are none.
+
+    >>> files_at(Path("move.csv"))
+    [PosixPath('move.csv')]
     """
     if not path.exists():
         raise SloshDiscoveryError(f"{path}: no such file or folder")

@@ -119,6 +119,10 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
     Raises:
         SloshPlanError: as `path_through`.
         StoppedError: it was stopped before its end.
+
+    >>> path = smooth_path(np.array([[0.0, 0.0], [0.0, 1.2]]), ["joint_1", "joint_2"])
+    >>> round(path.length, 3)  # rad
+    1.2
     """
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != len(names):

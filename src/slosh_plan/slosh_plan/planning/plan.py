@@ -214,6 +214,9 @@ def upright_yaw(attitude: Array | None) -> float:
 
     Raises:
         SloshPlanError: it is tilted.
+
+    >>> round(upright_yaw(np.array([0.0, 0.0, math.sin(0.25), math.cos(0.25)])), 3)  # rad
+    0.5
     """
     if attitude is None:
         return 0.0

@@ -47,6 +47,10 @@ class ModelAccuracy:
         rms: root mean square error [m].
         count: compared images.
         clock: offset of the measured clock; None: the clocks are one.
+
+    >>> row = ModelAccuracy("3D-NL", 1.5e-4, -0.01, -0.01, rms=2e-4, count=90)
+    >>> f"{1e3 * row.sigma:.2f} mm"
+    '0.15 mm'
     """
 
     name: str

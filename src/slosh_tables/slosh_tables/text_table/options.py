@@ -38,6 +38,10 @@ class TableOptions:
 
     Raises:
         SloshFileError: an option has no such value.
+
+    >>> options = TableOptions(columns={"ax": "acc_x"}, time_unit="ms")
+    >>> options.words
+    ['--columns', 'ax=acc_x', '--time-unit', 'ms']
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
