@@ -41,7 +41,7 @@ class Pair(NamedTuple):
 
 
 class PresenceWatch:
-    """Compares the waves of both sides from pairs in order.
+    """Checks whether measurement and estimate both show a wave, from ordered pairs.
 
     Args:
         limit: disagreement that is watched [m]; NaN or infinite: none.

@@ -88,7 +88,7 @@ def missing_poses(fit: IntrinsicFit) -> list[str]:
 
 
 def _tilts(fit: IntrinsicFit) -> dict[str, float]:
-    """Returns the largest tilt by the board's edge nearest to the camera [deg]."""
+    """Returns the largest tilt of the board toward each side of the image [deg]."""
     normals = np.array([view.rotation[:, 2] for view in fit.views])
     normals *= np.where(normals[:, 2:] < 0.0, -1.0, 1.0)
     turn, lean = np.rad2deg(np.arctan2(normals[:, :2], normals[:, 2:])).T

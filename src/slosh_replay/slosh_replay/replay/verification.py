@@ -318,7 +318,7 @@ def estimate_columns(estimates: Estimates) -> Columns:
 
 
 def estimate_fields(modes: int) -> tuple[str, ...]:
-    """Returns the names of these columns for a model with some modes."""
+    """Returns the column names of estimates for a model with a number of modes."""
     none, whole = np.empty(0), np.empty(0, dtype=np.int64)
     empty = Estimates(
         whole, none.reshape(0, 2, 4), none.reshape(0, 2, modes, 4), none, whole,
