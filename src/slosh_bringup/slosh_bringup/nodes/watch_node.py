@@ -1,4 +1,4 @@
-"""The watch node: serves the operator's page, and costs the cell as little as it can.
+"""The watch node: serves the operator's page with little load on the cell.
 
 It takes messages in batches, ten times a second, as the recorder does: an executor that woke up
 for each of them would cost more than everything else here. What comes a thousand times a second
@@ -52,7 +52,7 @@ PARAMETERS = (
 
 
 class WatchNode(GuardedNode):
-    """Takes what the cell says, and publishes to browsers."""
+    """Subscribes to a cell and publishes its state to browsers."""
 
     def __init__(self) -> None:
         self._batched: set[Subscription] = set()
@@ -82,11 +82,11 @@ class WatchNode(GuardedNode):
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """What an executor serves: nothing of what is taken in batches."""
+        """Subscriptions for the executor, without those that are polled in batches."""
         return (entry for entry in super().subscriptions if entry not in self._batched)
 
     def close(self) -> None:
-        """Ends the page."""
+        """Stops the page's server."""
         self._server.stop()
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:
@@ -116,7 +116,7 @@ class WatchNode(GuardedNode):
         self._server.call(self._hub.put_frame, self._state.frame(now))
 
     def _look_at_estimate(self, now: float) -> None:
-        """Hears estimates, a thousand a second, only while no comparison tells them."""
+        """Subscribes to estimates (a thousand a second) only without comparisons."""
         if not self._state.is_alone(now):
             self._drop(self._estimates)
             self._estimates = None
@@ -127,7 +127,7 @@ class WatchNode(GuardedNode):
             hearing.hear_estimate(self._state, message, now)
 
     def _look_at_camera(self) -> None:
-        """Shows the image of last time, which has been measured by now, and takes a new one."""
+        """Shows the previous image, which has been measured by now, and takes a new one."""
         if self._image is not None:
             self._show(self._image)
             self._image = None
@@ -142,7 +142,7 @@ class WatchNode(GuardedNode):
         self._image = next(_take(self._images[0], kind, 1), None)
 
     def _best_images(self) -> tuple[str, Any]:
-        """The compressed images unless only the others are sent, which are ten times as large.
+        """Returns the compressed image topic, or the raw one (10 × larger) if only that exists.
 
         Right after its start a node has heard of no publisher.
         """
@@ -154,7 +154,7 @@ class WatchNode(GuardedNode):
         return bool(self.count_publishers(self.resolve_topic_name(topic)))
 
     def _stop_images(self) -> None:
-        """Nobody looks: images cost nothing."""
+        """Unsubscribes from images when there is no viewer."""
         if self._images is not None:
             self._drop(self._images[0])
             self._images = None
@@ -216,7 +216,7 @@ def _decoded(message: Image | CompressedImage) -> Pixels | bytes:
 
 
 def _take(subscription: Subscription, kind: Any, most: int) -> Iterator[Any]:
-    """What has come on a subscription that no executor serves."""
+    """Yields the messages of a subscription that no executor serves."""
     with subscription.handle:
         for _ in range(most):
             taken = subscription.handle.take_message(kind, False)

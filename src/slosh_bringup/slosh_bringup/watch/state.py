@@ -1,4 +1,4 @@
-"""What a cell's topics have said, as the frames that its page is drawn from.
+"""Collects the messages of a cell's topics and makes frames for its page.
 
 A frame holds what is new since the one before it, and what is true now. Heights are in metres,
 azimuths in radians, times in seconds from the first stamp; NaN is null. Time is an argument: live
@@ -35,7 +35,7 @@ START = 0
 
 
 class Compared(NamedTuple):
-    """Of a SloshComparison, what is shown; heights of the nonlinear model."""
+    """The shown part of a SloshComparison; heights of the nonlinear model."""
 
     stamp_ns: int
     measured: float
@@ -51,7 +51,7 @@ class Compared(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """Of a FreeSurface, what is shown: the highest place and the line on the wall."""
+    """The shown part of a FreeSurface: the highest point and the line on the wall."""
 
     stamp_ns: int
     height: float
@@ -62,7 +62,7 @@ class Surface(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Of a SloshEstimate, what is shown: the nonlinear model's highest place."""
+    """The shown part of a SloshEstimate: the nonlinear model's highest point."""
 
     stamp_ns: int
     height: float
@@ -70,7 +70,7 @@ class Estimated(NamedTuple):
 
 
 class LimitNews(NamedTuple):
-    """Of a LimitEvent, what is shown."""
+    """The shown part of a LimitEvent."""
 
     stamp_ns: int
     id: int
@@ -81,7 +81,7 @@ class LimitNews(NamedTuple):
 
 
 class WatchState:
-    """Takes what is said, gives frames.
+    """Collects messages and makes frames.
 
     Args:
         command: the command that finds why the two sides disagree; empty: none fits.
@@ -104,29 +104,29 @@ class WatchState:
         self._rows: list[tuple[float, float, float]] = []
 
     def is_alone(self, now: float) -> bool:
-        """Whether the estimate has to be drawn by itself: no comparison tells it."""
+        """Whether the estimate is drawn by itself, because no comparison contains it."""
         compared = self._compared
         silent = compared is None or compared.alone or not math.isfinite(compared.estimated)
         return silent or now - self._compared_at > ALONE
 
     def take_comparison(self, compared: Compared, now: float) -> None:
-        """Takes a comparison that came now [s]."""
+        """Stores a comparison received at a time [s]."""
         self._compared, self._compared_at = compared, now
         if math.isfinite(compared.measured) or math.isfinite(compared.estimated):
             self._add(compared.stamp_ns, compared.measured, compared.estimated)
 
     def take_surface(self, surface: Surface) -> None:
-        """Takes a measured surface."""
+        """Stores a measured surface."""
         self._surface = surface
 
     def take_estimate(self, estimated: Estimated, now: float) -> None:
-        """Takes the newest estimate; it is drawn where no comparison holds it."""
+        """Stores the newest estimate; it is drawn if no comparison contains it."""
         self._estimated, self._estimated_at = estimated, now
         if self.is_alone(now):
             self._add(estimated.stamp_ns, math.nan, estimated.height)
 
     def take_event(self, event: LimitNews) -> None:
-        """Takes start or end of an excess."""
+        """Stores the start or end of a limit violation."""
         self._events.append(event)
         if event.kind == START:
             self._open[event.source] = event
@@ -136,7 +136,7 @@ class WatchState:
     def take_parameters(
         self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
     ) -> None:
-        """Takes what a node works with: the monitor's limits; at its start none is exceeded.
+        """Stores the monitor's limits; at its start no limit is exceeded.
 
         Args:
             node: its name.
@@ -150,14 +150,14 @@ class WatchState:
         self._settings = MonitorSettings.from_told(parameters)
 
     def take_report(self, report: NodeReport, now: float) -> None:
-        """Takes what a node says of its health; of too many names only those of a cell's nodes."""
+        """Stores a node's diagnostics; limits the number of unknown nodes."""
         known = report.node in self._nodes or report.node in NODES
         if not known and len(self._nodes) >= MOST_NODES:
             return
         self._nodes[report.node] = (report, now)
 
     def frame(self, now: float) -> str:
-        """The next frame, as JSON; to be asked for every PERIOD."""
+        """Returns the next frame as JSON; call it every PERIOD."""
         compared = self._compared
         exceeded = "; ".join(event.description for event in self._open.values())
         judgement = judge(
@@ -210,7 +210,7 @@ class WatchState:
         return shown
 
     def is_fresh(self, now: float) -> bool:
-        """Whether the newest estimate is of now."""
+        """Whether the newest estimate is recent."""
         return now - self._estimated_at <= ALONE
 
     def _shown_surface(self, now: float) -> dict[str, Any]:
@@ -227,7 +227,7 @@ class WatchState:
         return shown
 
     def _shown_limits(self) -> dict[str, dict[str, Any]]:
-        """Of each quantity that is watched the limit that holds, and what it is."""
+        """Returns the effective limit of each monitored quantity, with its name."""
         settings = self._settings
         return {
             source.name.lower(): {"height": limit, "name": settings.limit_name(source)}
@@ -259,7 +259,7 @@ class WatchState:
         ]
 
     def _advice(self) -> str:
-        """The command for who sees the two sides disagree."""
+        """Returns the command to run if model and camera disagree."""
         limit, compared = self._settings.disagreement_limit, self._compared
         facts = self._nodes["monitor"][0].facts if "monitor" in self._nodes else {}
         disagreeing = facts.get("motions that disagree", "0") not in ("0", "")
