@@ -32,7 +32,15 @@ from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
-from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshComparison, SloshEstimate
+from slosh_msgs.msg import (
+    Calm,
+    FreeSurface,
+    FusedEstimate,
+    LimitEvent,
+    NodeSettings,
+    SloshComparison,
+    SloshEstimate,
+)
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -70,6 +78,8 @@ class WatchNode(GuardedNode):
         self._add(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS, self._on_diagnostics)
         self._add(LimitEvent, topics.LIMIT_EVENT, qos.EVENT, self._on_event)
         self._add(FreeSurface, topics.FREE_SURFACE, qos.STREAM_IN, self._on_surface)
+        self._add(FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_IN, self._on_fused)
+        self._add(Calm, topics.CALM, qos.STREAM_IN, self._on_calm)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
         self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
@@ -179,6 +189,12 @@ class WatchNode(GuardedNode):
 
     def _on_comparison(self, message: SloshComparison) -> None:
         hearing.hear_comparison(self._state, message, time.monotonic())
+
+    def _on_fused(self, message: FusedEstimate) -> None:
+        hearing.hear_fused(self._state, message)
+
+    def _on_calm(self, message: Calm) -> None:
+        hearing.hear_calm(self._state, message, time.monotonic())
 
     def _on_surface(self, message: FreeSurface) -> None:
         self._surfaces.append(message)

@@ -8,7 +8,15 @@ from typing import Any
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.watch.picture import Camera
-from slosh_bringup.watch.state import Compared, Estimated, LimitNews, Surface, WatchState
+from slosh_bringup.watch.state import (
+    CalmNews,
+    Compared,
+    Estimated,
+    Fused,
+    LimitNews,
+    Surface,
+    WatchState,
+)
 from slosh_replay.recording.settings import NodeStart
 
 CAMERA, MODEL = "the camera", "the estimator"
@@ -52,6 +60,25 @@ def hear_estimate(state: WatchState, message: Any, now: float) -> None:
     """Passes on a SloshEstimate received at a time [s]."""
     highest = message.nonlinear
     state.take_estimate(Estimated(stamp_ns(message), highest.msh, highest.azimuth), now)
+
+
+def hear_fused(state: WatchState, message: Any) -> None:
+    """Gives a FusedEstimate."""
+    state.take_fused(Fused(stamp_ns(message), message.msh, message.msh_stddev))
+
+
+def hear_calm(state: WatchState, message: Any, now: float) -> None:
+    """Gives a Calm that came now [s]."""
+    state.take_calm(
+        CalmNews(
+            message.calm,
+            message.reason,
+            message.bound,
+            message.tolerance,
+            message.time_until_calm,
+        ),
+        now,
+    )
 
 
 def hear_event(state: WatchState, message: Any) -> None:

@@ -153,6 +153,10 @@ class _Listener:
         elif name == "free_surface":
             self._surface = decoded
             hearing.hear_surface(self._state, decoded)
+        elif name == "fused_estimate":
+            hearing.hear_fused(self._state, decoded)
+        elif name == "calm":
+            hearing.hear_calm(self._state, decoded, now)
         elif name == "limit_event":
             hearing.hear_event(self._state, decoded)
         elif name == TOPIC:

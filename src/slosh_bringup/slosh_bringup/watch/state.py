@@ -26,6 +26,8 @@ KEPT_EVENTS, SLOW = 20, 10
 """Events that are shown; every so manieth frame holds events and nodes."""
 MOST_NODES = 40
 """Nodes that are shown, and those of a cell whatever comes: each frame names them all."""
+KEPT_FUSED, NEAR_NS = 200, SECOND // 50
+"""Fused states that are kept, and how far one is from a moment that it is drawn at [ns]."""
 ALONE = SILENCE
 """After so long without a comparison the estimate is drawn by itself [s]."""
 BACKWARDS = 3.0
@@ -69,6 +71,24 @@ class Estimated(NamedTuple):
     azimuth: float
 
 
+class Fused(NamedTuple):
+    """Of a FusedEstimate, what is shown."""
+
+    stamp_ns: int
+    height: float
+    stddev: float
+
+
+class CalmNews(NamedTuple):
+    """Of a Calm, what is shown: height and tolerance [m], time until calm [s]."""
+
+    calm: bool
+    reason: int
+    bound: float
+    tolerance: float
+    wait: float
+
+
 class LimitNews(NamedTuple):
     """The shown part of a LimitEvent."""
 
@@ -97,11 +117,13 @@ class WatchState:
         self._compared_at = self._estimated_at = -math.inf
         self._surface: Surface | None = None
         self._estimated: Estimated | None = None
+        self._fused: deque[Fused] = deque(maxlen=KEPT_FUSED)
+        self._calm: tuple[CalmNews, float] | None = None
         self._settings = MonitorSettings()
         self._events: deque[LimitNews] = deque(maxlen=KEPT_EVENTS)
         self._open: dict[int, LimitNews] = {}
         self._nodes: dict[str, tuple[NodeReport, float]] = {}
-        self._rows: list[tuple[float, float, float]] = []
+        self._rows: list[tuple[float, ...]] = []
 
     def is_alone(self, now: float) -> bool:
         """Whether the estimate is drawn by itself, because no comparison contains it."""
@@ -124,6 +146,14 @@ class WatchState:
         self._estimated, self._estimated_at = estimated, now
         if self.is_alone(now):
             self._add(estimated.stamp_ns, math.nan, estimated.height)
+
+    def take_fused(self, fused: Fused) -> None:
+        """Takes a fused state; it is drawn at the moments of the other heights."""
+        self._fused.append(fused)
+
+    def take_calm(self, calm: CalmNews, now: float) -> None:
+        """Takes what was said about calm now [s]."""
+        self._calm = calm, now
 
     def take_event(self, event: LimitNews) -> None:
         """Stores the start or end of a limit violation."""
@@ -177,6 +207,7 @@ class WatchState:
             "rows": [[None if v != v else round(v, 7) for v in row] for row in rows],
             "now": self._now(now),
             "surface": self._shown_surface(now),
+            "calm": self._shown_calm(now),
         }
         if self._count % SLOW == 0:
             frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
@@ -191,7 +222,17 @@ class WatchState:
         elif stamp_ns <= self._newest:
             return  # an estimate that a later comparison holds
         self._newest = stamp_ns
-        self._rows.append((self._seconds(stamp_ns), measured, estimated))
+        fused, stddev = self._fused_at(stamp_ns)
+        low = fused - 2.0 * stddev
+        band = (fused, max(low, 0.0) if low == low else low, fused + 2.0 * stddev)
+        self._rows.append((self._seconds(stamp_ns), measured, estimated, *band))
+
+    def _fused_at(self, stamp_ns: int) -> tuple[float, float]:
+        """Height and standard deviation of the fused state at a stamp; NaN: none is near [m]."""
+        near = min(self._fused, key=lambda one: abs(one.stamp_ns - stamp_ns), default=None)
+        if near is None or abs(near.stamp_ns - stamp_ns) > NEAR_NS:
+            return math.nan, math.nan
+        return near.height, near.stddev
 
     def _seconds(self, stamp_ns: int) -> float:
         return round((stamp_ns - self._origin) * 1e-9, 4)
@@ -212,6 +253,12 @@ class WatchState:
     def is_fresh(self, now: float) -> bool:
         """Whether the newest estimate is recent."""
         return now - self._estimated_at <= ALONE
+
+    def _shown_calm(self, now: float) -> dict[str, Any]:
+        """Whether the liquid is calm, and why not; empty: nobody says."""
+        if self._calm is None or now - self._calm[1] > ALONE:
+            return {}
+        return self._calm[0]._asdict()
 
     def _shown_surface(self, now: float) -> dict[str, Any]:
         surface, estimated = self._surface, self._estimated
