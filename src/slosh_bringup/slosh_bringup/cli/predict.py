@@ -1,4 +1,4 @@
-"""`slosh predict`: peak heights of candidate motions, and which time scales are safe."""
+"""`slosh predict`: predicts peak heights of candidate motions and safe time scales."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the answers; 1 beyond a limit or for a doubtful input."""
+    """Predicts, prints and writes the results; 1 above a limit or for a doubtful input."""
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
@@ -156,7 +156,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
-    """The motions in the files: of the container, or with --urdf of a robot's joints."""
+    """Reads the motions: of the container, or of a robot's joints with --urdf."""
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     options = table_options(arguments)
@@ -173,7 +173,7 @@ def write_shown(
     found: Sequence[Prediction],
     scales: Sequence[SafeScales | None],
 ) -> None:
-    """Writes the picture and the page where they are asked for."""
+    """Writes the requested picture and page."""
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.
