@@ -17,7 +17,7 @@ from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
-from slosh_estimator.tray_estimator import TrayEstimator
+from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.tray import TRAY, Tray, format_tray
@@ -124,6 +124,8 @@ class LiveBag:
         self.namespace = "/slosh"
         self.facts: dict[str, str] = {}
         self.tray: Tray | None = None
+        self._others: TrayEstimator | None = None
+        self._of_tray: TrayEstimate | None = None
         self.checks: bool | None = None
         self.rotation = (0.0, 0.0, 0.0)
         self.offset = (0.0, 0.0, 0.0)
