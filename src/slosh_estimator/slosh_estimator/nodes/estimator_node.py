@@ -34,6 +34,7 @@ from slosh_estimator.nodes.estimator_messages import fill, fill_reading
 from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.requested_model import requested_model
+from slosh_estimator.nodes.second_source import AUTO, CHOICES, SENSORS, SecondSource
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.readings import has_readings
 from slosh_estimator.robot import Robot, read_urdf
@@ -56,6 +57,7 @@ LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
+_CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
@@ -104,6 +106,10 @@ PARAMETERS = (
         "check_input", True, "check gravity, units and attitude of the input"
     ),
     ParameterSpec(
+        "second_source", AUTO, "motion or sensor with which the input is compared: axes, signs, "
+        "units; auto: the first that is published", choices=CHOICES,
+    ),
+    ParameterSpec(
         "pose_window", POSE_WINDOW,
         "length of the window in which poses are differentiated [s]; estimates are delayed by "
         "half of it; 0.0: the longest window that preserves the model's modes", (0.0, 2.0),
@@ -148,10 +154,12 @@ class EstimatorNode(PreparedNode):
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
         self._states = StatePublisher(self, values["container_frame"])
-        self._flags = self._contested = 0
+        self._flags = self._contested = self._contradicted = 0
         self._described, self._urdf, self._patient = Event(), "", later
         if self._kind == JOINTS:
             self._ask_for_the_robot()
+        elif values["urdf"]:  # for the second source
+            self._urdf = read_urdf(values["urdf"])
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
@@ -222,7 +230,15 @@ class EstimatorNode(PreparedNode):
         name = TOPIC_NAMES[self._kind]
         self._input_health = InputHealth(self, name, MESSAGE_TYPES[self._kind])
         how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
-        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
+        self._second = SecondSource(
+            self, self._kind, self._values["second_source"],
+            lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
+        )  # fmt: skip
+        told = self._second.told if self._kind in SENSORS else None
+        self._moved = None if told else self._second.moved
+        self._heard = HeardInput(
+            self, self._kind, how, self._now, self._answer, self._mount, told
+        )
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
         """Takes what fixed transforms say of the mounting; nothing was used before."""
@@ -241,6 +257,8 @@ class EstimatorNode(PreparedNode):
 
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
+        if self._moved is not None:
+            self._moved(input_ns, *samples)
         for sample in samples:
             if sample is not None:
                 self._estimate(input_ns, sample, last=sample is samples[-1])
@@ -249,7 +267,7 @@ class EstimatorNode(PreparedNode):
         estimate = self._estimator.update(sample)
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
-        flags = estimate.flags | self._contested
+        flags = estimate.flags | self._contested | self._contradicted
         if self._heard.contested:
             flags |= _CONTESTED
         self._flags |= flags
@@ -316,14 +334,17 @@ class EstimatorNode(PreparedNode):
         faults = self._input_health.faults(self._input)
         rivals = self._heard.rivals()
         self._contested = _CONTESTED if self._heard.rivalled else 0
+        contradicted, contradiction = self._second.look()
+        self._contradicted = _CONTRADICTED if contradicted else 0
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
-        warning = rivals or self._heard.trouble() or wrong or self._input.warning()
+        against = contradiction if contradicted else ""
+        warning = rivals or self._heard.trouble() or wrong or against or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        unfelt = self._unfelt or self._input.sampling.sentence()
+        unfelt = self._unfelt or self._input.sampling.sentence() or contradiction
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
@@ -343,6 +364,7 @@ class EstimatorNode(PreparedNode):
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
             **self._heard.facts(),
+            **self._second.facts(),
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),

@@ -13,7 +13,7 @@ from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import ReplayedEstimator
 from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
 
-_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
 def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
@@ -27,7 +27,7 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
         ReplayedNode(
             "estimator",
             ReplayedEstimator,
-            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_alone),),
         ),
         ReplayedNode(
             "monitor",
@@ -47,8 +47,8 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
     )
 
 
-def _uncontested(estimates: Messages) -> Messages:
-    """Estimates without the flag of a second publisher: that is in no recording."""
+def _alone(estimates: Messages) -> Messages:
+    """Estimates without the flags of a second publisher or source: a replay has one of each."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
 
