@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -22,13 +23,15 @@ import with_tools  # noqa: F401
 from camera_sequences import ROOT
 from honest_inputs import HonestInput, honest_input
 from result_tables import fill
+from scipy.spatial.transform import Rotation
 
 from slosh_base.types import Array
 from slosh_estimator.gate import GateSettings
+from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Sample
-from slosh_metrics.mounting.rotations import axis_rotations
+from slosh_metrics.mounting.rotations import axis_rotations, rotation_vector
 from slosh_metrics.mounting.verdict import Expected, MountingVerdict
 from slosh_metrics.mounting.watch import MountingWatch
 
@@ -38,6 +41,7 @@ TRACKER, TURNED = 5e-5, 2e-4
 """Noise of positions [m] and attitudes [rad]."""
 LOOKS = 500_000_000
 """So often the watch looks [ns]."""
+WHEN = ("the first motion", "all motions")
 WORLD = np.array((0.0, 0.0, 9.81))
 
 
@@ -64,7 +68,9 @@ def poses(honest: HonestInput, seed: int) -> list[Sample]:
     reader = how.reader("pose")
     assert isinstance(reader, PoseInput)
     count = len(honest.stamps)
-    places = honest.position + random.normal(0.0, TRACKER, (count, 3))
+    # Its positions are sums of sums: their second difference is the acceleration a sample ahead.
+    places = np.vstack([honest.position[:1], honest.position[:-1]])
+    places = places + random.normal(0.0, TRACKER, (count, 3))
     turn = type(honest.attitude).from_rotvec(random.normal(0.0, TURNED, (count, 3)))
     turns = (honest.attitude * turn).as_quat()
     found: list[Sample] = []
@@ -81,12 +87,17 @@ def told(honest: HonestInput, mounted: Mounted, kind: str) -> tuple[Array, Array
     else:
         force = honest.acceleration + (WORLD if mounted.gravity else 0.0)
     force = UNITS[mounted.unit] * force @ mounted.rotation.T
-    rate = honest.rate @ mounted.rotation.T
+    # Theirs is that of the step ahead.
+    rate = 0.5 * (honest.rate + np.vstack([honest.rate[:1], honest.rate[:-1]]))
+    rate = rate @ mounted.rotation.T
     return force, np.degrees(rate) if mounted.degrees else rate
 
 
 def verdicts(
-    honest: HonestInput, moved: Sequence[Sample], mounted: Mounted, kind: str,
+    honest: HonestInput,
+    moved: Sequence[Sample],
+    mounted: Mounted,
+    kind: str,
     rotation: Array | None = None,
 ) -> tuple[MountingVerdict | None, MountingVerdict | None]:
     """What is said of a sensor after the first motion, and after all of them.
@@ -103,11 +114,11 @@ def verdicts(
     )
     watch = MountingWatch(said, in_world=kind == "accel")
     force, rate = told(honest, mounted, kind)
-    readings = zip(honest.stamps.tolist(), map(tuple, force.tolist()), map(tuple, rate.tolist()))
+    readings = zip(honest.stamps.tolist(), force.tolist(), rate.tolist(), strict=True)
     motions = iter(moved)
     due, first = int(honest.stamps[0]), None
     for stamp, f, w in readings:
-        watch.take_sensor(stamp, f, w if kind == "imu" else None)
+        watch.take_sensor(stamp, tuple(f), tuple(w) if kind == "imu" else None)
         if stamp < due:
             continue
         due = stamp + LOOKS
@@ -152,7 +163,9 @@ def cases(kind: str) -> Iterator[Case]:
         for unit in UNITS:
             for gravity in (True, False):
                 number += 1
-                yield Case(kind, Mounted(rotation, unit, gravity, kind == "imu" and number % 2 == 0))
+                yield Case(
+                    kind, Mounted(rotation, unit, gravity, kind == "imu" and number % 2 == 0)
+                )
 
 
 def outcome(case: Case, found: MountingVerdict | None) -> str:
@@ -165,9 +178,10 @@ def outcome(case: Case, found: MountingVerdict | None) -> str:
     said = "; ".join(found.wrong)
     hidden = any("turn" in one for one in found.unseen if "hardly" not in one)
     missing = {one for one in want if one not in said}
-    remedy = math.isclose(
-        float(np.sum(axes_of(found) * rotation.T)), 3.0, abs_tol=0.02
-    ) and "set sensor_rotation" in said
+    remedy = (
+        math.isclose(float(np.sum(axes_of(found) * rotation.T)), 3.0, abs_tol=0.02)
+        and "set sensor_rotation" in said
+    )
     if (not turned or remedy) and not missing:
         return "named" if turned or want or not said else "false"
     if hidden and not missing:
@@ -189,21 +203,99 @@ def axes_of(found: MountingVerdict) -> Array:
     ])  # fmt: skip
 
 
-def counted(seeds: Sequence[int], kind: str) -> Iterator[tuple[str, str]]:
-    """Cell of the table and outcome, of every case of every seed, before and behind."""
+OUTCOMES = ("named", "in part", "unseen", "silent", "false", "still")
+HEAD = (
+    "| sensor | mounting | judged after | cases | named with the remedy | named in part | turn "
+    "not shown, told | accepted silently | named though right | no motion |\n"
+    "|---|---|---|--:|--:|--:|--:|--:|--:|--:|"
+)
+"""Columns: what must be read, and OUTCOMES."""
+
+
+def counted(seed: int, kind: str) -> Iterator[tuple[str, str, str]]:
+    """Mounting, time of the judgement and outcome, of every case of a motion."""
+    honest = honest_input(seed)
+    moved = poses(honest, seed)
+    for case in cases(kind):
+        identity = np.array_equal(case.mounted.rotation, np.eye(3))
+        what = "right" if identity and case.right else "wrong"
+        pair = verdicts(honest, moved, case.mounted, kind)
+        for when, found in zip(WHEN, pair, strict=True):
+            yield what, when, outcome(case, found)
+    for rotation in axis_rotations():
+        pair = verdicts(honest, moved, Mounted(rotation, gravity=kind == "imu"), kind, rotation.T)
+        for when, found in zip(WHEN, pair, strict=True):
+            good = "still" if found is None else "false" if found.wrong else "named"
+            yield "right", when, good
+
+
+def alone(seed: int) -> Iterator[tuple[str, str, str]]:
+    """The same of an inertial sensor without a second source: what gravity tells."""
+    honest = honest_input(seed)
+    for case in cases("imu"):
+        reader = InputSettings("imu", GateSettings(confirms=False)).reader("imu")
+        assert isinstance(reader, ImuInput)
+        force, rate = told(honest, case.mounted, "imu")
+        rows = zip(honest.stamps.tolist(), force.tolist(), rate.tolist(), strict=True)
+        for stamp, f, w in rows:
+            reader.update(stamp, tuple(f), tuple(w))
+        reader.check.finish()
+        said = any(doubt.wrong for doubt in reader.check.raised.values()) or not reader.gate.used
+        upright = case.mounted.rotation[2, 2] > 0.5
+        what = "right" if case.right and upright else "wrong"
+        unseen = upright and case.mounted.unit == "m/s²" and case.mounted.gravity
+        if what == "right":
+            yield "right, or turned about z", WHEN[1], "false" if said else "named"
+        else:
+            yield "wrong otherwise", WHEN[1], "named" if said else "unseen" if unseen else "silent"
+
+
+def errors(seeds: Sequence[int]) -> Array:
+    """(K, 3) how far measured rotations are off in standard errors, along principal axes."""
+    found = []
     for seed in seeds:
         honest = honest_input(seed)
-        moved = poses(honest, seed)
-        for case in cases(kind):
-            identity = np.array_equal(case.mounted.rotation, np.eye(3))
-            what = "right" if identity and case.right else "wrong"
-            pair = verdicts(honest, moved, case.mounted, kind)
-            for when, found in zip(("first", "all"), pair, strict=True):
-                yield f"{what} {when}", outcome(case, found)
-        for rotation in axis_rotations():
-            mounted = Mounted(rotation, gravity=kind == "imu")
-            case = Case(kind, mounted)
-            pair = verdicts(honest, moved, mounted, kind, rotation.T)
-            for when, found in zip(("first", "all"), pair, strict=True):
-                good = found is None or not found.wrong
-                yield f"right {when}", "named" if good else f"false: {found.wrong} {seed}"
+        rotation = Rotation.random(random_state=seed).as_matrix()
+        last = verdicts(honest, poses(honest, seed), Mounted(rotation), "imu", rotation.T)[1]
+        if last is not None:
+            off = rotation_vector(rotation.T @ last.fit.rotation)
+            values, axes = np.linalg.eigh(last.fit.covariance)
+            found.append(axes.T @ off / np.sqrt(values))
+    return np.array(found)
+
+
+def rows(seeds: Sequence[int]) -> Iterator[str]:
+    """The table's rows."""
+    for kind in ("imu", "accel", "imu alone"):
+        count: Counter[tuple[str, str, str]] = Counter()
+        for seed in seeds:
+            count.update(alone(seed) if kind == "imu alone" else counted(seed, kind))
+            print(kind, seed, dict(count), file=sys.stderr, flush=True)
+        for what, when in sorted({key[:2] for key in count}, reverse=True):
+            cells = [count[what, when, one] for one in OUTCOMES]
+            yield f"| {kind} | {what} | {when} | {sum(cells)} | {' | '.join(map(str, cells))} |"
+
+
+def main() -> int:
+    """Counts all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--motions", type=int, default=24)
+    parser.add_argument("--tuning", action="store_true", help="the seeds used for tuning")
+    parser.add_argument("--docs", action="store_true", help="write the table")
+    arguments = parser.parse_args()
+    first = 0 if arguments.tuning else 1
+    seeds = range(first, first + 2 * arguments.motions, 2)
+    lines = [HEAD]
+    print(HEAD)
+    for row in rows(seeds):
+        print(row, flush=True)
+        lines.append(row)
+    off = np.abs(errors(seeds))
+    print(f"within 1, 2, 3 standard errors: {[float(np.mean(off < k)) for k in (1, 2, 3)]}")
+    if arguments.docs:
+        fill(PAGE, "mountings", "\n".join(lines) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -22,6 +22,11 @@ from slosh_replay.recording.mounting import (
 from slosh_report.text_table import aligned
 
 RIGHT, WRONG = 0, 1
+ALONE = {
+    "imu": "a turn about the vertical, and the unit of the angular velocity if nothing tilts",
+    "accel": "axes and unit",
+}
+"""What a sensor does not tell by itself."""
 EPILOG = """Record the sensor beside poses, joint states, transforms or odometry while the robot
 moves along two directions and tilts or turns. Exit code 1: something is wrong; each line says what
 and the remedy. What the motion did not show is listed."""
@@ -89,8 +94,9 @@ def lines(found: MountingCheck) -> list[str]:
     if found.verdict is None:
         told.append(f"not compared with a motion: {found.missing}")
         told += [f"remark: {doubt}" for doubt in found.doubts if not doubt.wrong]
+        told.append(f"not seen: {ALONE[found.kind]}")
         if not found.wrong:
-            told.append("gravity, as far as the sensor tells it, is right")
+            told.append("right: what rest tells of gravity")
         return told
     told += [f"remark: {text}" for text in found.verdict.remarks]
     told += [f"not seen: {text}" for text in found.verdict.unseen]
@@ -102,9 +108,10 @@ def lines(found: MountingCheck) -> list[str]:
 def measured(verdict: MountingVerdict, motions: int) -> list[tuple[str, str]]:
     """Rows of what was measured, with standard errors."""
     fit = verdict.fit
-    angles = ", ".join(f"{angle:.4f}" for angle in verdict.sensor_rotation)
+    angles = ", ".join(f"{angle + 0.0:.4f}" for angle in verdict.sensor_rotation)
+    count = f"{motions} motion{'s' if motions > 1 else ''}"
     rows = [
-        ("compared", f"{motions} motions, {fit.seconds:.1f} s with the rest beside them"),
+        ("compared", f"{count}, {fit.seconds:.1f} s with the rest beside them"),
         ("explained", f"{100.0 * max(fit.explained, 0.0):.1f} % of the motion"),
         ("lag", f"{1e3 * fit.lag:.1f} ± {1e3 * fit.lag_error:.1f} ms"),
         ("gain", f"{fit.gain:.4g} ± {fit.gain_error:.2g}"),

@@ -236,9 +236,7 @@ class EstimatorNode(PreparedNode):
         )  # fmt: skip
         told = self._second.told if self._kind in SENSORS else None
         self._moved = None if told else self._second.moved
-        self._heard = HeardInput(
-            self, self._kind, how, self._now, self._answer, self._mount, told
-        )
+        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount, told)
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
         """Takes what fixed transforms say of the mounting; nothing was used before."""

@@ -165,9 +165,7 @@ class SecondSource:
             def described(message: String) -> None:
                 self._urdf = self._urdf or message.data
 
-            self._node.create_subscription(
-                String, topics.ROBOT_DESCRIPTION, described, qos.EVENT
-            )
+            self._node.create_subscription(String, topics.ROBOT_DESCRIPTION, described, qos.EVENT)
         return bool(self._urdf) and available()
 
     def _mounted(self, parameters: Mapping[str, Any]) -> InputSettings:

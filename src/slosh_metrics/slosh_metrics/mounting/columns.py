@@ -95,7 +95,9 @@ def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
     return found
 
 
-def aligned(sensor: SensorColumns, stamps: Integers, motion: Array, begin: int, end: int) -> Aligned:
+def aligned(
+    sensor: SensorColumns, stamps: Integers, motion: Array, begin: int, end: int
+) -> Aligned:
     """A sensor and a motion between two moments.
 
     Args:
@@ -106,7 +108,7 @@ def aligned(sensor: SensorColumns, stamps: Integers, motion: Array, begin: int, 
     """
     lags = round(TUNING.farthest_lag / TUNING.step)
     count = max(int((end - begin) * 1e-9 / TUNING.step), 1)
-    at = (np.arange(-lags, count + lags) + 0.5) * TUNING.step
+    at: Array = (np.arange(-lags, count + lags, dtype=np.float64) + 0.5) * TUNING.step
     own, other = (sensor.stamps - begin) / SECOND, (stamps - begin) / SECOND
     values = np.column_stack([sensor.force, np.nan_to_num(sensor.rate)])
     heard = smoothed(own, values, at)

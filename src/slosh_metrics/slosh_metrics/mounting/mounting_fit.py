@@ -21,14 +21,17 @@ import numpy as np
 
 from slosh_base.types import Array, BoolArray
 from slosh_metrics.mounting.columns import ACCELERATION, ARM, RATE, UP, Aligned, crosses
-from slosh_metrics.mounting.rotations import nearest, rotation_vector
+from slosh_metrics.mounting.rotations import exponential, nearest, rotation_vector
 from slosh_metrics.mounting.tuning import TUNING
 
 _GRAVITIES = (1.0, 0.0, -1.0)
 _TURNS = 30
 _RATIO = TUNING.independent / TUNING.step
 """Rows of which one is independent."""
-_FEWEST = 20
+_FEWEST, _STEPS = 20, 12
+_TURN, _PLACE, _BIAS, _LAG, _DRIFT = slice(0, 3), slice(5, 8), slice(8, 11), 11, slice(12, 15)
+_UNKNOWNS = 15
+"""Places of the unknowns; between them the gain and gravity's."""
 
 
 class TurnFit(NamedTuple):
@@ -50,7 +53,8 @@ class MountingFit(NamedTuple):
 
     Attributes:
         rotation: (3, 3) sensor ← container; determinant -1: an axis is mirrored.
-        covariance: (3, 3) of the small turn by which it may be off, in the container's axes [rad²].
+        covariance: (3, 3) of the small turn by which it may be off, in the container's axes
+            [rad²].
         gain, gravity: k and h.
         gain_error, gravity_error: their standard errors.
         lag, lag_error: by which the sensor is late [s].
@@ -115,31 +119,30 @@ def fit_mounting(both: Aligned, told: Array, arm: Array) -> MountingFit | None:
     found = _lag(both)
     if found is None:
         return None
-    lag, bend = found
-    rows, s, w = _shifted(both, lag)
+    rows = _known(both, found)
+    s, w = _shifted(both, found, rows)
+    before, behind = (_shifted(both, found + k * TUNING.step, rows) for k in (-1, 1))
+    slopes = [0.5 * (b - a) / TUNING.step for a, b in zip(before, behind, strict=True)]
     motion = both.motion[rows]
-    a, place, place_error = motion[:, ACCELERATION] + _at(motion, arm), arm, np.full(3, np.nan)
-    best = _best(_Side(s, a, motion[:, UP]), told)
+    side = _Side(s, motion[:, ACCELERATION] + _at(motion, arm), motion[:, UP])
+    best = _best(side, told)
     turns = math.sqrt(float(np.mean(np.sum(motion[:, RATE] ** 2, axis=1)))) > TUNING.least_turn
-    if turns and best.gain > 0.0 and motion[:, ARM].any():
-        for _ in range(4):
-            place, place_error = _place(motion, s, best, arm)
-            a = motion[:, ACCELERATION] + _at(motion, place)
-            best = _best(_Side(s, a, motion[:, UP]), told)
-    side = _Side(s, a, motion[:, UP])
-    turn, joint = _turn(side, best, told, w, motion[:, RATE]) if turns else (None, best)
-    rates = motion[:, RATE] if turn is not None and turn.agrees and turn.gain > 0.0 else None
-    covariance = _covariance(side, joint, w, rates, turn)
-    gains = _gain_errors(side, joint)
-    size = float(np.sum((s - np.mean(s, axis=0)) ** 2))
-    moved = float(np.sum((s - joint.gravity * side.u @ joint.rotation.T) ** 2))
-    moved = min(size, moved) if size > 0.0 else moved
-    explained = 1.0 - joint.error * len(s) / moved if moved > 0.0 else 0.0
-    variance = joint.error / 3.0
-    lag_error = math.sqrt(2.0 * variance * _RATIO / (len(s) * bend)) if bend > 0.0 else math.inf
+    known = np.isfinite(w).all(axis=1)
+    heard = turns and np.count_nonzero(known) > max(_FEWEST, 0.5 * len(w))
+    rates = _Rates.of(w[known], slopes[1][known], motion[known, RATE]) if heard else None
+    problem = _Problem(s, slopes[0], motion, arm, _variance(side, best) * _RATIO)
+    turn, fine = _with_rates(problem, best, rates, told)
+    moved = min(
+        float(np.sum((s - s.mean(axis=0)) ** 2)),
+        float(np.sum((s - fine.gravity * side.u @ fine.rotation.T) ** 2)),
+    )
+    explained = 1.0 - fine.error * len(s) / moved if moved > 0.0 else 0.0
+    errors = np.sqrt(np.maximum(np.diag(fine.covariance), 0.0))
+    unseen = not turns or not motion[:, ARM].any()
     return MountingFit(
-        joint.rotation, covariance, joint.gain, joint.gravity, *gains, lag, lag_error, place,
-        place_error, explained, turn, len(s) * TUNING.step,
+        fine.rotation, fine.covariance[_TURN, _TURN], fine.gain, fine.gravity, float(errors[3]),
+        float(errors[4]), found + fine.lag, float(errors[_LAG]), fine.place,
+        np.full(3, np.nan) if unseen else errors[_PLACE], explained, turn, len(s) * TUNING.step,
     )  # fmt: skip
 
 
@@ -149,22 +152,37 @@ def _at(motion: Array, place: Array) -> Array:
     return moved
 
 
-def _shifted(both: Aligned, lag: float) -> tuple[BoolArray, Array, Array]:
-    """Rows of the motion, and force and rate of a sensor that is late by a lag [s]."""
+def _place_of(both: Aligned, lag: float) -> tuple[int, float]:
+    """The sensor's row for the first one of the motion, and the share of the next one."""
     shift = lag / TUNING.step + both.lags
     first = min(max(math.floor(shift), 0), 2 * both.lags - 1)
-    share, count = shift - first, len(both.used)
-    rows = both.used & both.known[first : first + count] & both.known[first + 1 :][:count]
-    found = [
+    return first, shift - first
+
+
+def _known(both: Aligned, lag: float) -> BoolArray:
+    """Rows (N,) of the motion of which both sides are known, at a lag of the sensor [s]."""
+    first, _ = _place_of(both, lag)
+    count = len(both.used)
+    rows: BoolArray = both.used.copy()
+    for shift in range(max(first - 1, 0), min(first + 3, 2 * both.lags + 1)):
+        rows &= both.known[shift : shift + count]
+    return rows
+
+
+def _shifted(both: Aligned, lag: float, rows: BoolArray) -> tuple[Array, Array]:
+    """Force and rate of a sensor that is late by a lag [s], at some rows of the motion."""
+    first, share = _place_of(both, lag)
+    count = len(both.used)
+    force, rate = (
         (1.0 - share) * values[first : first + count][rows]
         + share * values[first + 1 : first + 1 + count][rows]
         for values in (both.force, both.rate)
-    ]
-    return rows, found[0], found[1]
+    )
+    return force, rate
 
 
-def _lag(both: Aligned) -> tuple[float, float] | None:
-    """By how much the sensor is late [s], and the curvature of the mean square error there.
+def _lag(both: Aligned) -> float | None:
+    """By how much the sensor is late [s]; None: too little of both is known.
 
     Without the mounting: the singular values of the correlation say how much of the sensor any
     rotation could explain, with gravity and without.
@@ -186,11 +204,11 @@ def _lag(both: Aligned) -> tuple[float, float] | None:
         return None
     around = errors[max(best - 1, 0) : best + 2]
     if len(around) < 3 or not np.isfinite(around).all():
-        return (best - both.lags) * TUNING.step, 0.0
+        return (best - both.lags) * TUNING.step
     left, middle, right = around.tolist()
     bend = left - 2.0 * middle + right
     offset = 0.5 * (left - right) / bend if bend > 0.0 else 0.0
-    return (best - both.lags + offset) * TUNING.step, bend / TUNING.step**2
+    return (best - both.lags + offset) * TUNING.step
 
 
 def _unexplained(s: Array, v: Array) -> float:
@@ -206,9 +224,7 @@ def _unexplained(s: Array, v: Array) -> float:
 
 def _best(side: _Side, told: Array) -> _Answer:
     """The hypothesis that is believed."""
-    found = [
-        _solved(side, told, start, handed) for handed in (1.0, -1.0) for start in _GRAVITIES
-    ]
+    found = [_solved(side, told, start, handed) for handed in (1.0, -1.0) for start in _GRAVITIES]
     best = min(found, key=lambda answer: answer.error)
     variance = _variance(side, best)
     independent = len(side.s) / _RATIO
@@ -280,104 +296,145 @@ def unmirrored(rotation: Array, told: Array) -> Array:
     return max((flip @ rotation for flip in flips), key=lambda m: float(np.sum(m * told)))
 
 
-def _place(motion: Array, s: Array, best: _Answer, arm: Array) -> tuple[Array, Array]:
-    """Where the sensor is [m], and the standard errors; what is not seen stays as told."""
-    lever = motion[:, ARM].reshape(-1, 3, 3)
-    left = s @ best.rotation / best.gain - motion[:, ACCELERATION]
-    left -= best.gravity / best.gain * motion[:, UP] + lever @ arm
-    rows, right = lever.reshape(-1, 3), left.reshape(-1)
-    noise = (TUNING.noise**2 + best.error / 3.0 / best.gain**2) * _RATIO
-    inverse = np.linalg.inv(rows.T @ rows / noise + np.eye(3) / TUNING.arm**2)
-    found = arm + inverse @ (rows.T @ right) / noise
-    return found, np.sqrt(np.diag(inverse))
+class _Rates(NamedTuple):
+    """Angular velocities (N, 3): as heard, in rad/s by their gain, their slope, as they are."""
+
+    heard: Array
+    slope: Array
+    true: Array
+    gain: float
+
+    @classmethod
+    def of(cls, heard: Array, slope: Array, true: Array) -> _Rates:
+        """Their gain is that of their sizes: no rotation changes it."""
+        gain = math.sqrt(float(np.sum(heard * heard)) / float(np.sum(true * true)))
+        scale = 1.0 / gain if gain > 0.0 else 1.0
+        return cls(heard * scale, slope * scale, true, gain)
 
 
-def _turn(
-    side: _Side, best: _Answer, told: Array, w: Array, rate: Array
-) -> tuple[TurnFit | None, _Answer]:
-    """What the rates say, and the hypothesis with them where they agree."""
-    rows = np.isfinite(w).all(axis=1)
-    if np.count_nonzero(rows) < max(_FEWEST, 0.5 * len(w)):
-        return None, best
-    heard, true = w[rows], rate[rows]
-    gain = math.sqrt(float(np.sum(heard * heard)) / float(np.sum(true * true)))
-    if gain <= 0.0:
-        return TurnFit(0.0, True, best.rotation), best
-    noise = (gain * TUNING.turn_noise) ** 2 * _RATIO + 1e-12
-    with_rate = gain * heard.T @ true / noise
-    variance = _variance(side, best) * _RATIO
-    with_force = (best.gain * side.s.T @ side.a + best.gravity * side.s.T @ side.u) / variance
+class _Problem(NamedTuple):
+    """What is fitted: readings (N, 3), the motion (N, COLUMNS), and what is known before.
+
+    Attributes:
+        slope: (N, 3) by which readings change in time.
+        arm: place of the sensor as it was told [m].
+        variance: of a component of an independent reading.
+    """
+
+    s: Array
+    slope: Array
+    motion: Array
+    arm: Array
+    variance: float
+
+
+class _Fine(NamedTuple):
+    """The solution of a problem; `left`: part of the angular velocities that it does not explain.
+
+    The covariance is that of the unknowns: turn, gain, gravity, place, bias, lag and drift.
+    """
+
+    rotation: Array
+    gain: float
+    gravity: float
+    place: Array
+    bias: Array
+    lag: float
+    covariance: Array
+    error: float
+    left: float
+
+
+def _with_rates(
+    problem: _Problem, best: _Answer, rates: _Rates | None, told: Array
+) -> tuple[TurnFit | None, _Fine]:
+    """The solution, with the angular velocities where they agree with the accelerations."""
+    alone = _refined(problem, best, None)
+    if rates is None:
+        return None, alone
+    if rates.gain <= 0.0:
+        return TurnFit(0.0, True, alone.rotation), alone
     handed = float(np.sign(np.linalg.det(best.rotation)))
-    rotation = nearest(with_force + with_rate + told / TUNING.doubt**2, handed)
-    left = float(np.sum((heard - gain * true @ rotation.T) ** 2) / np.sum(heard * heard))
-    predicted = best.gain * side.a + best.gravity * side.u
-    missed = side.s - predicted @ rotation.T
-    error, constant = float(np.mean(np.sum(missed**2, axis=1))), missed.mean(axis=0)
-    bias = float(constant @ constant)
-    worse = 0.5 * (error - bias - best.error) * len(side.s) / variance
-    away = float(np.linalg.norm(rotation_vector(best.rotation.T @ rotation)))
-    agrees = left < 1.0 - TUNING.explained and (worse < TUNING.handed or away < TUNING.turned)
-    if agrees:
-        return TurnFit(gain, True, rotation), best._replace(
-            rotation=rotation, error=error - bias, bias=bias
-        )
-    alone = max(
-        (nearest(with_rate + best.rotation / TUNING.doubt**2, one) for one in (1.0, -1.0)),
+    noise = TUNING.turn_noise**2 * _RATIO
+    with_rate = rates.heard.T @ rates.true / noise
+    side = _Side(problem.s, problem.motion[:, ACCELERATION], problem.motion[:, UP])
+    with_force = best.gain * side.s.T @ side.a + best.gravity * side.s.T @ side.u
+    start = nearest(
+        with_force / problem.variance + with_rate + told / TUNING.doubt**2, handed
+    )  # fmt: skip
+    both = _refined(problem, best._replace(rotation=start), rates)
+    worse = 0.5 * (both.error - alone.error) * len(problem.s) / problem.variance
+    away = float(np.linalg.norm(rotation_vector(alone.rotation.T @ both.rotation)))
+    if both.left < 1.0 - TUNING.explained and (worse < TUNING.handed or away < TUNING.turned):
+        return TurnFit(rates.gain, True, both.rotation), both
+    own = max(
+        (nearest(with_rate + alone.rotation / TUNING.doubt**2, one) for one in (1.0, -1.0)),
         key=lambda m: float(np.sum(m * with_rate)) - TUNING.handed * (np.linalg.det(m) < 0.0),
     )
-    return TurnFit(gain, False, alone), best
+    return TurnFit(rates.gain, False, own), alone
 
 
-def _covariance(
-    side: _Side, best: _Answer, w: Array, rate: Array | None, turn: TurnFit | None
-) -> Array:
-    """Of the small turn by which the rotation may be off, in the container's axes (3, 3) [rad²].
+def _refined(problem: _Problem, start: _Answer, rates: _Rates | None) -> _Fine:
+    """All unknowns together, by Gauss and Newton's method from a hypothesis on.
 
-    The errors' own spread over blocks, because they are not independent; a bias; and the prior.
+    In the container's axes the reading is y = Mᵀ s; a turn of M by a small θ changes it by y × θ.
     """
-    predicted = best.gain * side.a + best.gravity * side.u
-    variance = _variance(side, best) * _RATIO
-    turned = side.s @ best.rotation
-    information = _information(predicted) / variance + np.eye(3) / TUNING.doubt**2
-    spread = _spread(np.cross(predicted, turned - predicted) / variance)
-    scale = _scale(best)
-    # A bias b in the sensor's axes: how far it turns the fit.
-    lean = crosses(np.sum(predicted, axis=0)[None])[0] / variance
-    spread += (TUNING.bias * scale) ** 2 * lean @ lean.T
-    spread += _information(predicted) / variance * (TUNING.noise * scale) ** 2 * _RATIO / variance
-    if rate is not None and turn is not None:
-        rows = np.isfinite(w).all(axis=1)
-        true, heard = rate[rows], w[rows] @ best.rotation / turn.gain
-        noise = TUNING.turn_noise**2 * _RATIO
-        information += _information(true) / noise
-        spread += _spread(np.cross(true, heard - true) / noise)
-    inverse = np.linalg.inv(information)
-    found: Array = inverse @ (spread + np.eye(3) / TUNING.doubt**2) @ inverse
-    return found
-
-
-def _information(v: Array) -> Array:
-    """What vectors (N, 3) say of a turn: the sum of |v|² - v vᵀ."""
-    found: Array = float(np.sum(v * v)) * np.eye(3) - v.T @ v
-    return found
+    s, change, motion, arm, variance = problem
+    lever, u = motion[:, ARM].reshape(-1, 3, 3), motion[:, UP]
+    rotation, place, bias, drift = start.rotation, arm.copy(), np.zeros(3), np.zeros(3)
+    gain, gravity, lag = start.gain, start.gravity, 0.0
+    prior = np.zeros(_UNKNOWNS)
+    prior[_TURN], prior[_PLACE] = 1.0 / TUNING.doubt**2, 1.0 / TUNING.arm**2
+    prior[_DRIFT] = 1.0 / TUNING.drift**2
+    prior[_BIAS] = 1.0 / (TUNING.bias * _scale(start)) ** 2
+    noise = TUNING.turn_noise**2 * _RATIO
+    for _ in range(_STEPS):
+        y = (s + lag * change) @ rotation
+        a = motion[:, ACCELERATION] + lever @ place
+        left = y - gain * a - gravity * u - bias
+        slope = np.zeros((len(s), 3, _UNKNOWNS))
+        slope[:, :, _TURN], slope[:, :, 3], slope[:, :, 4] = -crosses(y), a, u
+        slope[:, :, _PLACE], slope[:, :, _BIAS] = gain * lever, np.eye(3)
+        slope[:, :, _LAG] = -change @ rotation
+        flat = slope.reshape(-1, _UNKNOWNS)
+        data = flat.T @ flat / variance
+        gradient = flat.T @ left.reshape(-1) / variance
+        gradients = np.einsum("nij,ni->nj", slope, left) / variance
+        if rates is not None:
+            z = (rates.heard + lag * rates.slope) @ rotation
+            bend = np.zeros((len(z), 3, _UNKNOWNS))
+            bend[:, :, _TURN], bend[:, :, _LAG] = -crosses(z), -rates.slope @ rotation
+            bend[:, :, _DRIFT] = np.eye(3)
+            data += np.einsum("nij,nik->jk", bend, bend) / noise
+            z = z - drift
+            turned = np.einsum("nij,ni->nj", bend, z - rates.true) / noise
+            gradient += turned.sum(axis=0)
+        away = np.concatenate([np.zeros(5), place - arm, bias, [0.0], drift])
+        step = np.linalg.solve(
+            data + np.diag(prior + 1e-12 * np.trace(data)), gradient - prior * away
+        )
+        rotation = rotation @ exponential(step[_TURN])
+        gain, gravity = gain + float(step[3]), gravity + float(step[4])
+        place, bias, lag = place + step[_PLACE], bias + step[_BIAS], lag + float(step[_LAG])
+        drift = drift + step[_DRIFT]
+        lag = min(max(lag, -TUNING.step), TUNING.step)
+        if float(np.abs(step).max()) < 1e-7:
+            break
+    spread = _spread(gradients) + data * (TUNING.noise * _scale(start)) ** 2 * _RATIO / variance
+    missed = 0.0
+    if rates is not None:
+        spread += _spread(turned)
+        missed = float(np.sum((z - rates.true) ** 2) / np.sum(z * z))
+    inverse = np.linalg.inv(data + np.diag(prior + 1e-12 * np.trace(data)))
+    covariance = inverse @ (spread + np.diag(prior)) @ inverse
+    error = float(np.mean(np.sum(left * left, axis=1)))
+    return _Fine(rotation, gain, gravity, place, bias, lag, covariance, error, missed)
 
 
 def _spread(g: Array) -> Array:
-    """The covariance of the sum of gradients (N, 3), by sums over blocks."""
+    """The covariance of the sum of gradients (N, K), by sums over blocks."""
     size = max(round(TUNING.block / TUNING.step), 1)
     sums = np.add.reduceat(g, np.arange(0, len(g), size), axis=0)
     factor = len(sums) / max(len(sums) - 3, 1)
     found: Array = factor * sums.T @ sums
     return found
-
-
-def _gain_errors(side: _Side, best: _Answer) -> tuple[float, float]:
-    """Standard errors of gain and of gravity's."""
-    variance = _variance(side, best) * _RATIO
-    own = np.array([
-        [np.sum(side.a * side.a), np.sum(side.a * side.u)],
-        [np.sum(side.a * side.u), np.sum(side.u * side.u)],
-    ])  # fmt: skip
-    inverse = np.linalg.inv(own + 1e-9 * np.trace(own) * np.eye(2)) * variance
-    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-    return float(errors[0]), float(errors[1])

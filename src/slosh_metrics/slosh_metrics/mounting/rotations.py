@@ -42,6 +42,17 @@ def rotation_vector(matrix: Array) -> Array:
     return half
 
 
+def exponential(turn: Array) -> Array:
+    """The rotation matrix (3, 3) of axis times angle (3,) (Rodrigues)."""
+    angle = float(np.linalg.norm(turn))
+    x, y, z = turn
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine = math.sin(angle) / angle if angle > 1e-12 else 1.0
+    half = 2.0 * (math.sin(0.5 * angle) / angle) ** 2 if angle > 1e-12 else 0.5
+    found: Array = np.eye(3) + sine * cross + half * cross @ cross
+    return found
+
+
 def axis_rotations() -> list[Array]:
     """The 24 rotations (3, 3) that take axes to axes."""
     found = []

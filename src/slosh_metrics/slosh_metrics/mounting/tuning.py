@@ -22,12 +22,15 @@ class MountingTuning:
     gap: float = number(0.1, "s", "time between two samples across which nothing is known")
     farthest_lag: float = number(0.3, "s", "largest lag that is looked for")
     # mounting_fit.py
-    noise: float = number(0.03, "m/s²", "least error of a prediction, in the sensor's unit g = 9.81")
+    noise: float = number(
+        0.03, "m/s²", "least error of a prediction, in the sensor's unit g = 9.81"
+    )
     share: float = number(0.02, "1", "the same, of the motion's rms")
     turn_noise: float = number(0.02, "rad/s", "the same of an angular velocity")
     independent: float = number(0.1, "s", "time after which errors are independent")
     block: float = number(0.2, "s", "length of the blocks whose spread gives standard errors")
     bias: float = number(0.1, "m/s²", "standard deviation of a sensor's bias")
+    drift: float = number(0.01, "rad/s", "standard deviation of a gyroscope's bias")
     doubt: float = number(1.0, "rad", "standard deviation of a mounting before a motion")
     arm: float = number(0.2, "m", "standard deviation of a lever arm before a motion")
     handed: float = number(8.0, "1", "logarithm of the odds of axes that are right-handed")

@@ -73,7 +73,10 @@ def judge(fit: MountingFit, expected: Expected) -> MountingVerdict:
     mirrored = np.linalg.det(fit.rotation) < 0.0
     rotation = unmirrored(fit.rotation, told) if mirrored else fit.rotation
     errors, axes = _errors(fit.covariance)
-    near = snapped(rotation, max(TUNING.snapped, TUNING.sure * float(errors[errors < TUNING.unseen].max(initial=0.0))))
+    near = snapped(
+        rotation,
+        max(TUNING.snapped, TUNING.sure * float(errors[errors < TUNING.unseen].max(initial=0.0))),
+    )
     angles = roll_pitch_yaw(near.T)
     if not _same_motion(fit):
         return MountingVerdict(
@@ -241,8 +244,13 @@ def _unseen(fit: MountingFit, errors: Array, axes: Array) -> Iterator[str]:
     hidden = np.flatnonzero(errors > TUNING.unseen)
     if len(hidden) == 1:
         axis = axis_in_words(axes[:, hidden[0]])
-        yield f"a turn about the container's {axis}: nothing moved across it; move along another axis"
+        yield (
+            f"a turn about the container's {axis}: nothing moved across it; move along another "
+            "axis"
+        )
     elif len(hidden):
         yield "how it is turned: the motion was too small"
     if fit.turn is None:
-        yield "unit and axes of an angular velocity, and the lever arm: the container hardly turned"
+        yield (
+            "unit and axes of an angular velocity, and the lever arm: the container hardly turned"
+        )

@@ -140,7 +140,7 @@ class MountingWatch:
         while len(self._kept) > 1 and self._seconds() > TUNING.kept:
             del self._kept[0]
         together = self._verdict(self._kept) if len(self._kept) > 1 else newest
-        if together is None or bool(together.wrong) != bool(newest.wrong) and _sees(newest):
+        if together is None or (bool(together.wrong) != bool(newest.wrong) and _sees(newest)):
             # Something was mended, or has slipped: what was before says nothing more.
             self._kept, together = [both], newest
         self.verdict = together

@@ -62,7 +62,7 @@ class MountingCheck(NamedTuple):
 
     Attributes:
         kind, topic: of the sensor.
-        count: its messages.
+        messages: how many came of it.
         frame: of its messages.
         reference: kind and topic of what it was compared with; empty: there is nothing.
         verdict: of the comparison; None: nothing moved, or there is nothing.
@@ -75,7 +75,7 @@ class MountingCheck(NamedTuple):
 
     kind: str
     topic: str
-    count: int
+    messages: int
     frame: str
     reference: tuple[str, str]
     verdict: MountingVerdict | None
