@@ -83,7 +83,7 @@ def _reference_wrong(found: MountingCheck) -> list[str]:
 def lines(found: MountingCheck) -> list[str]:
     """What was compared, what was measured, and what follows."""
     frame = f", frame {found.frame!r}" if found.frame else ""
-    rows = [("sensor", f"{found.topic} ({found.kind}), {found.count} messages{frame}")]
+    rows = [("sensor", f"{found.topic} ({found.kind}), {found.messages} messages{frame}")]
     if found.reference[0]:
         rows.append(("motion", f"{found.reference[1]} ({found.reference[0]})"))
     if found.verdict is not None:
@@ -126,7 +126,7 @@ def measured(verdict: MountingVerdict, motions: int) -> list[tuple[str, str]]:
 def document(found: MountingCheck) -> dict[str, Any]:
     """The result for programs, in SI units; what is not known is None."""
     told: dict[str, Any] = {
-        "sensor": {"kind": found.kind, "topic": found.topic, "messages": found.count},
+        "sensor": {"kind": found.kind, "topic": found.topic, "messages": found.messages},
         "reference": {"kind": found.reference[0], "topic": found.reference[1]},
         "wrong": list(found.wrong),
         "reference_wrong": _reference_wrong(found),

@@ -21,7 +21,7 @@ class MountingTuning:
     box: float = number(0.05, "s", "width of each of the three boxes that smooth both sides")
     gap: float = number(0.1, "s", "time between two samples across which nothing is known")
     farthest_lag: float = number(0.3, "s", "largest lag that is looked for")
-    # mounting_fit.py
+    # hypotheses.py, refinement.py
     noise: float = number(
         0.03, "m/s²", "least error of a prediction, in the sensor's unit g = 9.81"
     )

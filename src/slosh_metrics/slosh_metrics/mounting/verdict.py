@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
-from slosh_metrics.mounting.mounting_fit import MountingFit, unmirrored
+from slosh_metrics.mounting.hypotheses import unmirrored
+from slosh_metrics.mounting.mounting_fit import MountingFit
 from slosh_metrics.mounting.rotations import (
     axes_in_words,
     axis_in_words,
