@@ -12,6 +12,7 @@ from slosh_metrics.mounting.tuning import TUNING
 
 FEWEST = 20
 """Rows of both sides that say something."""
+_EACH = 2
 
 
 def _first_row(both: Aligned, lag: float) -> tuple[int, float]:
@@ -49,18 +50,17 @@ def coarse_lag(both: Aligned) -> float | None:
     Without the mounting: the singular values of the correlation say how much of the sensor any
     rotation could explain, with gravity and without.
     """
+    # Neighbours say nearly the same: both sides are smoothed.
+    used, motion = both.used[::_EACH], both.motion[::_EACH]
     count = len(both.used)
-    shifts = range(2 * both.lags + 1)
-    errors = np.full(len(shifts), np.inf)
-    for shift in shifts:
-        rows = both.used & both.known[shift : shift + count]
+    errors = np.full(2 * both.lags + 1, np.inf)
+    for shift in range(len(errors)):
+        rows = used & both.known[shift : shift + count : _EACH]
         if np.count_nonzero(rows) < FEWEST:
             continue
-        s = both.force[shift : shift + count][rows]
-        errors[shift] = min(
-            _unexplained(s, both.motion[rows, ACCELERATION] + g * both.motion[rows, UP])
-            for g in (0.0, 1.0)
-        )
+        s = both.force[shift : shift + count : _EACH][rows]
+        a, u = motion[rows, ACCELERATION], motion[rows, UP]
+        errors[shift] = min(_unexplained(s, a), _unexplained(s, a + u))
     best = int(np.argmin(errors))
     if not math.isfinite(errors[best]):
         return None
