@@ -39,6 +39,8 @@ PAGE = ROOT / "docs" / "input_checks.md"
 UNITS = {"m/s²": 1.0, "g": 1.0 / 9.81, "mm/s²": 1000.0}
 TRACKER, TURNED = 5e-5, 2e-4
 """Noise of positions [m] and attitudes [rad]."""
+COARSE, COARSE_RATE, COARSE_SEEDS = (1e-3, 2e-3), 60.0, 5
+"""Noise of a coarse tracker [m, rad], its rate [Hz], and motions for each seed."""
 LOOKS = 500_000_000
 """So often the watch looks [ns]."""
 WHEN = ("the first motion", "all motions")
@@ -61,21 +63,36 @@ class Mounted(NamedTuple):
     degrees: bool = False
 
 
-def poses(honest: HonestInput, seed: int) -> list[Sample]:
-    """What the estimator's own input makes of a tracker's poses."""
+def poses(
+    honest: HonestInput,
+    seed: int,
+    noise: tuple[float, float] = (TRACKER, TURNED),
+    rate: float = math.inf,
+) -> list[Sample]:
+    """What the estimator's own input makes of a tracker's poses.
+
+    Args:
+        honest: motion.
+        seed: of the noise.
+        noise: of positions [m] and attitudes [rad].
+        rate: at most [Hz].
+    """
     random = np.random.default_rng([seed, 1])
-    how = InputSettings("pose", GateSettings(confirms=False), any_world=True)
+    how = InputSettings("pose", GateSettings(max_gap=0.2, confirms=False), any_world=True)
     reader = how.reader("pose")
     assert isinstance(reader, PoseInput)
     count = len(honest.stamps)
     # Its positions are sums of sums: their second difference is the acceleration a sample ahead.
     places = np.vstack([honest.position[:1], honest.position[:-1]])
-    places = places + random.normal(0.0, TRACKER, (count, 3))
-    turn = type(honest.attitude).from_rotvec(random.normal(0.0, TURNED, (count, 3)))
+    places = places + random.normal(0.0, noise[0], (count, 3))
+    turn = Rotation.from_rotvec(random.normal(0.0, noise[1], (count, 3)))
     turns = (honest.attitude * turn).as_quat()
     found: list[Sample] = []
-    for stamp, place, q in zip(honest.stamps, places.tolist(), turns.tolist(), strict=True):
-        found += reader.update(int(stamp), tuple(place), tuple(q))
+    each = max(round(1e9 / float(np.median(np.diff(honest.stamps))) / rate), 1)
+    for k in range(0, count, each):
+        found += reader.update(
+            int(honest.stamps[k]), tuple(places[k].tolist()), tuple(turns[k].tolist())
+        )
     return found
 
 
@@ -229,6 +246,16 @@ def counted(seed: int, kind: str) -> Iterator[tuple[str, str, str]]:
             yield "right", when, good
 
 
+def coarse(seed: int, kind: str) -> Iterator[tuple[str, str, str]]:
+    """The same of a right sensor against a coarse tracker."""
+    honest = honest_input(seed)
+    moved = poses(honest, seed, COARSE, COARSE_RATE)
+    pair = verdicts(honest, moved, Mounted(np.eye(3), gravity=kind == "imu"), kind)
+    for when, found in zip(WHEN, pair, strict=True):
+        good = "still" if found is None else "false" if found.wrong else "named"
+        yield "right, poses of 1 mm", when, good
+
+
 def alone(seed: int) -> Iterator[tuple[str, str, str]]:
     """The same of an inertial sensor without a second source: what gravity tells."""
     honest = honest_input(seed)
@@ -269,7 +296,12 @@ def rows(seeds: Sequence[int]) -> Iterator[str]:
     for kind in ("imu", "accel", "imu alone"):
         count: Counter[tuple[str, str, str]] = Counter()
         for seed in seeds:
-            count.update(alone(seed) if kind == "imu alone" else counted(seed, kind))
+            if kind == "imu alone":
+                count.update(alone(seed))
+                continue
+            count.update(counted(seed, kind))
+            for other in range(seed, seed + COARSE_SEEDS * 100, 100):
+                count.update(coarse(other, kind))
             print(kind, seed, dict(count), file=sys.stderr, flush=True)
         for what, when in sorted({key[:2] for key in count}, reverse=True):
             cells = [count[what, when, one] for one in OUTCOMES]

@@ -89,9 +89,7 @@ def transition(step: float, process: float) -> tuple[Array, Array]:
     return move, added
 
 
-def back(
-    kept: Sequence[tuple[Array, Array, Array, Array, Array]], first: int, last: int
-) -> Array:
+def back(kept: Sequence[tuple[Array, Array, Array, Array, Array]], first: int, last: int) -> Array:
     """The state at a row by what is known at a later one."""
     state = kept[last][0]
     for k in range(last - 1, first - 1, -1):

@@ -2,6 +2,9 @@
 
 Both sides are averaged by three boxes in turn, so that what a pose's filter has smoothed already,
 and a sensor's vibration, do not matter. The motion is told in the container's own axes first.
+
+The noise of poses becomes that of accelerations with the fourth power of the frequency: what the
+narrowest boxes take away bounds what they leave, and wider ones leave far less.
 """
 
 from __future__ import annotations
@@ -63,6 +66,7 @@ class Aligned(NamedTuple):
         known: (N + 2 lags,) whether the sensor's row is known.
         used: (N,) whether the motion's row is known.
         lags: rows of the sensor before and behind the motion.
+        noise: mean square of the noise of the motion's accelerations, at most [m²/s⁴].
     """
 
     motion: Array
@@ -71,6 +75,7 @@ class Aligned(NamedTuple):
     known: BoolArray
     used: BoolArray
     lags: int
+    noise: float
 
 
 def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
@@ -97,8 +102,8 @@ def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
 
 def aligned(
     sensor: SensorColumns, stamps: Integers, motion: Array, begin: int, end: int
-) -> Aligned:
-    """A sensor and a motion between two moments.
+) -> tuple[Aligned, ...]:
+    """A sensor and a motion between two moments, smoothed by each of the widths.
 
     Args:
         sensor: at least two samples.
@@ -111,30 +116,39 @@ def aligned(
     at: Array = (np.arange(-lags, count + lags, dtype=np.float64) + 0.5) * TUNING.step
     own, other = (sensor.stamps - begin) / SECOND, (stamps - begin) / SECOND
     values = np.column_stack([sensor.force, np.nan_to_num(sensor.rate)])
-    heard = smoothed(own, values, at)
-    known_rate = np.interp(at, own, np.isfinite(sensor.rate).all(axis=1).astype(np.float64)) == 1.0
-    heard[~known_rate, 3:] = np.nan
+    turns = np.interp(at, own, np.isfinite(sensor.rate).all(axis=1).astype(np.float64)) == 1.0
     inner = at[lags : lags + count]
-    return Aligned(
-        smoothed(other, motion, inner), heard[:, :3], heard[:, 3:], _reached(own, at),
-        _reached(other, inner), lags,
-    )  # fmt: skip
+    known, used = _reached(own, at), _reached(other, inner)
+    raw = [np.interp(inner, other, column) for column in motion[:, ACCELERATION].T]
+    found: list[Aligned] = []
+    for box in TUNING.boxes:
+        heard, moved = smoothed(own, values, at, box), smoothed(other, motion, inner, box)
+        heard[~turns, 3:] = np.nan
+        if found:
+            noise = found[0].noise * (TUNING.boxes[0] / box) ** TUNING.steep
+        else:
+            off = (moved[:, ACCELERATION] - np.stack(raw, axis=1))[used]
+            noise = float(np.mean(np.sum(off * off, axis=1))) if len(off) else 0.0
+        found.append(Aligned(moved, heard[:, :3], heard[:, 3:], known, used, lags, noise))
+    return tuple(found)
 
 
-def smoothed(t: Array, values: Array, at: Array) -> Array:
-    """Values (N, K) at times t (N,), averaged by three boxes about others (M,), evenly spaced."""
-    order = BOXES * TUNING.box
-    reach = round(0.5 * order / TUNING.step) + 1
+def smoothed(t: Array, values: Array, at: Array, box: float) -> Array:
+    """Values (N, K) at times t (N,), averaged about others (M,), evenly spaced.
+
+    By three boxes of a width [s].
+    """
+    reach = round(0.5 * BOXES * box / TUNING.step) + 1
     step = at[1] - at[0] if len(at) > 1 else TUNING.step
     before = at[0] + step * np.arange(-reach, 0)
     behind = at[-1] + step * np.arange(1, reach + 1)
     wide = np.concatenate([before, at, behind])
     sums = np.zeros_like(values)
     sums[1:] = np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None], axis=0)
-    low = np.clip(wide - 0.5 * TUNING.box, t[0], t[-1])
-    high = np.clip(wide + 0.5 * TUNING.box, t[0], t[-1])
+    low = np.clip(wide - 0.5 * box, t[0], t[-1])
+    high = np.clip(wide + 0.5 * box, t[0], t[-1])
     width = np.maximum(high - low, 1e-9)
-    kernel = np.ones(round(TUNING.box / TUNING.step))
+    kernel = np.ones(round(box / TUNING.step))
     kernel = np.convolve(kernel, kernel) / len(kernel) ** 2
     found = np.empty((len(at), values.shape[1]))
     for place, (column, total) in enumerate(zip(values.T, sums.T, strict=True)):

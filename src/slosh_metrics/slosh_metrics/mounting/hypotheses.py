@@ -65,9 +65,14 @@ def size_of(answer: Answer) -> float:
 
 def variance_of(side: Side, answer: Answer) -> float:
     """The variance of one component of the sensor's error [(its unit)²]."""
+    return answer.error / 3.0 + least_variance(side, answer)
+
+
+def least_variance(side: Side, answer: Answer) -> float:
+    """The variance that the error has at least, however well all agrees [(its unit)²]."""
     a = side.a - side.a.mean(axis=0)
     floor = TUNING.noise + TUNING.share * math.sqrt(float(np.mean(np.sum(a * a, axis=1))))
-    return answer.error / 3.0 + (floor * size_of(answer)) ** 2
+    return (floor * size_of(answer)) ** 2
 
 
 def _solved(side: Side, told: Array, start: float, handed: float) -> Answer:
@@ -81,21 +86,20 @@ def _solved(side: Side, told: Array, start: float, handed: float) -> Answer:
     length = math.sqrt(size / max(own[0, 0] + abs(start) * own[1, 1], 1e-12))
     gains = np.array([length, start * length])
     floor = TUNING.noise + TUNING.share * math.sqrt(float(own[0, 0]) / len(s))
-    scale, rotation = 1.0, told
-    for _ in range(_TURNS):
-        scale = max(float(np.abs(gains).max()), 1e-9)
-        # A row's error is not known yet: the floor's weight on what was told is the largest.
-        trust = (floor * scale) ** 2 * RATIO / TUNING.doubt**2
-        rotation = nearest(gains[0] * with_a + gains[1] * with_u + trust * told, handed)
-        right = np.array([np.sum(rotation * with_a), np.sum(rotation * with_u)])
-        new = np.linalg.solve(ridge, right)
-        if new[0] < 0.0:
-            new = np.array([0.0, right[1] / ridge[1, 1]])
-        done = float(np.abs(new - gains).max()) <= 1e-9 * scale
-        gains = new
-        if done:
-            break
-    whole = max(size - float(gains @ (2.0 * right - own @ gains)), 0.0) / len(s)
+    rotation, whole, missed = told, 0.0, 0.0
+    for _ in range(2):  # as if all were explained, then by what is not
+        for _ in range(_TURNS):
+            scale = max(float(np.abs(gains).max()), 1e-9)
+            trust = (missed / 3.0 + (floor * scale) ** 2) * RATIO / TUNING.doubt**2
+            rotation = nearest(gains[0] * with_a + gains[1] * with_u + trust * told, handed)
+            right = np.array([np.sum(rotation * with_a), np.sum(rotation * with_u)])
+            before, gains = gains, np.linalg.solve(ridge, right)
+            if gains[0] < 0.0:
+                gains = np.array([0.0, right[1] / ridge[1, 1]])
+            if float(np.abs(gains - before).max()) <= 1e-9 * scale:
+                break
+        whole = max(size - float(gains @ (2.0 * right - own @ gains)), 0.0) / len(s)
+        missed = whole
     constant = s.mean(axis=0) - rotation @ (gains[0] * a.mean(axis=0) + gains[1] * u.mean(axis=0))
     bias = float(constant @ constant)
     away = rotation_vector(told.T @ (rotation if handed > 0 else unmirrored(rotation, told)))

@@ -15,13 +15,21 @@ stays as it was told.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from slosh_base.types import Array
 from slosh_metrics.mounting.columns import ACCELERATION, ARM, RATE, UP, Aligned
-from slosh_metrics.mounting.hypotheses import RATIO, Answer, Side, best_hypothesis, variance_of
+from slosh_metrics.mounting.hypotheses import (
+    RATIO,
+    Answer,
+    Side,
+    best_hypothesis,
+    least_variance,
+    variance_of,
+)
 from slosh_metrics.mounting.lag import FEWEST, coarse_lag, known_rows, shifted
 from slosh_metrics.mounting.refinement import (
     GAIN,
@@ -64,6 +72,7 @@ class MountingFit(NamedTuple):
         lag, lag_error: by which the sensor is late [s].
         arm, arm_error: (3,) place of the sensor in the container [m]; NaN: not seen.
         explained: part of the motion that the fit explains, of the accelerations.
+        clear: part of the motion's accelerations that is no noise, at least.
         turn: of the angular velocities; None: there are none, or the container hardly turned.
         seconds: of both sides [s].
     """
@@ -79,6 +88,7 @@ class MountingFit(NamedTuple):
     arm: Array
     arm_error: Array
     explained: float
+    clear: float
     turn: TurnFit | None
     seconds: float
 
@@ -109,16 +119,56 @@ def fit_mounting(both: Aligned, told: Array, arm: Array) -> MountingFit | None:
     known = np.isfinite(w).all(axis=1)
     heard = turns and np.count_nonzero(known) > max(FEWEST, 0.5 * len(w))
     rates = Rates.of(w[known], slopes[1][known], motion[known, RATE]) if heard else None
-    problem = Problem(s, slopes[0], motion, arm, variance_of(side, best) * RATIO)
+    variances = variance_of(side, best) * RATIO, least_variance(side, best) * RATIO
+    problem = Problem(s, slopes[0], motion, arm, *variances)
     turn, fine = _with_rates(problem, best, rates, told)
     at, errors = fine.at, np.sqrt(np.maximum(np.diag(fine.covariance), 0.0))
     seen = turns and bool(motion[:, ARM].any())
+    explained = _explained(side, fine)
+    moved = motion[:, ACCELERATION] - motion[:, ACCELERATION].mean(axis=0)
+    covariance = _without_noise(fine.covariance[TURN, TURN], fine, problem)
+    clear = 1.0 - both.noise / max(float(np.mean(np.sum(moved * moved, axis=1))), 1e-12)
     return MountingFit(
-        at.rotation, fine.covariance[TURN, TURN], at.gain, at.gravity, float(errors[GAIN]),
+        at.rotation, covariance, at.gain, at.gravity, float(errors[GAIN]),
         float(errors[GRAVITY_GAIN]), lag + at.lag, float(errors[LAG]), at.place,
-        errors[PLACE] if seen else np.full(3, np.nan), _explained(side, fine), turn,
+        errors[PLACE] if seen else np.full(3, np.nan), explained, clear, turn,
         len(s) * TUNING.step,
     )  # fmt: skip
+
+
+def _without_noise(covariance: Array, fine: Solution, problem: Problem) -> Array:
+    """The covariance (3, 3) of the turn, where what is not explained is noise of the motion.
+
+    Such noise looks like information about turns, in all directions alike.
+    """
+    none = 2.0 / 3.0 * fine.error * len(problem.s) / problem.variance
+    values, axes = np.linalg.eigh(np.linalg.inv(covariance))
+    left = np.maximum(values - none, 1.0 / TUNING.doubt**2)
+    found: Array = (axes / left) @ axes.T
+    return found
+
+
+def best_fit(widths: Sequence[Aligned], told: Array, arm: Array) -> MountingFit | None:
+    """The comparison by the narrowest smoothing that explains the motion, or the best one.
+
+    Args:
+        widths: both sides, by the width of the smoothing.
+        told, arm: see `fit_mounting`.
+    """
+    best: MountingFit | None = None
+    for both in widths:
+        found = fit_mounting(both, told, arm)
+        if found is None:
+            continue
+        if best is None or _worth(found) > _worth(best):
+            best = found
+        if found.explained >= TUNING.enough:
+            break
+    return best
+
+
+def _worth(fit: MountingFit) -> tuple[bool, float]:
+    return fit.clear >= TUNING.clear, fit.explained
 
 
 def _explained(side: Side, fine: Solution) -> float:

@@ -47,6 +47,7 @@ class Problem(NamedTuple):
         motion: (N, COLUMNS).
         arm: place of the sensor as it was told [m].
         variance: of a component of an independent reading.
+        least: that it has at least.
     """
 
     s: Array
@@ -54,6 +55,7 @@ class Problem(NamedTuple):
     motion: Array
     arm: Array
     variance: float
+    least: float
 
 
 class Unknowns(NamedTuple):
@@ -118,9 +120,9 @@ def refined(problem: Problem, start: Answer, rates: Rates | None) -> Solution:
     # Errors of readings are not independent: their own spread tells, and the least one.
     spread = sum((_spread(left, slope) for left, slope in rows), np.diag(prior))
     forces = rows[0][1]
-    floor = (TUNING.noise * size_of(start)) ** 2 * RATIO / problem.variance
     inverse = np.linalg.inv(matrix)
-    covariance = inverse @ (spread + floor * forces.T @ forces) @ inverse
+    least = problem.least / problem.variance * forces.T @ forces
+    covariance = inverse @ (spread + least) @ inverse
     left = [float(np.sum(one * one)) for one, _ in rows]
     missed = 0.0
     if rates is not None:

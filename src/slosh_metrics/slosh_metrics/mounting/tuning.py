@@ -18,7 +18,10 @@ class MountingTuning:
 
     # columns.py
     step: float = number(0.01, "s", "step of the common time axis")
-    box: float = number(0.05, "s", "width of each of the three boxes that smooth both sides")
+    boxes: tuple[float, ...] = number(
+        (0.05, 0.11, 0.25), "s", "widths of the boxes that smooth both sides, by the noise"
+    )
+    steep: float = number(5.0, "1", "power of the width by which a pose's noise falls")
     gap: float = number(0.1, "s", "time between two samples across which nothing is known")
     farthest_lag: float = number(0.3, "s", "largest lag that is looked for")
     # hypotheses.py, refinement.py
@@ -45,6 +48,8 @@ class MountingTuning:
     unit: float = number(0.15, "1", "relative distance from a unit's gain that is that unit")
     gravity: float = number(0.15, "1", "part of gravity that is wrongly in or out")
     explained: float = number(0.6, "1", "least part of the motion that a fit explains")
+    clear: float = number(0.9, "1", "least part of the motion that is no noise")
+    enough: float = number(0.97, "1", "explained part with which no other smoothing is tried")
     late: float = number(0.03, "s", "least lag that is told")
     arm_off: float = number(0.03, "m", "least error of a lever arm that is told")
     # watch.py

@@ -28,6 +28,7 @@ TURN_UNITS: Mapping[str, float] = {
 }  # fmt: skip
 """Gain of an angular velocity in a unit."""
 _AXES = ("x", "y", "z")
+_NOISY = "anything: the motion is too small for its noise; move faster, or publish it finer"
 
 
 class Expected(NamedTuple):
@@ -79,10 +80,11 @@ def judge(fit: MountingFit, expected: Expected) -> MountingVerdict:
         max(TUNING.snapped, TUNING.sure * float(errors[errors < TUNING.unseen].max(initial=0.0))),
     )
     angles = roll_pitch_yaw(near.T)
+    if fit.clear < TUNING.clear and fit.explained < TUNING.enough:
+        return MountingVerdict((), (), (_NOISY,), fit, angles, float(errors.max()))
     if not _same_motion(fit):
-        return MountingVerdict(
-            (_another_motion(fit),), (), (), fit, angles, float(errors.max())
-        )  # fmt: skip
+        another = (_another_motion(fit),)
+        return MountingVerdict(another, (), (), fit, angles, float(errors.max()))
     wrong = [
         *_scale(fit, expected), *_gravity(fit, expected), *_mirror(fit, rotation, mirrored),
         *_turned(fit, rotation, near, told, mirrored=mirrored), *_rates(fit),
@@ -113,17 +115,32 @@ def _another_motion(fit: MountingFit) -> str:
 
 
 def _scale(fit: MountingFit, expected: Expected) -> Iterator[str]:
-    off = abs(fit.gain - 1.0)
-    if off <= TUNING.gain or off <= TUNING.sure * fit.gain_error:
+    unit = unit_of(fit)
+    if unit == "":
         return
-    unit = _unit(fit.gain, UNITS)
-    if unit:
+    if unit is not None:
         yield f"it is in {unit}: publish m/s² ({_factor(UNITS[unit])})"
         return
     yield (
         f"its acceleration is {fit.gain:.3g} ± {fit.gain_error:.2g} times the motion's: another "
         "unit or a wrong scale; publish m/s²"
     )
+
+
+def unit_of(fit: MountingFit) -> str | None:
+    """The unit of the accelerations; empty: m/s²; None: it is none of UNITS.
+
+    Noise in the motion makes the gain small by the part that is not explained, noise of the
+    sensor makes it large by the same: the true one lies between.
+    """
+    slack = TUNING.sure * fit.gain_error
+    least, most = fit.gain - slack, (fit.gain + slack) / max(fit.explained, TUNING.explained)
+    if least <= 1.0 + TUNING.gain and most >= 1.0 - TUNING.gain:
+        return ""
+    for name, own in UNITS.items():
+        if least <= (1.0 + TUNING.unit) * own and most >= (1.0 - TUNING.unit) * own:
+            return name
+    return None
 
 
 def _unit(gain: float, units: Mapping[str, float]) -> str:
@@ -143,8 +160,8 @@ def _factor(gain: float) -> str:
 
 def _gravity(fit: MountingFit, expected: Expected) -> Iterator[str]:
     """Gravity in its own unit: `right` of it, of which the fit has found `part`."""
-    unit = _unit(fit.gain, {"": 1.0, **UNITS})
-    scale = UNITS.get(unit, 1.0) if unit or abs(fit.gain - 1.0) <= TUNING.unit else fit.gain
+    unit = unit_of(fit)
+    scale = fit.gain if unit is None else UNITS.get(unit, 1.0)
     part, slack = fit.gravity / scale, TUNING.sure * fit.gravity_error / scale
     right = 1.0 if expected.gravity else 0.0
     if abs(part - right) <= TUNING.gravity + slack:
@@ -189,7 +206,7 @@ def _turned(
     along = away / angle
     # Half a turn is the same about both directions: what is measured is its line.
     error = math.sqrt(float(along @ fit.covariance @ along))
-    if angle <= TUNING.sure * error:
+    if angle <= TUNING.sure * error or error > TUNING.unseen:
         return
     is_axis = not np.array_equal(near, rotation)
     where = (

@@ -16,13 +16,13 @@ from slosh_metrics.mounting.columns import (
     aligned,
     felt,
 )
-from slosh_metrics.mounting.mounting_fit import fit_mounting
+from slosh_metrics.mounting.mounting_fit import best_fit
 from slosh_metrics.mounting.tuning import TUNING
 from slosh_metrics.mounting.verdict import Expected, MountingVerdict, judge
 
 Vector = tuple[float, float, float]
 _NAN: Vector = (np.nan, np.nan, np.nan)
-_MARGIN_NS = round((TUNING.farthest_lag + 1.5 * TUNING.box) * 1e9)
+_MARGIN_NS = round((TUNING.farthest_lag + 1.5 * max(TUNING.boxes)) * 1e9)
 _PART_NS = 500_000_000
 """So much of the rest beside a motion is compared, too: gravity is what is left then."""
 MOST_SAID = 1e7
@@ -59,7 +59,7 @@ class MountingWatch:
         self._sensor_ns: deque[int] = deque(maxlen=MOST)
         self._motion_ns: deque[int] = deque(maxlen=MOST)
         self._begin = self._moved = 0
-        self._kept: list[Aligned] = []
+        self._kept: list[tuple[Aligned, ...]] = []
 
     def take_sensor(self, stamp_ns: int, force: Vector, rate: Vector | None = None) -> None:
         """Takes a reading, in the sensor's own axes and unit; what cannot be is left out."""
@@ -145,12 +145,13 @@ class MountingWatch:
             self._kept, together = [both], newest
         self.verdict = together
 
-    def _verdict(self, parts: Sequence[Aligned]) -> MountingVerdict | None:
-        fit = fit_mounting(joined(parts), self.expected.rotation.T, -self.expected.to_origin)
+    def _verdict(self, parts: Sequence[tuple[Aligned, ...]]) -> MountingVerdict | None:
+        widths = [joined(of_width) for of_width in zip(*parts, strict=True)]
+        fit = best_fit(widths, self.expected.rotation.T, -self.expected.to_origin)
         return None if fit is None else judge(fit, self.expected)
 
     def _seconds(self) -> float:
-        return sum(len(one.used) for one in self._kept) * TUNING.step
+        return sum(len(one[0].used) for one in self._kept) * TUNING.step
 
     def _drop(self, before_ns: int) -> None:
         """Forgets what no later motion needs."""
@@ -196,4 +197,5 @@ def joined(parts: Sequence[Aligned]) -> Aligned:
         np.concatenate([one.known for one in parts]),
         np.concatenate([*used, parts[-1].used]),
         lags,
+        sum(one.noise * len(one.used) for one in parts) / sum(len(one.used) for one in parts),
     )
