@@ -63,7 +63,16 @@ class Moved:
 
 
 def compared(
-    moved, force, rate=None, *, imu=True, said=None, place=(0.0, 0.0, 0.0), late=0.0, noise=0.02
+    moved,
+    force,
+    rate=None,
+    *,
+    imu=True,
+    said=None,
+    place=(0.0, 0.0, 0.0),
+    late=0.0,
+    noise=0.02,
+    rough=0.0,
 ) -> MountingVerdict | None:
     random = np.random.default_rng(1)
     expected = Expected(np.eye(3) if said is None else said, np.array(place), imu, imu)
@@ -74,7 +83,8 @@ def compared(
     for t, row, w in zip(moved.t.tolist(), noisy.tolist(), rates, strict=True):
         watch.take_sensor(round((t + late + 100.0) * 1e9), tuple(row), w)
     poses = np.hstack([moved.quaternion, moved.rate, moved.turning])
-    for t, a, pose in zip(moved.t.tolist(), moved.acceleration.tolist(), poses, strict=True):
+    told = moved.acceleration + random.normal(0.0, rough, moved.acceleration.shape)
+    for t, a, pose in zip(moved.t.tolist(), told.tolist(), poses, strict=True):
         watch.take_motion(round((t + 100.0) * 1e9), tuple(a), pose.tolist())
     watch.look(finished=True)
     return watch.verdict
@@ -233,6 +243,26 @@ def test_a_sensor_that_stands_still_while_the_container_moves_is_named():
     found = compared(MOVED, np.tile(UP, (len(MOVED.t), 1)))
     assert found is not None
     assert "another body" in found.wrong[0]
+
+
+@pytest.mark.parametrize("rough", [0.5, 2.0, 5.0, 15.0])
+def test_noise_of_the_motion_accuses_no_sensor(rough):
+    found = compared(MOVED, MOVED.force, MOVED.rate, rough=rough)
+    assert found is not None
+    assert found.wrong == ()
+
+
+def test_a_wrong_unit_is_named_in_spite_of_some_noise_of_the_motion():
+    found = compared(MOVED, MOVED.force / 9.81, MOVED.rate, rough=0.5)
+    assert found is not None
+    assert found.wrong == ("it is in g: publish m/s² (9.81 times as much)",)
+
+
+def test_a_robot_that_stands_with_a_noisy_tracker_is_not_compared():
+    still = Moved((0.0, 0.0, 0.0), turns=False, seconds=3.0)
+    found = compared(still, still.force, np.zeros_like(still.force), rough=2.0)
+    assert found is None or found.wrong == ()
+    assert found is None or "too small for its noise" in found.unseen[0]
 
 
 def test_nothing_is_said_without_a_motion():

@@ -21,7 +21,7 @@ from slosh_estimator.inputs import (
 )
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.nodes.heard_input import HeardInput
-from slosh_estimator.robot import available
+from slosh_estimator.robot import HOW_TO_GET, available
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
 from slosh_metrics.mounting.verdict import MountingVerdict
@@ -32,6 +32,8 @@ AUTO, NONE = "auto", "none"
 SENSORS = (IMU, ACCEL)
 MOTIONS = (POSE, JOINTS, ODOMETRY, TRANSFORMS)
 """In this order they are preferred."""
+PATIENCE = 3
+"""So many looks the robot's description is waited for, where there are joint states."""
 CHOICES = (AUTO, NONE, *SENSORS, *MOTIONS)
 
 
@@ -65,7 +67,7 @@ class SecondSource:
         """Whether the input is the sensor of the two."""
         others = MOTIONS if self._senses else SENSORS
         self._candidates = [one for one in others if wanted in (AUTO, one)]
-        self._urdf, self._asked = urdf, False
+        self._urdf, self._asked, self._waited = urdf, False, 0
         self._other = ""
         self._heard: HeardInput | None = None
         self._other_how = InputSettings()
@@ -139,6 +141,9 @@ class SecondSource:
             if not self._node.count_publishers(TOPIC_NAMES[kind]):
                 continue
             if kind == JOINTS and not self._has_robot():
+                if available() and self._waited < PATIENCE:
+                    self._waited += 1
+                    return
                 continue
             how = self._how()._replace(
                 kind=kind, transform=SensorTransform(), pose_window=0.0, smoothing=0.0,
@@ -159,7 +164,9 @@ class SecondSource:
 
     def _has_robot(self) -> bool:
         """Whether the robot's description is known; else it is asked for."""
-        if not self._urdf and not self._asked and available():
+        if not available():
+            self._refusals[JOINTS] = HOW_TO_GET
+        elif not self._urdf and not self._asked:
             self._asked = True
 
             def described(message: String) -> None:

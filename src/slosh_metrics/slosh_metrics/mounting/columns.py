@@ -3,8 +3,8 @@
 Both sides are averaged by three boxes in turn, so that what a pose's filter has smoothed already,
 and a sensor's vibration, do not matter. The motion is told in the container's own axes first.
 
-The noise of poses becomes that of accelerations with the fourth power of the frequency: what the
-narrowest boxes take away bounds what they leave, and wider ones leave far less.
+What the narrowest boxes take away of white noise bounds what they leave; wider ones leave less by
+their widths, and far less of the noise of poses, which accelerations have at high frequencies.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def aligned(
         heard, moved = smoothed(own, values, at, box), smoothed(other, motion, inner, box)
         heard[~turns, 3:] = np.nan
         if found:
-            noise = found[0].noise * (TUNING.boxes[0] / box) ** TUNING.steep
+            noise = found[0].noise * TUNING.boxes[0] / box
         else:
             off = (moved[:, ACCELERATION] - np.stack(raw, axis=1))[used]
             noise = float(np.mean(np.sum(off * off, axis=1))) if len(off) else 0.0

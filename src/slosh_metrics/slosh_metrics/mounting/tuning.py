@@ -21,7 +21,6 @@ class MountingTuning:
     boxes: tuple[float, ...] = number(
         (0.05, 0.11, 0.25), "s", "widths of the boxes that smooth both sides, by the noise"
     )
-    steep: float = number(5.0, "1", "power of the width by which a pose's noise falls")
     gap: float = number(0.1, "s", "time between two samples across which nothing is known")
     farthest_lag: float = number(0.3, "s", "largest lag that is looked for")
     # hypotheses.py, refinement.py
