@@ -1,4 +1,4 @@
-"""The tuning numbers of inputs, estimator and monitor."""
+"""Tuning numbers of inputs, estimator and monitor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_model.constants import GRAVITY
 
 @dataclass(frozen=True, slots=True)
 class EstimatorTuning:
-    """What is assumed about sensors, trackers, cameras and liquids.
+    """Assumptions about sensors, trackers, cameras and liquids.
 
     Checked on the simulated cell's recordings by `slosh replay bags --check`. The unit
     "σ" is the sensor's standard deviation.
@@ -49,8 +49,8 @@ class EstimatorTuning:
     silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")
     silent_intervals: float = number(3.0, "1", "the same in its own intervals, in addition")
     # joint_poses.py, transform_poses.py
-    first_states: int = number(50, "1", "messages after which what is missing is told")
-    still_ns: int = number(30 * SECOND, "ns", "time after which a chain that stands is told")
+    first_states: int = number(50, "1", "messages after which missing inputs are reported")
+    still_ns: int = number(30 * SECOND, "ns", "time after which a resting chain is reported")
     beyond_limits: float = number(1.0, "rad, m", "distance to a joint's limits that is no error")
     # joint_velocities.py
     stretch_ns: int = number(SECOND // 5, "ns", "time over which velocities are compared")
@@ -72,7 +72,7 @@ class EstimatorTuning:
     # sight.py
     highest: float = number(10.0, "m", "largest height that is believed")
     clocks_apart: float = number(2.0, "s", "distance of stamps at which two clocks differ")
-    clock_stands: float = number(0.8, "s", "time without a step after which a clock stands")
+    clock_stands: float = number(0.8, "s", "time without a step after which a clock has stopped")
     # prediction_record.py
     early_ns: int = number(SECOND // 2, "ns", "time by which a motion may begin early")
     late: float = number(1.0, "s", "time by which it may begin late")
@@ -82,9 +82,9 @@ class EstimatorTuning:
     told_ns: int = number(2 * SECOND, "ns", "time after its end when a motion is judged")
     longest_ns: int = number(60 * SECOND, "ns", "time after which a motion is judged in any case")
     least_compared: int = number(20, "1", "fewest compared images of a judgement")
-    agreement_noise: float = number(3.0, "σ", "error that noise explains")
-    share_of_peak: float = number(0.02, "1", "error that calibration explains, of the peak")
-    agreement_share: float = number(0.05, "1", "error that does not matter, of the watched limit")
+    agreement_noise: float = number(3.0, "σ", "error due to noise")
+    share_of_peak: float = number(0.02, "1", "error due to calibration, as part of the peak")
+    agreement_share: float = number(0.05, "1", "negligible error, as part of the watched limit")
     # azimuth.py
     least_turn: float = number(math.radians(20.0), "rad", "least error of the azimuth")
     turn_noise: float = number(3.0, "σ", "the same in its own standard deviation")
@@ -113,10 +113,10 @@ class EstimatorTuning:
     stray_kept: int = number(12, "1", "number of images that are compared")
     stray_least: int = number(6, "1", "fewest images that determine the usual change")
     stray_pause_ns: int = number(SECOND // 5, "ns", "pause after which any change is possible")
-    jump: float = number(2e-3, "m", "least change of a stray height")
+    jump: float = number(2e-3, "m", "least change of an outlier")
     jump_times: float = number(2.0, "1", "the same in units of the largest change")
     jump_noise: float = number(8.0, "σ", "the same in units of the noise")
-    lasting: int = number(2, "1", "number of jumps that are no stray")
+    lasting: int = number(2, "1", "number of jumps that are no outliers")
     # wave_presence.py
     judged_ns: int = number(2 * SECOND, "ns", "interval of judgements")
     presence_longest_ns: int = number(10 * SECOND, "ns", "longest time that is judged together")
@@ -126,6 +126,52 @@ class EstimatorTuning:
     missing: float = number(0.25, "1", "part of the other side's size at which a wave is missing")
     nothing: float = number(0.05, "1", "part of the measured wave that is no wave of a model")
     sustained: float = number(0.97, "1", "part of the last size at which a wave only decays")
+    # observer/observer.py
+    fused_ns: int = number(SECOND // 100, "ns", "time between two fused states")
+    ahead_ns: int = number(SECOND, "ns", "time by which a measurement may be ahead of the input")
+    usual_stddev: float = number(5e-4, "m", "standard deviation of a height that states none")
+    least_stddev: float = number(1e-4, "m", "least standard deviation of a height")
+    trusted_stddev: float = number(1e-3, "m", "standard deviation of a trusted fused height")
+    kept_inputs: int = number(1024, "1", "inputs that a late measurement may be behind")
+    waiting_heights: int = number(64, "1", "most measurements that wait for an input")
+    reopen: int = number(2, "1", "rejected measurements in succession that forget the state")
+    reopen_unseen: int = number(4, "1", "the same where a measurement does not show a shape")
+    shape_points: int = number(5, "1", "fewest points that show whether they are a wave's")
+    rest_wave: float = number(2e-4, "m", "standard deviation of a height at rest")
+    unknown_wave: float = number(0.3, "1", "the same of an unknown wave, as part of the radius")
+    frequency_spread: float = number(0.02, "1", "standard deviation of log ω about the model's")
+    damping_spread: float = number(0.5, "1", "standard deviation of log ζ about the model's")
+    level_spread: float = number(5e-4, "m", "standard deviation of the still level")
+    clock_spread: float = number(3e-3, "s", "standard deviation of the measurement's clock")
+    most_frequency: float = number(0.1, "1", "largest |log ω| about the model's")
+    most_damping: float = number(2.3, "1", "largest |log ζ| about the model's")
+    frequency_walk: float = number(1e-6, "1/s", "random walk of log ω")
+    damping_walk: float = number(1e-4, "1/s", "random walk of log ζ")
+    level_walk: float = number(1e-9, "m²/s", "random walk of the still level")
+    clock_walk: float = number(1e-8, "s", "random walk of the measurement's clock")
+    noise_floor: float = number(1e-6, "m²/s³", "noise of the acceleration at rest")
+    noise_share: float = number(0.02, "1", "error of the acceleration as part of it")
+    noise_wave: float = number(0.005, "1", "error of the wave's own force as part of it")
+    noise_steep: float = number(0.4, "1", "height of a wave whose error is twice as large, in R")
+    noise_memory: float = number(0.1, "s", "time over which such errors last")
+    innovation_gate: float = number(3.1, "σ", "largest innovation, as of a normal deviate")
+    common_error: float = number(0.5, "1", "part of a variance that all points share")
+    relative_error: float = number(0.015, "1", "error of a height as part of the wave")
+    error_memory: float = number(0.1, "s", "time over which errors of heights are alike")
+    rest_average: float = number(0.5, "s", "time over which the acceleration at rest is averaged")
+    form_error: float = number(0.15, "1", "error of a height η by the form of the wave, in η²/R")
+    # observer/calm.py
+    bound: float = number(1.645, "σ", "deviation of the stated bound: 95 % are below")
+    surely_calm: float = number(
+        3.1, "σ", "deviation with which a wave must be below the tolerance"
+    )
+    calm_again: float = number(1.2, "1", "bound over the tolerance at which calm ends")
+    calm_ns: int = number(SECOND // 20, "ns", "time between two messages about calm")
+    calm_silence: float = number(0.1, "s", "time without an input after which it is stale")
+    calm_first_ns: int = number(
+        SECOND, "ns", "time after the start in which measurements may come"
+    )
+    calm_after_ns: int = number(SECOND // 5, "ns", "time after a motion that still belongs to it")
 
 
 TUNING = EstimatorTuning()

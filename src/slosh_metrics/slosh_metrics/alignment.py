@@ -1,4 +1,4 @@
-"""Clock offset and still level of measured heights whose clock is not the model's.
+"""Estimates clock offset and still level of heights on another clock than the model's.
 
 The offset τ is defined by measured(t) ≈ level + model(t - τ). Least squares alone is not sound: a
 record is far longer than its motion, and a model that is laid over the quiet part, or over the
@@ -21,34 +21,15 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_metrics.errors import SloshMetricsError
+from slosh_metrics.tuning import TUNING
 
-QUIET_WINDOW = 0.8
-"""Length of the quiet part from which level and noise are taken [s]."""
-ONSET_NOISES = 5.0
-"""Motion is what exceeds so many standard deviations of the noise,"""
-ONSET_SHARE = 0.5
-"""and this share of the series' own peak."""
-SUSTAINED = (3, 5)
-"""An onset needs so many exceeding samples out of so many: a single outlier is none."""
-SEARCH = 1.0
-"""Half-width of the search window around the onset's offset [s]: three periods of a cup."""
-BOWL = 0.02
-"""Half-width of the part around the minimum that gives its place and curvature [s]."""
-SEPARATION = 0.1
-"""Minima closer than this are one minimum with noise on it [s]."""
-STEP = 0.002
-"""Grid of offsets [s], refined by a parabola."""
-COVERAGE = 0.98
-"""Share of the model's span that measured samples must cover."""
-DISTINCT = 1.10
-"""A second minimum must be this much higher in RMS, or the offset is ambiguous."""
-OUTLIER_SHARE = 0.15
-"""A single sample that stands out of both neighbours by this share of the peak is an outlier."""
+SEARCH = TUNING.search
+DISTINCT = TUNING.distinct
 
 
 @dataclass(frozen=True, slots=True)
 class StillLevel:
-    """The quiet part before the motion.
+    """Still level and noise in the quiet part before the motion.
 
     Attributes:
         level: median height [m].
@@ -64,7 +45,7 @@ class StillLevel:
 
 @dataclass(frozen=True, slots=True)
 class ClockOffset:
-    """An offset between two clocks, and how far it can be trusted.
+    """An offset between two clocks, with its reliability.
 
     Attributes:
         offset: measured clock minus model clock [s].
@@ -86,7 +67,7 @@ class ClockOffset:
 
 
 def find_still_level(t: Array, height: Array) -> StillLevel:
-    """Level and noise from the quietest part before the highest height.
+    """Finds level and noise of the quietest part before the maximum.
 
     Args:
         t: (N,) time [s].
@@ -99,8 +80,8 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
     peak = int(np.nanargmax(despike(height)))
     best: StillLevel | None = None
     for first in range(0, peak, 5):
-        last = int(np.searchsorted(t, t[first] + QUIET_WINDOW))
-        if last > peak or t[last - 1] - t[first] < 0.9 * QUIET_WINDOW:
+        last = int(np.searchsorted(t, t[first] + TUNING.quiet_window))
+        if last > peak or t[last - 1] - t[first] < 0.9 * TUNING.quiet_window:
             continue
         part = height[first:last]
         level = float(np.median(part))
@@ -110,16 +91,16 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
             best = StillLevel(level, noise, float(t[first]), float(t[last - 1]))
     if best is None:
         raise SloshMetricsError(
-            f"no still part of {QUIET_WINDOW} s before the highest height at {t[peak]:.2f} s; "
-            "record the container at rest before the motion"
+            f"no still part of {TUNING.quiet_window} s before the highest height at "
+            f"{t[peak]:.2f} s; record the container at rest before the motion"
         )
     return best
 
 
 def despike(height: Array) -> Array:
-    """The heights with single upward spikes set to NaN.
+    """Replaces single upward spikes of the heights by NaN.
 
-    A spike is one sample that exceeds both its neighbours by more than OUTLIER_SHARE of the range
+    A spike is one sample that exceeds both its neighbours by over `outlier_share` of the range
     that 98 % of the samples lie in. Sloshing at 3 Hz seen at 60 Hz bends by 5 % of its amplitude
     from a sample to the next, so no crest is taken for a spike.
 
@@ -131,23 +112,23 @@ def despike(height: Array) -> Array:
 
 
 def spike_limit(height: Array) -> float:
-    """By how much a spike exceeds both its neighbours, for a series like this one [m]."""
+    """Returns by how much a spike must exceed both its neighbours in this series [m]."""
     finite = height[np.isfinite(height)]
     if finite.size < 3:
         return math.inf
     low, high = (float(np.quantile(finite, part)) for part in (0.01, 0.99))
-    return max(OUTLIER_SHARE * (high - low), 1e-9)
+    return max(TUNING.outlier_share * (high - low), 1e-9)
 
 
 def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:
-    """Where a sample exceeds both its neighbours by more than a limit; never the first or last."""
+    """Returns where a sample exceeds both neighbours by more than a limit; never at the ends."""
     spikes = np.zeros(height.shape, dtype=bool)
     spikes[1:-1] = height[1:-1] - np.fmax(height[:-2], height[2:]) > limit
     return spikes
 
 
 def find_onset(t: Array, height: Array, threshold: float) -> float:
-    """The moment at which |height| first stays above a threshold [s].
+    """Finds the time from which |height| stays above a threshold [s].
 
     Args:
         t: (N,) time [s].
@@ -159,7 +140,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
     """
     t, height = finite_series(t, height)
     above = np.abs(height) > threshold
-    needed, window = SUSTAINED
+    needed, window = TUNING.sustained
     counts = np.convolve(above, np.ones(window), mode="valid")
     starts = np.flatnonzero(above[: len(counts)] & (counts >= needed))
     if len(starts) == 0:
@@ -170,7 +151,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
 def onset_offset(
     t: Array, height: Array, model_t: Array, model: Array, still: StillLevel
 ) -> float:
-    """Offset at which measured and model heights rise together [s].
+    """Returns the offset at which measured and model heights start to rise together [s].
 
     Each series' onset is taken at the same share of its own peak, so that a model with a wrong
     gain has its onset in the same place.
@@ -187,7 +168,7 @@ def onset_offset(
     """
     raised = despike(height) - still.level
     after = t >= still.start  # what was before the quiet part is not this motion
-    noise = ONSET_NOISES * still.noise
+    noise = TUNING.onset_noises * still.noise
     # On the measured series' own spacing, so that "sustained" means the same time in both.
     grid = np.arange(model_t[0], model_t[-1], float(np.median(np.diff(t))))
     coarse = np.interp(grid, model_t, model)
@@ -195,7 +176,7 @@ def onset_offset(
 
 
 def _rise(t: Array, height: Array, least: float) -> float:
-    return find_onset(t, height, max(least, ONSET_SHARE * float(np.nanmax(np.abs(height)))))
+    return find_onset(t, height, max(least, TUNING.onset_share * float(np.nanmax(np.abs(height)))))
 
 
 def estimate_clock_offset(
@@ -208,7 +189,7 @@ def estimate_clock_offset(
     search: float = SEARCH,
     still: StillLevel | None = None,
 ) -> ClockOffset:
-    """Offset of the measured clock against the model's.
+    """Estimates the offset of the measured clock from the model's.
 
     Args:
         t: (N,) measured clock [s].
@@ -227,7 +208,7 @@ def estimate_clock_offset(
     if centre is None:
         centre = onset_offset(t, height, model_t, model, still)
     kept_t, raised = finite_series(t, despike(height) - still.level)
-    offsets = centre + np.arange(-search, search + STEP / 2.0, STEP)
+    offsets = centre + np.arange(-search, search + TUNING.offset_step / 2.0, TUNING.offset_step)
     costs = np.array([_mean_square(kept_t, raised, model_t, model, tau) for tau in offsets])
     if not np.isfinite(costs).any():
         raise SloshMetricsError(
@@ -253,7 +234,7 @@ def estimate_clock_offset(
 
 
 def finite_series(t: Array, height: Array) -> tuple[Array, Array]:
-    """The samples of a series that have a height.
+    """Returns the samples of a series with a finite height.
 
     Raises:
         SloshMetricsError: there are hardly any, or times and heights do not match.
@@ -262,7 +243,7 @@ def finite_series(t: Array, height: Array) -> tuple[Array, Array]:
     if t.shape != height.shape or t.ndim != 1:
         raise SloshMetricsError(f"time {t.shape} and heights {height.shape} do not match")
     kept = np.isfinite(height)
-    if np.count_nonzero(kept) < SUSTAINED[1]:
+    if np.count_nonzero(kept) < TUNING.sustained[1]:
         raise SloshMetricsError(f"only {np.count_nonzero(kept)} finite heights: no series")
     return t[kept], height[kept]
 
@@ -274,22 +255,22 @@ def _residual(t: Array, height: Array, model_t: Array, model: Array, offset: flo
 
 
 def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: float) -> float:
-    """Mean square of the residual; NaN where the motion is not covered."""
+    """Returns the mean square of the residual; NaN: the motion is not covered."""
     residual = _residual(t, height, model_t, model, offset)
     # Where both are known at the same moments, what the model lacks is missing on both sides.
     expected = min((model_t[-1] - model_t[0]) / float(np.median(np.diff(t))), len(model_t))
-    if len(residual) < COVERAGE * expected:
+    if len(residual) < TUNING.coverage * expected:
         return float("nan")
     return float(np.mean(residual**2))
 
 
 def _vertex(offsets: Array, costs: Array, best: int) -> tuple[float, float]:
-    """Place and curvature [m²/s²] of the minimum, by a parabola through the bowl around it.
+    """Returns position and curvature [m²/s²] of the minimum, by a parabola fit.
 
     A wide bowl, because from one step to the next the cost is rough: samples enter and leave the
     span at its ends. Curvature 0: the minimum is at the window's edge.
     """
-    width = round(BOWL / STEP)
+    width = round(TUNING.bowl / TUNING.offset_step)
     bowl = slice(best - width, best + width + 1)
     if best < width or best + width >= len(costs) or not np.isfinite(costs[bowl]).all():
         return float(offsets[best]), 0.0
@@ -297,14 +278,14 @@ def _vertex(offsets: Array, costs: Array, best: int) -> tuple[float, float]:
     second, first, _ = np.polyfit(x, costs[bowl], 2)
     if second <= 0.0:
         return float(offsets[best]), 0.0
-    shift = float(np.clip(-first / (2.0 * second), -BOWL, BOWL))
+    shift = float(np.clip(-first / (2.0 * second), -TUNING.bowl, TUNING.bowl))
     return float(offsets[best]) + shift, 2.0 * float(second)
 
 
 def _independent_samples(
     t: Array, height: Array, model_t: Array, model: Array, offset: float
 ) -> float:
-    """Number of samples reduced by the residual's correlation from one to the next."""
+    """Returns the effective number of samples, reduced by autocorrelation."""
     residual = _residual(t, height, model_t, model, offset)
     power = float(np.mean(residual**2))
     if power <= 0.0 or len(residual) < 3:
@@ -315,12 +296,12 @@ def _independent_samples(
 
 
 def _runner_up(costs: Array, best: int) -> float:
-    """Next best separate minimum, in units of the best rms."""
+    """Returns the second-best separate minimum, relative to the best rms."""
     filled = np.where(np.isfinite(costs), costs, np.inf)
     others = [
         float(filled[k])
         for k in range(1, len(filled) - 1)
-        if abs(k - best) * STEP >= SEPARATION
+        if abs(k - best) * TUNING.offset_step >= TUNING.separation
         and filled[k] < filled[k - 1]
         and filled[k] <= filled[k + 1]
     ]

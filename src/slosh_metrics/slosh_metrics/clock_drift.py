@@ -1,4 +1,4 @@
-"""Offset and drift of the heights' clock against the model's.
+"""Estimates offset and drift of the heights' clock relative to the model's.
 
 One least squares lays a stretch of measured heights over the model's, with offset, drift and the
 heights' scale free. Within a single motion a drift looks like a frequency of the liquid that is
@@ -19,35 +19,12 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_metrics.alignment import SEARCH, StillLevel, estimate_clock_offset, finite_series
 from slosh_metrics.errors import SloshMetricsError
-
-LEAST_COVERED = 20
-"""Fewer samples of a motion tell of no drift."""
-DRIFT_ROUNDS = 6
-"""Of the drift's least squares."""
-SURELY, LEAST_DRIFT, DRIFT_GAIN = 5.0, 5e-4, 0.3
-"""A drift is told of one motion where it is so many standard deviations, so large, and explains
-that share; of several where it is so many standard deviations,"""
-FEW = 4.0
-"""more by this over the degrees of freedom, as few points know their own scatter badly,"""
-LEAST_GAIN = 0.005
-"""and where the offset has changed by so much [s]."""
-MODEL_ERROR = 0.002
-"""By so much a motion's offset may be wrong as the model is [s]."""
-LEAST_OFFSET = 0.015
-"""A constant offset that is told is at least so large [s]: shorter than from image to image."""
-ROUGH = 0.02
-"""A motion whose offset is known no better says nothing [s]."""
-LEAST_MOTIONS = 4
-"""So many give an offset that grows."""
-KEPT = 500
-"""Motions that are remembered: drifts change with the temperature."""
-NEAR = 0.3
-"""Half-width of the search where the offset is known of the motions before [s]."""
+from slosh_metrics.tuning import TUNING
 
 
 @dataclass(frozen=True, slots=True)
 class ClockDrift:
-    """By how much one clock gains on another, within one motion.
+    """Drift of one clock against another within one motion.
 
     Attributes:
         rate: what the measured clock gains per second of the model's [1].
@@ -61,18 +38,22 @@ class ClockDrift:
 
     @property
     def seen(self) -> bool:
-        """Whether it is surely there, and more than a model's own errors look like."""
+        """Whether the drift is significant and larger than the effect of model errors."""
         size = abs(self.rate)
-        return size > SURELY * self.stddev and size > LEAST_DRIFT and self.gain > DRIFT_GAIN
+        return (
+            size > TUNING.drift_surely * self.stddev
+            and size > TUNING.least_drift
+            and self.gain > TUNING.drift_gain
+        )
 
     def text(self) -> str:
-        """What it is, in one line."""
+        """Describes the drift in one line."""
         told = drift_text(self.rate, self.stddev)
         return f"{told}; or the liquid's frequency is not the model's: compare further motions"
 
 
 class ClockLine(NamedTuple):
-    """How the offset between two clocks grows over several motions.
+    """Linear growth of the offset between two clocks over several motions.
 
     Attributes:
         offset: measured clock minus model clock, at the newest motion [s].
@@ -92,22 +73,26 @@ class ClockLine(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        """Whether the offset surely grows."""
-        if self.freedom < LEAST_MOTIONS - 2:
+        """Whether the offset grows significantly."""
+        if self.freedom < TUNING.least_motions - 2:
             return False
-        surely = SURELY * (1.0 + FEW / self.freedom)
+        surely = TUNING.drift_surely * (1.0 + TUNING.few / self.freedom)
         size = abs(self.rate)
-        return size > surely * self.rate_stddev and size * self.span > LEAST_GAIN
+        return size > surely * self.rate_stddev and size * self.span > TUNING.least_gain
 
     @property
     def is_apart(self) -> bool:
-        """Whether the clocks surely differ, as more than one motion tells."""
+        """Whether the clocks differ significantly, by more than one motion."""
         size = abs(self.offset)
-        return self.freedom >= 0 and size > SURELY * self.offset_stddev and size > LEAST_OFFSET
+        return (
+            self.freedom >= 0
+            and size > TUNING.drift_surely * self.offset_stddev
+            and size > TUNING.least_offset
+        )
 
 
 def drift_text(rate: float, stddev: float) -> str:
-    """What a drift is and what helps, in one line."""
+    """Describes a drift and its remedy in one line."""
     which = "fast" if rate > 0.0 else "slow"
     return (
         f"the heights' clock runs {1e6 * abs(rate):.0f} ± {1e6 * stddev:.0f} ppm {which}: "
@@ -116,7 +101,7 @@ def drift_text(rate: float, stddev: float) -> str:
 
 
 class ClockDriftWatch:
-    """Follows how the heights' clock differs from the estimates', motion by motion.
+    """Tracks the difference of the heights' and the estimates' clock over motions.
 
     Attributes:
         line: of the motions so far; None: no motion tells an offset.
@@ -125,12 +110,12 @@ class ClockDriftWatch:
     def __init__(self) -> None:
         self.line: ClockLine | None = None
         self._best: ClockDrift | None = None
-        self._points: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
+        self._points: deque[tuple[float, float, float]] = deque(maxlen=TUNING.kept_motions)
 
     def add(
         self, t: Array, measured: Array, estimated: Array, motion: tuple[float, float]
     ) -> None:
-        """Takes a motion.
+        """Adds a motion.
 
         Args:
             t: (N,) moments, also before and behind the motion, from one origin for all [s].
@@ -142,19 +127,19 @@ class ClockDriftWatch:
         kept = t > np.concatenate([[-math.inf], np.maximum.accumulate(t)[:-1]])
         t, measured, estimated = t[kept], measured[kept], estimated[kept]
         part = (t >= motion[0]) & (t <= motion[1])
-        if np.count_nonzero(part) < LEAST_COVERED:
+        if np.count_nonzero(part) < TUNING.least_covered:
             return
         model_t, model = t[part], estimated[part]
         middle = 0.5 * float(model_t[0] + model_t[-1])
         try:
             found = estimate_clock_offset(
                 t, measured, model_t, model,
-                centre=self._foretold(middle), search=NEAR if self._points else SEARCH,
+                centre=self._foretold(middle), search=TUNING.near if self._points else SEARCH,
                 still=StillLevel(0.0, 0.0, float(t[0]), float(t[-1])),
             )  # fmt: skip
         except SloshMetricsError:
             return
-        if not found.unambiguous or not found.stddev < ROUGH:
+        if not found.unambiguous or not found.stddev < TUNING.rough_offset:
             return
         within = estimate_clock_drift(t, measured, model_t, model, found.offset)
         if self._best is None or within.stddev < self._best.stddev:
@@ -164,25 +149,30 @@ class ClockDriftWatch:
 
     @property
     def within(self) -> ClockDrift | None:
-        """The drift within the best known motion, as long as too few motions tell it.
+        """Returns the drift within the most accurate motion, while there are few motions.
 
         None: none is seen, or the offsets of the motions contradict it.
         """
         line, best = self.line, self._best
-        if line is None or best is None or line.freedom >= LEAST_MOTIONS - 2 or not best.seen:
+        if (
+            line is None
+            or best is None
+            or line.freedom >= TUNING.least_motions - 2
+            or not best.seen
+        ):
             return None
         (begin, first, one), *_, (end, last, other) = (self._points[0], *self._points)
-        error = math.hypot(one, other, MODEL_ERROR, best.stddev * (end - begin))
-        agrees = abs(last - first - best.rate * (end - begin)) < SURELY * error
+        error = math.hypot(one, other, TUNING.model_error, best.stddev * (end - begin))
+        agrees = abs(last - first - best.rate * (end - begin)) < TUNING.drift_surely * error
         return best if agrees else None
 
     @property
     def is_sure(self) -> bool:
-        """Whether offset or drift explain a disagreement, rather than the model."""
+        """Whether clock offset or drift explain a disagreement, rather than the model."""
         return self.line is not None and (self.line.drifts or self.line.is_apart)
 
     def text(self) -> str:
-        """What is to be said of the clocks, in one line; empty: nothing is known to be wrong."""
+        """Describes the clocks' fault in one line; empty: none known."""
         line = self.line
         if line is None:
             return ""
@@ -200,7 +190,7 @@ class ClockDriftWatch:
         )
 
     def facts(self) -> dict[str, str]:
-        """Offset [ms] and drift [ppm] with their standard deviations, where they are sure."""
+        """Returns offset [ms] and drift [ppm] with standard deviations, if significant."""
         found: dict[str, str] = {}
         line = self.line
         if line is None:
@@ -217,7 +207,7 @@ class ClockDriftWatch:
         return found
 
     def _foretold(self, t: float) -> float:
-        """The offset at a moment, as the motions before tell it [s]."""
+        """Predicts the offset at a time from earlier motions [s]."""
         if self.line is None:
             return 0.0
         rate = self.line.rate if self.line.drifts else 0.0
@@ -225,11 +215,11 @@ class ClockDriftWatch:
 
 
 def _line(points: Array) -> ClockLine:
-    """The line through offsets: (N, 3) moment, offset and its standard deviation [s]."""
+    """Fits a line to offsets: (N, 3) time, offset and standard deviation [s]."""
     t, offset, stddev = points.T
-    weight = 1.0 / (stddev**2 + MODEL_ERROR**2)
+    weight = 1.0 / (stddev**2 + TUNING.model_error**2)
     since = t - t[-1]
-    if len(t) < LEAST_MOTIONS:
+    if len(t) < TUNING.least_motions:
         mean = float(np.average(offset, weights=weight))
         scatter = max(float(np.average((offset - mean) ** 2, weights=weight)), 1.0 / weight.sum())
         return ClockLine(
@@ -250,7 +240,7 @@ def _line(points: Array) -> ClockLine:
 def estimate_clock_drift(
     t: Array, height: Array, model_t: Array, model: Array, offset: float
 ) -> ClockDrift:
-    """Drift of the measured clock against the model's, by least squares about an offset.
+    """Estimates the drift of the measured clock by least squares about an offset.
 
     Offset, drift and the heights' scale are fitted together, so that a wrong scale is none.
 
@@ -264,12 +254,12 @@ def estimate_clock_drift(
     t, height = finite_series(t, height)
     covered = (t >= model_t[0] + offset) & (t <= model_t[-1] + offset)
     t, height = t[covered] - offset, height[covered]
-    if len(t) < LEAST_COVERED:
+    if len(t) < TUNING.least_covered:
         return ClockDrift(0.0, math.inf, 0.0)
     middle, slope = 0.5 * float(t[0] + t[-1]), np.gradient(model, model_t)
     late = rate = 0.0
     powers = []
-    for _ in range(DRIFT_ROUNDS):
+    for _ in range(TUNING.drift_rounds):
         moments = t - late - rate * (t - middle)
         wave, rise = np.interp(moments, model_t, model), np.interp(moments, model_t, slope)
         columns = np.column_stack([wave, -rise, -rise * (t - middle)])

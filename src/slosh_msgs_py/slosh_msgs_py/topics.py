@@ -1,4 +1,4 @@
-"""The topics, services and actions of a cell: one table, from which all other lists are derived.
+"""The table of a cell's topics, services and actions, from which all lists derive.
 
 Names are relative to the cell's namespace; a name with a slash in front belongs to the whole
 graph. A new topic is one row of TOPICS, and a constant where code names it.
@@ -29,6 +29,11 @@ EXPECTED_READING: Final = "expected_reading"
 """Of models with effects on the measurement, beside each estimate."""
 ESTIMATOR_STATE: Final = "estimator_state"
 """What the estimator's next answers depend on, some times a second."""
+FUSED_ESTIMATE: Final = "fused_estimate"
+"""The liquid's state by model and measured heights together."""
+CALM: Final = "calm"
+IS_CALM: Final = "is_calm"
+"""The same as `calm`, as a plain Bool."""
 COMPARISON: Final = "comparison"
 LIMIT_EVENT: Final = "limit_event"
 SETTINGS: Final = "settings"
@@ -48,6 +53,8 @@ TF: Final = "/tf"
 TF_STATIC: Final = "/tf_static"
 ROBOT_DESCRIPTION: Final = "/robot_description"
 
+WAIT_UNTIL_CALM: Final = "wait_until_calm"
+"""The action: ends when the liquid is calm."""
 PREDICT: Final = "predict"
 PLAN: Final = "plan"
 PLAN_MOTION: Final = "plan_motion"
@@ -58,18 +65,18 @@ MONITOR_RESET: Final = f"monitor/{RESET}"
 
 
 class TopicRole(Enum):
-    """Who publishes a topic, and why."""
+    """Publisher and purpose of a topic."""
 
-    INPUT = "the robot, its planner or its camera: what the cell's nodes read"
-    ANSWER = "the cell's nodes: what they compute"
-    SETTING = "the cell's nodes: what they work with"
+    INPUT = "the robot, its planner or its camera: inputs of the cell's nodes"
+    ANSWER = "the cell's nodes: their results"
+    SETTING = "the cell's nodes: their settings"
     SIMULATION = "the simulated cell, in addition to the inputs"
     TABLE = "no node; only in bags made from motion tables"
     SHARED = "the whole graph"
 
 
 class Publishers(Enum):
-    """How many nodes of one cell may publish a topic at the same time."""
+    """Number of nodes of one cell that may publish a topic at the same time."""
 
     ONE = 1
     MANY = 2
@@ -103,7 +110,7 @@ class Topic(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """Whether it belongs to the whole graph, not to a cell."""
+        """Whether the topic belongs to the whole graph rather than to a cell."""
         return self.name.startswith("/")
 
 
@@ -141,6 +148,9 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
+    Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
+    Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),
+    Topic(IS_CALM, "std_msgs/msg/Bool", _ANSWER, remappable=True, latched=True),
     Topic(COMPARISON, "slosh_msgs/msg/SloshComparison", _ANSWER, remappable=True, page=True),
     Topic(
         LIMIT_EVENT, "slosh_msgs/msg/LimitEvent", _ANSWER,
@@ -173,13 +183,16 @@ SERVICES: tuple[Service, ...] = (
     Service(PREDICT, "slosh_msgs/srv/PredictSlosh"),
     Service(PLAN, "slosh_msgs/srv/PlanMotion"),
 )
-ACTIONS: tuple[Service, ...] = (Service(PLAN_MOTION, "slosh_msgs/action/PlanMotion"),)
+ACTIONS: tuple[Service, ...] = (
+    Service(PLAN_MOTION, "slosh_msgs/action/PlanMotion"),
+    Service(WAIT_UNTIL_CALM, "slosh_msgs/action/WaitUntilCalm"),
+)
 DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 """Topics that can drive the models, by the value of the estimator's parameter `input`."""
 
 
 class CellName(NamedTuple):
-    """A topic's full name as that of a cell's own topic.
+    """A full topic name resolved to a cell's own topic.
 
     Attributes:
         namespace: of the cell; empty: the root.
@@ -204,7 +217,7 @@ class CellName(NamedTuple):
 
 
 def is_input(topic: str, message_type: str = "") -> bool:
-    """Whether a robot, its planner or its camera publishes a topic, in whatever namespace.
+    """Whether the robot, its planner or its camera publishes a topic, in any namespace.
 
     Args:
         topic: its full name.
@@ -217,7 +230,7 @@ def is_input(topic: str, message_type: str = "") -> bool:
 
 
 def cell_name(topic: str, message_type: str = "") -> CellName | None:
-    """A full name as that of a cell's own topic, in whatever namespace.
+    """Resolves a full name to a cell's own topic, in any namespace.
 
     Args:
         topic: the full name.

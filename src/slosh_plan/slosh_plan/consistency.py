@@ -1,4 +1,4 @@
-"""Whether positions, velocities and accelerations of a planned motion are those of one motion.
+"""Checks that positions, velocities and accelerations belong to one motion.
 
 The second difference of the position over steps of `W`, (p(t + 2W) - 2 p(t + W) + p(t)) / W², is
 the mean of the acceleration over these 2 W, weighted with a triangle. It holds exactly, whatever
@@ -13,13 +13,8 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model.interpolation import columns_at
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.tuning import TUNING
 
-STEP = 0.1
-"""W, shorter than half a period of the liquid [s]; longer where samples are far apart."""
-SAMPLES = 4
-"""Usual intervals between samples that W has at least."""
-SHARE = 0.25
-"""Of the greatest mean that two fields may differ by: samples far apart know no better,"""
 NOISE = {"positions": 2.5e-4, "velocities": 2.5e-3}
 """and what the lower field itself may be wrong by [m, m/s]."""
 _UNITS = {"velocities": "m/s", "accelerations": "m/s²"}
@@ -59,14 +54,14 @@ def check_consistent(
 def _check_pair(
     name: str, t: Array, lower: tuple[str, Array], upper: tuple[str, Array], order: int
 ) -> None:
-    step = max(STEP, SAMPLES * float(np.median(np.diff(t))))
+    step = max(TUNING.window, TUNING.window_samples * float(np.median(np.diff(t))))
     step = min(step, float(t[-1] - t[0]) / (order + 1))
     told = _differences(t, lower[1], order, step)
     meant = _differences(t, _integrated(t, upper[1], order), order, step)
     apart = np.linalg.norm(told - meant, axis=1)
     greatest = max(np.linalg.norm(side, axis=1).max() for side in (told, meant))
     row = int(np.argmax(apart))
-    if apart[row] <= SHARE * greatest + 2.0**order * NOISE[lower[0]] / step**order:
+    if apart[row] <= TUNING.share * greatest + 2.0**order * NOISE[lower[0]] / step**order:
         return
     axis = int(np.argmax(np.abs(told[row] - meant[row])))
     unit = _UNITS[upper[0]]
@@ -79,7 +74,7 @@ def _check_pair(
 
 
 def _differences(t: Array, values: Array, order: int, step: float) -> Array:
-    """(M, 3) differences over steps, from each time behind which there are enough."""
+    """Returns finite differences (M, 3) over steps, at each time with enough samples."""
     begin = t[: max(int(np.searchsorted(t, t[-1] - order * step, side="right")), 1)]
     at = [columns_at(begin + k * step, t, values) for k in range(order + 1)]
     change = at[1] - at[0] if order == 1 else at[2] - 2.0 * at[1] + at[0]
@@ -87,7 +82,7 @@ def _differences(t: Array, values: Array, order: int, step: float) -> Array:
 
 
 def _integrated(t: Array, values: Array, order: int) -> Array:
-    """The integral, once or twice from 0, of what is linear between samples."""
+    """Integrates piecewise linear values once or twice from 0."""
     dt = np.diff(t)[:, np.newaxis]
     first, last = values[:-1], values[1:]
     once = np.zeros_like(values)

@@ -1,4 +1,4 @@
-"""What a motion must keep."""
+"""Limits of a motion."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class HeightLimits:
                 )
 
     def under_rim(self, model: Model) -> Self:
-        """The same, with the container's rim as the limit of the height where it is lower."""
+        """Returns the limits with the container's rim as height limit if it is lower."""
         freeboard = model.container.freeboard
         if freeboard is None or freeboard >= self.height:
             return self
@@ -53,7 +53,7 @@ class HeightLimits:
 
     @property
     def height_name(self) -> str:
-        """What limits the height, in words."""
+        """Name of the height limit: limit or rim."""
         return "rim" if self.at_rim else "limit"
 
     @property

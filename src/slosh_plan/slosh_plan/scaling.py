@@ -1,4 +1,4 @@
-"""How fast a motion may be run: which uniform time scales keep the limits.
+"""Finds which uniform time scales of a motion keep the limits.
 
 Which do is not monotone: a motion whose residual is limited may be safe, unsafe and safe again as
 it slows down, as its spectrum's zeros pass the liquid's frequency. So the whole range is looked
@@ -30,27 +30,17 @@ from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import check_start, checked_horizon
 from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import LONGEST, PEAK_SPACING, Trajectory
+from slosh_plan.tuning import TUNING
 from slosh_plan.validity import greatest
 
 Bools = NDArray[np.bool_]
 
-COUNT = 1000
-"""Scales that are looked at."""
-SLOWEST = 10.0
-"""Where the bound tells nothing, or less."""
-ROUNDS, PARTS = 2, 16
-"""An edge's bracket is divided so often, into so many parts."""
-SCAN_STEP = 0.005
-"""Sampling, and integration, of the scan [s]; what comes near a limit is simulated in full."""
-BATCH = 1_000_000
-"""So many samples are simulated at a time: 65 MB, with attitudes 250 MB."""
-DOUBT = 0.02
-"""How near, as a share of the limit, and of the residual's, of the peak."""
+COUNT = TUNING.scales
 
 
 @dataclass(frozen=True, slots=True)
 class SafeScales:
-    """Which time scales keep the limits.
+    """Time scales that keep the limits.
 
     >>> import numpy as np
     >>> from slosh_model import read_model
@@ -79,14 +69,14 @@ class SafeScales:
 
     @property
     def safe_from(self) -> float:
-        """The smallest safe scale beyond which every slower one is safe; NaN: there is none."""
+        """Smallest scale above which all slower ones are safe; NaN: none."""
         if self.intervals and self.intervals[-1][1] == self.slowest:
             return self.intervals[-1][0]
         return math.nan
 
     @property
     def islands(self) -> tuple[tuple[float, float], ...]:
-        """Safe intervals that are faster, with unsafe ones between."""
+        """Faster safe intervals, separated by unsafe ones."""
         end = len(self.intervals) - (not math.isnan(self.safe_from))
         return self.intervals[:end]
 
@@ -102,7 +92,7 @@ def safe_scales(
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Finds the time scales at which a motion keeps the limits, by the NL model.
+    """Finds the time scales at which a motion keeps the limits with the NL model.
 
     >>> import numpy as np
     >>> from slosh_model import read_model
@@ -138,7 +128,7 @@ def safe_scales(
     nonlinear = model.nonlinear()
     bound = None if state is not None else _bound(nonlinear, trajectory, kept)
     fastest = _fastest(nonlinear, trajectory)
-    ceiling = max(min(SLOWEST, LONGEST / trajectory.duration), 1.01 * fastest)
+    ceiling = max(min(TUNING.slowest, LONGEST / trajectory.duration), 1.01 * fastest)
     slowest = min(max(1.05 * bound, 1.01 * fastest), ceiling) if bound else ceiling
     modal = state.nonlinear if state else None
     scan = _Scan(nonlinear, trajectory, kept, modal, horizon, _Budget(most))
@@ -158,13 +148,13 @@ def safe_scales(
 
 @dataclass(slots=True, eq=False)
 class _Budget:
-    """How many samples may be simulated, and how many were."""
+    """Maximum and used number of simulated samples."""
 
     most: float
     used: int = 0
 
     def take(self, samples: Array) -> None:
-        """Raises SloshPlanError where these do not fit in any more."""
+        """Raises SloshPlanError if the samples exceed the budget."""
         self.used += int(samples.sum())
         if self.used > self.most:
             raise SloshPlanError(
@@ -176,7 +166,7 @@ class _Budget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scan:
-    """What is looked at, and how."""
+    """Settings of the scan."""
 
     model: Model
     trajectory: Trajectory
@@ -186,7 +176,7 @@ class _Scan:
     budget: _Budget
 
     def looked_at(self, scales: Array) -> Bools:
-        """Whether each is safe: coarsely, and in full where that leaves a doubt."""
+        """Returns whether each scale is safe: coarsely, or fully if that is doubtful."""
         found = self._coarse(scales)
         safe = np.array([self._keeps(one) for one in found])
         doubtful = np.flatnonzero([self._doubtful(one) for one in found])
@@ -195,7 +185,7 @@ class _Scan:
         return safe
 
     def exact(self, scales: Array) -> Bools:
-        """Whether each is safe, every sample simulated."""
+        """Returns whether each scale is safe, with every sample simulated."""
         found: list[Extremes] = []
         for batch in self._batches(scales, PEAK_SPACING, len(self.trajectory.t)):
             motions = [self.trajectory.scaled(float(scale)) for scale in batch]
@@ -209,17 +199,19 @@ class _Scan:
         # Of a container that turns all samples are taken.
         fewest = len(self.trajectory.t) if self.trajectory.turns else 0
         found: list[Extremes] = []
-        for batch in self._batches(scales, SCAN_STEP, fewest):
+        for batch in self._batches(scales, TUNING.scan_step, fewest):
             inputs, ends = [], []
             for scale in batch:
-                motion = averaged.scaled(float(scale), SCAN_STEP)
-                inputs.append(motion.inputs(self.horizon, SCAN_STEP))
+                motion = averaged.scaled(float(scale), TUNING.scan_step)
+                inputs.append(motion.inputs(self.horizon, TUNING.scan_step))
                 ends.append(float(motion.t[-1]))
-            found += all_extremes(self.model, inputs, ends, self.modal, max_step=2.0 * SCAN_STEP)
+            found += all_extremes(
+                self.model, inputs, ends, self.modal, max_step=2.0 * TUNING.scan_step
+            )
         return found
 
     def _batches(self, scales: Array, spacing: float, fewest: int) -> list[Array]:
-        """The scales in parts of BATCH samples.
+        """The scales in parts of TUNING.batch samples.
 
         Args:
             scales: the scales.
@@ -232,7 +224,7 @@ class _Scan:
         moving = np.maximum(self.trajectory.duration * scales / spacing, fewest)
         samples = moving + self.horizon / spacing
         self.budget.take(samples)
-        parts = np.cumsum(samples) // BATCH
+        parts = np.cumsum(samples) // TUNING.batch
         return np.split(scales, np.flatnonzero(np.diff(parts)) + 1)
 
     def _keeps(self, one: Extremes) -> bool:
@@ -242,20 +234,20 @@ class _Scan:
         height, residual = self.limits.height, self.limits.residual
         if not math.isfinite(one.peak):
             return False
-        near = abs(one.peak - height) < DOUBT * height if math.isfinite(height) else False
-        slack = DOUBT * (residual + 0.25 * one.peak)
+        near = abs(one.peak - height) < TUNING.doubt * height if math.isfinite(height) else False
+        slack = TUNING.doubt * (residual + 0.25 * one.peak)
         return near or (math.isfinite(residual) and abs(one.residual - residual) < slack)
 
 
 def _refined(
     exact: Callable[[Array], Bools], scales: Array, safe: Bools
 ) -> tuple[tuple[float, float], ...]:
-    """Intervals of the safe scales, whose edges are the outermost that were found safe."""
+    """Returns intervals of safe scales with refined edges."""
     edges = np.flatnonzero(safe[1:] != safe[:-1])
     low, high = scales[edges], scales[edges + 1]
     rising = safe[edges + 1]
-    for _ in range(ROUNDS if len(edges) else 0):
-        share = np.arange(1, PARTS) / PARTS
+    for _ in range(TUNING.scale_rounds if len(edges) else 0):
+        share = np.arange(1, TUNING.scale_parts) / TUNING.scale_parts
         inner = low[:, np.newaxis] + (high - low)[:, np.newaxis] * share
         ok = exact(inner.ravel()).reshape(inner.shape)
         for edge in range(len(edges)):
@@ -273,7 +265,7 @@ def _refined(
 
 
 def _fastest(model: Model, trajectory: Trajectory) -> float:
-    """The scale at which the motion reaches what the model was validated for."""
+    """Returns the scale at which the motion reaches the model's validity limits."""
     acceleration, jerk = greatest(trajectory)
     reached = max(
         math.sqrt(acceleration / model.limits.acceleration), (jerk / model.limits.jerk) ** (1 / 3)
@@ -282,7 +274,7 @@ def _fastest(model: Model, trajectory: Trajectory) -> float:
 
 
 def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float | None:
-    """The scale from which the linear bound proves all safe; None: it tells nothing.
+    """Returns the scale above which the linear bound proves safety; None: no bound.
 
     It does not where gravity or the container's turning drives the liquid: those do not fade with
     1/scale².
@@ -307,7 +299,7 @@ def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float 
 
 
 class Averaged:
-    """A motion whose accelerations are averaged about each of fewer samples.
+    """A motion with accelerations averaged to fewer samples.
 
     The averages keep what moves the liquid, the acceleration's integral, also of noise and jumps.
 
@@ -323,7 +315,7 @@ class Averaged:
         self._made: dict[int, Trajectory] = {}
 
     def scaled(self, factor: float, spacing: float) -> Trajectory:
-        """The motion run `factor` times as slowly, in samples at most `spacing` apart [s].
+        """Returns the motion slowed by `factor`, with samples at most `spacing` apart [s].
 
         As it is where it has no more samples than that. Those between two powers of two are of one
         grid.
@@ -344,7 +336,7 @@ class Averaged:
         return Trajectory(moments, change / (2.0 * half), name=self._trajectory.name)
 
     def _speed_at(self, moments: Array) -> Array:
-        """Integral of the linearly interpolated acceleration; it stays beyond the ends."""
+        """Integrates the linearly interpolated acceleration; constant beyond the ends."""
         t, acceleration = self._trajectory.t, self._trajectory.acceleration
         inside = np.clip(moments, t[0], t[-1])
         left = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)

@@ -1,8 +1,9 @@
-"""What the container really holds in a simulated motion, and what its sensors report of it."""
+"""The reference liquid of a simulated motion, and the simulated sensors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +13,13 @@ from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 
+PUSHED = 0.1
+"""How long a push lasts [s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class TruthLiquid:
-    """The liquid's answer to a motion.
+    """The reference liquid's response to a motion.
 
     Attributes:
         t: (N,) time [s].
@@ -28,7 +32,7 @@ class TruthLiquid:
     sh_y: Array
 
     def at(self, t: float) -> tuple[float, float]:
-        """Wall height at +x and +y at a moment, interpolated [m]."""
+        """Returns the interpolated wall heights at +x and +y at a time [m]."""
         # Of two rows alone: for each moment np.interp would copy the whole of a long motion.
         start = max(min(int(np.searchsorted(self.t, t)), len(self.t) - 1) - 1, 0)
         rows = slice(start, start + 2)
@@ -39,8 +43,29 @@ class TruthLiquid:
         )
 
 
-def integrate_truth(model: Model, motion: CellMotion) -> TruthLiquid:
-    """The truth liquid of a motion, from rest.
+class Push(NamedTuple):
+    """A push by hand that the liquid feels and no sensor.
+
+    Attributes:
+        at: when it begins [s]; it lasts PUSHED.
+        speed: that it gives the liquid along x [m/s].
+    """
+
+    at: float
+    speed: float
+
+    def acceleration(self, t: Array) -> Array:
+        """(N, 3) of the container that would push the liquid alike, at moments (N,) [m/s²]."""
+        part = (t - self.at) / PUSHED
+        strength = 0.5 * np.pi * self.speed / PUSHED
+        found = np.zeros((len(t), 3))
+        inside = (part >= 0.0) & (part < 1.0)
+        found[inside, 0] = -strength * np.sin(np.pi * part[inside])
+        return found
+
+
+def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) -> TruthLiquid:
+    """Integrates the reference liquid of a motion, from rest.
 
     A tilted container's liquid feels gravity from the side, a = Rᵀ(a + g ẑ) − g ẑ: the truth
     always does, whatever effects its model names.
@@ -48,15 +73,18 @@ def integrate_truth(model: Model, motion: CellMotion) -> TruthLiquid:
     Args:
         model: the truth model.
         motion: the container's motion.
+        push: by hand; None: there is none.
     """
     felt = motion.specific_force() - np.array([0.0, 0.0, GRAVITY])
+    if push is not None:
+        felt = felt + push.acceleration(motion.t)
     response, _ = simulate(model, Inputs(motion.t, felt))
     return TruthLiquid(response.t, response.sh_x, response.sh_y)
 
 
 @dataclass(frozen=True, slots=True)
 class SensorReadings:
-    """Readings at the motion's samples.
+    """Simulated sensor measurements at the motion's samples.
 
     Attributes:
         acceleration: (N, 3) in the world, gravity excluded, with noise [m/s²].
@@ -74,7 +102,7 @@ class SensorReadings:
 
 
 def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
-    """The readings of a motion.
+    """Simulates the sensors of a motion.
 
     Args:
         motion: the container's motion.
@@ -93,5 +121,5 @@ def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
 
 
 def _or_constant(values: Array | None, count: int, value: tuple[float, ...]) -> Array:
-    """The values, or the same one at all times where there are none."""
+    """Returns the values, or a constant if there are none."""
     return np.broadcast_to(value, (count, len(value))) if values is None else values

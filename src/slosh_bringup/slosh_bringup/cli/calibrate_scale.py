@@ -1,4 +1,4 @@
-"""`slosh calibrate --scale`: camera.yaml of a side view from the still level's two ends."""
+"""`slosh calibrate --scale`: makes camera.yaml of a side view from the level's two ends."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _UNUSED = ("camera", "fov", "board", "distance", "level", "picture", "wall_thick
 
 
 def run_page(arguments: argparse.Namespace) -> int:
-    """Writes the page on which the two ends are clicked."""
+    """Writes the page on which the user clicks the two ends."""
     from slosh_bringup.scale_page import render_clicks
 
     check_apart([arguments.page, arguments.output], [arguments.still, arguments.model])
@@ -46,7 +46,7 @@ def run_page(arguments: argparse.Namespace) -> int:
 
 
 def _length(arguments: argparse.Namespace) -> float:
-    """The distance of the two points [m].
+    """Returns the distance of the two points [m].
 
     Raises:
         SloshBringupError: it or the fill height is not known; an option has no use here.
@@ -66,7 +66,7 @@ def _length(arguments: argparse.Namespace) -> float:
 
 
 def run_scale(arguments: argparse.Namespace) -> int:
-    """Writes camera.yaml and says what a pixel is, and how well heights are known."""
+    """Writes camera.yaml; prints the scale and the uncertainty of heights."""
     check_apart([arguments.output], [arguments.still, arguments.model])
     length = _length(arguments)
     with quiet_decoders():

@@ -1,4 +1,4 @@
-"""`slosh demo`: the simulated cell, all nodes, record, report."""
+"""`slosh demo`: runs the simulated cell with all nodes, records and reports."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", type=Path, metavar="MODEL",
         help="model.yaml of another container and liquid, simulated without a camera "
-        "(default: the cup that the package brings, with its camera)",
+        "(default: the package's cup with its camera)",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/demo"),
@@ -43,17 +43,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="number of times that the motion is played (default %(default)s)",
     )
+    parser.add_argument(
+        "--push", type=float, metavar="T",
+        help="a hand pushes the liquid after T seconds, which no sensor of the robot tells",
+    )  # fmt: skip
+    parser.add_argument(
+        "--camera-stop", type=float, nargs=2, metavar=("FROM", "TO"),
+        help="the camera sends no images from FROM to TO [s]",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_watch(parser)
 
 
 def tell(line: str) -> None:
-    """Says what was assumed."""
+    """Prints an assumption."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the demonstration; prints the figures and where the results are."""
+    """Runs the demonstration; prints the figures and the folder of the results."""
     if not REPEATS[0] <= arguments.repeat <= REPEATS[1]:
         raise SloshBringupError(
             f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"
@@ -64,6 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     played = str(Path(name).resolve()) if name.endswith(TABLE_ENDINGS) else name
     setup = default_setup()
     given = {"motion": played, "repeat": str(arguments.repeat)}
+    if arguments.push is not None:
+        given["push_at"] = str(arguments.push)
+    if arguments.camera_stop is not None:
+        given["camera_stop"] = str(arguments.camera_stop)
     if arguments.model is None:
         given |= {
             "model": str(config_folder() / "truth.yaml"), "calibration": str(setup.calibration)
@@ -71,9 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         setup = replace(setup, model=arguments.model.resolve(), calibration=None)
         given |= {"model": str(setup.model), "camera": "false"}
-        tell(
-            "the simulated camera sees the package's own cup alone: there are no measured heights"
-        )
+        tell("the simulated camera supports only the package's own cup: no heights are measured")
     nodes = [process.name for process in setup.processes(Path())]
     simulated = NodeProcess("cell", [setup.parameters], {**given, "wait_for": ",".join(nodes)})
     length = STARTING + arguments.repeat * motion.duration

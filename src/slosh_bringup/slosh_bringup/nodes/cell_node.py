@@ -1,4 +1,4 @@
-"""The simulated cell: publishes what a robot and its camera would."""
+"""The simulated cell: publishes the messages of a robot and its camera."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from slosh_base.compiled.compilation import load_telling
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
 from slosh_bringup.cell.renderer import CupRenderer, GrayImage, GreyLevels
-from slosh_bringup.cell.truth import integrate_truth, read_sensors
+from slosh_bringup.cell.truth import Push, integrate_truth, read_sensors
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
     PUBLISHED,
@@ -62,6 +62,20 @@ PARAMETERS = (
     ParameterSpec(
         "image_noise", 2.5, "standard deviation of the image noise, of 255", (0.0, 50.0)
     ),
+    ParameterSpec(
+        "push_at",
+        -1.0,
+        "when a hand pushes the liquid, which no sensor of the robot tells [s]; negative: never",
+        (-1.0, 1e6),
+    ),
+    ParameterSpec("push", 0.1, "speed that the push gives the liquid along x [m/s]", (-1.0, 1.0)),
+    ParameterSpec(
+        "camera_stop",
+        [0.0, 0.0],
+        "from when to when the camera sends no images [s]",
+        (0.0, 1e6),
+        length=2,
+    ),
     ParameterSpec("seed", 1, "seed of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "number of times that the motion is played", REPEATS),
     ParameterSpec(
@@ -85,7 +99,7 @@ PARAMETERS = (
 
 
 class CellNode(PreparedNode):
-    """Plays a motion in real time: samples from one thread, images from another.
+    """Plays a motion in real time: samples in one thread, images in another.
 
     Args:
         later: it gets ready by `run_node`.
@@ -126,12 +140,14 @@ class CellNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the liquid's equations, and solves them."""
+        """Compiles or loads the liquid's equations and integrates them."""
         load_telling(progress, "slosh_model.kernel")
-        self._truth = integrate_truth(self._model, self._motion)
+        at, speed = self._given["push_at"], self._given["push"]
+        push = Push(at, speed) if at >= 0.0 else None
+        self._truth = integrate_truth(self._model, self._motion, push)
 
     def begin(self) -> None:
-        """Plays as soon as the others are ready."""
+        """Starts the motion when the other nodes are ready."""
         self._player.start()
 
     def close(self) -> None:
@@ -142,7 +158,7 @@ class CellNode(PreparedNode):
 
     @property
     def finished(self) -> bool:
-        """True once the motion is over and its last messages are delivered."""
+        """True when the motion is over and its last messages are delivered."""
         return self._finished.is_set()
 
     def _health(self) -> Health:
@@ -165,7 +181,7 @@ class CellNode(PreparedNode):
         self._counts[topic] += 1
 
     def _play(self) -> None:
-        """Plays the motion; the node ends with it, also where that fails."""
+        """Plays the motion; the node ends afterwards, even after a failure."""
         try:
             given_up = self._others.wait(self._stop)
             if given_up:
@@ -176,7 +192,7 @@ class CellNode(PreparedNode):
             self._finished.set()
 
     def _perform(self) -> None:
-        """Runs both threads to the end of the motion and says what was published."""
+        """Runs both threads to the end of the motion and logs the numbers of messages."""
         start_ns = int(self.get_clock().now().nanoseconds)
         self._start = time.monotonic()
         self._playing = True
@@ -195,12 +211,12 @@ class CellNode(PreparedNode):
         return {"motion": self._motion.name, "published": published}
 
     def _wait_until(self, t: float) -> bool:
-        """Sleeps until a moment of the motion; False where the node is to end."""
+        """Sleeps until a time of the motion; returns False if the node is to end."""
         remaining = self._start + t - time.monotonic()
         return not (self._stop.wait(remaining) if remaining > 0.0 else self._stop.is_set())
 
     def _move(self, start_ns: int) -> None:
-        """Publishes samples as they fall due, a few per tick."""
+        """Publishes samples when they are due, a few per tick."""
         t, readings, due = self._motion.t, self._readings, 0
         stamps = start_ns + np.round(t * 1e9).astype(np.int64)
         every = self._given["imu_every"]
@@ -218,7 +234,7 @@ class CellNode(PreparedNode):
                 due += 1
 
     def _film(self, start_ns: int) -> None:
-        """Draws and publishes images, or the truth alone, at the camera's rate.
+        """Renders and publishes images, or only the truth, at the camera's rate.
 
         A late image is drawn all the same, up to BEHIND: a slow machine's demo has all of them. A
         camera that is always too fast for the machine would fall behind for ever: it leaves out
@@ -234,7 +250,8 @@ class CellNode(PreparedNode):
                 continue
             sh_x, sh_y = self._truth.at(t)
             stamp_ns = start_ns + round(t * 1e9)
-            if self._renderer is not None:
+            first, last = given["camera_stop"]
+            if self._renderer is not None and not first <= t < last:
                 self._publish_image(self._renderer.render(sh_x, sh_y), stamp_ns)
             self._publish(topics.TRUTH, truth_message(stamp_ns, sh_x, sh_y))
             frame += 1

@@ -1,4 +1,4 @@
-"""The page on which two clicks give `slosh calibrate --scale` its points."""
+"""The page on which two clicks give the points for `slosh calibrate --scale`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PACKAGE = "slosh_bringup.scale_page"
 
 
 def render_clicks(image: Image, name: str, before: Sequence[str], after: Sequence[str]) -> str:
-    """The page as HTML text.
+    """Renders the page as HTML.
 
     Args:
         image: as `slosh calibrate` reads it, whose pixels are counted.

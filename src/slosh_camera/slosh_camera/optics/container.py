@@ -1,4 +1,4 @@
-"""What containers of every shape have in common: a wall, a rim and liquid up to some height."""
+"""Common fields of containers of every shape: wall, rim and fill height."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SeenContainer:
     __slots__ = ()
 
     def __post_init__(self: _Filled) -> None:
-        """Refuse a container that cannot be."""
+        """Refuse a container with impossible dimensions."""
         for name in (entry.name for entry in fields(self) if entry.name not in WALL):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):

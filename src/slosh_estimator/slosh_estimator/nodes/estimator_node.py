@@ -1,4 +1,4 @@
-"""The estimator node: acceleration in, sloshing height out, at the input's rate."""
+"""The estimator node: computes sloshing heights from acceleration, at the input's rate."""
 
 from __future__ import annotations
 
@@ -33,8 +33,9 @@ from slosh_estimator.inputs import (
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading
 from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
+from slosh_estimator.nodes.observer_output import ObserverOutput
 from slosh_estimator.nodes.requested_model import requested_model
-from slosh_estimator.nodes.second_source import AUTO, CHOICES, SENSORS, SecondSource
+from slosh_estimator.nodes.second_source import AUTO, CHOICES, SecondSource
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.readings import has_readings
 from slosh_estimator.robot import Robot, read_urdf
@@ -62,7 +63,7 @@ _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("input", "accel", "input that drives the models", choices=tuple(MESSAGE_TYPES)),
+    ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
@@ -119,12 +120,19 @@ PARAMETERS = (
         "delay of what is differentiated [s], half of the window; longer is less noisy; it also "
         "chooses the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
     ),
+    ParameterSpec(
+        "observer", True,
+        "true: correct a copy of the model by measured heights; publish fused_estimate and calm"
+    ),
+    _dynamic(
+        "calm_tolerance", 1e-3, "height of a wave up to which the liquid is calm [m]", (1e-5, 1.0)
+    ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class EstimatorNode(PreparedNode):
-    """Converts, calls the core, publishes.
+    """Converts messages, calls the core and publishes.
 
     Args:
         later: it gets ready by `run_node`.
@@ -155,6 +163,7 @@ class EstimatorNode(PreparedNode):
         )
         self._states = StatePublisher(self, values["container_frame"])
         self._flags = self._contested = self._contradicted = 0
+        self._observed: ObserverOutput | None = None
         self._described, self._urdf, self._patient = Event(), "", later
         if self._kind == JOINTS:
             self._ask_for_the_robot()
@@ -164,8 +173,10 @@ class EstimatorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the models' kernel and what reads the input, and checks them."""
+        """Compiles or loads the kernels of models and inputs, and checks them."""
         load_telling(progress, "slosh_estimator.estimate_kernel")
+        if self._values["observer"]:
+            load_telling(progress, "slosh_estimator.observer.observer_kernel")
         if self._kind in WINDOWED:
             load_telling(progress, "slosh_estimator.pose_input")
         if self._kind == JOINTS:
@@ -200,13 +211,13 @@ class EstimatorNode(PreparedNode):
         self._robot(topic)
 
     def _robot(self, name: str) -> Robot:
-        """Refuses a description that does not fit."""
+        """Makes the robot; refuses a description that does not fit."""
         values = self._values
         tool = values["tool_frame"] or values["container_frame"]
         return Robot(self._urdf, tool, values["world_frame"], name)
 
     def _felt(self, model: Model) -> Model:
-        """The model that runs: poses tell the attitude, so that gravity is felt in it."""
+        """Returns the model that runs; with poses it includes gravity by tilt."""
         felt = model.feeling_gravity() if self._kind in WINDOWED else model
         self._added = "" if felt is model else ADDED
         if self._added:
@@ -214,11 +225,16 @@ class EstimatorNode(PreparedNode):
         return felt
 
     def begin(self) -> None:
-        """Listens from now on."""
+        """Subscribes to the input."""
         self._set_names()
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._announce_start()
+        if self._values["observer"]:
+            self._observed = ObserverOutput(
+                self, self._values["container_frame"], self._values["calm_tolerance"],
+                self._estimator.model,
+            )  # fmt: skip
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
@@ -234,12 +250,12 @@ class EstimatorNode(PreparedNode):
             self, self._kind, self._values["second_source"],
             lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
         )  # fmt: skip
-        told = self._second.told if self._kind in SENSORS else None
-        self._moved = None if told else self._second.moved
-        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount, told)
+        self._heard = HeardInput(
+            self, self._kind, how, self._now, self._answer, self._mount, self._second.told
+        )
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Takes what fixed transforms say of the mounting; nothing was used before."""
+        """Applies the mounting from fixed transforms, before any sample is used."""
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
@@ -255,8 +271,7 @@ class EstimatorNode(PreparedNode):
 
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
-        if self._moved is not None:
-            self._moved(input_ns, *samples)
+        self._second.follow(input_ns, *samples)
         for sample in samples:
             if sample is not None:
                 self._estimate(input_ns, sample, last=sample is samples[-1])
@@ -279,6 +294,8 @@ class EstimatorNode(PreparedNode):
             fill_reading(self._reading, estimate, late)
             self._readings.publish(self._reading)
         self._publisher.publish(self._message)
+        if self._observed is not None:
+            self._observed.follow(sample, estimate.flags)
         self._report.counts["output"] += 1
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
@@ -294,6 +311,7 @@ class EstimatorNode(PreparedNode):
             response.success, response.message = False, str(error)
         else:
             self._set_names()
+            self._observe_anew()
             self._input.sampling.carry(modes_of(self._estimator.model))
             remark = "".join(f"; {line}" for line in (self._unfelt, self._added) if line)
             response.success = True
@@ -303,19 +321,26 @@ class EstimatorNode(PreparedNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()
+        self._observe_anew()
         self._announce_start()
         response.success, response.message = True, "the models start from rest"
         return response
 
+    def _observe_anew(self) -> None:
+        if self._observed is not None:
+            self._observed.load(self._estimator.model)
+
     def _announce_start(self) -> None:
-        """Tells what the models work with from the next sample on, starting from rest."""
+        """Publishes the settings that the models use from the next sample on, from rest."""
         files = {"model": format_model(self._estimator.model)}
         if self._urdf:
             files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
-        """Judges the inputs by other limits from the next one on."""
+        """Applies changed limits to the next inputs."""
+        if self._observed is not None:
+            self._observed.set_tolerance(self._values["calm_tolerance"])
         if self.readiness.state == READY:
             gate = self._input.gate
             gate.change(InputSettings.from_parameters(self._values).gate)
@@ -332,17 +357,17 @@ class EstimatorNode(PreparedNode):
         faults = self._input_health.faults(self._input)
         rivals = self._heard.rivals()
         self._contested = _CONTESTED if self._heard.rivalled else 0
-        contradicted, contradiction = self._second.look()
-        self._contradicted = _CONTRADICTED if contradicted else 0
+        wrong_input, second = self._second.look()
+        self._contradicted = _CONTRADICTED if wrong_input else 0
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
-        against = contradiction if contradicted else ""
-        warning = rivals or self._heard.trouble() or wrong or against or self._input.warning()
+        wrong = wrong or wrong_input
+        warning = rivals or self._heard.trouble() or wrong or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        unfelt = self._unfelt or self._input.sampling.sentence() or contradiction
+        unfelt = self._unfelt or self._input.sampling.sentence() or second
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
@@ -366,6 +391,7 @@ class EstimatorNode(PreparedNode):
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
+            **(self._observed.facts() if self._observed is not None else {}),
         }
 
 

@@ -47,9 +47,6 @@ class SecondSource:
         how: how the input is read, as of now.
         urdf: text of the robot's description; empty: it is heard where it is published.
         now: the time [ns].
-
-    Attributes:
-        contradicted: whether the input is not mounted, scaled or signed as it is said to be.
     """
 
     def __init__(
@@ -62,7 +59,6 @@ class SecondSource:
         now: Callable[[], int],
     ) -> None:
         self._node, self._kind, self._how, self._now = node, kind, how, now
-        self.contradicted = False
         self._senses = kind in SENSORS
         """Whether the input is the sensor of the two."""
         others = MOTIONS if self._senses else SENSORS
@@ -85,7 +81,12 @@ class SecondSource:
             self._watch = MountingWatch(expected, in_world=in_world)
         self._watch.take_sensor(stamp_ns, force, rate)
 
-    def moved(self, _: int, *samples: Sample | None) -> None:
+    def follow(self, input_ns: int, *samples: Sample | None) -> None:
+        """Takes what follows from the input, which may be the motion of the two."""
+        if not self._senses:
+            self._moved(input_ns, *samples)
+
+    def _moved(self, _: int, *samples: Sample | None) -> None:
         """Takes how the container moves."""
         if self._watch is None:
             return
@@ -93,23 +94,21 @@ class SecondSource:
             if one is not None:
                 self._watch.take_motion(one.stamp_ns, (one.ax, one.ay, one.az), one.pose)
 
-    def look(self) -> tuple[bool, str]:
-        """Whether the input is wrong, and what is to be said of both; empty: nothing."""
+    def look(self) -> tuple[str, str]:
+        """What is wrong with the input, and with the second source; empty: nothing is known."""
         if self._heard is None:
             self._choose()
-            return False, ""
+            return "", ""
         if self._watch is not None:
             self._watch.look()
         verdict, doubt = self._verdict, self._heard.source.doubt
         if self._senses and doubt is not None and doubt.wrong:
-            self.contradicted = False
-            return False, f"{self._other}, the second source: {doubt.text}"
-        wrong = verdict is not None and bool(verdict.wrong)
-        self.contradicted = wrong and self._senses
-        if not wrong or verdict is None:
-            return False, ""
+            return "", f"{self._other}, the second source: {doubt.text}"
+        if verdict is None or not verdict.wrong:
+            return "", ""
         sensor, motion = self._names
-        return self.contradicted, f"{sensor} against {motion}: {'; '.join(verdict.wrong)}"
+        told = f"{sensor} against {motion}: {'; '.join(verdict.wrong)}"
+        return (told, "") if self._senses else ("", told)
 
     def facts(self) -> dict[str, str]:
         """For the diagnostics."""
@@ -152,7 +151,7 @@ class SecondSource:
             try:
                 self._heard = HeardInput(
                     self._node, kind, how, self._now,
-                    self.moved if self._senses else _nothing, self._mounted,
+                    self._moved if self._senses else _nothing, self._mounted,
                     None if self._senses else self.told,
                 )  # fmt: skip
             except SloshEstimatorError as error:

@@ -1,4 +1,4 @@
-"""What looks wrong in a motion that is known as a whole: a table, a trajectory, a path.
+"""Checks of a complete motion: a table, a trajectory, a path.
 
 The samples go through the streaming checks. Beyond them, a whole motion has two ends: it begins
 and ends at rest, so a constant that both ends and the mean show is no acceleration.
@@ -17,20 +17,15 @@ from slosh_metrics.input_checks.constant_finder import DEPARTURE, REST
 from slosh_metrics.input_checks.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt
 from slosh_metrics.input_checks.input_checks import AccelCheck, PoseCheck
 from slosh_metrics.input_checks.input_faults import FaultKind
+from slosh_metrics.tuning import TUNING
 from slosh_model.constants import GRAVITY
 
-UNLIKELY = 100.0
-"""Ten times what the models hold for [m/s²]; machines that carry liquid stay below."""
-AT_LEAST = 1.0
-"""So long a motion is at least before a mean that is not g says something [s]."""
-GENTLE = 1.5
-"""Peak of a motion that looks like one in g [m/s²]."""
 _LONGEST = 1e9
 """Longer motions do not fit into nanoseconds [s]."""
 
 
 class InputDoubt(str):
-    """A line that tells that an input is not what it claims to be.
+    """A line that reports a doubtful input.
 
     Attributes:
         wrong: whether the answer is wrong then; else it is worth a look.
@@ -40,25 +35,25 @@ class InputDoubt(str):
     wrong: bool
 
     def __new__(cls, text: str, wrong: bool = True) -> InputDoubt:
-        """A line."""
+        """Make a line."""
         made = super().__new__(cls, text)
         made.wrong = wrong
         return made
 
     @classmethod
     def of(cls, doubt: Doubt) -> InputDoubt:
-        """The line of a check's doubt."""
+        """Makes the line of a check's doubt."""
         return cls(doubt.text, doubt.wrong)
 
     def about(self, path: object) -> InputDoubt:
-        """The same with the file that it is about."""
+        """Returns the line with the file that it concerns."""
         return InputDoubt(f"{path}: {self}", self.wrong)
 
 
 def motion_doubts(
     t: Array, acceleration: Array, attitude: Array | None = None, position: Array | None = None
 ) -> tuple[InputDoubt, ...]:
-    """What looks wrong in a motion, one sentence each; empty: nothing does.
+    """Returns what looks wrong in a motion, one sentence each; empty: nothing.
 
     Args:
         t: (N,) rising [s].
@@ -76,7 +71,7 @@ def motion_doubts(
     # Missing samples are named by their gap, with the length that the liquid allows.
     faults = [f.text() for f in check.faults.faults if f.kind is not FaultKind.MISSING]
     fastest = float(np.linalg.norm(acceleration, axis=1).max())
-    if not found and fastest > UNLIKELY:
+    if not found and fastest > TUNING.unlikely:
         found.append(
             InputDoubt(
                 f"accelerations up to {fastest:.4g} m/s²: are they in mm/s²? They must be m/s²"
@@ -93,7 +88,7 @@ def motion_doubts(
 
 
 def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> list[InputDoubt]:
-    """What looks wrong in poses."""
+    """Returns what looks wrong in poses."""
     check = PoseCheck()
     turns = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1)) if attitude is None else attitude
     if len(stamps):
@@ -103,7 +98,7 @@ def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> l
 
 
 def _first_rest(stamps: Integers, acceleration: Array) -> int:
-    """How many rows from the first one on have a constant acceleration: the container rests."""
+    """Returns the number of initial rows with constant acceleration (container at rest)."""
     bins, stretch = Bins(3), Stretch(TOLERANCE, MOST)
     for row, (number, (x, y, z)) in bins.add_many(stamps, acceleration):
         if not stretch.take(number, (x, y, z)) and not stretch.first:
@@ -112,7 +107,7 @@ def _first_rest(stamps: Integers, acceleration: Array) -> int:
 
 
 def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDoubt]:
-    """What both ends and the mean of a motion say."""
+    """Evaluates both ends and the mean of a motion."""
     if t[-1] < REST:
         return []
     steps = np.diff(t)[:, None]
@@ -122,7 +117,7 @@ def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDo
         return []
     ends = _constant_ends(stamps, acceleration)
     peak = float(np.linalg.norm(acceleration - np.array(mean), axis=1).max())
-    if t[-1] >= AT_LEAST and ends is not None and peak > DEPARTURE:
+    if t[-1] >= TUNING.shortest_table and ends is not None and peak > DEPARTURE:
         first, last = ends
         close = 0.1 + 0.25 * math.hypot(*first)
         if math.dist(first, last) <= 0.1 + 0.02 * math.hypot(*first) and (
@@ -134,12 +129,12 @@ def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDo
 
 
 def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
-    """What the mean of a motion without rest at its ends says, within TOP_SPEED / duration."""
+    """Checks the mean acceleration of a motion without rest at its ends."""
     size = math.hypot(*mean)
     in_g = (
-        seconds >= AT_LEAST
+        seconds >= TUNING.shortest_table
         and abs(size - 1.0) <= 0.05
-        and peak < GENTLE
+        and peak < TUNING.gentle
         and abs(mean[2]) > 0.9 * size
     )
     gravity = abs(size - GRAVITY) <= SIZE * GRAVITY
@@ -154,7 +149,7 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
 
 
 def _constant_ends(stamps: Integers, acceleration: Array) -> tuple[Vector, Vector] | None:
-    """The constants of at least REST at the beginning and at the end; None: not both."""
+    """Returns the constants at both ends that last at least REST; None: not at both."""
     found: list[Vector] = []
     for rows in (slice(None), slice(None, None, -1)):
         times = stamps[rows] if rows.step is None else stamps[-1] - stamps[rows]

@@ -1,4 +1,4 @@
-"""A planned motion as a controller takes it, and when it passes its waypoints."""
+"""A planned motion in a controller's form, with the times at its waypoints."""
 
 from __future__ import annotations
 
@@ -9,19 +9,16 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_plan.planning.time_law import PlannedMotion
+from slosh_plan.tuning import TUNING
 
 Rows = NDArray[np.int64]
 
-NEAR = 1.5e-4
-"""A motion that is as near to a waypoint passes it [m]: paths keep 0.1 mm."""
-SAME_TIME = 2e-5
-"""A waypoint that is passed within this of a row [s] is that row."""
 _AHEAD = 1024
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
-    """What a controller is given.
+    """The motion for a controller.
 
     Attributes:
         t: (N,) time from 0, strictly increasing [s].
@@ -38,7 +35,7 @@ class Execution:
 
 
 def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
-    """A motion with a row more where it passes a waypoint between two.
+    """Adds rows to a motion at the times when it passes waypoints.
 
     Args:
         motion: along a path through the waypoints.
@@ -49,7 +46,7 @@ def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
     # Whole microseconds: two waypoints of nearly one place are one row, or clearly two.
     passed = np.round(passing_times(motion, waypoints), 6)
     rows = np.rint(passed / (motion.t[1] - motion.t[0])).astype(np.int64)
-    near = np.abs(passed - motion.t[rows]) <= SAME_TIME
+    near = np.abs(passed - motion.t[rows]) <= TUNING.same_time
     passed = np.where(near, motion.t[rows], passed)
     more = np.setdiff1d(passed, motion.t)
     t = np.sort(np.concatenate((motion.t, more)))
@@ -62,7 +59,7 @@ def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
 
 
 def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
-    """When a motion passes each waypoint (M, 3), one after another [s]."""
+    """Returns when a motion passes each waypoint (M, 3), in order [s]."""
     starts, steps = motion.position[:-1], np.diff(motion.position, axis=0)
     squares = np.maximum((steps**2).sum(axis=1), 1e-30)
     times, row, share = np.empty(len(waypoints)), 0, 0.0
@@ -74,7 +71,7 @@ def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
             along[0] = max(along[0], share if ahead.start == row else 0.0)
             reached = starts[ahead] + along[:, None] * steps[ahead]
             away = np.linalg.norm(reached - point, axis=1)
-            if (away <= NEAR).any() or ahead.stop >= len(starts):
+            if (away <= TUNING.near).any() or ahead.stop >= len(starts):
                 break
             ahead = slice(ahead.start, ahead.stop + _AHEAD)
         best = _first_nearest(away)
@@ -84,8 +81,8 @@ def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
 
 
 def _first_nearest(away: Array) -> int:
-    """The nearest row of the first ones that are near; of all, where none is."""
-    near = away <= NEAR
+    """Returns the nearest row of the first near ones, or of all if none is near."""
+    near = away <= TUNING.near
     if not near.any():
         return int(np.argmin(away))
     first = int(np.argmax(near))
@@ -95,7 +92,7 @@ def _first_nearest(away: Array) -> int:
 
 
 def _between(motion: PlannedMotion, velocity: Array, moment: float) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration at a moment between two rows; the jerk is constant."""
+    """Interpolates position, velocity, acceleration at a time; the jerk is constant."""
     row = int(np.searchsorted(motion.t, moment)) - 1
     since, step = moment - motion.t[row], motion.t[row + 1] - motion.t[row]
     jerk = (motion.acceleration[row + 1] - motion.acceleration[row]) / step

@@ -1,4 +1,4 @@
-"""An interval of a search as CasADi functions.
+"""One interval of a search as CasADi functions.
 
 Place along a leg, and the tilt where one is allowed, are polynomials of the time between two
 nodes; the liquid's first mode obeys its equations at the nodes and half-way between two
@@ -21,6 +21,7 @@ from slosh_plan.planning.flow import Expression, Flow, casadi
 from slosh_plan.planning.joint_demands import CURVE, JointDemands
 from slosh_plan.planning.limits import JOINT_LIMITS
 from slosh_plan.planning.path import DEGREE, Leg
+from slosh_plan.tuning import TUNING
 
 CHAIN = 3
 """States of what is driven by its third derivative: value, rate, acceleration."""
@@ -34,15 +35,11 @@ JERK = LIMITS.index("jerk")
 JOINTS = slice(LIMITS.index(JOINT_LIMITS[0]), len(LIMITS))
 SHARES = (0.0, 0.5, 1.0)
 """Of an interval, where its demands are looked at."""
-_CURVE_POINTS = 400
-_LEAST_ANGLE = 1e-4
-_EDGE = 1e-6
-"""Share of a leg at its ends where CasADi's splines are zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class StateLayout:
-    """What the state of a node holds: s and its rates, the tilts' likewise, the liquid.
+    """Layout of a node's state: s and its rates, the same of the tilts, the liquid.
 
     Attributes:
         tilting: whether the container tilts, about its x and its y.
@@ -52,34 +49,34 @@ class StateLayout:
 
     @property
     def driven(self) -> int:
-        """How many are driven by their third derivatives: s, and the tilts."""
+        """Number of quantities with a third derivative as control: s and the tilts."""
         return 3 if self.tilting else 1
 
     @property
     def size(self) -> int:
-        """Of the state."""
+        """Size of the state."""
         return CHAIN * self.driven + LIQUID
 
     @property
     def scale(self) -> Array:
-        """(size,) of the state: the search sees numbers of about 1."""
+        """(size,) scale of the state, so that the solver's numbers are about 1."""
         tilt = [0.2, 1.0, 10.0] * (self.driven - 1)
         return np.array([1.0, 1.0, 10.0, *tilt, 0.01, 0.01, 0.2, 0.2])
 
     @property
     def control_scale(self) -> Array:
-        """(driven,) of the third derivatives."""
+        """(driven,) scale of the third derivatives."""
         return np.array([50.0, *([100.0] * (self.driven - 1))])
 
     @property
     def liquid(self) -> slice:
-        """Where the liquid stands in the state."""
+        """Indices of the liquid in the state."""
         return slice(self.size - LIQUID, self.size)
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """What is demanded of an interval of a leg.
+    """The constraints of one interval of a leg.
 
     Its unknowns are the leg's duration, the states at both ends, the controls and the liquid
     half-way, one below the other.
@@ -100,7 +97,7 @@ class Interval:
 
     @property
     def curve(self) -> int:
-        """How many columns of the leg are looked up."""
+        """Number of the leg's interpolated columns."""
         return CURVE if self.joints is None else self.joints.width
 
     @property
@@ -109,7 +106,7 @@ class Interval:
         return 1 + 2 * self.layout.size + self.layout.driven + LIQUID
 
     def places(self) -> Any:
-        """Function from the unknowns to s [m] at start, middle and end."""
+        """Makes a function from the unknowns to s [m] at start, middle and end."""
         ca = casadi()
 
         unknowns = ca.SX.sym("unknowns", self.size)
@@ -118,7 +115,7 @@ class Interval:
         return ca.Function("places", [unknowns], [ca.vertcat(*(law[0] for law in laws))])
 
     def demands(self) -> tuple[Any, Any, Any]:
-        """What must be 0 and what must be at most 1; its Jacobian; the Hessian of its sum.
+        """Makes the function of the constraints, their Jacobian and the Hessian of their sum.
 
         Functions of the unknowns, the limits, three places and the curve there, and, the last
         one, of the multipliers; the Hessian is an upper triangle. The curve is given by its Taylor
@@ -141,7 +138,7 @@ class Interval:
         )
 
     def bounds(self) -> tuple[Array, Array]:
-        """Of what `demands` gives."""
+        """Returns the bounds of the constraints."""
         ca = casadi()
 
         unknowns, limits = ca.SX.sym("unknowns", self.size), ca.SX.sym("limits", len(LIMITS))
@@ -180,7 +177,7 @@ class Interval:
         return zero, kept
 
     def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
-        """Step [s], both states, the controls and the liquid half-way, in SI units."""
+        """Returns step [s], both states, controls and the liquid at the middle, in SI units."""
         ca = casadi()
 
         layout = self.layout
@@ -191,7 +188,7 @@ class Interval:
         return duration / self.count, states, control * layout.control_scale, liquid
 
     def _driven(self, full: Expression, thirds: Expression, time: Expression) -> list[Expression]:
-        """What is driven, a time after a node."""
+        """Extrapolates the driven quantities over a time after a node."""
         found: list[Expression] = []
         for n in range(self.layout.driven):
             chain = [full[CHAIN * n + k] for k in range(CHAIN)]
@@ -201,7 +198,7 @@ class Interval:
     def _there(
         self, full: Expression, curve: Expression, limits: Expression
     ) -> tuple[Expression, list[Expression]]:
-        """The liquid's rate in a state, and what must be at most 1."""
+        """Returns the liquid's rate in a state, and expressions that must be at most 1."""
         ca = casadi()
 
         tangent, bend, _ = ca.vertsplit(curve[:CURVE], 3)
@@ -218,7 +215,7 @@ class Interval:
         return ca.vertcat(q[2], q[3], *self.flow.acceleration(q, felt)), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
-        """The acceleration in the container's axes; where it tilts gravity turns with them."""
+        """Returns the acceleration in the container's axes, with gravity if it tilts."""
         ca = casadi()
 
         if self.joints is not None:
@@ -233,17 +230,17 @@ class Interval:
 
 
 def curve_of(leg: Leg) -> Any:
-    """From s to `terms`: the curve's first three derivatives, and theirs up to the second.
+    """Makes a function from s to `terms`: three derivatives of the curve, each to 2nd order.
 
     A spline through many of their values: one look-up in place of three.
     """
     ca = casadi()
 
-    s = np.linspace(0.0, leg.length, _CURVE_POINTS + 1)
+    s = np.linspace(0.0, leg.length, TUNING.curve_points + 1)
     values = leg.columns(s)
     spline = make_interp_spline(s, values, k=DEGREE)
     at = ca.MX.sym("s")
-    inside = ca.fmax(_EDGE * leg.length, ca.fmin((1.0 - _EDGE) * leg.length, at))
+    inside = ca.fmax(TUNING.edge * leg.length, ca.fmin((1.0 - TUNING.edge) * leg.length, at))
     orders = [_look_up(spline, order)(inside) for order in range(3)]
     return ca.Function("curve", [at], [inside, ca.vertcat(*orders)])
 
@@ -257,29 +254,29 @@ def _look_up(spline: BSpline, order: int) -> Any:
 
 
 def _expanded(terms: Expression, distance: Expression, width: int) -> Expression:
-    """The curve's columns beside the place where they are expanded."""
+    """Evaluates the Taylor expansion of the curve's columns at a distance."""
     value, first, second = casadi().vertsplit(terms, width)
     return value + distance * (first + 0.5 * distance * second)
 
 
 def _later(chain: list[Expression], third: Expression, t: Expression) -> list[Expression]:
-    """A value and its first two derivatives after a time with a constant third."""
+    """Extrapolates a value and two derivatives with a constant third derivative."""
     s, v, a = chain
     return [s + t * (v + t * (a / 2 + t * third / 6)), v + t * (a + t * third / 2), a + t * third]
 
 
 def _jerk(curve: Expression, at: Expression, third: Expression) -> Expression:
-    """d³x/dt³ in the world's axes."""
+    """Returns d³x/dt³ in the world's axes."""
     tangent, bend, change = casadi().vertsplit(curve, 3)
     return tangent * third + 3 * bend * at[1] * at[2] + change * at[1] ** 3
 
 
 def _turned_back(x: Expression, y: Expression, vector: Expression) -> Expression:
-    """A vector in the axes of what is turned by the rotation vector (x, y, 0)."""
+    """Rotates a vector by the inverse of the rotation vector (x, y, 0)."""
     ca = casadi()
 
     # Even functions of the angle, smooth at 0.
-    angle = ca.sqrt(x * x + y * y + _LEAST_ANGLE**2)
+    angle = ca.sqrt(x * x + y * y + TUNING.least_angle**2)
     sine, versine = ca.sin(angle) / angle, 0.5 * (ca.sin(0.5 * angle) / (0.5 * angle)) ** 2
     axis = ca.vertcat(x, y, 0.0)
     return (

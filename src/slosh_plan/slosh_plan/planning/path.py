@@ -1,10 +1,10 @@
-"""A smooth path through waypoints, by its length.
+"""A smooth path through waypoints, parameterised by length.
 
 Between corners the path is a spline of the fifth degree through the waypoints, four times
 continuously differentiable: acceleration and jerk along it are bounded. Points that come densely,
 as in a recorded motion, are thinned as far as all of them stay within `KEPT` of the path. At a
-corner, where the line from waypoint to waypoint turns by more than `CORNER`, the container stops:
-no curve through the corner is smooth, and one beside it would leave the waypoint.
+corner, where the line from waypoint to waypoint turns by more than `TUNING.corner`, the container
+stops: no curve through the corner is smooth, and one beside it would leave the waypoint.
 """
 
 from __future__ import annotations
@@ -23,26 +23,16 @@ from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.joint_demands import JointDemands
 from slosh_plan.planning.progress import StoppedError, never
+from slosh_plan.tuning import TUNING
 
 MOST_POINTS = 200_000
-KEPT = 5e-5
-"""Farthest that a waypoint lies from the path [m]."""
-SAME = 2e-5
-"""Points closer than that are one [m]."""
-CORNER = math.radians(60.0)
-MOST_CORNERS = 40
-"""Each is a stop, and a leg of its own to be planned: a search of so many begins in a second."""
-REVERSAL = math.radians(179.0)
-"""A turn by more than this leads back along the same tangent."""
-DEGREE = 5
-_SHORTEST = 1e-3  # m
-_FEWEST = 8
-_FINE = 4000
+KEPT = TUNING.kept
+DEGREE = TUNING.degree
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A smooth part of a path, by its length s.
+    """A smooth part of a path, parameterised by length s.
 
     Attributes:
         spline: (3,) position [m] over s [m].
@@ -60,22 +50,22 @@ class Leg:
         return (self.spline, *(self.spline.derivative(n) for n in (1, 2, 3)))
 
     def at(self, s: Array, orders: int = 3) -> tuple[Array, ...]:
-        """Position [m] and its first derivatives by s, up to three, (N, 3) each."""
+        """Returns position [m] and derivatives by s, up to the third, (N, 3) each."""
         inside = np.clip(s, 0.0, self.length)
         return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 
     def lean(self) -> tuple[float, float]:
-        """Gravity's share along the floor of the container that rests at the start [m/s²]."""
+        """Gravity along the floor of the container at rest at the start [m/s²]."""
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
-        """(N, C) what a search looks up at places: here the derivatives of the position."""
+        """Returns the columns (N, C) for a search: derivatives of the position."""
         return np.column_stack(self.at(s)[1:])
 
 
 @dataclass(frozen=True)
 class Path:
-    """A path: legs one after another, with a stop between two.
+    """A path: consecutive legs with a stop between two.
 
     Attributes:
         legs: at least one.
@@ -92,12 +82,16 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Of all legs [m]."""
+        """Length of all legs [m]."""
         return sum(leg.length for leg in self.legs)
 
 
 def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
-    """The path through waypoints.
+    """Makes the path through waypoints.
+
+    >>> path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.2, 0.0]]))
+    >>> len(path.legs), round(path.length, 3)  # the path stops at the corner
+    (2, 0.5)
 
     Args:
         points: (N, 3) positions [m].
@@ -109,13 +103,13 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
         StoppedError: it was stopped before its end.
     """
     path = smooth_path(points, "xyz", stopped)
-    if path.length < _SHORTEST:
+    if path.length < TUNING.shortest_path:
         raise SloshPlanError(f"the path is {1e3 * path.length:g} mm long, less than 1 mm")
     return path
 
 
 def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool] = never) -> Path:
-    """The smooth curves through points of any number of dimensions, by their length.
+    """Makes smooth curves by length through points of any dimension.
 
     Args:
         points: (N, D) [m], of turning joints [rad].
@@ -125,6 +119,10 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
     Raises:
         SloshPlanError: as `path_through`.
         StoppedError: it was stopped before its end.
+
+    >>> path = smooth_path(np.array([[0.0, 0.0], [0.0, 1.2]]), ["joint_1", "joint_2"])
+    >>> round(path.length, 3)  # rad
+    1.2
     """
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != len(names):
@@ -143,11 +141,11 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
     if len(distinct) < 2:
         raise SloshPlanError(f"the path has no length: its {len(points)} waypoints coincide")
     corners, reversals = _corners(distinct)
-    if len(corners) > MOST_CORNERS:
+    if len(corners) > TUNING.most_corners:
         raise SloshPlanError(
-            f"the path turns by more than {math.degrees(CORNER):.0f}° at {len(corners)} "
-            f"waypoints, where the container stops; at most {MOST_CORNERS} are planned: smooth "
-            "the waypoints, or take fewer"
+            f"the path turns by more than {math.degrees(TUNING.corner):.0f}° at {len(corners)} "
+            f"waypoints, where the container stops; at most {TUNING.most_corners} are planned: "
+            "smooth the waypoints, or take fewer"
         )
     bounds = [0, *corners, len(distinct) - 1]
     parts = [distinct[a : b + 1] for a, b in pairwise(bounds)]
@@ -158,7 +156,7 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
 
 
 def _distinct(points: Array) -> Array:
-    """Without the points that lie where the one before them does; the last point stays."""
+    """Removes points that repeat the previous one; the last one is kept."""
     kept = [0]
     for row in range(1, len(points)):
         if not _near(points[row], points[kept[-1]]):
@@ -169,24 +167,26 @@ def _distinct(points: Array) -> Array:
 
 
 def _near(one: Array, other: Array) -> bool:
-    return bool(np.linalg.norm(one - other) <= SAME)
+    return bool(np.linalg.norm(one - other) <= TUNING.same)
 
 
 def _corners(points: Array) -> tuple[list[int], tuple[bool, ...]]:
-    """Rows of the corners, and which of them lead back."""
+    """Returns the rows of corners, and which of them are reversals."""
     steps = np.diff(points, axis=0)
     directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosines = np.einsum("ij,ij->i", directions[:-1], directions[1:])
     turns = np.arccos(np.clip(cosines, -1.0, 1.0))
-    rows = np.flatnonzero(turns > CORNER)
-    return [int(row) + 1 for row in rows], tuple(bool(turns[row] > REVERSAL) for row in rows)
+    rows = np.flatnonzero(turns > TUNING.corner)
+    return [int(row) + 1 for row in rows], tuple(
+        bool(turns[row] > TUNING.reversal) for row in rows
+    )
 
 
 Ends = tuple[Array | None, Array | None]
 
 
 def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
-    """Tangents at the legs' ends; None: free. Two legs of a reversal share theirs."""
+    """Returns the tangents at the legs' ends; None: free. Legs of a reversal share theirs."""
     first: list[Array | None] = [None] * len(parts)
     last: list[Array | None] = [None] * len(parts)
     for n, back in enumerate(reversals):
@@ -200,7 +200,7 @@ def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
 def _leg(
     points: Array, first: Array | None, last: Array | None, stopped: Callable[[], bool]
 ) -> Leg:
-    """A spline by its own length through a part's points."""
+    """Makes a spline by its own length through a leg's points."""
     if stopped():
         raise StoppedError(
             "stopped before a safe motion was found, while the path through the waypoints was "
@@ -209,13 +209,13 @@ def _leg(
     chords = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     rough = _thinned(chords, points, first, last)
     # Once more, by the length of the curve itself.
-    fine = np.linspace(0.0, chords[-1], max(_FINE, 4 * len(points)))
+    fine = np.linspace(0.0, chords[-1], max(TUNING.fine, 4 * len(points)))
     speed = np.linalg.norm(rough.derivative()(fine), axis=1)
     lengths = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
     at = np.interp(chords, fine, lengths)
-    if len(points) < _FINE:
+    if len(points) < TUNING.fine:
         # A few waypoints alone would not hold the length between them.
-        places = np.linspace(0.0, lengths[-1], _FINE)
+        places = np.linspace(0.0, lengths[-1], TUNING.fine)
         dense = np.asarray(rough(np.interp(places, lengths, fine)))
         spline = _thinned(places, dense, first, last, tolerance=0.2 * KEPT)
     else:
@@ -226,8 +226,8 @@ def _leg(
 def _thinned(
     at: Array, points: Array, first: Array | None, last: Array | None, tolerance: float = KEPT
 ) -> BSpline:
-    """The spline through as few of the points as keep all of them."""
-    count = _FEWEST
+    """Makes the spline through the fewest points that approximates all within a tolerance."""
+    count = TUNING.fewest_knots
     while count < len(points):
         rows = np.searchsorted(at, np.linspace(0.0, at[-1], count)[1:-1])
         rows = np.unique(np.concatenate([[0], rows, [len(points) - 1]]))
@@ -239,7 +239,7 @@ def _thinned(
 
 
 def _through(at: Array, points: Array, first: Array | None, last: Array | None) -> BSpline:
-    """Interpolates; ends of fifth degree need two conditions each, fewer points a lower degree."""
+    """Interpolates points with a quintic spline; a lower degree for few points."""
     if len(points) == 2:
         inside = at[0] + (at[1] - at[0]) * np.linspace(0.0, 1.0, DEGREE + 1)
         share = ((inside - at[0]) / (at[1] - at[0]))[:, None]
@@ -260,7 +260,7 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
 
 
 def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
-    """Scipy takes conditions at both ends or at none: natural ones at an end that is free."""
+    """Returns the end conditions for scipy: natural ones at a free end."""
     if all(end is None for end in ends):
         return None
     none = np.zeros_like(next(end for end in ends if end is not None)[0][1])
@@ -269,7 +269,7 @@ def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
 
 
 def _departure(leg: Leg, points: Array) -> float:
-    """Farthest that a leg lies from the straight lines between its points [m]."""
+    """Returns the largest distance of a leg from the polyline of its points [m]."""
     curve = leg.at(np.linspace(0.0, leg.length, 1000))[0]
     if len(points) > 500:
         return float(KEPT)

@@ -1,4 +1,4 @@
-"""What a node in a replay is: a row of a table, with its core, its topics and its tolerance."""
+"""A node in a replay as a row of a table: core, topics and tolerance."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from slosh_replay.recording.settings import NodeStart
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.model_set import ModelHeights, ModelSetEstimates
-from slosh_replay.replay.verification import Messages
+from slosh_replay.replay.verification import Messages, Verifier
 
 
 class Outputs:
-    """Receives what a replay gives, as it gives it; this one keeps nothing."""
+    """Receives a replay's results as they arise; this one ignores them."""
 
     def begin(self, names: tuple[str, str]) -> None:
-        """Is told the names of the loaded model's L and NL twin before anything comes."""
+        """Receives the names of the loaded model's L and NL variant, before anything else."""
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
-        """Takes estimates in the order of their samples."""
+        """Receives estimates in the order of their samples."""
 
     def comparisons(self, comparisons: list[Comparison]) -> None:
-        """Takes comparisons in the order in which they were made."""
+        """Receives comparisons in order."""
 
     def events(self, events: list[Event]) -> None:
-        """Takes limit events."""
+        """Receives limit events."""
 
 
 class Setting(NamedTuple):
-    """What the cores of a replay are made of.
+    """Settings of the cores of a replay.
 
     Attributes:
         model: container, liquid and effects at the start.
@@ -53,6 +53,8 @@ class Setting(NamedTuple):
         follows_input: whether they also say how the input is read.
         starts: of all recorded nodes.
         outputs: receives all results.
+        loaded: models that the estimator has loaded so far, that of each start; grows.
+        fused: compares the observer's states; None: none are recorded.
     """
 
     model: Model
@@ -67,6 +69,8 @@ class Setting(NamedTuple):
     follows_input: bool = True
     starts: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
+    loaded: list[Model] = []  # noqa: RUF012 - given by each replay
+    fused: Verifier | None = None
 
 
 _NONE, _NO_STAMPS = np.empty(0), np.empty(0, dtype=np.int64)
@@ -74,7 +78,7 @@ NO_MEASUREMENTS = Measurements(_NO_STAMPS, _NONE, _NO_STAMPS, _NONE, _NONE)
 
 
 class Moment(NamedTuple):
-    """What is new in a replay up to a stamp.
+    """New data of a replay up to a stamp.
 
     Attributes:
         messages: of the topics that nodes read, recorded ones and those of the rows above, by the
@@ -93,14 +97,14 @@ class Moment(NamedTuple):
 
 
 class Core(Protocol):
-    """A node's core in a replay."""
+    """Interface of a node's core in a replay."""
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes what is new; returns its own messages by the topic's last name."""
+        """Processes new data; returns the node's messages by last topic name."""
 
 
 class NodeTopic(NamedTuple):
-    """A topic that a node in a replay reads or gives.
+    """A topic that a node in a replay reads or publishes.
 
     Attributes:
         name: its last name.
@@ -117,14 +121,21 @@ class NodeTopic(NamedTuple):
     known: Callable[[Messages], Messages] | None = None
 
 
+def recorded_name(name: str) -> str:
+    """Under which name a core reads the recorded messages of its own topic."""
+    return f"recorded {name}"
+
+
 class ReplayedNode(NamedTuple):
-    """A row: a node that a replay runs.
+    """A row of the table: a node that a replay runs.
 
     Attributes:
         name: of the node.
         core: makes its core.
         inputs: topics that it reads, beside measured heights and the input of the models.
         outputs: topics that it gives; recorded messages of these are compared.
+        needs_recorded: whether it reads these recorded messages, too, by `recorded_name`; where
+            there are none it does not run.
         tolerance: by how much a field may differ from the recorded one [its SI unit]; 0: not by
             a bit; None: a difference is told and is no failure.
     """
@@ -134,3 +145,4 @@ class ReplayedNode(NamedTuple):
     inputs: tuple[NodeTopic, ...] = ()
     outputs: tuple[NodeTopic, ...] = ()
     tolerance: float | None = 0.0
+    needs_recorded: bool = False

@@ -1,9 +1,10 @@
-"""The estimator's core in a replay: its inputs, restarts, models and recorded states."""
+"""The estimator's core in a replay: inputs, restarts, models and recorded states."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from slosh_base.types import Integers
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
+from slosh_model.indices import POSE_COUNT
 from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
 from slosh_replay.recording.settings import NodeStart, model_of, starts_at_rest
@@ -21,9 +24,13 @@ from slosh_replay.replay.model_set import ModelHeights, ModelSet
 from slosh_replay.replay.nodes import Moment, Setting
 from slosh_replay.replay.verification import Columns, Messages, estimate_columns, joined_messages
 
+SAMPLES: Final = "samples"
+"""What the estimator's models are driven by, for nodes that run models of their own."""
+_AXES = ("ax", "ay", "az")
+
 
 class ReplayedEstimator:
-    """Turns inputs into estimates as soon as it is decided which of them the live node used.
+    """Estimates from inputs, once it is decided which of them the live node used.
 
     Args:
         setting: of the replay.
@@ -43,37 +50,40 @@ class ReplayedEstimator:
         self._inputs: list[Messages] = []
         self._heights: list[ModelHeights] = []
         self._given: list[Messages] = []
+        self._samples: list[Messages] = []
+        setting.loaded.append(setting.model)
         setting.reader.carry(modes_of(setting.model))
         setting.outputs.begin(self.models.own_names)
 
     @property
     def longest_gap_ns(self) -> int:
-        """That is ever integrated across [ns]."""
+        """Longest gap that is ever integrated across [ns]."""
         later = [self._input_settings(c) for c in self.setting.changes if c.changed]
         gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
         return max([self.setting.reader.max_gap_ns, *gaps])
 
     @property
     def waiting_ns(self) -> int | None:
-        """Stamp of the first input that is not decided yet [ns]; None: all are."""
+        """Stamp of the first undecided input [ns]; None: none."""
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes inputs; returns the estimates that follow from them."""
+        """Adds inputs; returns the estimates that follow from them."""
         taken = moment.messages.get(self.setting.reader.kind)
         if taken is not None and len(taken.stamps):
             self._inputs.append(taken)
         self._estimate(moment.final)
         given, self._given = joined_messages(self._given), []
-        return {ESTIMATE: given} if len(given.stamps) else {}
+        samples, self._samples = joined_messages(self._samples), []
+        return {ESTIMATE: given, SAMPLES: samples} if len(given.stamps) else {}
 
     def take_heights(self) -> list[ModelHeights]:
-        """Heights of all models since the last call."""
+        """Returns the heights of all models since the last call."""
         heights, self._heights = self._heights, []
         return heights
 
     def _estimate(self, final: bool) -> None:
-        """Decided inputs become estimates."""
+        """Computes estimates from decided inputs."""
         if not self._inputs:
             return
         inputs = joined_messages(self._inputs)
@@ -97,7 +107,7 @@ class ReplayedEstimator:
     def _due(
         self, stamps: Integers, restarts: Sequence[int]
     ) -> list[tuple[int, Callable[[], None]]]:
-        """New processes, models and parameters that fall among the inputs with these stamps.
+        """Returns restarts, model and parameter changes at inputs with these stamps.
 
         Args:
             stamps: (N,) [ns].
@@ -124,7 +134,7 @@ class ReplayedEstimator:
     def _known_again(
         self, stamps: Integers, decision: Decision
     ) -> list[tuple[int, Callable[[], None]]]:
-        """Recorded states that are taken up among the inputs with these stamps."""
+        """Returns recorded states to restore at inputs with these stamps."""
         if self.setting.counter is not None:
             self.setting.counter.follow(stamps, decision)
         if self.setting.known is None:
@@ -145,6 +155,7 @@ class ReplayedEstimator:
     def _load(self, change: NodeStart) -> None:
         model = model_of(change)
         self.models.load_model(model)
+        self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
         self.setting.outputs.begin(self.models.own_names)
 
@@ -154,15 +165,16 @@ class ReplayedEstimator:
             self.setting.reader.change(settings)
 
     def _input_settings(self, start: NodeStart) -> InputSettings | None:
-        """How the node reads its input from then on; None: the replay does not follow it."""
+        """Returns the node's new input settings; None: the replay ignores them."""
         if not self.setting.follows_input or "input" not in start.parameters:
             return None
         return settings_of_start(start)
 
     def _restart(self, start: NodeStart | None = None) -> None:
-        """The node's process was a new one from here on; None: what it tells is not known."""
+        """Restarts as the node's process did; None: its settings are unknown."""
         if start is None:
             self.setting.reader.restart()
+            self.setting.loaded.append(self.setting.loaded[-1])
         else:
             self.setting.reader.restart(self._input_settings(start))
             self._load(start)
@@ -180,5 +192,30 @@ class ReplayedEstimator:
         answers = self.models.update_many(samples)
         own = answers.own
         self._given.append(Messages(own.stamps, estimate_columns(own)))
+        self._samples.append(_columns(samples, own.flags, len(self.setting.loaded) - 1))
         self.setting.outputs.estimates(answers)
         self._heights.append(answers.heights)
+
+
+def samples_of(batch: Messages) -> Samples:
+    """The samples of messages of SAMPLES."""
+    columns = batch.columns
+    poses = np.column_stack([columns[f"pose{i}"] for i in range(POSE_COUNT)])
+    return Samples(
+        batch.stamps, np.column_stack([columns[name] for name in _AXES]), columns["yaw"],
+        columns["restarted"], poses if np.isfinite(poses).all() else None,
+    )  # fmt: skip
+
+
+def _columns(samples: Samples, flags: Integers, start: int) -> Messages:
+    count = len(samples.stamps)
+    poses = np.full((count, POSE_COUNT), np.nan) if samples.poses is None else samples.poses
+    return Messages(
+        samples.stamps,
+        {
+            **{name: samples.accelerations[:, i] for i, name in enumerate(_AXES)},
+            **{f"pose{i}": poses[:, i] for i in range(POSE_COUNT)},
+            "yaw": samples.yaws, "restarted": samples.restarted, "flags": flags,
+            "start": np.full(count, start),
+        },
+    )  # fmt: skip

@@ -35,6 +35,15 @@ function showNow(now) {
   put("residual-limit", limitWords(state.limits.disagreement));
 }
 
+const WHY = ["", "the container moves", "the wave is settling", "the height is uncertain", "no input"];
+
+function showCalm(calm) {
+  const known = calm.calm !== undefined;
+  const waits = known && !calm.calm && calm.wait;
+  put("calm", !known ? "–" : calm.calm ? "yes" : waits ? `in ${calm.wait.toFixed(0)} s` : "no");
+  put("calm-words", known ? [WHY[calm.reason], `calm: up to ${millimetres(calm.tolerance)} mm`].filter(Boolean).join("; ") : "");
+}
+
 function row(cells) {
   const line = document.createElement("tr");
   for (const [text, name] of cells) {
@@ -68,6 +77,7 @@ function showEvents(events) {
 function show(frame) {
   banner(frame.verdict, frame.reason);
   showNow(frame.now);
+  showCalm(frame.calm || {});
   drawAbove(part("above"), frame.surface, state.limits.measured);
   heights.draw();
 }
