@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class MetricsTuning:
-    """What distinguishes a motion from rest, a fault from a motion, and an offset from a drift.
+    """Tuning numbers of motion detection, input checks and clock drift.
 
     Checked by the tests of the package on simulated inputs with and without each fault. The unit
     "σ" is a standard deviation of the noise.

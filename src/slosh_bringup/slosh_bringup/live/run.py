@@ -77,7 +77,7 @@ class LiveRun:
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """How a run ended: errors and exit code.
+    """Errors and exit code of a run.
 
     Attributes:
         problem: what went wrong, or ended the run before its time; empty: nothing did.

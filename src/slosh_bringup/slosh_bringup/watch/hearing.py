@@ -63,12 +63,12 @@ def hear_estimate(state: WatchState, message: Any, now: float) -> None:
 
 
 def hear_fused(state: WatchState, message: Any) -> None:
-    """Gives a FusedEstimate."""
+    """Passes on a FusedEstimate."""
     state.take_fused(Fused(stamp_ns(message), message.msh, message.msh_stddev))
 
 
 def hear_calm(state: WatchState, message: Any, now: float) -> None:
-    """Gives a Calm that came now [s]."""
+    """Passes on a Calm with its time of arrival [s]."""
     state.take_calm(
         CalmNews(
             message.calm,

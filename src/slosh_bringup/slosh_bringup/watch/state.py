@@ -27,7 +27,7 @@ KEPT_EVENTS, SLOW = 20, 10
 MOST_NODES = 40
 """Nodes that are shown, and those of a cell whatever comes: each frame names them all."""
 KEPT_FUSED, NEAR_NS = 200, SECOND // 50
-"""Fused states that are kept, and how far one is from a moment that it is drawn at [ns]."""
+"""Number of stored fused states, and largest distance of one from its drawn time [ns]."""
 ALONE = SILENCE
 """After so long without a comparison the estimate is drawn by itself [s]."""
 BACKWARDS = 3.0
@@ -72,7 +72,7 @@ class Estimated(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """Of a FusedEstimate, what is shown."""
+    """Displayed fields of a FusedEstimate."""
 
     stamp_ns: int
     height: float
@@ -80,7 +80,7 @@ class Fused(NamedTuple):
 
 
 class CalmNews(NamedTuple):
-    """Of a Calm, what is shown: height and tolerance [m], time until calm [s]."""
+    """Displayed fields of a Calm: height and tolerance [m], time until calm [s]."""
 
     calm: bool
     reason: int
@@ -148,11 +148,11 @@ class WatchState:
             self._add(estimated.stamp_ns, math.nan, estimated.height)
 
     def take_fused(self, fused: Fused) -> None:
-        """Takes a fused state; it is drawn at the moments of the other heights."""
+        """Stores a fused state, which is drawn at the times of the other heights."""
         self._fused.append(fused)
 
     def take_calm(self, calm: CalmNews, now: float) -> None:
-        """Takes what was said about calm now [s]."""
+        """Stores a calm state with its time of arrival [s]."""
         self._calm = calm, now
 
     def take_event(self, event: LimitNews) -> None:
@@ -228,7 +228,7 @@ class WatchState:
         self._rows.append((self._seconds(stamp_ns), measured, estimated, *band))
 
     def _fused_at(self, stamp_ns: int) -> tuple[float, float]:
-        """Height and standard deviation of the fused state at a stamp; NaN: none is near [m]."""
+        """Returns the fused height at a stamp and its standard deviation [m]; NaN: none near."""
         near = min(self._fused, key=lambda one: abs(one.stamp_ns - stamp_ns), default=None)
         if near is None or abs(near.stamp_ns - stamp_ns) > NEAR_NS:
             return math.nan, math.nan
@@ -255,7 +255,7 @@ class WatchState:
         return now - self._estimated_at <= ALONE
 
     def _shown_calm(self, now: float) -> dict[str, Any]:
-        """Whether the liquid is calm, and why not; empty: nobody says."""
+        """Returns the newest calm state; empty: none was received recently."""
         if self._calm is None or now - self._calm[1] > ALONE:
             return {}
         return self._calm[0]._asdict()
