@@ -29,14 +29,14 @@ class EstimateFlag(IntFlag):
 
 def validity_limits(model: Model) -> dict[str, float]:
     """What the motion is judged by (DL22, §4.2), by its name in `estimate_kernel.CHECKS`."""
-    limits, freeboard = model.limits, model.container.freeboard
+    limits, rim = model.limits, model.container.height_below_rim()
     return {
         "planar_acceleration": limits.planar_acceleration,
         "planar_jerk": limits.planar_jerk,
         "acceleration": limits.acceleration,
         "jerk": limits.jerk,
         "linear_height": model.container.linear_height,
-        "freeboard": math.inf if freeboard is None else freeboard,
+        "rim": math.inf if rim is None else rim,
     }
 
 

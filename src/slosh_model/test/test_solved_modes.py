@@ -283,15 +283,44 @@ def test_a_bulb_is_highest_inside():
     assert ratio > 1.05
     assert place < 0.9 * bulb.size
     assert bowl.crest(1) == (pytest.approx(1.0, abs=1e-9), pytest.approx(bowl.size))
-    assert bulb.wall_facts(0.001)["crest_ratio"] == ratio
+    wall = bulb.wall
+    assert wall.crest_inside
+    assert wall.place(0.01).surface_height == pytest.approx(0.01 * ratio)
+    assert wall.place(wall.height_at(0.002)).distance_to_rim == pytest.approx(0.002)
+    assert not bowl.wall.crest_inside
 
 
 def test_a_height_on_a_leaning_wall():
-    facts = CUP.wall_facts(0.009)
+    place = CUP.wall.place(0.009)
     lean = math.hypot(0.012, 0.09) / 0.09
-    assert facts["along_wall"] == pytest.approx(0.009 * lean, rel=1e-9)
-    assert facts["contact_radius"] == pytest.approx(0.036 + 0.009 * 0.012 / 0.09, rel=1e-9)
-    assert math.isnan(CUP.wall_facts(0.05)["along_wall"])  # beyond the rim
+    assert place.height_along_wall == pytest.approx(0.009 * lean, rel=1e-9)
+    assert place.contact_radius == pytest.approx(0.036 + 0.009 * 0.012 / 0.09, rel=1e-9)
+    assert place.distance_to_rim == pytest.approx(0.021, rel=1e-9)
+    assert place.distance_along_wall == pytest.approx(0.021 * lean, rel=1e-9)
+    beyond = CUP.wall.place(0.05)
+    assert math.isnan(beyond.height_along_wall)
+    assert beyond.distance_to_rim == pytest.approx(-0.02)
+    lower = CUP.wall.place(-0.009)
+    assert lower.height_along_wall == pytest.approx(-0.009 * lean, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "container", [Cylinder(0.04, 0.06, 0.11), Rectangle(0.2, 0.1, 0.03, 0.08), CUP]
+)
+def test_a_limit_is_a_height_or_a_distance_to_the_rim(container):
+    free = container.freeboard
+    assert container.height_below_rim() == pytest.approx(free)
+    assert container.height_below_rim(0.01) == pytest.approx(free - 0.01)
+    with pytest.raises(SloshModelError, match="the distance of the still liquid"):
+        container.height_below_rim(free)
+
+
+def test_a_distance_to_an_unknown_rim_is_refused():
+    unknown = Cylinder(0.04, 0.06)
+    assert unknown.height_below_rim() is None
+    assert math.isnan(unknown.wall.place(0.01).distance_to_rim)
+    with pytest.raises(SloshModelError, match="rim is not known"):
+        unknown.height_below_rim(0.01)
 
 
 # ---- dynamics

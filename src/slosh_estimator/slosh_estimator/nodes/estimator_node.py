@@ -254,7 +254,7 @@ class EstimatorNode(PreparedNode):
             flags |= _CONTESTED
         self._flags |= flags
         gate = self._input.gate
-        fill(self._message, estimate)
+        fill(self._message, estimate, self._wall)
         self._message.flags = flags
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
@@ -309,6 +309,7 @@ class EstimatorNode(PreparedNode):
         linear, nonlinear = self._estimator.names
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
+        self._wall = self._estimator.model.container.wall
         self._unfelt = attitude_warning(self._estimator.model, self._kind)
 
     def _health(self) -> Health:

@@ -11,6 +11,7 @@ from slosh_estimator.comparison import Comparison
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_model.model import Model
+from slosh_model.wall import Wall
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.recording.settings import NodeStart
@@ -23,8 +24,8 @@ from slosh_replay.replay.verification import Messages
 class Outputs:
     """Receives what a replay gives, as it gives it; this one keeps nothing."""
 
-    def begin(self, names: tuple[str, str]) -> None:
-        """Is told the names of the loaded model's L and NL twin before anything comes."""
+    def begin(self, names: tuple[str, str], wall: Wall) -> None:
+        """Is told the names of the loaded model's L and NL twin, and its container's wall."""
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
         """Takes estimates in the order of their samples."""

@@ -44,7 +44,7 @@ class ReplayedEstimator:
         self._heights: list[ModelHeights] = []
         self._given: list[Messages] = []
         setting.reader.carry(modes_of(setting.model))
-        setting.outputs.begin(self.models.own_names)
+        setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     @property
     def longest_gap_ns(self) -> int:
@@ -146,7 +146,7 @@ class ReplayedEstimator:
         model = model_of(change)
         self.models.load_model(model)
         self.setting.reader.carry(modes_of(model))
-        self.setting.outputs.begin(self.models.own_names)
+        self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _change(self, change: NodeStart) -> None:
         settings = self._input_settings(change)
