@@ -43,6 +43,11 @@ class Wave:
     mean: float = 0.0
     double: float = 0.0
 
+    @property
+    def reach(self) -> float:
+        """Radius up to which the surface is drawn, m."""
+        return self.radius
+
     def height(self, r: Array, azimuth: Array) -> Array:
         """Surface height (m) at radius `r` (m) and `azimuth` (rad), broadcast."""
         x = np.asarray(r) / self.radius

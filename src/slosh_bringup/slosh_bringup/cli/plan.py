@@ -267,11 +267,11 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
         f"{duration:.3f} s, optimal time law ({other}, scaled)"
         if answer.method == "optimal"
         else f"{other}, scaled: {answer.reason}",
-        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:g} mm"
+        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:.4g} mm"
         + (f" (the {limits.height_name})" if limits.at_rim else "")
         + rim_words(answer.distance_to_rim)
         + ", after the end "
-        f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:g} mm, margin "
+        f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:.4g} mm, margin "
         + (f"{1e3 * answer.margin:g} mm" if answer.margin else "none"),
         interval(answer),
         tolerance(borne),

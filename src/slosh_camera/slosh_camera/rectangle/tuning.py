@@ -66,6 +66,7 @@ class RectangleTuning:
     wall_part: float = number(0.05, "width", "part whose points tell the height at a wall")
     wall_points: int = number(4, "1", "fewest points that do so")
     wall_gap: float = number(0.03, "width", "gap beside a wall that hides its height")
+    round_gap: float = number(0.15, "width", "the same beside a round wall")
     reach: float = number(4.0, "px", "distance within which points tell the height at a place")
     smoothed_columns: int = number(5, "px", "width of the running median")
     smoothed_noise: float = number(0.8, "1", "its standard deviation over that of its points")
@@ -74,6 +75,15 @@ class RectangleTuning:
     common_clipped: float = number(0.3, "softness", "common error where the camera clips")
     doubt_part: float = number(0.5, "1", "standard deviation of a doubtful height over its doubt")
     correlated_columns: float = number(4.0, "px", "columns over which residuals are correlated")
+    # round_wall.py
+    sideways: float = number(0.25, "1", "cosine below which the highest place is at an end")
+    most_spread: float = number(1e-3, "m", "spread of a height that is not called ambiguous")
+    sure_reading: float = number(0.95, "1", "probability at which a reading is sure")
+    level_sure: float = number(2e-4, "m", "standard deviation of the mean level")
+    level_second: float = number(0.01, "1", "the same as a part of the wave, by second order")
+    second_order: float = number(0.03, "1", "second order as a part of the wave")
+    least_scatter: float = number(5e-5, "m", "least scatter of points on a round wall")
+    reading_error: float = number(1.5e-4, "m", "error of a point by which readings are judged")
     # detector.py
     most_hidden: float = number(0.05, "1", "part of the columns that may be hidden")
     blurred: float = number(3.0, "softness", "softness of a blurred edge")

@@ -123,9 +123,14 @@ class RevolvedContainer(SolvedContainer):
         return total
 
     @property
+    def wall_line(self) -> tuple[Array, Array, Array]:
+        """Lengths along the wall from the still surface, heights above it, and radii there [m]."""
+        return _joined(self._upwards, self._downwards)
+
+    @property
     def wall(self) -> Wall:
         """Its wall about the still level."""
-        lengths, heights, radii = _joined(self._upwards, self._downwards)
+        lengths, heights, radii = self.wall_line
         rim = math.nan if self.rim_height is None else self.rim_height - self.fill_height
         ratio, place = self.crest(1)
         inside = {"crest_ratio": ratio, "crest_place": place} if ratio > INSIDE else {}
