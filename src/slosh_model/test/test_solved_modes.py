@@ -409,14 +409,33 @@ def test_a_shape_by_one_class():
     ("name", "instead"),
     [
         ("surface_nonlinearity", "its models are linear"),
-        ("fill_level", "change container.fill_height"),
         ("bound_modes", "leave the effect out"),
         ("surface_tension", "give natural_frequency"),
     ],
 )
 def test_effects_that_need_a_cylinder_are_refused(name, instead):
     with pytest.raises(SloshModelError, match=f"{name}' is not for a frustum: {instead}"):
-        Model(CUP).with_effect(name, **({"delta": 0.001} if name == "fill_level" else {}))
+        Model(CUP).with_effect(name)
+
+
+@pytest.mark.parametrize(
+    "container", [CUP, pytest.param(Sphere(radius=R, fill_height=1.2 * R), marks=pytest.mark.long)]
+)
+def test_modes_of_a_fill_height_near_by_are_interpolated(container):
+    for delta in (-0.011, 0.004):
+        filled = container.filled_to(container.fill_height + delta, None)
+        exact = solved_modes(replace(filled, table=None), 3)
+        for n in (1, 2, 3):
+            one, other = filled.numbers(n), exact[n - 1]
+            assert one.natural_frequency == pytest.approx(other.natural_frequency, rel=2e-4)
+            assert one.height_per_displacement == pytest.approx(
+                other.height_per_displacement, rel=2e-3
+            )
+        changed = Model(container).with_effect("fill_level", delta=delta)
+        constants = changed.mode_constants()[0]
+        assert constants.natural_frequency == pytest.approx(exact[0].natural_frequency, rel=2e-4)
+    same = container.filled_to(container.fill_height, None)
+    assert same.natural_frequency(1) == container.natural_frequency(1)
 
 
 def test_nothing_linear_is_called_nonlinear():

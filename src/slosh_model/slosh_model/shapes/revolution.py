@@ -81,6 +81,11 @@ class RevolvedContainer(SolvedContainer):
         """The contour's end above the deepest place [m]."""
         return float(self.contour[-1].one(1.0)[1]) - self.floor
 
+    @property
+    def highest_fill(self) -> float:
+        """The contour's end [m]."""
+        return self.top
+
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
         """Its first modes, computed."""
         from slosh_model.potential_flow.axisymmetric import revolution_modes
