@@ -419,7 +419,12 @@ def test_effects_that_need_a_cylinder_are_refused(name, instead):
 
 
 @pytest.mark.parametrize(
-    "container", [CUP, pytest.param(Sphere(radius=R, fill_height=1.2 * R), marks=pytest.mark.long)]
+    "container",
+    [
+        HEXAGON,
+        pytest.param(CUP, marks=pytest.mark.long),
+        pytest.param(Sphere(radius=R, fill_height=1.2 * R), marks=pytest.mark.long),
+    ],
 )
 def test_modes_of_a_fill_height_near_by_are_interpolated(container):
     for delta in (-0.011, 0.004):

@@ -220,7 +220,7 @@ def _neighbours(
 ) -> tuple[tuple[float, ...], tuple[tuple[ModeNumbers, ...], ...]]:
     """Fill heights about that of a container, in increasing order, and the modes at each."""
     middle = container.fill_height
-    reach = min(NEAR, 0.7 * middle, 0.95 * (container.highest_fill - middle))
+    reach = min(NEAR, 0.6 * middle, 0.6 * (container.highest_fill - middle))
     turns = (math.cos(math.pi * k / (NODES - 1)) for k in reversed(range(NODES)))
     at = tuple(middle + reach * turn for turn in turns)
     changed = (replace(cast(Any, container), fill_height=height) for height in at)
