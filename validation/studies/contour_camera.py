@@ -95,7 +95,6 @@ def measured(folder: Path, number: int) -> tuple[dict, list[Height], int, str]:
             ("ends", found.sh_left - frame["SH_left"], found.fitted_msh_stddev, doubted),
             ("ends", found.sh_right - frame["SH_right"], found.fitted_msh_stddev, doubted),
             ("msh", found.msh - frame["MSH"], found.msh_stddev, ambiguous),
-            ("fitted msh", found.fitted_msh - frame["MSH"], found.fitted_msh_stddev, ambiguous),
         )
         heights += [Height(*row) for row in rows if np.isfinite(row[1])]
     return truth, heights, lost, ""
@@ -116,7 +115,7 @@ def rows_of(folders: list[Path]) -> Iterator[list[str]]:
 
 def _numbers(heights: list[Height]) -> list[str]:
     found = []
-    for kind in ("ends", "msh", "fitted msh"):
+    for kind in ("ends", "msh"):
         errors = np.array([one.error for one in heights if one.kind == kind])
         if not errors.size:
             found += ["-", "-"]
@@ -138,9 +137,9 @@ def main() -> int:
     ]  # fmt: skip
     if not folders:
         parser.error(f"{args.scenes}: no such scenes")
-    heading = ["scene", "container", "ends rms", "max", "msh rms", "max", "fitted rms", "max",
-               "silent", "lost", "refused"]  # fmt: skip
-    print("\n".join(aligned([heading, *rows_of(folders)], "<<>>>>>>>><")), "\n[mm]")
+    heading = ["scene", "container", "ends rms", "max", "msh rms", "max", "silent", "lost",
+               "refused"]  # fmt: skip
+    print("\n".join(aligned([heading, *rows_of(folders)], "<<>>>>>><")), "\n[mm]")
     return 0
 
 

@@ -332,7 +332,8 @@ class EstimatorNode(PreparedNode):
             return fault
         flags, self._flags = self._flags, 0
         if flags & ~EstimateFlag.LINEAR_ONLY:  # that one is the container's shape, no trouble
-            return WARN, f"validity flags {flags:#x}"
+            names = (flag.name or "" for flag in EstimateFlag if flag & flags)
+            return WARN, f"validity flags {flags:#x}: {', '.join(names)}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
 
     def _facts(self) -> dict[str, Any]:
