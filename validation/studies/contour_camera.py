@@ -15,7 +15,6 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,11 +28,15 @@ from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.round_body import RoundBody
 from slosh_camera.rectangle.detector import SideViewDetector
 from slosh_model.model_text import parse_container
-from slosh_report.text_table import aligned
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+from result_tables import fill  # noqa: E402
 
 CLICK, DISTANCE = 0.5, 0.05
 SILENT = 1.5e-3
 """An error beyond this [m] must be told by a flag or the standard deviation."""
+AT_REST = 1e-4
 NUMBER = re.compile(r"contour_([0-9]+)")
 
 
@@ -84,7 +87,8 @@ def measured(folder: Path, number: int) -> tuple[dict, list[Height], int, str]:
         detector.learn_still(cv2.imread(str(folder / truth["static"]["file"])))
     except SloshCameraError as error:
         return truth, [], len(truth["frames"]), str(error)
-    for frame in truth["frames"]:
+    moving = [frame for frame in truth["frames"] if frame["MSH"] > AT_REST]
+    for frame in moving:
         found = detector.measure(0, cv2.imread(str(folder / frame["file"])))
         if Flag.NOT_FOUND in found.flags:
             lost += 1
@@ -100,28 +104,41 @@ def measured(folder: Path, number: int) -> tuple[dict, list[Height], int, str]:
     return truth, heights, lost, ""
 
 
-def rows_of(folders: list[Path]) -> Iterator[list[str]]:
-    """The table's rows: a scene each, and all."""
-    every: list[Height] = []
+def table(folders: list[Path]) -> tuple[str, list[str]]:
+    """The table in Markdown, a row for each kind of container and all, and what was refused."""
+    by_kind: dict[str, list[Height]] = {}
+    images: dict[str, tuple[int, int]] = {}
+    refusals = []
     for folder in folders:
         match = NUMBER.fullmatch(folder.name)
         assert match is not None
         truth, heights, lost, refused = measured(folder, int(match[1]))
-        every += heights
         kind = truth["about"].partition(",")[0]
-        yield [folder.name, kind, *_numbers(heights), str(lost), refused or "-"]
-    yield ["all", "", *_numbers(every), "", "-"]
+        by_kind.setdefault(kind, []).extend(heights)
+        seen, missed = images.get(kind, (0, 0))
+        moving = sum(frame["MSH"] > AT_REST for frame in truth["frames"])
+        images[kind] = seen + moving, missed + lost
+        if refused:
+            refusals.append(f"{folder.name}: {refused}")
+    by_kind["all"] = [height for heights in by_kind.values() for height in heights]
+    images["all"] = tuple(map(sum, zip(*images.values(), strict=True)))
+    lines = [
+        "| container | images | lost | at both ends: rms, largest | MSH: rms, largest | silent |",
+        "|---|--:|--:|--:|--:|--:|",
+    ]
+    for kind, heights in by_kind.items():
+        seen, lost = images[kind]
+        cells = [kind, str(seen), str(lost), *(_errors(heights, what) for what in ("ends", "msh"))]
+        silent = sum(one.silent for one in heights)
+        lines.append(f"| {' | '.join(cells)} | {silent} |")
+    return "\n".join(lines), refusals
 
 
-def _numbers(heights: list[Height]) -> list[str]:
-    found = []
-    for kind in ("ends", "msh"):
-        errors = np.array([one.error for one in heights if one.kind == kind])
-        if not errors.size:
-            found += ["-", "-"]
-            continue
-        found += [f"{1e3 * np.sqrt((errors**2).mean()):.2f}", f"{1e3 * np.abs(errors).max():.2f}"]
-    return [*found, str(sum(one.silent for one in heights))]
+def _errors(heights: list[Height], kind: str) -> str:
+    errors = np.array([one.error for one in heights if one.kind == kind])
+    if not errors.size:
+        return "–"
+    return f"{1e3 * np.sqrt((errors**2).mean()):.2f}, {1e3 * np.abs(errors).max():.2f} mm"
 
 
 def main() -> int:
@@ -129,6 +146,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", type=Path, help="folder of the rendered scenes")
     parser.add_argument("--tuning", action="store_true", help="those of even number")
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/")
     args = parser.parse_args()
     folders = [
         folder for folder in sorted(args.scenes.iterdir())
@@ -137,9 +155,10 @@ def main() -> int:
     ]  # fmt: skip
     if not folders:
         parser.error(f"{args.scenes}: no such scenes")
-    heading = ["scene", "container", "ends rms", "max", "msh rms", "max", "silent", "lost",
-               "refused"]  # fmt: skip
-    print("\n".join(aligned([heading, *rows_of(folders)], "<<>>>>>><")), "\n[mm]")
+    text, refusals = table(folders)
+    print(text, *refusals, sep="\n")
+    if args.docs:
+        fill(ROOT / "docs" / "side_view.md", "bodies", text)
     return 0
 
 

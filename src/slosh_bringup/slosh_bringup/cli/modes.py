@@ -21,6 +21,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
+from slosh_model.potential_flow.tuning import TUNING
 
 SURFACE_PLACES = 21
 EPILOG = """For a container by its contour (shape: revolution, prism, frustum, ...) the modes are
@@ -134,6 +135,11 @@ def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
         found.append(
             f"The first mode's crest is inside, {1e3 * first.crest_place:.1f} mm from the axis: "
             f"{first.crest_ratio:.3f} times as high as at the wall, of which heights are given."
+        )
+    if model.damping_ratio is None and model.container.digest:
+        found.append(
+            f"Damping is that of the wetted wall and {100.0 * TUNING.film:.0f} % of a surface "
+            "film that does not yield; slosh identify measures it."
         )
     if math.isfinite(limit):
         found.append(
