@@ -25,8 +25,8 @@ from scipy.integrate import solve_ivp
 
 from slosh_model.batch import wall_heights
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, Simulator, simulate
 
 C_SOURCE = """

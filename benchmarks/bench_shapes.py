@@ -14,9 +14,9 @@ import time
 
 import numpy as np
 
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.shapes import Frustum
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, Simulator
 
 GOAL = 1.02

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar, Self
 
-from slosh_model.containers import ROUND, Container, Cylinder
+from slosh_model.containers import ROUND, Container
 from slosh_model.limits import ValidityLimits
+from slosh_model.shapes.cylinder import Cylinder
 
 
 @dataclass(frozen=True)

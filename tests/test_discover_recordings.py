@@ -13,8 +13,8 @@ from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discover_data import day_motions, motions_of_day, read_motions
 from slosh_discovery.discover_data.unrelated import felt_acceleration
 from slosh_discovery.discovering import recorded_model
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.recording.settings import model_of

@@ -20,8 +20,8 @@ from typing import Any
 from result_tables import fill
 
 from slosh_bringup.cell.motions import MOTIONS
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.replay.result import accuracy_table
 from slosh_replay.tables.antisloshing import import_antisloshing

@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from slosh_bringup.explain.effect import bounds, usually
-from slosh_model.containers import SECTIONS, Cylinder, Rectangle
+from slosh_model.containers import SECTIONS
 from slosh_model.effects.base import Effect, Parameter
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs
 
 Array = NDArray[np.float64]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from slosh_model.containers import Rectangle
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.model import Model
+from slosh_model.shapes.rectangle import Rectangle
 
 STRENGTHS: dict[str, dict[str, float]] = {
     "vertical_acceleration": {},

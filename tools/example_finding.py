@@ -28,8 +28,8 @@ from slosh_discovery.discover.finding import (
 )
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.discovery_report import Command, DiscoveryReport
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
 
 Array = NDArray[np.float64]

@@ -33,10 +33,10 @@ from slosh_camera.optics.calibration import Calibration
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import look_at
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_testing.joint_driver import play_joints
 
 CAMERA = BoardCamera((640, 480), (1000.0, 1000.0), (319.5, 239.5), (0.0, 0.0, 0.0, 0.0, 0.0))

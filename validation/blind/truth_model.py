@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_model.containers import Cylinder
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
+from slosh_model.shapes.cylinder import Cylinder
 
 Array = NDArray[np.float64]
 Parameters = Mapping[str, float]

@@ -24,8 +24,8 @@ SAMPLES, TICK_NS = 200, 3_906_250  # 1/256 s: exact in both clocks
 
 def step(folder: Path) -> None:
     """A simulation sample by sample."""
-    from slosh_model.containers import Cylinder
     from slosh_model.model import Model
+    from slosh_model.shapes.cylinder import Cylinder
     from slosh_model.simulate import Simulator
 
     Simulator(Model(Cylinder(0.05, 0.07))).step(0.001, 1.0, 0.0, 0.0)
@@ -35,8 +35,8 @@ def live(folder: Path) -> None:
     """What the estimator node does before its first message."""
     from slosh_estimator.estimator import Estimator
     from slosh_estimator.sample import Sample
-    from slosh_model.containers import Cylinder
     from slosh_model.model import Model
+    from slosh_model.shapes.cylinder import Cylinder
 
     estimator = Estimator(Model(Cylinder(0.05, 0.07)))
     estimator.update(Sample(0, 0.0, 0.0, 0.0, 0.0, True))
@@ -109,9 +109,9 @@ def _digests(name: str, strengths: Mapping[str, Mapping[str, float]]) -> dict[st
 
     from slosh_estimator.estimator import Estimator
     from slosh_estimator.sample import Sample, Samples
-    from slosh_model.containers import Cylinder
     from slosh_model.measure import measured_heights
     from slosh_model.model import Model
+    from slosh_model.shapes.cylinder import Cylinder
     from slosh_model.simulate import Inputs, simulate
 
     cup = Model(Cylinder(0.05, 0.07), damping_ratio=0.02)

@@ -26,8 +26,8 @@ from slosh_discovery.identify import Identification, identify
 from slosh_discovery.identify.result import FoundParameter
 from slosh_discovery.identify.trials import make_trials
 from slosh_discovery.identify.workflow import answered
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
 from slosh_replay.tables.antisloshing import import_antisloshing
 

@@ -28,11 +28,11 @@ from slosh_discovery.discover import discover
 from slosh_discovery.discover.motion import MeasuredMotion
 from slosh_discovery.identify import identify
 from slosh_metrics.metrics import rms_error
-from slosh_model.containers import Rectangle
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.multimodal import Tanks, simulate_tanks
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.tables.antisloshing import import_antisloshing
 from slosh_tables.motion_table import read_motion_table

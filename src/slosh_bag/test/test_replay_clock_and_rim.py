@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.in_force import in_force
 from slosh_replay.recording.settings import NodeStart

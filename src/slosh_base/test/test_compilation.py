@@ -12,8 +12,8 @@ from slosh_base.compiled import compilation
 from slosh_base.compiled.code_digest import DIGEST, written
 from slosh_base.compiled.compilation import EntryPoint, load_all, uncompiled
 from slosh_model import kernel
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Simulator
 
 HEAD = """

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from slosh_base.files.errors import SloshFileError
 from slosh_bringup.cell.motion_source import load_motion, motion_from_table
 from slosh_bringup.cell.motions import LEVELS, MOTIONS, VERTICAL_LEVELS, CellMotion, make_motion
-from slosh_bringup.cell.truth import integrate_truth, read_sensors
+from slosh_bringup.cell.truth import Push, integrate_truth, read_sensors
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.processes import config_folder
 from slosh_model.constants import GRAVITY
@@ -127,3 +127,14 @@ def test_levels_are_those_of_the_paper(path):
 def test_a_rate_that_is_none_is_refused(rate):
     with pytest.raises(SloshBringupError, match="must be positive"):
         make_motion("c", rate)
+
+
+def test_a_push_gives_the_liquid_its_speed_and_no_sensor_tells_it():
+    motion = load_motion("l", 1000.0)
+    push = Push(0.1, 0.05)
+    given = push.acceleration(motion.t)
+    assert np.trapezoid(given[:, 0], motion.t) == pytest.approx(-0.05, rel=1e-3)
+    pushed, alone = (integrate_truth(TRUTH, motion, one) for one in (push, None))
+    before, after = motion.t < 0.1, (motion.t > 0.2) & (motion.t < 0.5)
+    assert np.array_equal(pushed.sh_x[before], alone.sh_x[before])
+    assert np.abs(pushed.sh_x - alone.sh_x)[after].max() > 1e-3

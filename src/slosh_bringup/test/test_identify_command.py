@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from slosh_bringup.cli.main import main
-from slosh_model.containers import Cylinder
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, read_model
 from slosh_model.motion_profiles import Cycle
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
 from slosh_replay.tables.table_bag import import_table
 from slosh_tables.motion_table import MotionTable, read_motion_table, write_motion_table

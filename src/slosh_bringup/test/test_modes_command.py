@@ -6,9 +6,9 @@ import math
 import pytest
 
 from slosh_bringup.cli.main import main
-from slosh_model.containers import Cylinder
 from slosh_model.model_text import read_model
 from slosh_model.potential_flow import finite_elements
+from slosh_model.shapes.cylinder import Cylinder
 
 CUP = (
     "container: {shape: frustum, bottom_radius: 0.028, top_radius: 0.04, height: 0.09, "

@@ -14,11 +14,12 @@ from slosh_bringup.live.run import check_files
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_camera.calibrate.intrinsics import read_known_camera
 from slosh_camera.errors import SloshCameraError
-from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.liquid import Liquid
 from slosh_model.model_text import read_model
 from slosh_model.potential_flow import finite_elements
 from slosh_model.shapes import Frustum
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_testing.commands import complaint
 
 needs_solver = pytest.mark.skipif(

@@ -11,9 +11,9 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.definitions import Definitions
 from slosh_bag.reader import BagReader
 from slosh_bringup.cli.main import main
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.tables.table_bag import write_table_bag
 from slosh_tables.motion_table import MotionTable

@@ -21,8 +21,8 @@ from slosh_discovery.discover_data.recording import (
 from slosh_discovery.discover_data.splitting import LEAD_IN_NS, LONGEST_NS, REST_NS, split
 from slosh_discovery.errors import SloshDiscoveryError
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.recording.motion import RecordedMotion
 from slosh_replay.tables.table_bag import write_table_bag

@@ -14,10 +14,11 @@ from slosh_discovery.identify.fitting import fit
 from slosh_discovery.identify.parameters import fitted_model, free_parameters
 from slosh_discovery.identify.problem import Problem
 from slosh_discovery.identify.trials import make_trials, neighbours_of, operating_speed
-from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import Model
 from slosh_model.motion_profiles import Cycle
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, State, simulate
 
 CUP = Cylinder(0.03, 0.067)

@@ -13,8 +13,8 @@ from slosh_estimator.sight import SATURATED
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.motion_spans import motion_spans
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 
 MS = 1_000_000

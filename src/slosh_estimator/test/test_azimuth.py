@@ -9,8 +9,8 @@ import pytest
 from slosh_estimator.azimuth import Surfaces, measured_waves, wave_offset
 from slosh_estimator.sight import SurfaceFlag
 from slosh_estimator.wave_presence import Pair, PresenceWatch
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 
 CUP = Model(Cylinder(0.05, 0.07), damping_ratio=0.01).spatial().nonlinear()

@@ -9,10 +9,11 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import EstimateFlag
-from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.limits import ValidityLimits
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, simulate
 
 MODEL = Model(Cylinder(0.05, 0.07, rim_height=0.09)).spatial()

@@ -17,11 +17,11 @@ from slosh_estimator.readings import has_readings
 from slosh_estimator.sample import Sample, Samples
 from slosh_estimator.validity import attitude_warning
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
 from slosh_model.pose import pose_rows
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, Response, simulate
 
 MS = 1_000_000

@@ -9,8 +9,8 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Kind, Source
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 
 MS = 1_000_000
 CUP = Model(Cylinder(0.05, 0.07, rim_height=0.085))

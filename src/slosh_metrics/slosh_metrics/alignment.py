@@ -21,29 +21,10 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_metrics.errors import SloshMetricsError
+from slosh_metrics.tuning import TUNING
 
-QUIET_WINDOW = 0.8
-"""Length of the quiet part from which level and noise are taken [s]."""
-ONSET_NOISES = 5.0
-"""Motion is what exceeds so many standard deviations of the noise,"""
-ONSET_SHARE = 0.5
-"""and this share of the series' own peak."""
-SUSTAINED = (3, 5)
-"""An onset needs so many exceeding samples out of so many: a single outlier is none."""
-SEARCH = 1.0
-"""Half-width of the search window around the onset's offset [s]: three periods of a cup."""
-BOWL = 0.02
-"""Half-width of the part around the minimum that gives its place and curvature [s]."""
-SEPARATION = 0.1
-"""Minima closer than this are one minimum with noise on it [s]."""
-STEP = 0.002
-"""Grid of offsets [s], refined by a parabola."""
-COVERAGE = 0.98
-"""Share of the model's span that measured samples must cover."""
-DISTINCT = 1.10
-"""A second minimum must be this much higher in RMS, or the offset is ambiguous."""
-OUTLIER_SHARE = 0.15
-"""A single sample that stands out of both neighbours by this share of the peak is an outlier."""
+SEARCH = TUNING.search
+DISTINCT = TUNING.distinct
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +80,8 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
     peak = int(np.nanargmax(despike(height)))
     best: StillLevel | None = None
     for first in range(0, peak, 5):
-        last = int(np.searchsorted(t, t[first] + QUIET_WINDOW))
-        if last > peak or t[last - 1] - t[first] < 0.9 * QUIET_WINDOW:
+        last = int(np.searchsorted(t, t[first] + TUNING.quiet_window))
+        if last > peak or t[last - 1] - t[first] < 0.9 * TUNING.quiet_window:
             continue
         part = height[first:last]
         level = float(np.median(part))
@@ -110,8 +91,8 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
             best = StillLevel(level, noise, float(t[first]), float(t[last - 1]))
     if best is None:
         raise SloshMetricsError(
-            f"no still part of {QUIET_WINDOW} s before the highest height at {t[peak]:.2f} s; "
-            "record the container at rest before the motion"
+            f"no still part of {TUNING.quiet_window} s before the highest height at "
+            f"{t[peak]:.2f} s; record the container at rest before the motion"
         )
     return best
 
@@ -119,7 +100,7 @@ def find_still_level(t: Array, height: Array) -> StillLevel:
 def despike(height: Array) -> Array:
     """The heights with single upward spikes set to NaN.
 
-    A spike is one sample that exceeds both its neighbours by more than OUTLIER_SHARE of the range
+    A spike is one sample that exceeds both its neighbours by over `outlier_share` of the range
     that 98 % of the samples lie in. Sloshing at 3 Hz seen at 60 Hz bends by 5 % of its amplitude
     from a sample to the next, so no crest is taken for a spike.
 
@@ -136,7 +117,7 @@ def spike_limit(height: Array) -> float:
     if finite.size < 3:
         return math.inf
     low, high = (float(np.quantile(finite, part)) for part in (0.01, 0.99))
-    return max(OUTLIER_SHARE * (high - low), 1e-9)
+    return max(TUNING.outlier_share * (high - low), 1e-9)
 
 
 def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:
@@ -159,7 +140,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
     """
     t, height = finite_series(t, height)
     above = np.abs(height) > threshold
-    needed, window = SUSTAINED
+    needed, window = TUNING.sustained
     counts = np.convolve(above, np.ones(window), mode="valid")
     starts = np.flatnonzero(above[: len(counts)] & (counts >= needed))
     if len(starts) == 0:
@@ -187,7 +168,7 @@ def onset_offset(
     """
     raised = despike(height) - still.level
     after = t >= still.start  # what was before the quiet part is not this motion
-    noise = ONSET_NOISES * still.noise
+    noise = TUNING.onset_noises * still.noise
     # On the measured series' own spacing, so that "sustained" means the same time in both.
     grid = np.arange(model_t[0], model_t[-1], float(np.median(np.diff(t))))
     coarse = np.interp(grid, model_t, model)
@@ -195,7 +176,7 @@ def onset_offset(
 
 
 def _rise(t: Array, height: Array, least: float) -> float:
-    return find_onset(t, height, max(least, ONSET_SHARE * float(np.nanmax(np.abs(height)))))
+    return find_onset(t, height, max(least, TUNING.onset_share * float(np.nanmax(np.abs(height)))))
 
 
 def estimate_clock_offset(
@@ -227,7 +208,7 @@ def estimate_clock_offset(
     if centre is None:
         centre = onset_offset(t, height, model_t, model, still)
     kept_t, raised = finite_series(t, despike(height) - still.level)
-    offsets = centre + np.arange(-search, search + STEP / 2.0, STEP)
+    offsets = centre + np.arange(-search, search + TUNING.offset_step / 2.0, TUNING.offset_step)
     costs = np.array([_mean_square(kept_t, raised, model_t, model, tau) for tau in offsets])
     if not np.isfinite(costs).any():
         raise SloshMetricsError(
@@ -262,7 +243,7 @@ def finite_series(t: Array, height: Array) -> tuple[Array, Array]:
     if t.shape != height.shape or t.ndim != 1:
         raise SloshMetricsError(f"time {t.shape} and heights {height.shape} do not match")
     kept = np.isfinite(height)
-    if np.count_nonzero(kept) < SUSTAINED[1]:
+    if np.count_nonzero(kept) < TUNING.sustained[1]:
         raise SloshMetricsError(f"only {np.count_nonzero(kept)} finite heights: no series")
     return t[kept], height[kept]
 
@@ -278,7 +259,7 @@ def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: 
     residual = _residual(t, height, model_t, model, offset)
     # Where both are known at the same moments, what the model lacks is missing on both sides.
     expected = min((model_t[-1] - model_t[0]) / float(np.median(np.diff(t))), len(model_t))
-    if len(residual) < COVERAGE * expected:
+    if len(residual) < TUNING.coverage * expected:
         return float("nan")
     return float(np.mean(residual**2))
 
@@ -289,7 +270,7 @@ def _vertex(offsets: Array, costs: Array, best: int) -> tuple[float, float]:
     A wide bowl, because from one step to the next the cost is rough: samples enter and leave the
     span at its ends. Curvature 0: the minimum is at the window's edge.
     """
-    width = round(BOWL / STEP)
+    width = round(TUNING.bowl / TUNING.offset_step)
     bowl = slice(best - width, best + width + 1)
     if best < width or best + width >= len(costs) or not np.isfinite(costs[bowl]).all():
         return float(offsets[best]), 0.0
@@ -297,7 +278,7 @@ def _vertex(offsets: Array, costs: Array, best: int) -> tuple[float, float]:
     second, first, _ = np.polyfit(x, costs[bowl], 2)
     if second <= 0.0:
         return float(offsets[best]), 0.0
-    shift = float(np.clip(-first / (2.0 * second), -BOWL, BOWL))
+    shift = float(np.clip(-first / (2.0 * second), -TUNING.bowl, TUNING.bowl))
     return float(offsets[best]) + shift, 2.0 * float(second)
 
 
@@ -320,7 +301,7 @@ def _runner_up(costs: Array, best: int) -> float:
     others = [
         float(filled[k])
         for k in range(1, len(filled) - 1)
-        if abs(k - best) * STEP >= SEPARATION
+        if abs(k - best) * TUNING.offset_step >= TUNING.separation
         and filled[k] < filled[k - 1]
         and filled[k] <= filled[k + 1]
     ]

@@ -19,30 +19,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_metrics.alignment import SEARCH, StillLevel, estimate_clock_offset, finite_series
 from slosh_metrics.errors import SloshMetricsError
-
-LEAST_COVERED = 20
-"""Fewer samples of a motion tell of no drift."""
-DRIFT_ROUNDS = 6
-"""Of the drift's least squares."""
-SURELY, LEAST_DRIFT, DRIFT_GAIN = 5.0, 5e-4, 0.3
-"""A drift is told of one motion where it is so many standard deviations, so large, and explains
-that share; of several where it is so many standard deviations,"""
-FEW = 4.0
-"""more by this over the degrees of freedom, as few points know their own scatter badly,"""
-LEAST_GAIN = 0.005
-"""and where the offset has changed by so much [s]."""
-MODEL_ERROR = 0.002
-"""By so much a motion's offset may be wrong as the model is [s]."""
-LEAST_OFFSET = 0.015
-"""A constant offset that is told is at least so large [s]: shorter than from image to image."""
-ROUGH = 0.02
-"""A motion whose offset is known no better says nothing [s]."""
-LEAST_MOTIONS = 4
-"""So many give an offset that grows."""
-KEPT = 500
-"""Motions that are remembered: drifts change with the temperature."""
-NEAR = 0.3
-"""Half-width of the search where the offset is known of the motions before [s]."""
+from slosh_metrics.tuning import TUNING
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +40,11 @@ class ClockDrift:
     def seen(self) -> bool:
         """Whether it is surely there, and more than a model's own errors look like."""
         size = abs(self.rate)
-        return size > SURELY * self.stddev and size > LEAST_DRIFT and self.gain > DRIFT_GAIN
+        return (
+            size > TUNING.drift_surely * self.stddev
+            and size > TUNING.least_drift
+            and self.gain > TUNING.drift_gain
+        )
 
     def text(self) -> str:
         """What it is, in one line."""
@@ -93,17 +74,21 @@ class ClockLine(NamedTuple):
     @property
     def drifts(self) -> bool:
         """Whether the offset surely grows."""
-        if self.freedom < LEAST_MOTIONS - 2:
+        if self.freedom < TUNING.least_motions - 2:
             return False
-        surely = SURELY * (1.0 + FEW / self.freedom)
+        surely = TUNING.drift_surely * (1.0 + TUNING.few / self.freedom)
         size = abs(self.rate)
-        return size > surely * self.rate_stddev and size * self.span > LEAST_GAIN
+        return size > surely * self.rate_stddev and size * self.span > TUNING.least_gain
 
     @property
     def is_apart(self) -> bool:
         """Whether the clocks surely differ, as more than one motion tells."""
         size = abs(self.offset)
-        return self.freedom >= 0 and size > SURELY * self.offset_stddev and size > LEAST_OFFSET
+        return (
+            self.freedom >= 0
+            and size > TUNING.drift_surely * self.offset_stddev
+            and size > TUNING.least_offset
+        )
 
 
 def drift_text(rate: float, stddev: float) -> str:
@@ -125,7 +110,7 @@ class ClockDriftWatch:
     def __init__(self) -> None:
         self.line: ClockLine | None = None
         self._best: ClockDrift | None = None
-        self._points: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
+        self._points: deque[tuple[float, float, float]] = deque(maxlen=TUNING.kept_motions)
 
     def add(
         self, t: Array, measured: Array, estimated: Array, motion: tuple[float, float]
@@ -142,19 +127,19 @@ class ClockDriftWatch:
         kept = t > np.concatenate([[-math.inf], np.maximum.accumulate(t)[:-1]])
         t, measured, estimated = t[kept], measured[kept], estimated[kept]
         part = (t >= motion[0]) & (t <= motion[1])
-        if np.count_nonzero(part) < LEAST_COVERED:
+        if np.count_nonzero(part) < TUNING.least_covered:
             return
         model_t, model = t[part], estimated[part]
         middle = 0.5 * float(model_t[0] + model_t[-1])
         try:
             found = estimate_clock_offset(
                 t, measured, model_t, model,
-                centre=self._foretold(middle), search=NEAR if self._points else SEARCH,
+                centre=self._foretold(middle), search=TUNING.near if self._points else SEARCH,
                 still=StillLevel(0.0, 0.0, float(t[0]), float(t[-1])),
             )  # fmt: skip
         except SloshMetricsError:
             return
-        if not found.unambiguous or not found.stddev < ROUGH:
+        if not found.unambiguous or not found.stddev < TUNING.rough_offset:
             return
         within = estimate_clock_drift(t, measured, model_t, model, found.offset)
         if self._best is None or within.stddev < self._best.stddev:
@@ -169,11 +154,16 @@ class ClockDriftWatch:
         None: none is seen, or the offsets of the motions contradict it.
         """
         line, best = self.line, self._best
-        if line is None or best is None or line.freedom >= LEAST_MOTIONS - 2 or not best.seen:
+        if (
+            line is None
+            or best is None
+            or line.freedom >= TUNING.least_motions - 2
+            or not best.seen
+        ):
             return None
         (begin, first, one), *_, (end, last, other) = (self._points[0], *self._points)
-        error = math.hypot(one, other, MODEL_ERROR, best.stddev * (end - begin))
-        agrees = abs(last - first - best.rate * (end - begin)) < SURELY * error
+        error = math.hypot(one, other, TUNING.model_error, best.stddev * (end - begin))
+        agrees = abs(last - first - best.rate * (end - begin)) < TUNING.drift_surely * error
         return best if agrees else None
 
     @property
@@ -227,9 +217,9 @@ class ClockDriftWatch:
 def _line(points: Array) -> ClockLine:
     """The line through offsets: (N, 3) moment, offset and its standard deviation [s]."""
     t, offset, stddev = points.T
-    weight = 1.0 / (stddev**2 + MODEL_ERROR**2)
+    weight = 1.0 / (stddev**2 + TUNING.model_error**2)
     since = t - t[-1]
-    if len(t) < LEAST_MOTIONS:
+    if len(t) < TUNING.least_motions:
         mean = float(np.average(offset, weights=weight))
         scatter = max(float(np.average((offset - mean) ** 2, weights=weight)), 1.0 / weight.sum())
         return ClockLine(
@@ -264,12 +254,12 @@ def estimate_clock_drift(
     t, height = finite_series(t, height)
     covered = (t >= model_t[0] + offset) & (t <= model_t[-1] + offset)
     t, height = t[covered] - offset, height[covered]
-    if len(t) < LEAST_COVERED:
+    if len(t) < TUNING.least_covered:
         return ClockDrift(0.0, math.inf, 0.0)
     middle, slope = 0.5 * float(t[0] + t[-1]), np.gradient(model, model_t)
     late = rate = 0.0
     powers = []
-    for _ in range(DRIFT_ROUNDS):
+    for _ in range(TUNING.drift_rounds):
         moments = t - late - rate * (t - middle)
         wave, rise = np.interp(moments, model_t, model), np.interp(moments, model_t, slope)
         columns = np.column_stack([wave, -rise, -rise * (t - middle)])

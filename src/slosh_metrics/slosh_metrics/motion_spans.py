@@ -19,23 +19,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array, Integers
 from slosh_metrics.input_checks.constancy import BIN_NS, Vector
 from slosh_metrics.input_checks.constant_finder import ConstantFinder
+from slosh_metrics.tuning import TUNING
 
-MOVING = 0.15
-"""How far the averaged acceleration lies from that at rest where the container moves [m/s²]."""
-BEGINNING = 1.1
-"""A recording that begins so long with a constant begins at rest [s]."""
-SETTLED = 1.0
-"""So long an input is constant before its slow drift is followed [s]."""
-TURNING = 0.05
-"""Tilting faster than this counts as moving, too [rad/s]: it moves the liquid as MOVING does."""
-PAUSE_NS = SECOND
-"""A rest of this length separates two motions."""
-AFTER_NS = SECOND
-"""How long after its end a motion's liquid still counts [ns]: no longer than the pause."""
+MOVING = TUNING.moving
+TURNING = TUNING.turning
+PAUSE_NS = TUNING.pause_ns
+AFTER_NS = TUNING.after_ns
 _NOTHING = (0.0,) * 5
 """Sums of three accelerations and two rates before the first sample."""
 
@@ -145,12 +137,12 @@ class MotionFinder:
         constant, seconds = self._finder.stretch.mean, self._finder.stretch.seconds
         away = math.dist(constant, self._base)
         if self._begins:
-            if seconds >= BEGINNING and math.hypot(*constant) > MOVING:
+            if seconds >= TUNING.beginning and math.hypot(*constant) > MOVING:
                 self._rest_at(constant)
                 self._spans.clear()  # what seemed to move was the constant
         elif resting is not None and math.hypot(*resting) > MOVING:
             self._rest_at(resting)
-        elif seconds >= SETTLED and any(self._base):
+        elif seconds >= TUNING.settled and any(self._base):
             if math.hypot(*constant) <= MOVING:
                 self._rest_at((0.0, 0.0, 0.0))
             elif away <= MOVING:

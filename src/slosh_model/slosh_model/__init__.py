@@ -9,12 +9,13 @@ from slosh_base.files.lazy_names import lazy_names
 from slosh_model import self_test as self_test  # its checks belong to the compiled functions
 from slosh_model import shapes as shapes  # its shapes become known to model files
 from slosh_model.batch import wall_heights
-from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import EffectUse, Model
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, Response, Simulator, State, simulate
 
 if TYPE_CHECKING:

@@ -1,9 +1,8 @@
 """Containers: their dimensions and what follows from them alone.
 
-Those here are upright, of constant cross-section and symmetric about their x and their y axis.
-Their antisymmetric waves n = 1, 2, … along an axis have the wave number ξₙ/R, with R from the axis
-to the wall and roots ξₙ that are those of the cross-section's shape. Those whose modes have no
-such closed form are in `slosh_model.shapes`.
+A container is symmetric about its x and its y axis. Its antisymmetric waves n = 1, 2, … along an
+axis have the wave number ξₙ/R, with R from the axis to the wall. Each shape is a module of
+`slosh_model.shapes`.
 """
 
 from __future__ import annotations
@@ -11,17 +10,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, ClassVar, NotRequired, Self, TypedDict, Unpack, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NotRequired, Self, TypedDict, Unpack, cast
 
 import numpy as np
 
 from slosh_base.types import Array
 from slosh_model.bessel import (
     MAXIMUM_MODE,
-    bessel_derivative_root,
-    check_mode,
     radial_shape,
 )
 from slosh_model.checks import within
@@ -29,6 +26,10 @@ from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.wall import Wall
+
+if TYPE_CHECKING:
+    from slosh_model.shapes.cylinder import Cylinder
+    from slosh_model.shapes.rectangle import Rectangle
 
 ROUND, RECTANGULAR = "round", "rectangular"
 REVOLVED, PRISMATIC = "revolved", "prismatic"
@@ -45,8 +46,6 @@ SECTIONS: Mapping[str, str] = MappingProxyType(
 """What each kind is, for people."""
 DIMENSIONS = (1e-4, 10.0)  # m; any other value is a unit mistaken for another
 X_AXIS, Y_AXIS = 0, 1
-# The formula's own rounding of the first root of J1'.
-FIRST_ROOT = 1.84
 
 _SHAPES: dict[str, type[Container]] = {}
 SHAPES: Mapping[str, type[Container]] = MappingProxyType(_SHAPES)
@@ -135,7 +134,9 @@ class Container(ABC):
         if "diameter" in given:
             within("diameter", given["diameter"], "m", *(2.0 * size for size in DIMENSIONS))
             given = {"radius": given["diameter"] / 2.0}
-        kind: type[Cylinder | Rectangle] = Cylinder if "radius" in given else Rectangle
+        kind = cast(
+            "type[Cylinder | Rectangle]", _SHAPES["cylinder" if "radius" in given else "rectangle"]
+        )
         return kind(**given, **heights)
 
     def __repr__(self) -> str:
@@ -329,203 +330,3 @@ class Container(ABC):
                 f"fill_height = {self.fill_height:g} m",
                 ("container", "rim_height"),
             )
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class Cylinder(Container):
-    """An upright circular cylinder.
-
-    >>> from slosh_model import Cylinder
-    >>> cup = Cylinder(radius=0.04, fill_height=0.06, rim_height=0.11)
-    >>> cup.size  # m
-    0.04
-
-    Attributes:
-        radius: inner radius R [m].
-        fill_height: height h of the still liquid above the floor [m].
-        rim_height: height of the rim above the floor [m]; None: unknown.
-
-    Raises:
-        SloshModelError: a dimension is outside DIMENSIONS, or the rim not above the liquid.
-    """
-
-    shape: ClassVar[str] = "cylinder"
-    section: ClassVar[str] = ROUND
-    nonlinear_effect: ClassVar[str] = "surface_nonlinearity"
-    built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType({})
-    straight_alone: ClassVar[bool] = False
-    validated: ClassVar[ValidityLimits] = ValidityLimits()
-
-    radius: float
-    fill_height: float
-    rim_height: float | None = None
-
-    def __post_init__(self) -> None:
-        within("container.radius", self.radius, "m", *DIMENSIONS)
-        self._check_heights()
-
-    def root(self, n: int) -> float:
-        """ξₙ, the n-th root of J₁′."""
-        return bessel_derivative_root(n)
-
-    @property
-    def reaches(self) -> tuple[float, float]:
-        """The radius, twice [m]."""
-        return self.radius, self.radius
-
-    @property
-    def volume(self) -> float:
-        """πR²h [m³]."""
-        return math.pi * self.radius**2 * self.fill_height
-
-    @property
-    def described(self) -> str:
-        """Its dimensions for people [mm]."""
-        return f"radius {1e3 * self.radius:g} mm, filled to {1e3 * self.fill_height:g} mm"
-
-    @property
-    def size(self) -> float:
-        """The radius [m]."""
-        return self.radius
-
-    @property
-    def size_name(self) -> str:
-        """Its name."""
-        return "radius"
-
-    def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """mₙ/m_F, the share of the liquid's mass that sloshes in mode n (DL22, eq. (4))."""
-        xi = bessel_derivative_root(n)
-        slenderness = xi * self.fill_height / self.radius
-        return 2.0 * self.depth_factor(n) / (slenderness * (xi**2 - 1.0))
-
-    def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """4 h mₙ/(m_F R) (DL22, eq. (22))."""
-        slenderness = self.fill_height / self.radius
-        return 4.0 * slenderness * self.mass_ratio(n)
-
-    def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Of the Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
-        return self.plane_gain(n) * self.root(n) ** 2 / 4.0
-
-    def widened(self, factor: float) -> Self:
-        """The same with a larger radius."""
-        return replace(self, radius=self.radius * factor)
-
-    def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ₁ of a smooth cylinder.
-
-        The empirical formula in Ibrahim, *Liquid Sloshing Dynamics* (2005), and Dodge, *The New
-        "Dynamic Behavior of Liquids in Moving Containers"* (2000).
-        """
-        viscous = math.sqrt(kinematic_viscosity / math.sqrt(GRAVITY * self.radius**3))
-        ratio = self.fill_height / self.radius
-        # 1/sinh and 1/cosh by exp(-x): a deep container must not overflow.
-        decay = math.exp(-FIRST_ROOT * ratio)
-        inverse_sinh = 2.0 * decay / (1.0 - decay**2)
-        inverse_cosh = 2.0 * decay / (1.0 + decay**2)
-        return 0.92 * viscous * (1.0 + 0.318 * inverse_sinh * (1.0 + (1.0 - ratio) * inverse_cosh))
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class Rectangle(Container):
-    """An upright container of rectangular cross-section.
-
-    Its liquid follows its yaw: the modes' axes are its own.
-
-    >>> from slosh_model import Rectangle
-    >>> tray = Rectangle(width=0.2, depth=0.1, fill_height=0.03)
-    >>> tray.size  # m
-    0.2
-
-    Attributes:
-        width: inner width w along the container's x [m].
-        depth: inner depth d along the container's y [m].
-        fill_height: height h of the still liquid above the floor [m].
-        rim_height: height of the rim above the floor [m]; None: unknown.
-
-    Raises:
-        SloshModelError: a dimension is outside DIMENSIONS, or the rim not above the liquid.
-    """
-
-    shape: ClassVar[str] = "rectangle"
-    section: ClassVar[str] = RECTANGULAR
-    nonlinear_effect: ClassVar[str] = "pendulum_nonlinearity"
-    built_in: ClassVar[Mapping[str, Mapping[str, float]]] = MappingProxyType(
-        {"yaw_coupling": MappingProxyType({"kappa": 1.0})}
-    )
-    straight_alone: ClassVar[bool] = True
-    # The motions that TM20 measured, quintic with a stroke of 100 mm and b = 0.4: the slowest and
-    # the fastest of the speeds up to which the surface is a line (Table 4: 42 … 57 1/min).
-    validated: ClassVar[ValidityLimits] = ValidityLimits(
-        acceleration=3.3, jerk=80.0, planar_acceleration=1.8, planar_jerk=32.0
-    )
-
-    width: float
-    depth: float
-    fill_height: float
-    rim_height: float | None = None
-
-    def __post_init__(self) -> None:
-        within("container.width", self.width, "m", *DIMENSIONS)
-        within("container.depth", self.depth, "m", *DIMENSIONS)
-        self._check_heights()
-
-    def root(self, n: int) -> float:
-        """ξₙ = (2n - 1) π/2: half a wave, three halves and so on lie between the walls."""
-        check_mode(n)
-        return (2 * n - 1) * math.pi / 2.0
-
-    @property
-    def reaches(self) -> tuple[float, float]:
-        """Half the width and half the depth [m]."""
-        return self.width / 2.0, self.depth / 2.0
-
-    @property
-    def volume(self) -> float:
-        """W d h [m³]."""
-        return self.width * self.depth * self.fill_height
-
-    @property
-    def described(self) -> str:
-        """Its dimensions for people [mm]."""
-        sides = f"width {1e3 * self.width:g} mm, depth {1e3 * self.depth:g} mm"
-        return f"{sides}, filled to {1e3 * self.fill_height:g} mm"
-
-    @property
-    def size(self) -> float:
-        """The width [m]."""
-        return self.width
-
-    @property
-    def size_name(self) -> str:
-        """Its name."""
-        return "width"
-
-    def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """mₙ/m_F = 2 R tanh(ξₙ h/R)/(ξₙ³ h) (Ibrahim 2005, ch. 5; Dodge 2000, ch. 3)."""
-        xi = self.root(n)
-        return 2.0 * self.depth_factor(n, axis) * self.reaches[axis] / (xi**3 * self.fill_height)
-
-    def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """ωₙ² R/g: the straight line takes all of a static tilt (TM20, eq. (9), η = θ w/2)."""
-        return self.root(n) * self.depth_factor(n, axis)
-
-    def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Of a standing wave, sin(ξₙ x/R): 2/ξₙ² of the line's, together with all others all."""
-        return 2.0 / self.root(n) ** 2 * self.plane_gain(n, axis)
-
-    def widened(self, factor: float) -> Self:
-        """The same with a larger width and depth."""
-        return replace(self, width=self.width * factor, depth=self.depth * factor)
-
-    def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ₁ along the longer side, from the layers on floor and walls (Keulegan 1959)."""
-        along, across = max(self.width, self.depth), min(self.width, self.depth)
-        axis = X_AXIS if self.width >= self.depth else Y_AXIS
-        omega, k = self.natural_frequency(1, axis), math.pi / along
-        # 2kh/sinh(2kh) by exp(-x): a deep container must not overflow.
-        decay = math.exp(-2.0 * k * self.fill_height)
-        floor = 2.0 * k * self.fill_height * 2.0 * decay / (1.0 - decay**2)
-        layers = floor / (2.0 * self.fill_height) + (1.0 - floor) / along + 1.0 / across
-        return math.sqrt(kinematic_viscosity / (2.0 * omega)) * layers

@@ -13,12 +13,13 @@ from slosh_base.files.bounded_text import read_text
 from slosh_base.files.errors import TextFileError, YamlError
 from slosh_base.files.nearest import did_you_mean
 from slosh_base.files.yaml_document import KeyPath, dotted, format_yaml, parse_yaml, shown
-from slosh_model.containers import SHAPES, Container, Cylinder
+from slosh_model.containers import SHAPES, Container
 from slosh_model.covariance import Covariance
 from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.table_text import points_of, solved_section, with_solved
 
 KEYS = (

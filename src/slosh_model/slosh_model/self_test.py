@@ -18,12 +18,13 @@ from slosh_base.compiled.compilation import EntryPoint, uncompiled
 from slosh_base.compiled.compile_cache import cache_folder
 from slosh_base.types import Array
 from slosh_model import batch_kernel, kernel
-from slosh_model.containers import Cylinder, Rectangle
 from slosh_model.effects.base import Effect
 from slosh_model.effects.registry import BY_HOOK, READING_MEMORY_COUNT
 from slosh_model.errors import SloshModelError
 from slosh_model.layout import divided
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, effect_parameters, store_of
 
 TOLERANCE, LEAST = 1e-9, 1e-13

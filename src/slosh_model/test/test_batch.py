@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_model.batch import wall_heights
-from slosh_model.containers import Cylinder
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 
 CUP = Cylinder(0.05, 0.07)

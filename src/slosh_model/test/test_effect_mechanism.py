@@ -162,7 +162,7 @@ import sys
 import numpy as np
 from scipy.integrate import solve_ivp
 from slosh_model import kernel
-from slosh_model.containers import Cylinder
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
@@ -302,7 +302,7 @@ def test_each_kind_of_effect_is_one_module_and_an_edit_is_never_missed(package):
 
 SHORT = """
 import numpy as np
-from slosh_model.containers import Cylinder
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 t = np.linspace(0.0, 0.4, 101)

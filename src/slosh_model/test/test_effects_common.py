@@ -7,12 +7,12 @@ import pytest
 from example_effects import in_fitting_container
 from scipy.spatial.transform import Rotation
 
-from slosh_model.containers import Cylinder
 from slosh_model.effects.base import Stage
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.measure import predicted_heights
 from slosh_model.model import EffectUse, Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, Simulator, simulate
 
 # Every effect with values that are not neutral.

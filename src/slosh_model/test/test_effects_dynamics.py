@@ -8,9 +8,9 @@ import pytest
 from scipy.special import jnp_zeros
 
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, State, simulate
 
 RADIUS, FILL = 0.05, 0.07

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_model.containers import Cylinder
 from slosh_model.measure import measured_heights, predicted_heights
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, Response, State, simulate
 
 RADIUS = 0.05

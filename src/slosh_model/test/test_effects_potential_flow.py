@@ -8,10 +8,10 @@ from cylinder_waves import CylinderWaves
 from scipy.integrate import quad
 from scipy.special import jnp_zeros, jv
 
-from slosh_model.containers import Cylinder
 from slosh_model.effects import bound_modes
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, Response, State, simulate
 
 RADIUS = 0.05

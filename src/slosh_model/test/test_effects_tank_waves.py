@@ -8,11 +8,11 @@ import pytest
 
 from slosh_base.compiled.compilation import uncompiled
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Rectangle
 from slosh_model.effects.amplitude_stiffening import frequency_shift
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
 from slosh_model.multimodal import Tanks, simulate_tanks
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, Response, State, simulate
 
 WIDTH, DEPTH = 0.1, 0.08

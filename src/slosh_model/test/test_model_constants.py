@@ -11,11 +11,11 @@ from scipy.special import jnp_zeros, jvp
 
 from slosh_model.bessel import bessel_derivative_root, radial_shape
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.liquid import Liquid
 from slosh_model.model import Model
 from slosh_model.modes import Mode
+from slosh_model.shapes.cylinder import Cylinder
 
 CUP = Cylinder(0.05, 0.07)
 radii = st.floats(0.01, 1.0)

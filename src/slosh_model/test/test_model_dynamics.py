@@ -9,9 +9,9 @@ import sympy
 from scipy.integrate import solve_ivp
 
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, State, simulate
 
 CUP = Cylinder(0.05, 0.07)

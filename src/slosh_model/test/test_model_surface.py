@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import dblquad
 from scipy.special import j1, jnp_zeros
 
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_model.surface import (
     bessel_surface,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slosh_model.containers import SHAPES, Cylinder, Rectangle
+from slosh_model.containers import SHAPES
 from slosh_model.covariance import covariance_of
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import ModelFileError, SloshModelError
@@ -18,6 +18,8 @@ from slosh_model.limits import ValidityLimits
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
 from slosh_model.model_text import format_model, parse_model, read_model
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 
 TEXT = """\
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
@@ -65,10 +67,10 @@ RECTANGLE = "container: {shape: rectangle, width: 0.06, depth: 0.04, fill_height
             "container: {shape: rectangle, radius: 0.06, width: 1, depth: 1, fill_height: 1}",
             r"unknown key 'container.radius' \(known: shape, width, depth, fill_height, rim",
         ),
-        ("container: {shape: oval}", r"container.shape = 'oval' \(known: cylinder, rectangle, "),
+        ("container: {shape: oval}", r"container.shape = 'oval' \(known: cylinder, "),
         (
             "container: {shape: [1], radius: 1}",
-            r"container.shape = .*\(known: cylinder, rectangle",
+            r"container.shape = .*\(known: cylinder, ",
         ),
         (
             RECTANGLE + "effects:\n  - name: surface_nonlinearity",

@@ -7,9 +7,9 @@ import pickle
 import numpy as np
 import pytest
 
-from slosh_model.containers import Cylinder
 from slosh_model.errors import SloshModelError
 from slosh_model.model import EffectUse, Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, Simulator, State, simulate
 
 CUP = Cylinder(0.05, 0.07)

@@ -9,12 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import X_AXIS, Y_AXIS, Cylinder, Rectangle
+from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.effects.registry import EFFECTS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.multimodal import Tanks, simulate_tanks
 from slosh_model.self_test import example_parameters
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.simulate import Inputs, State, simulate
 from slosh_model.surface import rectangle_surface, sloshing_height
 

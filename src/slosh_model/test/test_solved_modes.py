@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from slosh_model import Inputs, Model, SloshModelError, simulate, wall_heights
 from slosh_model.constants import GRAVITY
-from slosh_model.containers import _SHAPES, Cylinder, Rectangle
+from slosh_model.containers import _SHAPES
 from slosh_model.mode_table import mode_table
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.potential_flow import axisymmetric, cache, finite_elements
@@ -29,6 +29,8 @@ from slosh_model.shapes import (
     Tray,
 )
 from slosh_model.shapes.contour import Piece, arc, line
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.shapes.round_cups import RoundCup
 from slosh_model.shapes.solved import SolvedContainer, solved_modes
 from slosh_model.surface import rectangle_surface, surface_height

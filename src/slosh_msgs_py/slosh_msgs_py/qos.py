@@ -30,6 +30,8 @@ def _profile(reliability: Reliability, durability: Durability, depth: int) -> Qo
 
 STREAM_OUT: Final = _profile(Reliability.RELIABLE, Durability.VOLATILE, STREAM_DEPTH)
 """To publish accelerations, estimates, measurements."""
+LATCHED_STREAM: Final = _profile(Reliability.RELIABLE, Durability.TRANSIENT_LOCAL, 1)
+"""To publish what a late reader needs at once, and what comes again and again."""
 STREAM_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, STREAM_DEPTH)
 """To read them: sensor data, with room for a pause."""
 NEWEST_IN: Final = _profile(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)

@@ -29,6 +29,11 @@ EXPECTED_READING: Final = "expected_reading"
 """Of models with effects on the measurement, beside each estimate."""
 ESTIMATOR_STATE: Final = "estimator_state"
 """What the estimator's next answers depend on, some times a second."""
+FUSED_ESTIMATE: Final = "fused_estimate"
+"""The liquid's state by model and measured heights together."""
+CALM: Final = "calm"
+IS_CALM: Final = "is_calm"
+"""The same as `calm`, as a plain Bool."""
 COMPARISON: Final = "comparison"
 LIMIT_EVENT: Final = "limit_event"
 SETTINGS: Final = "settings"
@@ -48,6 +53,8 @@ TF: Final = "/tf"
 TF_STATIC: Final = "/tf_static"
 ROBOT_DESCRIPTION: Final = "/robot_description"
 
+WAIT_UNTIL_CALM: Final = "wait_until_calm"
+"""The action: ends when the liquid is calm."""
 PREDICT: Final = "predict"
 PLAN: Final = "plan"
 PLAN_MOTION: Final = "plan_motion"
@@ -141,6 +148,9 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
+    Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
+    Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),
+    Topic(IS_CALM, "std_msgs/msg/Bool", _ANSWER, remappable=True, latched=True),
     Topic(COMPARISON, "slosh_msgs/msg/SloshComparison", _ANSWER, remappable=True, page=True),
     Topic(
         LIMIT_EVENT, "slosh_msgs/msg/LimitEvent", _ANSWER,
@@ -173,7 +183,10 @@ SERVICES: tuple[Service, ...] = (
     Service(PREDICT, "slosh_msgs/srv/PredictSlosh"),
     Service(PLAN, "slosh_msgs/srv/PlanMotion"),
 )
-ACTIONS: tuple[Service, ...] = (Service(PLAN_MOTION, "slosh_msgs/action/PlanMotion"),)
+ACTIONS: tuple[Service, ...] = (
+    Service(PLAN_MOTION, "slosh_msgs/action/PlanMotion"),
+    Service(WAIT_UNTIL_CALM, "slosh_msgs/action/WaitUntilCalm"),
+)
 DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 """Topics that can drive the models, by the value of the estimator's parameter `input`."""
 

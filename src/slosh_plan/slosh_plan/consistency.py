@@ -13,13 +13,8 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_model.interpolation import columns_at
 from slosh_plan.errors import SloshPlanError
+from slosh_plan.tuning import TUNING
 
-STEP = 0.1
-"""W, shorter than half a period of the liquid [s]; longer where samples are far apart."""
-SAMPLES = 4
-"""Usual intervals between samples that W has at least."""
-SHARE = 0.25
-"""Of the greatest mean that two fields may differ by: samples far apart know no better,"""
 NOISE = {"positions": 2.5e-4, "velocities": 2.5e-3}
 """and what the lower field itself may be wrong by [m, m/s]."""
 _UNITS = {"velocities": "m/s", "accelerations": "m/s²"}
@@ -59,14 +54,14 @@ def check_consistent(
 def _check_pair(
     name: str, t: Array, lower: tuple[str, Array], upper: tuple[str, Array], order: int
 ) -> None:
-    step = max(STEP, SAMPLES * float(np.median(np.diff(t))))
+    step = max(TUNING.window, TUNING.window_samples * float(np.median(np.diff(t))))
     step = min(step, float(t[-1] - t[0]) / (order + 1))
     told = _differences(t, lower[1], order, step)
     meant = _differences(t, _integrated(t, upper[1], order), order, step)
     apart = np.linalg.norm(told - meant, axis=1)
     greatest = max(np.linalg.norm(side, axis=1).max() for side in (told, meant))
     row = int(np.argmax(apart))
-    if apart[row] <= SHARE * greatest + 2.0**order * NOISE[lower[0]] / step**order:
+    if apart[row] <= TUNING.share * greatest + 2.0**order * NOISE[lower[0]] / step**order:
         return
     axis = int(np.argmax(np.abs(told[row] - meant[row])))
     unit = _UNITS[upper[0]]

@@ -30,22 +30,12 @@ from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import check_start, checked_horizon
 from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import LONGEST, PEAK_SPACING, Trajectory
+from slosh_plan.tuning import TUNING
 from slosh_plan.validity import greatest
 
 Bools = NDArray[np.bool_]
 
-COUNT = 1000
-"""Scales that are looked at."""
-SLOWEST = 10.0
-"""Where the bound tells nothing, or less."""
-ROUNDS, PARTS = 2, 16
-"""An edge's bracket is divided so often, into so many parts."""
-SCAN_STEP = 0.005
-"""Sampling, and integration, of the scan [s]; what comes near a limit is simulated in full."""
-BATCH = 1_000_000
-"""So many samples are simulated at a time: 65 MB, with attitudes 250 MB."""
-DOUBT = 0.02
-"""How near, as a share of the limit, and of the residual's, of the peak."""
+COUNT = TUNING.scales
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +128,7 @@ def safe_scales(
     nonlinear = model.nonlinear()
     bound = None if state is not None else _bound(nonlinear, trajectory, kept)
     fastest = _fastest(nonlinear, trajectory)
-    ceiling = max(min(SLOWEST, LONGEST / trajectory.duration), 1.01 * fastest)
+    ceiling = max(min(TUNING.slowest, LONGEST / trajectory.duration), 1.01 * fastest)
     slowest = min(max(1.05 * bound, 1.01 * fastest), ceiling) if bound else ceiling
     modal = state.nonlinear if state else None
     scan = _Scan(nonlinear, trajectory, kept, modal, horizon, _Budget(most))
@@ -209,17 +199,19 @@ class _Scan:
         # Of a container that turns all samples are taken.
         fewest = len(self.trajectory.t) if self.trajectory.turns else 0
         found: list[Extremes] = []
-        for batch in self._batches(scales, SCAN_STEP, fewest):
+        for batch in self._batches(scales, TUNING.scan_step, fewest):
             inputs, ends = [], []
             for scale in batch:
-                motion = averaged.scaled(float(scale), SCAN_STEP)
-                inputs.append(motion.inputs(self.horizon, SCAN_STEP))
+                motion = averaged.scaled(float(scale), TUNING.scan_step)
+                inputs.append(motion.inputs(self.horizon, TUNING.scan_step))
                 ends.append(float(motion.t[-1]))
-            found += all_extremes(self.model, inputs, ends, self.modal, max_step=2.0 * SCAN_STEP)
+            found += all_extremes(
+                self.model, inputs, ends, self.modal, max_step=2.0 * TUNING.scan_step
+            )
         return found
 
     def _batches(self, scales: Array, spacing: float, fewest: int) -> list[Array]:
-        """The scales in parts of BATCH samples.
+        """The scales in parts of TUNING.batch samples.
 
         Args:
             scales: the scales.
@@ -232,7 +224,7 @@ class _Scan:
         moving = np.maximum(self.trajectory.duration * scales / spacing, fewest)
         samples = moving + self.horizon / spacing
         self.budget.take(samples)
-        parts = np.cumsum(samples) // BATCH
+        parts = np.cumsum(samples) // TUNING.batch
         return np.split(scales, np.flatnonzero(np.diff(parts)) + 1)
 
     def _keeps(self, one: Extremes) -> bool:
@@ -242,8 +234,8 @@ class _Scan:
         height, residual = self.limits.height, self.limits.residual
         if not math.isfinite(one.peak):
             return False
-        near = abs(one.peak - height) < DOUBT * height if math.isfinite(height) else False
-        slack = DOUBT * (residual + 0.25 * one.peak)
+        near = abs(one.peak - height) < TUNING.doubt * height if math.isfinite(height) else False
+        slack = TUNING.doubt * (residual + 0.25 * one.peak)
         return near or (math.isfinite(residual) and abs(one.residual - residual) < slack)
 
 
@@ -254,8 +246,8 @@ def _refined(
     edges = np.flatnonzero(safe[1:] != safe[:-1])
     low, high = scales[edges], scales[edges + 1]
     rising = safe[edges + 1]
-    for _ in range(ROUNDS if len(edges) else 0):
-        share = np.arange(1, PARTS) / PARTS
+    for _ in range(TUNING.scale_rounds if len(edges) else 0):
+        share = np.arange(1, TUNING.scale_parts) / TUNING.scale_parts
         inner = low[:, np.newaxis] + (high - low)[:, np.newaxis] * share
         ok = exact(inner.ravel()).reshape(inner.shape)
         for edge in range(len(edges)):

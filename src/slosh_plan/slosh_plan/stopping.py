@@ -26,20 +26,11 @@ from slosh_plan.planning.time_law import STEP, whole_rows
 from slosh_plan.prediction import check_start
 from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
+from slosh_plan.tuning import TUNING
 
-PERIODS = 8.0
-"""Of the first mode that are looked at after the stop."""
-RATIO = 1.03
-"""From one duration to the next."""
-LONGEST = 10.0
-"""Duration up to which a stop is looked for [s]."""
 EARLIER = (0.0, -2.0, 2.0, -4.0, 4.0, -6.0, 6.0, -8.0, 8.0)
 LATER = (0.0, -4.0, 4.0, -8.0, 8.0, -12.0, 12.0, -16.0, 16.0)
 """Sizes of the two bumps, in units of the speed."""
-COARSE, SEARCHED = 0.004, 1.5
-"""Sampling of the search [s], and how many periods it looks at after the stop."""
-ROWS = 61
-"""Of a law, by which the search tells its acceleration and jerk."""
 BACKWARDS = 1e-9
 """Of the speed."""
 
@@ -125,7 +116,7 @@ def safe_stop(
         state: the liquid now; None: at rest.
 
     Raises:
-        NoSafeStopError: none of up to LONGEST seconds keeps them.
+        NoSafeStopError: none of up to TUNING.longest_stop seconds keeps them.
         SloshPlanError: no movement, values that are not finite, an acceleration or a height that
             exceeds its limit already, the state of another model.
     """
@@ -139,18 +130,22 @@ def safe_stop(
         if not allowed:
             continue
         quickest = duration if math.isnan(quickest) else quickest
-        rough = _heights(nonlinear, moving, duration, allowed, modal, COARSE, SEARCHED)
+        rough = _heights(
+            nonlinear, moving, duration, allowed, modal, TUNING.stop_coarse, TUNING.searched
+        )
         lowest = min(lowest, *(one.peak for one in rough))
         excess = [_excess(one, limits) for one in rough]
         chosen = allowed[int(np.argmin(excess))]
         if min(excess) > 0.0 or not _keeps(moving, duration, chosen, limits):
             continue
-        (found,) = _heights(nonlinear, moving, duration, [chosen], modal, STEP, PERIODS)
+        (found,) = _heights(
+            nonlinear, moving, duration, [chosen], modal, STEP, TUNING.stop_periods
+        )
         if _excess(found, limits) <= 0.0:
             return _stop(moving, duration, chosen, found, quickest)
     raise NoSafeStopError(
-        f"no stop of up to {LONGEST:g} s keeps {1e3 * limits.height:.3g} mm, afterwards "
-        f"{1e3 * limits.residual:.3g} mm; the lowest height found is {1e3 * lowest:.3g} "
+        f"no stop of up to {TUNING.longest_stop:g} s keeps {1e3 * limits.height:.3g} mm, "
+        f"afterwards {1e3 * limits.residual:.3g} mm; the lowest found is {1e3 * lowest:.3g} "
         "mm"
     )
 
@@ -175,16 +170,16 @@ def _checked(velocity: ArrayLike, acceleration: ArrayLike, limits: PlanLimits) -
 
 
 def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
-    """From what the acceleration allows at best to LONGEST [s]."""
+    """From what the acceleration allows at best to TUNING.longest_stop [s]."""
     duration = whole_rows(max(moving.speed / limits.acceleration, 10.0 * STEP))
-    while duration <= LONGEST:
+    while duration <= TUNING.longest_stop:
         yield duration
-        duration = whole_rows(max(RATIO * duration, duration + STEP))
+        duration = whole_rows(max(TUNING.stop_ratio * duration, duration + STEP))
 
 
 def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple[float, float]]:
     """Bumps whose law keeps acceleration and jerk, as far as some rows tell, and its direction."""
-    t = np.linspace(0.0, duration, ROWS)
+    t = np.linspace(0.0, duration, TUNING.stop_rows)
     plain, early, late = (
         moving.law(duration, pair, t) for pair in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     )

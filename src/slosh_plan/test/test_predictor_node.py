@@ -24,7 +24,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.motion_profiles import quintic
-from slosh_msgs.msg import MotionPrediction, PredictionOutcome, SloshEstimate
+from slosh_msgs.msg import FusedEstimate, MotionPrediction, PredictionOutcome, SloshEstimate
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import WARN
@@ -225,6 +225,34 @@ def test_the_liquid_goes_on_from_the_estimate(cell: Cell) -> None:
     assert "0x20" in told(0.0, flags=0x20).message
     high = cell.ask(from_estimate=True, limit=0.001)
     assert not high.success
+    cell.probe.destroy_publisher(publisher)
+
+
+def test_the_liquid_goes_on_from_a_trusted_fused_state(cell: Cell) -> None:
+    publisher = cell.probe.create_publisher(FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_OUT)
+    cell.until(lambda: publisher.get_subscription_count() > 0)
+
+    def told(age: float, *, trusted: bool = True) -> PredictSlosh.Response:
+        message = FusedEstimate(trusted=trusted)
+        now = cell.probe.get_clock().now().nanoseconds
+        message.header.stamp = to_time(int(now - age * 1e9))
+        message.modal_position, message.modal_velocity = [0.003, 0.0], [0.0, 0.02]
+        publisher.publish(message)
+        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
+        time.sleep(0.1)
+        return cell.ask(from_estimate=True, limit=0.05)
+
+    for _ in range(10):  # a state is old when a busy machine holds this process up
+        answer = told(0.0)
+        if answer.success:
+            break
+    assert answer.success, answer.message
+    state = LiquidState([[0.003, 0.0, 0.0, 0.02]], [[0.003, 0.0, 0.0, 0.02]])
+    (found,) = predict(MODEL, motion(), state=state)
+    assert answer.peak_nonlinear == found.nonlinear.peak
+    # There is no usable open-loop estimate to fall back on.
+    assert not told(5.0).success
+    assert not told(0.0, trusted=False).success
     cell.probe.destroy_publisher(publisher)
 
 

@@ -1,5 +1,7 @@
 """Which time scales are safe, on motions where that is not monotone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from slosh_plan import (
     safe_scales,
     scaling,
 )
+from slosh_plan.tuning import TUNING
 
 
 def safe_at(model, motion, limits, scales):
@@ -73,5 +76,5 @@ def test_parts_of_the_scales_give_the_same_answer(monkeypatch, turns):
     attitude = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)) if turns else None
     motion, limits = Trajectory(t, acceleration, attitude), HeightLimits(0.01, 0.002)
     whole = safe_scales(MODEL, motion, limits, count=50)
-    monkeypatch.setattr(scaling, "BATCH", 3000)
+    monkeypatch.setattr(scaling, "TUNING", replace(TUNING, batch=3000))
     assert safe_scales(MODEL, motion, limits, count=50) == whole

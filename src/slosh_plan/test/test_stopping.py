@@ -9,6 +9,7 @@ from slosh_plan import LiquidState, stopping
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.stopping import NoSafeStopError, safe_stop
+from slosh_plan.tuning import TUNING
 
 LIMITS = PlanLimits(0.015, 0.015, 9.5, 74.0)
 # The cup of conftest: R 50, h 70 mm, ζ 0.01.
@@ -90,7 +91,7 @@ def test_the_liquid_costs_time_and_a_wave_that_helps_costs_less(cup):
 
 
 def test_no_stop_is_said(cup, monkeypatch):
-    monkeypatch.setattr(stopping, "LONGEST", 1.0)
+    monkeypatch.setattr(stopping, "TUNING", replace(TUNING, longest_stop=1.0))
     state = live(cup, 0.05)
     with pytest.raises(NoSafeStopError, match=r"no stop of up to 1 s keeps 15 mm, .* found is"):
         safe_stop(cup, [0.5, 0.0, 0.0], replace(LIMITS, residual=1e-5), state=state)

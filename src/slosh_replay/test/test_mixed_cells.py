@@ -12,8 +12,8 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import PUBLISHERS, SEVERAL
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.one_estimator import OneEstimator
 

@@ -11,8 +11,8 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_estimator.limits import Event, Kind, Source
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.replay.report import Surroundings, event_spans, replay_report

@@ -9,9 +9,9 @@ from example_effects import STRENGTHS
 from scipy.spatial.transform import Rotation
 
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_model.containers import Cylinder
 from slosh_model.measure import predicted_heights
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
 from slosh_replay.replay import replay_bag, replay_table
 from slosh_replay.replay.nodes import Outputs

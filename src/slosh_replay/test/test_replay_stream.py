@@ -5,8 +5,8 @@ import pytest
 
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.replay.input_matching import InputMatcher

@@ -20,8 +20,8 @@ from slosh_estimator.inputs import InputSettings
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 
 Array = NDArray[np.float64]
 MODEL = Model(Cylinder(0.04, 0.06), damping_ratio=0.01)

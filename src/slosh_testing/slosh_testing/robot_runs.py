@@ -16,9 +16,9 @@ import scipy.io
 from numpy.typing import NDArray
 
 from slosh_bringup.cell.motions import make_motion
-from slosh_model.containers import Cylinder
 from slosh_model.measure import measured_heights
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
 
 Array = NDArray[np.float64]

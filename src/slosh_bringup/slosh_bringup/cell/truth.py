@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from slosh_bringup.cell.motions import CellMotion
 from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+
+PUSHED = 0.1
+"""How long a push lasts [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +43,28 @@ class TruthLiquid:
         )
 
 
-def integrate_truth(model: Model, motion: CellMotion) -> TruthLiquid:
+class Push(NamedTuple):
+    """A push by hand that the liquid feels and no sensor.
+
+    Attributes:
+        at: when it begins [s]; it lasts PUSHED.
+        speed: that it gives the liquid along x [m/s].
+    """
+
+    at: float
+    speed: float
+
+    def acceleration(self, t: Array) -> Array:
+        """(N, 3) of the container that would push the liquid alike, at moments (N,) [m/s²]."""
+        part = (t - self.at) / PUSHED
+        strength = 0.5 * np.pi * self.speed / PUSHED
+        found = np.zeros((len(t), 3))
+        inside = (part >= 0.0) & (part < 1.0)
+        found[inside, 0] = -strength * np.sin(np.pi * part[inside])
+        return found
+
+
+def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) -> TruthLiquid:
     """The truth liquid of a motion, from rest.
 
     A tilted container's liquid feels gravity from the side, a = Rᵀ(a + g ẑ) − g ẑ: the truth
@@ -48,8 +73,11 @@ def integrate_truth(model: Model, motion: CellMotion) -> TruthLiquid:
     Args:
         model: the truth model.
         motion: the container's motion.
+        push: by hand; None: there is none.
     """
     felt = motion.specific_force() - np.array([0.0, 0.0, GRAVITY])
+    if push is not None:
+        felt = felt + push.acceleration(motion.t)
     response, _ = simulate(model, Inputs(motion.t, felt))
     return TruthLiquid(response.t, response.sh_x, response.sh_y)
 

@@ -43,6 +43,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="number of times that the motion is played (default %(default)s)",
     )
+    parser.add_argument(
+        "--push", type=float, metavar="T",
+        help="a hand pushes the liquid after T seconds, which no sensor of the robot tells",
+    )  # fmt: skip
+    parser.add_argument(
+        "--camera-stop", type=float, nargs=2, metavar=("FROM", "TO"),
+        help="the camera sends no images from FROM to TO [s]",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     add_watch(parser)
 
@@ -64,6 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     played = str(Path(name).resolve()) if name.endswith(TABLE_ENDINGS) else name
     setup = default_setup()
     given = {"motion": played, "repeat": str(arguments.repeat)}
+    if arguments.push is not None:
+        given["push_at"] = str(arguments.push)
+    if arguments.camera_stop is not None:
+        given["camera_stop"] = str(arguments.camera_stop)
     if arguments.model is None:
         given |= {
             "model": str(config_folder() / "truth.yaml"), "calibration": str(setup.calibration)

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from slosh_base.compiled.compilation import load_telling
 from slosh_bringup.cell.motion_source import REPEATS, load_motion
 from slosh_bringup.cell.renderer import CupRenderer, GrayImage, GreyLevels
-from slosh_bringup.cell.truth import integrate_truth, read_sensors
+from slosh_bringup.cell.truth import Push, integrate_truth, read_sensors
 from slosh_bringup.nodes.cell_messages import (
     CAMERA_FRAME,
     PUBLISHED,
@@ -61,6 +61,20 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "image_noise", 2.5, "standard deviation of the image noise, of 255", (0.0, 50.0)
+    ),
+    ParameterSpec(
+        "push_at",
+        -1.0,
+        "when a hand pushes the liquid, which no sensor of the robot tells [s]; negative: never",
+        (-1.0, 1e6),
+    ),
+    ParameterSpec("push", 0.1, "speed that the push gives the liquid along x [m/s]", (-1.0, 1.0)),
+    ParameterSpec(
+        "camera_stop",
+        [0.0, 0.0],
+        "from when to when the camera sends no images [s]",
+        (0.0, 1e6),
+        length=2,
     ),
     ParameterSpec("seed", 1, "seed of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "number of times that the motion is played", REPEATS),
@@ -128,7 +142,9 @@ class CellNode(PreparedNode):
     def prepare(self, progress: Progress) -> None:
         """Compiles or loads the liquid's equations, and solves them."""
         load_telling(progress, "slosh_model.kernel")
-        self._truth = integrate_truth(self._model, self._motion)
+        at, speed = self._given["push_at"], self._given["push"]
+        push = Push(at, speed) if at >= 0.0 else None
+        self._truth = integrate_truth(self._model, self._motion, push)
 
     def begin(self) -> None:
         """Plays as soon as the others are ready."""
@@ -234,7 +250,8 @@ class CellNode(PreparedNode):
                 continue
             sh_x, sh_y = self._truth.at(t)
             stamp_ns = start_ns + round(t * 1e9)
-            if self._renderer is not None:
+            first, last = given["camera_stop"]
+            if self._renderer is not None and not first <= t < last:
                 self._publish_image(self._renderer.render(sh_x, sh_y), stamp_ns)
             self._publish(topics.TRUTH, truth_message(stamp_ns, sh_x, sh_y))
             frame += 1

@@ -20,8 +20,8 @@ from slosh_discovery.identify.trials import operating_speed, rise_span
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.sample import Samples
 from slosh_metrics.surface_metrics import line_approximation_error
-from slosh_model.containers import Cylinder
 from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs
 
 TOLERANCE = 0.0005

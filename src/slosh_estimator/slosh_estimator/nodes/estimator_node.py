@@ -33,6 +33,7 @@ from slosh_estimator.inputs import (
 from slosh_estimator.nodes.estimator_messages import fill, fill_reading
 from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
+from slosh_estimator.nodes.observer_output import ObserverOutput
 from slosh_estimator.nodes.requested_model import requested_model
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.readings import has_readings
@@ -113,6 +114,13 @@ PARAMETERS = (
         "delay of what is differentiated [s], half of the window; longer is less noisy; it also "
         "chooses the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
     ),
+    ParameterSpec(
+        "observer", True,
+        "true: correct a copy of the model by measured heights; publish fused_estimate and calm"
+    ),
+    _dynamic(
+        "calm_tolerance", 1e-3, "height of a wave up to which the liquid is calm [m]", (1e-5, 1.0)
+    ),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
@@ -149,6 +157,7 @@ class EstimatorNode(PreparedNode):
         )
         self._states = StatePublisher(self, values["container_frame"])
         self._flags = self._contested = 0
+        self._observed: ObserverOutput | None = None
         self._described, self._urdf, self._patient = Event(), "", later
         if self._kind == JOINTS:
             self._ask_for_the_robot()
@@ -158,6 +167,8 @@ class EstimatorNode(PreparedNode):
     def prepare(self, progress: Progress) -> None:
         """Compiles or loads the models' kernel and what reads the input, and checks them."""
         load_telling(progress, "slosh_estimator.estimate_kernel")
+        if self._values["observer"]:
+            load_telling(progress, "slosh_estimator.observer.observer_kernel")
         if self._kind in WINDOWED:
             load_telling(progress, "slosh_estimator.pose_input")
         if self._kind == JOINTS:
@@ -211,6 +222,11 @@ class EstimatorNode(PreparedNode):
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._announce_start()
+        if self._values["observer"]:
+            self._observed = ObserverOutput(
+                self, self._values["container_frame"], self._values["calm_tolerance"],
+                self._estimator.model,
+            )  # fmt: skip
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
@@ -263,6 +279,8 @@ class EstimatorNode(PreparedNode):
             fill_reading(self._reading, estimate, late)
             self._readings.publish(self._reading)
         self._publisher.publish(self._message)
+        if self._observed is not None:
+            self._observed.follow(sample, estimate.flags)
         self._report.counts["output"] += 1
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
@@ -278,6 +296,7 @@ class EstimatorNode(PreparedNode):
             response.success, response.message = False, str(error)
         else:
             self._set_names()
+            self._observe_anew()
             self._input.sampling.carry(modes_of(self._estimator.model))
             remark = "".join(f"; {line}" for line in (self._unfelt, self._added) if line)
             response.success = True
@@ -287,9 +306,14 @@ class EstimatorNode(PreparedNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()
+        self._observe_anew()
         self._announce_start()
         response.success, response.message = True, "the models start from rest"
         return response
+
+    def _observe_anew(self) -> None:
+        if self._observed is not None:
+            self._observed.load(self._estimator.model)
 
     def _announce_start(self) -> None:
         """Tells what the models work with from the next sample on, starting from rest."""
@@ -300,6 +324,8 @@ class EstimatorNode(PreparedNode):
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
         """Judges the inputs by other limits from the next one on."""
+        if self._observed is not None:
+            self._observed.set_tolerance(self._values["calm_tolerance"])
         if self.readiness.state == READY:
             gate = self._input.gate
             gate.change(InputSettings.from_parameters(self._values).gate)
@@ -348,6 +374,7 @@ class EstimatorNode(PreparedNode):
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
+            **(self._observed.facts() if self._observed is not None else {}),
         }
 
 

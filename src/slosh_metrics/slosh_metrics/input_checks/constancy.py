@@ -16,23 +16,18 @@ import numpy as np
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array, Integers
+from slosh_metrics.tuning import TUNING
 
 Vector = tuple[float, float, float]
 
-BIN_NS = 50_000_000
-"""Inputs are averaged over this time: a sensor's noise moves nothing."""
+BIN_NS = TUNING.bin_ns
 BIN = BIN_NS / SECOND
-LOOKED_BACK = 7
-"""So many second differences tell the noise."""
 _MEDIAN = math.sqrt(6.0) * 1.538
 """Median length of a second difference of white noise in three axes, in standard deviations."""
-NOISES = 3.5
-"""So many standard deviations of noise are no motion."""
-TOLERANCE, MOST = 0.075, 0.5
-"""How far a bin may lie from a constant acceleration, without noise and at most [m/s²]."""
-TOP_SPEED = 5.0
-"""By no more does a motion change the speed of a container of liquid: from -2.5 to 2.5 m/s."""
-STRETCH_MEMORY = 13 + LOOKED_BACK
+TOLERANCE = TUNING.tolerance
+MOST = TUNING.most_tolerance
+TOP_SPEED = TUNING.top_speed
+STRETCH_MEMORY = 13 + TUNING.looked_back
 """Numbers in the memory of a Stretch."""
 
 
@@ -139,7 +134,7 @@ class Stretch:
         self._start = self._last = self._all = 0
         self._one: Vector = (math.nan,) * 3
         self._two: Vector = (math.nan,) * 3
-        self._bends: deque[float] = deque(maxlen=LOOKED_BACK)
+        self._bends: deque[float] = deque(maxlen=TUNING.looked_back)
 
     @property
     def unbroken(self) -> bool:
@@ -170,7 +165,7 @@ class Stretch:
         if bend == bend:  # two bins are known before it
             self._bends.append(bend)
         self._two, self._one = one, value
-        allowed = min(self._tolerance + NOISES * self.noise, self._most)
+        allowed = min(self._tolerance + TUNING.constancy_noises * self.noise, self._most)
         continues = self.count > 0 and math.dist(value, self.mean) <= allowed
         if continues:
             self.count += 1
@@ -189,7 +184,7 @@ class Stretch:
 
     def memory(self, base: int) -> list[float]:
         """What the next bins depend on; numbers of bins count from `base`."""
-        bends = [*self._bends, *[math.nan] * (LOOKED_BACK - len(self._bends))]
+        bends = [*self._bends, *[math.nan] * (TUNING.looked_back - len(self._bends))]
         counts = float(self.count), float(self._all)
         places = [_told(self._start, base), _told(self._last, base), *counts]
         return [*places, *self.mean, *self._one, *self._two, *bends]
@@ -200,7 +195,7 @@ class Stretch:
         self._start, self._last = _heard(start, base), _heard(last, base)
         self.count, self._all, self.mean = round(count), round(total), (mx, my, mz)
         self._one, self._two = (ox, oy, oz), (tx, ty, tz)
-        self._bends = deque((bend for bend in bends if bend == bend), maxlen=LOOKED_BACK)
+        self._bends = deque((bend for bend in bends if bend == bend), maxlen=TUNING.looked_back)
 
 
 def _told(number: int, base: int) -> float:

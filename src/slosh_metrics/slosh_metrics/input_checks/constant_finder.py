@@ -15,13 +15,10 @@ from slosh_metrics.input_checks.constancy import (
     Vector,
 )
 from slosh_metrics.input_checks.constant_meaning import FINE
+from slosh_metrics.tuning import TUNING
 
-REST = 0.4
-"""So long an input hardly changes before it counts as constant [s]."""
-FORGETTING = 30.0
-"""Time constant with which the integral forgets [s]: a bias below 0.16 m/s² never passes."""
-DEPARTURE = 0.25
-"""What lies so far from a constant is a motion [m/s²]."""
+REST = TUNING.rest
+DEPARTURE = TUNING.departure
 _ZERO: Vector = (0.0, 0.0, 0.0)
 
 
@@ -52,7 +49,7 @@ class ConstantFinder:
         steps = number - self._last if self._time else 1
         self._last = number
         seconds = BIN * steps
-        kept = math.exp(-seconds / FORGETTING)
+        kept = math.exp(-seconds / TUNING.forgetting)
         speed, bias = self._speed, self.bias
         self._speed = (
             kept * speed[0] + seconds * (felt[0] - bias[0]),

@@ -27,65 +27,11 @@ from numpy.typing import NDArray
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
+from slosh_metrics.tuning import TUNING
 
 AXES = ("ax", "ay", "az")
-LEAST_SAMPLES = 16
-"""Fewer samples tell of no fault."""
-MOVING = 0.15
-"""Below this acceleration nothing is lost that matters [m/s²]; also in `motion_spans`."""
-FLAT_SAMPLES = 4
-"""A top of fewer equal samples is no flat one."""
-BESIDE = 4
-"""Different values on either side from which the missing part is foretold."""
-CAP = 0.05
-"""Of the axis's range, by which what is foretold exceeds a clipped top."""
-STRAIGHT, ARRIVING = 1e-3, 2.2
-"""A ramp whose slope falls by less than this share of itself per sample is a planned one; one that
-would rise by less than so many times what is left to the top arrives at a planned plateau."""
-QUANTA = 12.0
-"""Of rounded values a bend of fewer steps is not known."""
-EVERYWHERE = 0.7
-"""Of all samples at least these differ from the one before where noise is in them."""
-FINE = 20.0
-"""Third differences of so many steps are of noise above four: equal values in a row are rare."""
-ROUGH = 1.0
-"""Third differences of noise exceed this share of its second ones, those of a smooth series do
-not."""
-EXACT, ROUNDED = 1e-8, 0.05
-"""Numbers differ where they do by this share of the largest; multiples of a step are by this share
-of it none."""
-FREEZE, FREEZE_SAMPLES = 0.04, 5
-"""A freeze is at least as long [s], and as many samples."""
-HELD = 3.0
-"""A repetition is none that is not so many times the usual one: the input is held."""
-LEAP = 1.0
-"""A freeze that began at rest ends with a change of more than this [m/s²]."""
-JUMP = 3.0
-"""After a freeze values jump by so many times what they change beside it in a sample at most."""
-GAP, GAP_SAMPLES = 0.05, 5.0
-"""A stretch is missing from this time on [s], and from so many sampling intervals."""
 MIXED_INPUT = "several publishers are mixed on its topic; stop one of them and record again"
 """What such a fault comes from, and what helps."""
-APART, STICKS_OUT = 0.4, 2.0
-"""A sample sticks out where it is this far off the middle of its neighbours [m/s²], and so many
-times further than they are from each other."""
-IN_TURN, AT_LEAST, MOST_BETWEEN = 12, 30, 20
-"""So many that stick out one after the other, so many in all, with at most so many samples from
-one to the next, are another motion's."""
-ALIKE, ALONG = 0.5, 0.8
-"""They stick out as far as the one before, by this part, and in its direction, by this cosine."""
-REGULAR = 0.25
-"""By this share the number of samples between them may change, or by one."""
-UNEVEN, UNEVENNESS = 0.05, 2.5
-"""Intervals between all samples differ by this share of themselves, and by so many times more than
-those between the samples of one publisher."""
-
-WINDOW_NS, OVERLAP_NS = 10 * SECOND, SECOND // 2
-"""A stream is looked at in parts of this length, with so much of the part before."""
-MOST_FAULTS = 20
-"""More kinds, axes and values of clipping are not told apart."""
-MOST_TAKEN = 50_000
-"""Samples that are kept for a look that does not come."""
 
 
 class FaultKind(Enum):
@@ -144,7 +90,7 @@ def find_input_faults(t: Array, acceleration: Array) -> tuple[InputFault, ...]:
         t: (N,) increasing [s].
         acceleration: (N, 3) gravity excluded [m/s²].
     """
-    if len(t) < LEAST_SAMPLES:
+    if len(t) < TUNING.least_samples:
         return ()
     groups = [
         *_clipped(t, acceleration),
@@ -176,7 +122,7 @@ class FaultWatch:
     def take(self, stamp_ns: int, acceleration: tuple[float, float, float]) -> None:
         """Takes a sample [m/s²]; cheaply, as `look` does the work."""
         self._taken.append((stamp_ns, acceleration))
-        if len(self._taken) >= MOST_TAKEN:
+        if len(self._taken) >= TUNING.most_taken:
             self.look()
 
     def look(self) -> None:
@@ -199,7 +145,7 @@ class FaultWatch:
         """
         self._stamps = np.concatenate([self._stamps, stamps])
         self._values = np.concatenate([self._values, accelerations])
-        if len(self._stamps) and self._stamps[-1] - self._stamps[0] >= WINDOW_NS:
+        if len(self._stamps) and self._stamps[-1] - self._stamps[0] >= TUNING.window_ns:
             self.finish()
 
     def finish(self) -> None:
@@ -215,7 +161,7 @@ class FaultWatch:
         for fault in find_input_faults(t, self._values - rest):
             self._count(fault._replace(value=fault.value + float(rest[fault.axis])))
         # A fault at the end is seen with what follows.
-        kept = self._stamps > self._stamps[-1] - OVERLAP_NS
+        kept = self._stamps > self._stamps[-1] - TUNING.overlap_ns
         self._stamps, self._values = self._stamps[kept], self._values[kept]
 
     def _count(self, fault: InputFault) -> None:
@@ -225,7 +171,7 @@ class FaultWatch:
                 if fault.start > known.start:
                     self.faults[index] = known._replace(times=known.times + fault.times)
                 return
-        if len(self.faults) < MOST_FAULTS:
+        if len(self.faults) < TUNING.most_faults:
             self.faults.append(fault)
 
 
@@ -242,18 +188,21 @@ def _clipped(t: Array, acceleration: Array) -> Iterator[InputFault]:
     rough = _is_rough(acceleration)
     for axis, values in enumerate(acceleration.T):
         low, high = float(values.min()), float(values.max())
-        if max(high, -low) < MOVING:
+        if max(high, -low) < TUNING.fault_moving:
             continue
         quantum = _step(values)
         for extreme, sign in ((high, 1.0), (low, -1.0)):
-            if sign * extreme < MOVING:  # where it rests, it is not clipped
+            if sign * extreme < TUNING.fault_moving:  # where it rests, it is not clipped
                 continue
-            at = np.abs(values - extreme) <= EXACT * (high - low)
+            at = np.abs(values - extreme) <= TUNING.exact * (high - low)
             runs = [
                 (start, end)
                 for start, end in _runs(at)
-                if end - start >= FLAT_SAMPLES
-                and (rough or _goes_on(sign * values, start, end, CAP * (high - low), quantum))
+                if end - start >= TUNING.flat_samples
+                and (
+                    rough
+                    or _goes_on(sign * values, start, end, TUNING.cap * (high - low), quantum)
+                )
             ]
             if runs:
                 (start, end), count = runs[0], len(runs)
@@ -264,24 +213,27 @@ def _clipped(t: Array, acceleration: Array) -> Iterator[InputFault]:
 
 def _goes_on(values: Array, start: int, end: int, least: float, quantum: float) -> bool:
     """Whether values on either side foretell more than a flat top, by at least so much."""
-    before, after = values[max(start - BESIDE, 0) : start], values[end : end + BESIDE][::-1]
-    if len(before) < BESIDE or len(after) < BESIDE:
+    before, after = (
+        values[max(start - TUNING.beside, 0) : start],
+        values[end : end + TUNING.beside][::-1],
+    )
+    if len(before) < TUNING.beside or len(after) < TUNING.beside:
         return False
     return all(_cut_off(side, float(values[start]), least, quantum) for side in (before, after))
 
 
 def _cut_off(values: Array, top: float, least: float, quantum: float) -> bool:
-    """Whether values (BESIDE,) rise along a bend whose apex lies clearly above the top."""
+    """Whether values (`beside`,) rise along a bend whose apex lies clearly above the top."""
     first, middle, last = np.diff(values).tolist()
     bend = middle - last
     # The value next to the top may lie between a ramp's last one and the top.
-    known = max(STRAIGHT * first, QUANTA * quantum)
+    known = max(TUNING.straight * first, TUNING.quanta * quantum)
     if not (last > 0.0 and min(first - middle, bend) > known):
         return False
     # `last` is the slope half a sample before the last value, from where the apex is foretold.
     slope, left = max(last - 0.5 * bend, 0.0), top - float(values[-1])
     rise = slope * slope / (2.0 * bend)
-    return bool(rise > ARRIVING * left and rise - left > least)
+    return bool(rise > TUNING.arriving * left and rise - left > least)
 
 
 def _is_rough(values: Array) -> bool:
@@ -290,29 +242,29 @@ def _is_rough(values: Array) -> bool:
         return False
     first, second, third = (np.linalg.norm(np.diff(values, n, axis=0), axis=1) for n in (1, 2, 3))
     moving = first[2:] > 0.0
-    if np.count_nonzero(moving) < EVERYWHERE * len(moving):
+    if np.count_nonzero(moving) < TUNING.everywhere * len(moving):
         return False
     # Not what the rounding of numbers leaves of a ramp.
-    changing = moving & (np.minimum(second[1:], second[:-1]) > EXACT * np.abs(values).max())
-    if np.count_nonzero(changing) < max(LEAST_SAMPLES, 0.5 * np.count_nonzero(moving)):
+    changing = moving & (np.minimum(second[1:], second[:-1]) > TUNING.exact * np.abs(values).max())
+    if np.count_nonzero(changing) < max(TUNING.least_samples, 0.5 * np.count_nonzero(moving)):
         return False
-    return bool(np.median(third[changing]) > ROUGH * np.median(second[1:][changing]))
+    return bool(np.median(third[changing]) > TUNING.rough * np.median(second[1:][changing]))
 
 
 def _is_coarse(values: Array) -> bool:
     """Whether values are multiples of a step that hide noise: equal ones are no wonder."""
     step = _step(values)
-    return step > 0.0 and not float(np.median(np.abs(np.diff(values, 3)))) > FINE * step
+    return step > 0.0 and not float(np.median(np.abs(np.diff(values, 3)))) > TUNING.fine * step
 
 
 def _step(values: Array) -> float:
     """The step of which all values are multiples; 0: there is none."""
     levels = np.unique(values)
     step = float(np.diff(levels).min(initial=np.inf))
-    if not EXACT * float(np.abs(levels).max()) < step < np.inf:
+    if not TUNING.exact * float(np.abs(levels).max()) < step < np.inf:
         return 0.0
     ratios = (levels - levels[0]) / step
-    return step if np.abs(ratios - np.round(ratios)).max() < ROUNDED else 0.0
+    return step if np.abs(ratios - np.round(ratios)).max() < TUNING.rounded else 0.0
 
 
 def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
@@ -322,7 +274,8 @@ def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
     moving = [
         (start, end)
         for start, end in runs
-        if np.linalg.norm(acceleration[start]) > MOVING or _jump(steps, start, end) > LEAP
+        if np.linalg.norm(acceleration[start]) > TUNING.fault_moving
+        or _jump(steps, start, end) > TUNING.leap
     ]
     lengths = [end - start for start, end in moving]
     single = np.count_nonzero(steps > 0.0)
@@ -330,17 +283,17 @@ def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
     usual = float(np.median(lengths)) if len(lengths) > 0.1 * single else 1.0
     found = []
     for start, end in moving:
-        long = end - start >= max(FREEZE_SAMPLES, HELD * usual)
-        if not (long and t[end - 1] - t[start] >= FREEZE and end < len(t) and start > 0):
+        long = end - start >= max(TUNING.freeze_samples, TUNING.held * usual)
+        if not (long and t[end - 1] - t[start] >= TUNING.freeze and end < len(t) and start > 0):
             continue
         if rough:
             found.append((float(t[start]), float(t[end - 1])))
             continue
-        after = steps[end : end + BESIDE]
+        after = steps[end : end + TUNING.beside]
         if np.count_nonzero(after) < len(after):  # a planned step, to what stays as it is again
             continue
-        beside = np.concatenate([steps[max(start - BESIDE, 0) : start], after])
-        if steps[start - 1] > 0.0 and _jump(steps, start, end) > JUMP * float(beside.max()):
+        beside = np.concatenate([steps[max(start - TUNING.beside, 0) : start], after])
+        if steps[start - 1] > 0.0 and _jump(steps, start, end) > TUNING.jump * float(beside.max()):
             found.append((float(t[start]), float(t[end - 1])))
     return found
 
@@ -354,22 +307,27 @@ def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
     beside = acceleration[2:] - acceleration[:-2]
     off = acceleration[1:-1] - acceleration[:-2] - 0.5 * beside
     sizes = np.linalg.norm(off, axis=1)
-    least = np.maximum(STICKS_OUT * np.linalg.norm(beside, axis=1), APART)
+    least = np.maximum(TUNING.sticks_out * np.linalg.norm(beside, axis=1), TUNING.apart)
     rows = np.flatnonzero(sizes > least)
-    if len(rows) < IN_TURN:
+    if len(rows) < TUNING.in_turn:
         return []
     size, between = sizes[rows], np.diff(rows)
     ratio = size[1:] / size[:-1]
     cosine = np.abs(np.sum(off[rows[1:]] * off[rows[:-1]], axis=1)) / (size[1:] * size[:-1])
     change = np.abs(np.diff(between, prepend=between[:1]))
-    regular = change <= np.maximum(REGULAR * between, 1.0)
-    turns = regular & (between <= MOST_BETWEEN)
-    turns &= (ratio > ALIKE) & (ratio < 1.0 / ALIKE) & (cosine > ALONG)
-    runs = [rows[start : end + 1] + 1 for start, end in _runs(turns) if end - start >= IN_TURN]
-    if sum(map(len, runs)) < AT_LEAST:
+    regular = change <= np.maximum(TUNING.regular * between, 1.0)
+    turns = regular & (between <= TUNING.most_between)
+    turns &= (ratio > TUNING.alike) & (ratio < 1.0 / TUNING.alike) & (cosine > TUNING.along)
+    runs = [
+        rows[start : end + 1] + 1 for start, end in _runs(turns) if end - start >= TUNING.in_turn
+    ]
+    if sum(map(len, runs)) < TUNING.at_least:
         return []
     both, rest = np.sum([_unevenness(t, run) for run in runs], axis=0)
-    if both[0] < UNEVEN * both[1] or both[0] * rest[1] < UNEVENNESS * rest[0] * both[1]:
+    if (
+        both[0] < TUNING.uneven * both[1]
+        or both[0] * rest[1] < TUNING.unevenness * rest[0] * both[1]
+    ):
         return []
     return [(float(t[run[0]]), float(t[run[-1]])) for run in runs]
 
@@ -389,12 +347,12 @@ def _unevenness(t: Array, run: NDArray[np.int64]) -> tuple[tuple[float, float], 
 
 def _missing(t: Array, acceleration: Array) -> list[tuple[float, float]]:
     spacing = np.diff(t)
-    longest = max(GAP, GAP_SAMPLES * float(np.median(spacing)))
+    longest = max(TUNING.gap, TUNING.gap_samples * float(np.median(spacing)))
     sizes = np.linalg.norm(acceleration, axis=1)
     return [
         (float(t[row]), float(t[row + 1]))
         for row in np.flatnonzero(spacing > longest).tolist()
-        if max(sizes[row], sizes[row + 1]) > MOVING
+        if max(sizes[row], sizes[row + 1]) > TUNING.fault_moving
     ]
 
 

@@ -17,14 +17,9 @@ from slosh_metrics.input_checks.constant_finder import DEPARTURE, REST
 from slosh_metrics.input_checks.constant_meaning import FINE, SIZE, Doubt, acceleration_doubt
 from slosh_metrics.input_checks.input_checks import AccelCheck, PoseCheck
 from slosh_metrics.input_checks.input_faults import FaultKind
+from slosh_metrics.tuning import TUNING
 from slosh_model.constants import GRAVITY
 
-UNLIKELY = 100.0
-"""Ten times what the models hold for [m/s²]; machines that carry liquid stay below."""
-AT_LEAST = 1.0
-"""So long a motion is at least before a mean that is not g says something [s]."""
-GENTLE = 1.5
-"""Peak of a motion that looks like one in g [m/s²]."""
 _LONGEST = 1e9
 """Longer motions do not fit into nanoseconds [s]."""
 
@@ -76,7 +71,7 @@ def motion_doubts(
     # Missing samples are named by their gap, with the length that the liquid allows.
     faults = [f.text() for f in check.faults.faults if f.kind is not FaultKind.MISSING]
     fastest = float(np.linalg.norm(acceleration, axis=1).max())
-    if not found and fastest > UNLIKELY:
+    if not found and fastest > TUNING.unlikely:
         found.append(
             InputDoubt(
                 f"accelerations up to {fastest:.4g} m/s²: are they in mm/s²? They must be m/s²"
@@ -122,7 +117,7 @@ def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDo
         return []
     ends = _constant_ends(stamps, acceleration)
     peak = float(np.linalg.norm(acceleration - np.array(mean), axis=1).max())
-    if t[-1] >= AT_LEAST and ends is not None and peak > DEPARTURE:
+    if t[-1] >= TUNING.shortest_table and ends is not None and peak > DEPARTURE:
         first, last = ends
         close = 0.1 + 0.25 * math.hypot(*first)
         if math.dist(first, last) <= 0.1 + 0.02 * math.hypot(*first) and (
@@ -137,9 +132,9 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
     """What the mean of a motion without rest at its ends says, within TOP_SPEED / duration."""
     size = math.hypot(*mean)
     in_g = (
-        seconds >= AT_LEAST
+        seconds >= TUNING.shortest_table
         and abs(size - 1.0) <= 0.05
-        and peak < GENTLE
+        and peak < TUNING.gentle
         and abs(mean[2]) > 0.9 * size
     )
     gravity = abs(size - GRAVITY) <= SIZE * GRAVITY

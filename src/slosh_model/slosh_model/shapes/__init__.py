@@ -1,9 +1,11 @@
-"""Containers of other shapes than cylinder and rectangle, one family in each module.
+"""Shapes of containers, one family in each module.
 
 Importing it makes their names known to `model.yaml`.
 """
 
+from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.prism import Prism, Tray
+from slosh_model.shapes.rectangle import Rectangle
 from slosh_model.shapes.revolution import Revolution
 from slosh_model.shapes.round_cups import (
     Beaker,
@@ -19,10 +21,12 @@ __all__ = [
     "Beaker",
     "Bottle",
     "Cone",
+    "Cylinder",
     "Ellipsoid",
     "Flask",
     "Frustum",
     "Prism",
+    "Rectangle",
     "Revolution",
     "Sphere",
     "Tray",

@@ -11,7 +11,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.sampling import TOO_SLOW
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs.msg import ModelEstimate, SloshEstimate
+from slosh_msgs.msg import FusedEstimate, ModelEstimate, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_plan import LiquidState
@@ -41,31 +41,31 @@ class NewestEstimate:
             context=node.context, use_global_arguments=False, enable_rosout=False,
             start_parameter_services=False,
         )  # fmt: skip
-        self._subscription = self._reader.create_subscription(
-            SloshEstimate, node.resolve_topic_name(topics.ESTIMATE), lambda _: None,
-            qos.NEWEST_IN,
-        )  # fmt: skip
-        self._last: SloshEstimate | None = None
+        self._estimates = self._subscribe(SloshEstimate, topics.ESTIMATE)
+        self._fused = self._subscribe(FusedEstimate, topics.FUSED_ESTIMATE)
+        self._last: dict[type, Any] = {}
+
+    def _subscribe(self, kind: type, topic: str) -> Any:
+        name = self._node.resolve_topic_name(topic)
+        return self._reader.create_subscription(kind, name, lambda _: None, qos.NEWEST_IN)
 
     def state(self) -> LiquidState:
-        """How the liquid stands now.
+        """How the liquid stands now: as measured heights say, where the observer trusts them.
 
         Raises:
             SloshEstimatorError: nobody tells, or what is told is old or no known state.
         """
-        with self._subscription.handle:
-            taken = self._subscription.handle.take_message(SloshEstimate, False)
-        if taken is not None:
-            self._last = taken[0]
-        message = self._last
+        fused = self._newest(self._fused, FusedEstimate)
+        if fused is not None and fused.trusted and self._age(fused) <= OLDEST:
+            modal = _modal(fused)
+            return LiquidState(modal, modal)
+        message = self._newest(self._estimates, SloshEstimate)
         if message is None:
             raise SloshEstimatorError(
-                f"no estimate has come on {self._subscription.topic_name}: the liquid's state is "
+                f"no estimate has come on {self._estimates.topic_name}: the liquid's state is "
                 "unknown; is the estimator running?"
             )
-        age = (self._node.get_clock().now().nanoseconds - to_nanoseconds(message.header.stamp)) / (
-            SECOND
-        )
+        age = self._age(message)
         if age > OLDEST:
             raise SloshEstimatorError(
                 f"the last estimate is {age:.2f} s old: the liquid's state is unknown"
@@ -80,8 +80,20 @@ class NewestEstimate:
             raise SloshEstimatorError(f"{TOO_SLOW}, and so is the liquid's state")
         return LiquidState(_modal(message.linear), _modal(message.nonlinear))
 
+    def _newest(self, subscription: Any, kind: type) -> Any:
+        with subscription.handle:
+            taken = subscription.handle.take_message(kind, False)
+        if taken is not None:
+            self._last[kind] = taken[0]
+        return self._last.get(kind)
 
-def _modal(answer: ModelEstimate) -> Any:
+    def _age(self, message: Any) -> float:
+        """How old a message is [s]."""
+        now = self._node.get_clock().now().nanoseconds
+        return float(now - to_nanoseconds(message.header.stamp)) / SECOND
+
+
+def _modal(answer: ModelEstimate | FusedEstimate) -> Any:
     position = np.array(answer.modal_position).reshape(-1, 2)
     velocity = np.array(answer.modal_velocity).reshape(-1, 2)
     return np.hstack((position, velocity))

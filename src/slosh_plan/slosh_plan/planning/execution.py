@@ -9,13 +9,10 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Array
 from slosh_plan.planning.time_law import PlannedMotion
+from slosh_plan.tuning import TUNING
 
 Rows = NDArray[np.int64]
 
-NEAR = 1.5e-4
-"""A motion that is as near to a waypoint passes it [m]: paths keep 0.1 mm."""
-SAME_TIME = 2e-5
-"""A waypoint that is passed within this of a row [s] is that row."""
 _AHEAD = 1024
 
 
@@ -49,7 +46,7 @@ def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
     # Whole microseconds: two waypoints of nearly one place are one row, or clearly two.
     passed = np.round(passing_times(motion, waypoints), 6)
     rows = np.rint(passed / (motion.t[1] - motion.t[0])).astype(np.int64)
-    near = np.abs(passed - motion.t[rows]) <= SAME_TIME
+    near = np.abs(passed - motion.t[rows]) <= TUNING.same_time
     passed = np.where(near, motion.t[rows], passed)
     more = np.setdiff1d(passed, motion.t)
     t = np.sort(np.concatenate((motion.t, more)))
@@ -74,7 +71,7 @@ def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
             along[0] = max(along[0], share if ahead.start == row else 0.0)
             reached = starts[ahead] + along[:, None] * steps[ahead]
             away = np.linalg.norm(reached - point, axis=1)
-            if (away <= NEAR).any() or ahead.stop >= len(starts):
+            if (away <= TUNING.near).any() or ahead.stop >= len(starts):
                 break
             ahead = slice(ahead.start, ahead.stop + _AHEAD)
         best = _first_nearest(away)
@@ -85,7 +82,7 @@ def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
 
 def _first_nearest(away: Array) -> int:
     """The nearest row of the first ones that are near; of all, where none is."""
-    near = away <= NEAR
+    near = away <= TUNING.near
     if not near.any():
         return int(np.argmin(away))
     first = int(np.argmax(near))

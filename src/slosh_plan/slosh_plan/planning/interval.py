@@ -21,6 +21,7 @@ from slosh_plan.planning.flow import Expression, Flow, casadi
 from slosh_plan.planning.joint_demands import CURVE, JointDemands
 from slosh_plan.planning.limits import JOINT_LIMITS
 from slosh_plan.planning.path import DEGREE, Leg
+from slosh_plan.tuning import TUNING
 
 CHAIN = 3
 """States of what is driven by its third derivative: value, rate, acceleration."""
@@ -34,10 +35,6 @@ JERK = LIMITS.index("jerk")
 JOINTS = slice(LIMITS.index(JOINT_LIMITS[0]), len(LIMITS))
 SHARES = (0.0, 0.5, 1.0)
 """Of an interval, where its demands are looked at."""
-_CURVE_POINTS = 400
-_LEAST_ANGLE = 1e-4
-_EDGE = 1e-6
-"""Share of a leg at its ends where CasADi's splines are zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,11 +236,11 @@ def curve_of(leg: Leg) -> Any:
     """
     ca = casadi()
 
-    s = np.linspace(0.0, leg.length, _CURVE_POINTS + 1)
+    s = np.linspace(0.0, leg.length, TUNING.curve_points + 1)
     values = leg.columns(s)
     spline = make_interp_spline(s, values, k=DEGREE)
     at = ca.MX.sym("s")
-    inside = ca.fmax(_EDGE * leg.length, ca.fmin((1.0 - _EDGE) * leg.length, at))
+    inside = ca.fmax(TUNING.edge * leg.length, ca.fmin((1.0 - TUNING.edge) * leg.length, at))
     orders = [_look_up(spline, order)(inside) for order in range(3)]
     return ca.Function("curve", [at], [inside, ca.vertcat(*orders)])
 
@@ -279,7 +276,7 @@ def _turned_back(x: Expression, y: Expression, vector: Expression) -> Expression
     ca = casadi()
 
     # Even functions of the angle, smooth at 0.
-    angle = ca.sqrt(x * x + y * y + _LEAST_ANGLE**2)
+    angle = ca.sqrt(x * x + y * y + TUNING.least_angle**2)
     sine, versine = ca.sin(angle) / angle, 0.5 * (ca.sin(0.5 * angle) / (0.5 * angle)) ** 2
     axis = ca.vertcat(x, y, 0.0)
     return (

@@ -24,26 +24,14 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch, never
 from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
+from slosh_plan.tuning import TUNING
 
 UnitLaw = Callable[[Array], tuple[Array, Array, Array]]
 
-RATIO = 1.02
-"""From one duration to the next."""
-LONG, LONG_RATIO = 20.0, 1.05
-"""Duration [s] from which on waves add up and cancel within less than that ratio: it is larger."""
-COARSE = 8e-3
-"""Step of motions that are looked at first [s]."""
-NEARLY = 0.03
-"""By which share of a limit a coarse motion may exceed it to be looked at in all its rows."""
 Make = Callable[[float, float], PlannedMotion]
 """Duration and step between rows [s] to a motion."""
-LONGEST = 120.0
-"""Duration up to which a motion is looked for [s]."""
+LONGEST = TUNING.longest_law
 _TOGETHER = 16
-
-POINTS = 800
-STRAIGHT = 1e-3
-"""Curvature by length of a leg below which it is straight."""
 
 
 def septic(u: Array) -> tuple[Array, Array, Array]:
@@ -189,9 +177,11 @@ def fastest(
     """
     durations = _durations(_least(make, limits), longest)
     while some := list(islice(durations, _TOGETHER)):
-        coarse = [make(duration, duration / math.ceil(duration / COARSE)) for duration in some]
+        coarse = [
+            make(duration, duration / math.ceil(duration / TUNING.coarse)) for duration in some
+        ]
         for duration, glance in zip(some, check.glance(coarse), strict=True):
-            if not glance.keeps(limits, NEARLY):
+            if not glance.keeps(limits, TUNING.nearly):
                 continue
             if stopped():
                 return None
@@ -207,7 +197,7 @@ def _durations(least: float, longest: float) -> Iterator[float]:
     duration = whole_rows(least)
     while duration < longest:
         yield duration
-        ratio = RATIO if duration < LONG else LONG_RATIO
+        ratio = TUNING.law_ratio if duration < TUNING.long else TUNING.long_ratio
         duration = whole_rows(max(ratio * duration, duration + STEP))
 
 
@@ -266,9 +256,9 @@ class PacedLeg:
     @cached_property
     def splines(self) -> tuple[BSpline, ...]:
         """S [m] over the parameter and its first two derivatives."""
-        s = np.linspace(0.0, self.leg.length, POINTS + 1)
+        s = np.linspace(0.0, self.leg.length, TUNING.leg_points + 1)
         squared = (self.leg.at(s)[2] ** 2).sum(axis=1)
-        least = (self.pace.floor**2) * squared.mean() + (STRAIGHT / self.leg.length) ** 2
+        least = (self.pace.floor**2) * squared.mean() + (TUNING.straight / self.leg.length) ** 2
         slow = (squared + least) ** (0.5 * self.pace.power)
         at = np.concatenate([[0.0], np.cumsum(0.5 * (slow[1:] + slow[:-1]))])
         spline = make_interp_spline(at / at[-1], s, k=5)
@@ -282,5 +272,5 @@ class PacedLeg:
 
 def curved(leg: Leg) -> bool:
     """Whether a leg has curves, so that paces differ."""
-    bends = np.linalg.norm(leg.at(np.linspace(0.0, leg.length, POINTS + 1))[2], axis=1)
-    return bool(np.ptp(bends) * leg.length > STRAIGHT)
+    bends = np.linalg.norm(leg.at(np.linspace(0.0, leg.length, TUNING.leg_points + 1))[2], axis=1)
+    return bool(np.ptp(bends) * leg.length > TUNING.straight)

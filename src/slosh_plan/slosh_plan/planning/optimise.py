@@ -22,16 +22,11 @@ from slosh_plan.planning.interval import LIMITS, LIQUID, StateLayout
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
+from slosh_plan.tuning import TUNING
 
-NODES_PER_SECOND = 32.0
-FEWEST_NODES, MOST_NODES = 60, 200
-FEWEST_ON_A_LEG = 10
-LONGEST_SOLVE = 12.0
-"""Of one solution [s]: what takes longer has lost its way."""
-_MOST_ITERATIONS = 200
 _OPTIONS = {
     "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-6,
-    "ipopt.mu_init": 1e-2, "ipopt.max_iter": _MOST_ITERATIONS, "ipopt.acceptable_tol": 1e-4,
+    "ipopt.mu_init": 1e-2, "ipopt.max_iter": TUNING.most_iterations, "ipopt.acceptable_tol": 1e-4,
     "ipopt.acceptable_iter": 8,
 }  # fmt: skip
 
@@ -79,8 +74,8 @@ class PathSolution:
 def node_counts(durations: Sequence[float]) -> tuple[int, ...]:
     """How many intervals each leg gets."""
     total = sum(durations)
-    count = min(max(NODES_PER_SECOND * total, FEWEST_NODES), MOST_NODES)
-    return tuple(max(FEWEST_ON_A_LEG, round(count * part / total)) for part in durations)
+    count = min(max(TUNING.nodes_per_second * total, TUNING.fewest_nodes), TUNING.most_nodes)
+    return tuple(max(TUNING.fewest_on_a_leg, round(count * part / total)) for part in durations)
 
 
 class PathSearch:
@@ -134,7 +129,7 @@ class PathSearch:
                 for any point at all that keeps the limits.
         """
         self._stop = stop
-        solver = self._solver(min(seconds, LONGEST_SOLVE))
+        solver = self._solver(min(seconds, TUNING.longest_solve))
         lower, upper = self._bounds(guess)
         answer = solver(
             x0=self._packed(guess), lbx=lower, ubx=upper, lbg=self._problem.lower,

@@ -3,8 +3,8 @@
 Between corners the path is a spline of the fifth degree through the waypoints, four times
 continuously differentiable: acceleration and jerk along it are bounded. Points that come densely,
 as in a recorded motion, are thinned as far as all of them stay within `KEPT` of the path. At a
-corner, where the line from waypoint to waypoint turns by more than `CORNER`, the container stops:
-no curve through the corner is smooth, and one beside it would leave the waypoint.
+corner, where the line from waypoint to waypoint turns by more than `TUNING.corner`, the container
+stops: no curve through the corner is smooth, and one beside it would leave the waypoint.
 """
 
 from __future__ import annotations
@@ -23,21 +23,11 @@ from slosh_base.types import Array
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.planning.joint_demands import JointDemands
 from slosh_plan.planning.progress import StoppedError, never
+from slosh_plan.tuning import TUNING
 
 MOST_POINTS = 200_000
-KEPT = 5e-5
-"""Farthest that a waypoint lies from the path [m]."""
-SAME = 2e-5
-"""Points closer than that are one [m]."""
-CORNER = math.radians(60.0)
-MOST_CORNERS = 40
-"""Each is a stop, and a leg of its own to be planned: a search of so many begins in a second."""
-REVERSAL = math.radians(179.0)
-"""A turn by more than this leads back along the same tangent."""
-DEGREE = 5
-_SHORTEST = 1e-3  # m
-_FEWEST = 8
-_FINE = 4000
+KEPT = TUNING.kept
+DEGREE = TUNING.degree
 
 
 @dataclass(frozen=True)
@@ -109,7 +99,7 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
         StoppedError: it was stopped before its end.
     """
     path = smooth_path(points, "xyz", stopped)
-    if path.length < _SHORTEST:
+    if path.length < TUNING.shortest_path:
         raise SloshPlanError(f"the path is {1e3 * path.length:g} mm long, less than 1 mm")
     return path
 
@@ -143,11 +133,11 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
     if len(distinct) < 2:
         raise SloshPlanError(f"the path has no length: its {len(points)} waypoints coincide")
     corners, reversals = _corners(distinct)
-    if len(corners) > MOST_CORNERS:
+    if len(corners) > TUNING.most_corners:
         raise SloshPlanError(
-            f"the path turns by more than {math.degrees(CORNER):.0f}° at {len(corners)} "
-            f"waypoints, where the container stops; at most {MOST_CORNERS} are planned: smooth "
-            "the waypoints, or take fewer"
+            f"the path turns by more than {math.degrees(TUNING.corner):.0f}° at {len(corners)} "
+            f"waypoints, where the container stops; at most {TUNING.most_corners} are planned: "
+            "smooth the waypoints, or take fewer"
         )
     bounds = [0, *corners, len(distinct) - 1]
     parts = [distinct[a : b + 1] for a, b in pairwise(bounds)]
@@ -169,7 +159,7 @@ def _distinct(points: Array) -> Array:
 
 
 def _near(one: Array, other: Array) -> bool:
-    return bool(np.linalg.norm(one - other) <= SAME)
+    return bool(np.linalg.norm(one - other) <= TUNING.same)
 
 
 def _corners(points: Array) -> tuple[list[int], tuple[bool, ...]]:
@@ -178,8 +168,10 @@ def _corners(points: Array) -> tuple[list[int], tuple[bool, ...]]:
     directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosines = np.einsum("ij,ij->i", directions[:-1], directions[1:])
     turns = np.arccos(np.clip(cosines, -1.0, 1.0))
-    rows = np.flatnonzero(turns > CORNER)
-    return [int(row) + 1 for row in rows], tuple(bool(turns[row] > REVERSAL) for row in rows)
+    rows = np.flatnonzero(turns > TUNING.corner)
+    return [int(row) + 1 for row in rows], tuple(
+        bool(turns[row] > TUNING.reversal) for row in rows
+    )
 
 
 Ends = tuple[Array | None, Array | None]
@@ -209,13 +201,13 @@ def _leg(
     chords = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     rough = _thinned(chords, points, first, last)
     # Once more, by the length of the curve itself.
-    fine = np.linspace(0.0, chords[-1], max(_FINE, 4 * len(points)))
+    fine = np.linspace(0.0, chords[-1], max(TUNING.fine, 4 * len(points)))
     speed = np.linalg.norm(rough.derivative()(fine), axis=1)
     lengths = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))])
     at = np.interp(chords, fine, lengths)
-    if len(points) < _FINE:
+    if len(points) < TUNING.fine:
         # A few waypoints alone would not hold the length between them.
-        places = np.linspace(0.0, lengths[-1], _FINE)
+        places = np.linspace(0.0, lengths[-1], TUNING.fine)
         dense = np.asarray(rough(np.interp(places, lengths, fine)))
         spline = _thinned(places, dense, first, last, tolerance=0.2 * KEPT)
     else:
@@ -227,7 +219,7 @@ def _thinned(
     at: Array, points: Array, first: Array | None, last: Array | None, tolerance: float = KEPT
 ) -> BSpline:
     """The spline through as few of the points as keep all of them."""
-    count = _FEWEST
+    count = TUNING.fewest_knots
     while count < len(points):
         rows = np.searchsorted(at, np.linspace(0.0, at[-1], count)[1:-1])
         rows = np.unique(np.concatenate([[0], rows, [len(points) - 1]]))

@@ -23,17 +23,7 @@ from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.time_law import JerkLaw, Tilt, motion_along, whole_rows
-
-STARTS = (1.0, 0.7)
-"""Where searches start: the fastest known law, slower by such factors."""
-AGAIN = 0.2
-"""Share of the time limit after which a motion that was found is not searched for again."""
-ROUNDS = 8
-"""How often a limit is lowered."""
-AHEAD = 0.004
-"""By so much of themselves the heights are lowered at once: the usual excess between nodes."""
-SLACK = 2e-4
-"""By how much more than its excess."""
+from slosh_plan.tuning import TUNING
 
 Legs = tuple[LegGuess, ...]
 
@@ -99,8 +89,8 @@ class OptimalSearch:
         """Searches of a container that keeps its attitude."""
         duration = self.scaled.found.motion.duration
         problem = self._problem(leg_durations(self.path, duration), tilting=False)
-        for n, factor in enumerate(STARTS, start=1):
-            self.watch.enter(f"search {n} of {len(STARTS)}")
+        for n, factor in enumerate(TUNING.starts, start=1):
+            self.watch.enter(f"search {n} of {len(TUNING.starts)}")
             yield problem, guess_of(self.check.model, self.path, self.scaled, problem, factor)
 
     def _tilted(self, upright: _Found) -> _Found:
@@ -119,7 +109,7 @@ class OptimalSearch:
 
     def _enough(self, best: _Found) -> bool:
         """Whether to search no more from other starts."""
-        share = AGAIN if best.legs else 1.0
+        share = TUNING.again if best.legs else 1.0
         return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
 
     def _tightened(self, problem: PathSearch, guess: Legs, best: _Found) -> _Found:
@@ -128,8 +118,8 @@ class OptimalSearch:
         What is not faster than the best so far is not gone on with.
         """
         assert best.motion is not None
-        asked = self.nominal.reduced(AHEAD)
-        for _ in range(ROUNDS):
+        asked = self.nominal.reduced(TUNING.ahead)
+        for _ in range(TUNING.search_rounds):
             if self._over():
                 return _Found(None, words=self._why_over())
             left = self.time_limit - self.watch.elapsed
@@ -148,7 +138,7 @@ class OptimalSearch:
                 return _Found(None, words=f"the search failed ({solution.status})")
             guess = solution.legs
             asked = _lowered(asked, found.excess(self.limits))
-        words = f"the search kept exceeding a limit after {ROUNDS} rounds"
+        words = f"the search kept exceeding a limit after {TUNING.search_rounds} rounds"
         return _Found(None, words=words)
 
     def _over(self) -> bool:
@@ -205,7 +195,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
 def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
     """Limits that are exceeded, lowered by their excess."""
     lower = {
-        name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - SLACK)
+        name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
         for name, share in excess.items()
         if share > 0.0
     }

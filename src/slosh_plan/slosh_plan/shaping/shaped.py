@@ -22,18 +22,9 @@ from slosh_plan.planning.path import Leg, Path, path_through
 from slosh_plan.planning.time_law import STEP, Law, PlannedMotion, motion_along, whole_rows
 from slosh_plan.shaping.filters import FILTERS, Damped, Filter
 from slosh_plan.trajectory import Trajectory
+from slosh_plan.tuning import TUNING
 
 POLYNOMIAL = "polynomial"
-REST = 0.01
-"""Share of its greatest speed that a motion may end with, and"""
-REST_SPEED = 2e-3
-"""so much more [m/s]."""
-STILL = 1e-3
-"""A motion that accelerates less than that share along an axis makes no wave along it."""
-NEAR = 1e-3
-"""A stop at a corner is looked for within so much of its place [m]."""
-FINE = 1e-4
-"""Between two points of a path, where a distance from it is measured [m]."""
 
 TERMS = 6
 _POINTS = 400
@@ -180,7 +171,7 @@ def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[
     c, s = math.cos(yaw), math.sin(yaw)
     sizes = [float(np.abs(one).max()) for one in (c * x + s * y, c * y - s * x)]
     pairs = zip((along, across), sizes, strict=True)
-    kept = [frequency for frequency, size in pairs if size > STILL * max(sizes)]
+    kept = [frequency for frequency, size in pairs if size > TUNING.still * max(sizes)]
     return tuple(Damped(frequency, mode.damping_ratio) for frequency in kept or [along])
 
 
@@ -188,7 +179,9 @@ def deviation(course: PathCourse, motion: PlannedMotion) -> float:
     """Farthest that a motion is from a path [m]."""
     farthest = np.full(len(motion.t), np.inf)
     for leg in course.path.legs:
-        places = leg.at(np.linspace(0.0, leg.length, math.ceil(leg.length / FINE) + 2))[0]
+        places = leg.at(
+            np.linspace(0.0, leg.length, math.ceil(leg.length / TUNING.path_step) + 2)
+        )[0]
         nearest = cKDTree(places).query(motion.position)[1]
         for start in (np.maximum(nearest - 1, 0), np.minimum(nearest, len(places) - 2)):
             distance = _from_segment(motion.position, places[start], places[start + 1])
@@ -217,7 +210,7 @@ def _integrated(trajectory: Trajectory) -> Array:
     speed = np.concatenate([zero, np.cumsum(0.5 * steps * (a[1:] + a[:-1]), axis=0)])
     ways = steps * (speed[:-1] + steps * (a[:-1] / 3.0 + a[1:] / 6.0))
     sizes = np.linalg.norm(speed, axis=1)
-    if sizes[-1] > REST * sizes.max() + REST_SPEED:
+    if sizes[-1] > TUNING.rest * sizes.max() + TUNING.rest_speed:
         raise SloshPlanError(
             f"{trajectory.name}: its accelerations end at a speed of {sizes[-1]:.3g} m/s; "
             "shaping is for motions from rest to rest"
@@ -230,11 +223,11 @@ def _ends(path: Path, t: Array, way: Array, speed: Array) -> list[float]:
     ends, length = [0.0], 0.0
     for leg in path.legs[:-1]:
         length += leg.length
-        near = np.flatnonzero(np.abs(way - length) <= NEAR)
+        near = np.flatnonzero(np.abs(way - length) <= TUNING.corner_near)
         if not len(near):
             near = np.array([int(np.argmin(np.abs(way - length)))])
         slowest = near[int(np.argmin(speed[near]))]
-        if speed[slowest] > 0.05 * speed.max() + REST_SPEED:
+        if speed[slowest] > 0.05 * speed.max() + TUNING.rest_speed:
             raise SloshPlanError(
                 f"the motion turns a corner at {t[slowest]:.3g} s with {speed[slowest]:.3g} m/s: "
                 "shaping is for motions that rest at corners"

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from slosh_bag.recorder import LOST, LOST_BY_TOPIC, PUBLISHERS, SEVERAL
-from slosh_model.containers import Cylinder
+from slosh_model.shapes.cylinder import Cylinder
 
 CLOCKS: Final = "clocks"
 UNRELATED: Final = "unrelated"

@@ -17,6 +17,7 @@ _TYPES = {row.name: row.type for row in topics.TOPICS}
 SURFACE = _TYPES[topics.FREE_SURFACE]
 ESTIMATE = _TYPES[topics.ESTIMATE]
 COMPARISON = _TYPES[topics.COMPARISON]
+FUSED = _TYPES[topics.FUSED_ESTIMATE]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}
 """Topics of an estimator or a monitor: where there is one, there is a cell."""
 

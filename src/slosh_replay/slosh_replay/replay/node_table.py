@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
+from slosh_replay.recording.sources import FUSED as FUSED_TYPE
+from slosh_replay.recording.sources import SURFACE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
-from slosh_replay.replay.replayed_estimator import ReplayedEstimator
+from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
+from slosh_replay.replay.replayed_observer import FIELDS, SURFACES, ReplayedObserver
 from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
 
 _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
@@ -28,6 +31,13 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
             "estimator",
             ReplayedEstimator,
             outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+        ),
+        ReplayedNode(
+            "observer",
+            ReplayedObserver,
+            inputs=(NodeTopic(SAMPLES, ""), NodeTopic(FREE_SURFACE, SURFACE, SURFACES)),
+            outputs=(NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, FIELDS),),
+            needs_recorded=True,
         ),
         ReplayedNode(
             "monitor",

@@ -18,7 +18,7 @@ from slosh_replay.recording.settings import NodeStart
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.model_set import ModelHeights, ModelSetEstimates
-from slosh_replay.replay.verification import Messages
+from slosh_replay.replay.verification import Messages, Verifier
 
 
 class Outputs:
@@ -54,6 +54,8 @@ class Setting(NamedTuple):
         follows_input: whether they also say how the input is read.
         starts: of all recorded nodes.
         outputs: receives all results.
+        loaded: models that the estimator has loaded so far, that of each start; grows.
+        fused: compares the observer's states; None: none are recorded.
     """
 
     model: Model
@@ -68,6 +70,8 @@ class Setting(NamedTuple):
     follows_input: bool = True
     starts: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
+    loaded: list[Model] = []  # noqa: RUF012 - given by each replay
+    fused: Verifier | None = None
 
 
 _NONE, _NO_STAMPS = np.empty(0), np.empty(0, dtype=np.int64)
@@ -118,6 +122,11 @@ class NodeTopic(NamedTuple):
     known: Callable[[Messages], Messages] | None = None
 
 
+def recorded_name(name: str) -> str:
+    """Under which name a core reads the recorded messages of its own topic."""
+    return f"recorded {name}"
+
+
 class ReplayedNode(NamedTuple):
     """A row: a node that a replay runs.
 
@@ -126,6 +135,8 @@ class ReplayedNode(NamedTuple):
         core: makes its core.
         inputs: topics that it reads, beside measured heights and the input of the models.
         outputs: topics that it gives; recorded messages of these are compared.
+        needs_recorded: whether it reads these recorded messages, too, by `recorded_name`; where
+            there are none it does not run.
         tolerance: by how much a field may differ from the recorded one [its SI unit]; 0: not by
             a bit; None: a difference is told and is no failure.
     """
@@ -135,3 +146,4 @@ class ReplayedNode(NamedTuple):
     inputs: tuple[NodeTopic, ...] = ()
     outputs: tuple[NodeTopic, ...] = ()
     tolerance: float | None = 0.0
+    needs_recorded: bool = False

@@ -24,7 +24,7 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -113,7 +113,7 @@ def replay_bag(
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    nodes = (*node_table(len(used.mode_constants())), *further)
+    nodes = _running(sources, (*node_table(len(used.mode_constants())), *further))
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
@@ -133,6 +133,8 @@ def replay_bag(
         follows_input=not isinstance(given, InputSettings),
         starts=sources.starts,
         outputs=outputs or Outputs(),
+        loaded=[],
+        fused=verifiers.get(FUSED_ESTIMATE),
     )
     unrelated = clocks_unrelated(sources.facts)
     blocks = InputBlocks(reader, sources, how)
@@ -280,7 +282,8 @@ def feed(
     """
     wanted = {full: (*STAMP, *topic.fields) for full, topic in heard.items()}
     if sources.surface is not None:
-        wanted[sources.surface] = WAVE_FIELDS
+        others = wanted.get(sources.surface, ())
+        wanted[sources.surface] = tuple(dict.fromkeys((*WAVE_FIELDS, *others)))
     read = ColumnReader(reader.typestore_of)
     topics = [*inputs_of.topics, *wanted, *([sources.state] if sources.state else [])]
     for blocks in by_chunk(reader.blocks(topics)):
@@ -298,6 +301,17 @@ def feed(
             last_ns = max(int(block.log_ns[-1]) for block in own)
             batches.insert(0, TopicBatch(sources.input, inputs_of.columns(own), last_ns))
         yield batches
+
+
+def _running(sources: Sources, nodes: Sequence[ReplayedNode]) -> tuple[ReplayedNode, ...]:
+    """The nodes without those whose recorded messages are needed and missing."""
+    found = sources.topics.topic
+    return tuple(
+        node
+        for node in nodes
+        if not node.needs_recorded
+        or all(found(topic.name, topic.message_type) for topic in node.outputs)
+    )
 
 
 def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTopic]:
@@ -339,6 +353,8 @@ def _hand_over(
         stream.add_input(columns, batch.log_ns)
     elif batch.topic == sources.surface:
         stream.add_measurements(measurements(columns), batch.log_ns)
+        if batch.topic in heard:
+            stream.add_recorded(heard[batch.topic], columns)
     elif batch.topic == sources.state:
         stream.add_states(batch.states)
     else:

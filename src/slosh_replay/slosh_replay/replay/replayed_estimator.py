@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from slosh_base.types import Integers
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.inputs import InputSettings
+from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
+from slosh_model.indices import POSE_COUNT
 from slosh_msgs_py.topics import ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
 from slosh_replay.recording.settings import NodeStart, model_of, starts_at_rest
@@ -20,6 +23,10 @@ from slosh_replay.replay.input_matching import Decision
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
 from slosh_replay.replay.nodes import Moment, Setting
 from slosh_replay.replay.verification import Columns, Messages, estimate_columns, joined_messages
+
+SAMPLES: Final = "samples"
+"""What the estimator's models are driven by, for nodes that run models of their own."""
+_AXES = ("ax", "ay", "az")
 
 
 class ReplayedEstimator:
@@ -43,6 +50,8 @@ class ReplayedEstimator:
         self._inputs: list[Messages] = []
         self._heights: list[ModelHeights] = []
         self._given: list[Messages] = []
+        self._samples: list[Messages] = []
+        setting.loaded.append(setting.model)
         setting.reader.carry(modes_of(setting.model))
         setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
@@ -65,7 +74,8 @@ class ReplayedEstimator:
             self._inputs.append(taken)
         self._estimate(moment.final)
         given, self._given = joined_messages(self._given), []
-        return {ESTIMATE: given} if len(given.stamps) else {}
+        samples, self._samples = joined_messages(self._samples), []
+        return {ESTIMATE: given, SAMPLES: samples} if len(given.stamps) else {}
 
     def take_heights(self) -> list[ModelHeights]:
         """Heights of all models since the last call."""
@@ -145,6 +155,7 @@ class ReplayedEstimator:
     def _load(self, change: NodeStart) -> None:
         model = model_of(change)
         self.models.load_model(model)
+        self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
         self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
@@ -163,6 +174,7 @@ class ReplayedEstimator:
         """The node's process was a new one from here on; None: what it tells is not known."""
         if start is None:
             self.setting.reader.restart()
+            self.setting.loaded.append(self.setting.loaded[-1])
         else:
             self.setting.reader.restart(self._input_settings(start))
             self._load(start)
@@ -180,5 +192,30 @@ class ReplayedEstimator:
         answers = self.models.update_many(samples)
         own = answers.own
         self._given.append(Messages(own.stamps, estimate_columns(own)))
+        self._samples.append(_columns(samples, own.flags, len(self.setting.loaded) - 1))
         self.setting.outputs.estimates(answers)
         self._heights.append(answers.heights)
+
+
+def samples_of(batch: Messages) -> Samples:
+    """The samples of messages of SAMPLES."""
+    columns = batch.columns
+    poses = np.column_stack([columns[f"pose{i}"] for i in range(POSE_COUNT)])
+    return Samples(
+        batch.stamps, np.column_stack([columns[name] for name in _AXES]), columns["yaw"],
+        columns["restarted"], poses if np.isfinite(poses).all() else None,
+    )  # fmt: skip
+
+
+def _columns(samples: Samples, flags: Integers, start: int) -> Messages:
+    count = len(samples.stamps)
+    poses = np.full((count, POSE_COUNT), np.nan) if samples.poses is None else samples.poses
+    return Messages(
+        samples.stamps,
+        {
+            **{name: samples.accelerations[:, i] for i, name in enumerate(_AXES)},
+            **{f"pose{i}": poses[:, i] for i in range(POSE_COUNT)},
+            "yaw": samples.yaws, "restarted": samples.restarted, "flags": flags,
+            "start": np.full(count, start),
+        },
+    )  # fmt: skip

@@ -31,6 +31,7 @@ from slosh_replay.replay.nodes import (
     NodeTopic,
     ReplayedNode,
     Setting,
+    recorded_name,
 )
 from slosh_replay.replay.replayed_estimator import ReplayedEstimator
 from slosh_replay.replay.series import Series, chosen, joined
@@ -99,6 +100,8 @@ class ReplayStream:
             if core not in (self.estimator, self.monitor)
             for topic in node.inputs
         }
+        own = [topic for node in nodes if node.needs_recorded for topic in node.outputs]
+        self._waiting |= {recorded_name(topic.name): [] for topic in own}
         self._inputs: list[Messages] = []
         self.alignment: Alignment | None = None
         self.motions = MotionFinder()
@@ -147,8 +150,8 @@ class ReplayStream:
         if topic.name in self.verifiers:
             found = recorded if topic.known is None else topic.known(recorded)
             self.verifiers[topic.name].add_recorded(*found)
-        if topic.name not in self._given:
-            self._keep_for_nodes(topic.name, recorded)
+        name = topic.name if topic.name not in self._given else recorded_name(topic.name)
+        self._keep_for_nodes(name, recorded)
 
     def add_states(self, states: Sequence[RecordedState]) -> None:
         """Takes recorded states of the estimator."""

@@ -1,0 +1,222 @@
+"""The estimator node's observer: measured heights in, fused states and calm out."""
+
+from __future__ import annotations
+
+import math
+import time
+from array import array
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Bool
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch
+from slosh_estimator.observer.observer import FusedState, Observer, Outcome
+from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
+from slosh_estimator.sample import Sample
+from slosh_estimator.tuning import TUNING
+from slosh_model.model import Model
+from slosh_msgs.action import WaitUntilCalm
+from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds
+
+_FIELDS = SurfaceHeights._fields
+
+
+class ObserverOutput:
+    """Runs the observer of a node and publishes what it gives.
+
+    Args:
+        node: whose.
+        frame: the container's.
+        tolerance: height of a calm wave [m].
+        model: of the estimator.
+    """
+
+    def __init__(self, node: Node, frame: str, tolerance: float, model: Model) -> None:
+        self._node = node
+        self._fused = FusedEstimate()
+        self._calm = Calm()
+        self._fused.header.frame_id = self._calm.header.frame_id = frame
+        self._watch = CalmWatch(tolerance)
+        self._waits: list[_Wait] = []
+        self._calm_ns = -(2**62)
+        self._heard = time.monotonic()
+        self.load(model)
+        self._fused_out = node.create_publisher(
+            FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_OUT
+        )
+        self._calm_out = node.create_publisher(Calm, topics.CALM, qos.LATCHED_STREAM)
+        self._bool_out = node.create_publisher(Bool, topics.IS_CALM, qos.LATCHED_STREAM)
+        node.create_subscription(FreeSurface, topics.FREE_SURFACE, self._take, qos.STREAM_IN)
+        self._timer = node.create_timer(TUNING.calm_silence, self._look)
+        self._action = ActionServer(
+            node, WaitUntilCalm, topics.WAIT_UNTIL_CALM, self._on_goal,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )  # fmt: skip
+
+    def load(self, model: Model) -> None:
+        """Starts anew with another model, or with the same."""
+        self.observer = Observer(model)
+        # What a sensor reads of such a model is not the height of the liquid.
+        self.hears = not model.uses("reading")
+        self._watch = CalmWatch(self._watch.tolerance)
+
+    def set_tolerance(self, tolerance: float) -> None:
+        """Judges by another tolerance from now on [m]."""
+        self._watch = CalmWatch(tolerance)
+
+    def close(self) -> None:
+        """Ends what waits."""
+        for wait in self._waits:
+            wait.done.set_result(None)
+        self._action.destroy()
+
+    def follow(self, sample: Sample, flags: int) -> None:
+        """Takes an input; flags: of its estimate."""
+        state = self.observer.follow(sample, flags)
+        if state is None:
+            return
+        self._heard = time.monotonic()
+        fill_fused(self._fused, state, self.observer)
+        self._fused_out.publish(self._fused)
+        calm = self._watch.update(state)
+        for wait in self._waits:
+            wait.update(state)
+        if not 0 <= state.stamp_ns - self._calm_ns < TUNING.calm_ns:
+            self._calm_ns = state.stamp_ns
+            fill_calm(self._calm, calm)
+            self._tell()
+
+    def facts(self) -> dict[str, Any]:
+        """For diagnostics."""
+        counts = self.observer.counts
+        return {f"heights {outcome.value}": counts[outcome] for outcome in Outcome}
+
+    def _take(self, message: FreeSurface) -> None:
+        if self.hears:
+            stamp_ns = to_nanoseconds(message.header.stamp)
+            heights = SurfaceHeights(*(getattr(message, name) for name in _FIELDS))
+            self.observer.take(wall_heights(stamp_ns, heights))
+
+    def _look(self) -> None:
+        """Tells a silent input; the last word must not stay `calm`."""
+        if time.monotonic() - self._heard < TUNING.calm_silence:
+            return
+        calm = self._calm
+        calm.calm, calm.reason = False, int(CalmReason.STALE)
+        calm.tolerance = self._watch.tolerance
+        calm.envelope = calm.bound = calm.time_until_calm = math.nan
+        calm.shortest_time = calm.longest_time = math.nan
+        self._watch = CalmWatch(self._watch.tolerance)
+        self._tell()
+
+    def _tell(self) -> None:
+        self._calm_out.publish(self._calm)
+        self._bool_out.publish(Bool(data=self._calm.calm))
+        for wait in self._waits:
+            wait.tell(self._calm)
+
+    async def _on_goal(self, goal: Any) -> WaitUntilCalm.Result:
+        request = goal.request
+        wait = _Wait(goal, request.tolerance or self._watch.tolerance, request.timeout)
+        self._waits.append(wait)
+        try:
+            await wait.done
+        finally:
+            self._waits.remove(wait)
+        return wait.result()
+
+
+class _Wait:
+    """A goal that waits until the liquid is calm."""
+
+    def __init__(self, goal: Any, tolerance: float, timeout: float) -> None:
+        self._goal, self._timeout = goal, timeout if timeout > 0.0 else math.inf
+        self._watch = CalmWatch(tolerance)
+        self._began = time.monotonic()
+        self._state = Calm()
+        self.done: Future = Future()
+
+    def update(self, state: FusedState) -> None:
+        """Takes a fused state."""
+        fill_calm(self._state, self._watch.update(state))
+
+    def tell(self, told: Calm) -> None:
+        """Tells the client how far it is; ends where it is time."""
+        if told.reason == Calm.STALE:
+            self._state = told
+        self._state.header.frame_id = told.header.frame_id
+        self._goal.publish_feedback(WaitUntilCalm.Feedback(state=self._state))
+        late = time.monotonic() - self._began > self._timeout
+        if (self._state.calm or late or self._goal.is_cancel_requested) and not self.done.done():
+            self.done.set_result(None)
+
+    def result(self) -> WaitUntilCalm.Result:
+        """How it ended."""
+        result, waited = WaitUntilCalm.Result(), time.monotonic() - self._began
+        result.calm, result.waited, result.state = self._state.calm, waited, self._state
+        if self._goal.is_cancel_requested:
+            self._goal.canceled()
+            result.message = "cancelled"
+        elif result.calm:
+            self._goal.succeed()
+            result.message = f"calm after {waited:.1f} s"
+        else:
+            self._goal.abort()
+            result.message = f"not calm after {waited:.1f} s: {words(self._state)}"
+        return result
+
+
+def words(state: Calm) -> str:
+    """Why the liquid is not calm."""
+    return {
+        Calm.MOVING: "the container moves",
+        Calm.SETTLING: f"the wave reaches {1e3 * state.envelope:.1f} mm",
+        Calm.UNSURE: f"the wave may reach {1e3 * state.bound:.1f} mm",
+        Calm.STALE: "the estimator has no input",
+    }.get(state.reason, "calm")
+
+
+def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) -> None:
+    """Writes a fused state into a message that is used again and again."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
+    message.msh, message.msh_stddev, message.azimuth = state.msh, state.stddev, state.azimuth
+    message.sh_x, message.sh_x_stddev = state.sh_x, state.stddev_x
+    message.sh_y, message.sh_y_stddev = state.sh_y, state.stddev_y
+    modal = state.modal
+    message.modal_position = array(
+        "d", [q for n in range(0, len(modal), 4) for q in modal[n : n + 2]]
+    )
+    message.modal_velocity = array(
+        "d", [q for n in range(0, len(modal), 4) for q in modal[n + 2 : n + 4]]
+    )
+    message.frequency_factor, message.damping_factor = state.frequency_factor, state.damping_factor
+    message.frequency_stddev, message.damping_stddev = state.frequency_stddev, state.damping_stddev
+    message.level, message.clock_offset = state.level, state.clock_offset
+    message.uncorrected = state.uncorrected if state.corrected_ns is not None else math.nan
+    message.trusted = state.trusted
+    message.heights_taken = observer.taken
+    message.heights_used = observer.counts[Outcome.USED]
+    message.heights_rejected = observer.counts[Outcome.REJECTED]
+
+
+def fill_calm(message: Calm, state: CalmState) -> None:
+    """Writes a judgement into a message that is used again and again."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
+    message.calm, message.reason, message.tolerance = (
+        state.calm,
+        int(state.reason),
+        state.tolerance,
+    )
+    message.envelope, message.bound = state.envelope, state.bound
+    times = (state.wait, state.shortest, state.longest)
+    message.time_until_calm, message.shortest_time, message.longest_time = (
+        value if math.isfinite(value) else math.nan for value in times
+    )

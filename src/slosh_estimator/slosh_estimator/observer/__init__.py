@@ -1,0 +1,1 @@
+"""The observer: corrects the open-loop estimate by measured heights."""

@@ -1,0 +1,107 @@
+"""Whether the liquid is calm, and when it will be."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+from slosh_estimator.observer.observer import FusedState
+from slosh_estimator.tuning import TUNING
+
+
+class CalmReason(IntEnum):
+    """Why the liquid is not calm; the values of Calm.msg."""
+
+    CALM = 0
+    MOVING = 1
+    SETTLING = 2
+    UNSURE = 3
+    STALE = 4
+
+
+class CalmState(NamedTuple):
+    """Whether the liquid is calm, if nothing moves from now on.
+
+    Attributes:
+        stamp_ns: the moment [ns].
+        reason: CALM, or why it is not.
+        tolerance: height of a calm wave [m].
+        envelope: largest height that the wave still reaches [m].
+        bound: the same with a probability of 95 % [m].
+        wait: time until the wave is within the tolerance [s]; 0: it is.
+        shortest, longest: that time with a probability of 95 % each [s]; infinite: unknown.
+    """
+
+    stamp_ns: int
+    reason: CalmReason
+    tolerance: float
+    envelope: float
+    bound: float
+    wait: float
+    shortest: float
+    longest: float
+
+    @property
+    def calm(self) -> bool:
+        """Whether the liquid is calm."""
+        return self.reason is CalmReason.CALM
+
+
+class CalmWatch:
+    """Judges fused states one after the other.
+
+    The liquid becomes calm where its wave is surely within the tolerance for the rest of time. It
+    stays so until the bound exceeds the tolerance clearly, or the container moves.
+
+    Args:
+        tolerance: height of a calm wave [m].
+    """
+
+    def __init__(self, tolerance: float) -> None:
+        self.tolerance = tolerance
+        self._calm = False
+        self._first_ns: int | None = None
+
+    def update(self, state: FusedState) -> CalmState:
+        """Takes a state that is newer than those before."""
+        if self._first_ns is None:
+            self._first_ns = state.stamp_ns
+        bound = state.envelope + TUNING.bound * state.envelope_stddev
+        return CalmState(
+            state.stamp_ns, self._reason(state, bound, self._first_ns), self.tolerance,
+            state.envelope, bound, *self._waits(state, bound),
+        )  # fmt: skip
+
+    def _reason(self, state: FusedState, bound: float, first_ns: int) -> CalmReason:
+        since = math.inf if state.moved_ns is None else state.stamp_ns - state.moved_ns
+        surely = state.envelope + TUNING.surely_calm * state.envelope_stddev
+        if self._calm:
+            self._calm = bound <= TUNING.calm_again * self.tolerance
+        else:
+            self._calm = surely <= self.tolerance
+        if since < TUNING.calm_after_ns:
+            self._calm = False
+            return CalmReason.MOVING
+        # A start beside a wave: the first measurements have not come yet.
+        if state.corrected_ns is None and state.stamp_ns - first_ns < TUNING.calm_first_ns:
+            self._calm = False
+        if self._calm:
+            return CalmReason.CALM
+        return CalmReason.SETTLING if state.envelope > self.tolerance else CalmReason.UNSURE
+
+    def _waits(self, state: FusedState, bound: float) -> tuple[float, float, float]:
+        """Time until calm, and its bounds [s]."""
+        spread = math.exp(TUNING.bound * state.damping_stddev)
+        lowest = state.envelope - TUNING.bound * state.envelope_stddev
+        return (
+            self._wait(state.envelope, state.decay),
+            self._wait(lowest, state.decay * spread),
+            self._wait(bound, state.decay / spread),
+        )
+
+    def _wait(self, height: float, decay: float) -> float:
+        """Time in which a height decays to the tolerance [s]."""
+        if not height > self.tolerance:
+            return 0.0 if height == height else math.inf
+        return math.log(height / self.tolerance) / decay if decay > 0.0 else math.inf

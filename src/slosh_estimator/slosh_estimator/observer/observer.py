@@ -1,0 +1,355 @@
+"""The observer: a model that is corrected by measured heights.
+
+See `observer_kernel` for the equations. The open-loop estimate stays as it is, so that its
+comparison with the camera still shows a fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_estimator.estimate_kernel import MAX_STEP
+from slosh_estimator.observer import observer_kernel as kernel
+from slosh_estimator.observer import (
+    self_test as self_test,
+)  # its checks belong to the compiled functions
+from slosh_estimator.sample import Sample
+from slosh_estimator.tuning import TUNING
+from slosh_estimator.validity import EstimateFlag
+from slosh_metrics.motion_spans import MotionFinder
+from slosh_model.indices import POSE_COUNT
+from slosh_model.layout import back_to_rest, divided
+from slosh_model.model import Model
+from slosh_model.simulate import store_of
+
+_RESTARTS = int(EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED)
+_SETTLING = int(EstimateFlag.SETTLING)
+_LONG_AGO = -(2**62)
+_NO_POINTS = np.empty((0, 3))
+_UPRIGHT = np.empty((0, POSE_COUNT))
+
+
+class WallHeights(NamedTuple):
+    """Heights of the liquid on the wall at one moment.
+
+    Attributes:
+        stamp_ns: the moment [ns].
+        points: (M, 3) azimuth about the container's axis [rad], or NaN: the highest place,
+            wherever it is; height above the still level [m]; its standard deviation [m]. Without
+            points nothing is measured.
+    """
+
+    stamp_ns: int
+    points: Array
+
+
+class Outcome(Enum):
+    """What became of a measurement."""
+
+    USED = "used"
+    REJECTED = "rejected"
+    LATE = "late"
+    EMPTY = "empty"
+
+
+class FusedState(NamedTuple):
+    """The liquid's state from model and measurements.
+
+    Attributes:
+        stamp_ns: the moment [ns].
+        corrected_ns: stamp of the last measurement that is used [ns]; None: none.
+        msh, azimuth: maximum sloshing height [m] and where it is [rad].
+        sh_x, sh_y: signed height at the container's +x and +y side [m].
+        stddev_x, stddev_y, stddev: standard deviations of sh_x, sh_y and msh [m].
+        modal: x, y, vx, vy of each mode, one after the other [m, m/s].
+        frequency_factor, damping_factor: natural frequency and damping ratio over the model's.
+        frequency_stddev, damping_stddev: standard deviations of their logarithms.
+        envelope, envelope_stddev: largest height that the wave still reaches if nothing moves from
+            now on, and its standard deviation [m].
+        decay: of that [1/s].
+        moved_ns: when the container moved last [ns]; None: it has not.
+        level: still level above the measurement's zero [m].
+        clock_offset: by how much stamps of measurements are late [s].
+    """
+
+    stamp_ns: int
+    corrected_ns: int | None
+    msh: float
+    azimuth: float
+    sh_x: float
+    sh_y: float
+    stddev_x: float
+    stddev_y: float
+    stddev: float
+    modal: list[float]
+    frequency_factor: float
+    damping_factor: float
+    frequency_stddev: float
+    damping_stddev: float
+    envelope: float
+    envelope_stddev: float
+    decay: float
+    moved_ns: int | None
+    level: float
+    clock_offset: float
+
+    @property
+    def uncorrected(self) -> float:
+        """Time since the last measurement that is used [s]; infinite: none."""
+        if self.corrected_ns is None:
+            return math.inf
+        return max(self.stamp_ns - self.corrected_ns, 0) / 1e9
+
+    @property
+    def trusted(self) -> bool:
+        """Whether it is surer than an estimate that nothing corrects."""
+        return self.corrected_ns is not None and self.stddev <= TUNING.trusted_stddev
+
+
+class Observer:
+    """Runs a nonlinear model with an estimator's input and corrects it by measured heights.
+
+    Measurements wait for the next state that is given, at most each TUNING.fused_ns, and for an
+    input that is not older than they are. One whose normalised innovation is too large is
+    rejected. After some such in succession that show a wave the liquid's state counts as unknown,
+    so that a push by hand is taken up.
+
+    Args:
+        model: container, liquid and effects.
+
+    Attributes:
+        counts: of measurements, by outcome.
+        taken: measurements so far that do not wait any more.
+        innovation: normalised innovation of the last measurement over its limit.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.counts = dict.fromkeys(Outcome, 0)
+        self.taken, self.innovation = 0, math.nan
+        container = model.container
+        self._cornered, self._reaches = container.cornered, np.array(container.reaches)
+        self._largest = TUNING.unknown_wave * max(container.reaches)
+        self._bound = TUNING.runaway * max(container.reaches)
+        self._store = store_of(model.nonlinear(), MAX_STEP)
+        self._constants = divided(self._store)[1].copy()
+        modes = len(self._constants)
+        self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
+        self._blocks = np.zeros((2 * modes, kernel.BLOCK))
+        self._theta = np.zeros(kernel.PARAMETERS)
+        self._averages = np.zeros(3)
+        self._motions = MotionFinder()
+        self._moved_ns: int | None = None
+        self._noise = _noise()
+        self._ring = np.zeros((TUNING.kept_inputs, kernel.MODES + 4 * modes))
+        self._out = np.zeros(kernel.STATE + 4 * modes)
+        self._covariance = np.zeros((4 * modes + kernel.PARAMETERS,) * 2)
+        self._slow_variance = np.square(
+            [TUNING.frequency_spread, TUNING.damping_spread, TUNING.level_spread,
+             TUNING.clock_spread]
+        )  # fmt: skip
+        self._begin, self._read = kernel.begin.load(), kernel.read.load()
+        self._follow, self._correct = kernel.follow.load(), kernel.correct.load()
+        self._waiting: deque[WallHeights] = deque()
+        self._epoch_ns: int | None = None
+        self._given_ns = _LONG_AGO
+        self._newest_ns = _LONG_AGO
+        self._corrected_ns: int | None = None
+        # Inputs since the restart; the one before the anchor; rejected measurements in succession.
+        self._count = self._first = self._rejected = 0
+        self._anchored_at = 0.0
+
+    def take(self, heights: WallHeights) -> None:
+        """Takes a measurement; those in front are used first."""
+        self._waiting.append(heights)
+        if len(self._waiting) > TUNING.waiting_heights:
+            self._waiting.popleft()
+            self._note(Outcome.LATE)
+
+    def follow(self, sample: Sample, flags: int = 0) -> FusedState | None:
+        """Takes an input.
+
+        Args:
+            sample: the input.
+            flags: of the estimate that belongs to it: bits of EstimateFlag.
+
+        Returns:
+            the fused state at its moment; None: none is due.
+        """
+        stamp_ns = sample.stamp_ns
+        if self._epoch_ns is None or stamp_ns < self._epoch_ns:
+            self._epoch_ns = stamp_ns
+        now = (stamp_ns - self._epoch_ns) / 1e9
+        restarts = sample.restarted or bool(flags & _RESTARTS) or stamp_ns <= self._newest_ns
+        if restarts or not self._count or not self._step(sample, now):
+            unknown = bool(flags & (_RESTARTS | _SETTLING)) or self._count > 0
+            self._restart(now, at_rest=not unknown)
+            self._step(sample, now)
+        self._newest_ns = stamp_ns
+        self._follow_motion(sample)
+        if 0 <= stamp_ns - self._given_ns < TUNING.fused_ns:
+            return None
+        self._given_ns = stamp_ns
+        self._use_waiting()
+        self._read(
+            self._store, self._blocks, self._ring, self._count, self._covariance,
+            self._averages, self._out,
+        )  # fmt: skip
+        return self._state()
+
+    def _step(self, sample: Sample, now: float) -> bool:
+        """Runs the model on; False: it has left the physical range."""
+        dt = (sample.stamp_ns - self._newest_ns) / 1e9 if self._count else 0.0
+        if self._count - self._first >= len(self._ring) - 1:
+            self._move_anchor()
+        pose = _UPRIGHT
+        if self._pose is not None and sample.pose is not None:
+            self._pose[0] = sample.pose
+            pose = self._pose
+        inside: bool = self._follow(
+            self._store, pose, now, dt, sample.ax, sample.ay, sample.az, sample.yaw, self._ring,
+            self._count, self._blocks, self._averages, self._noise, self._bound,
+        )  # fmt: skip
+        self._count += 1
+        return inside
+
+    def _follow_motion(self, sample: Sample) -> None:
+        """Averages the acceleration at rest anew from the end of each motion on."""
+        self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
+        spans = self._motions.spans
+        if not spans:
+            return
+        if len(spans) > 1:
+            self._motions.forget_first()
+        self._moved_ns = spans[-1].end_ns
+        if sample.stamp_ns - self._moved_ns < TUNING.calm_after_ns:
+            self._averages[kernel.COUNT] = 0.0
+
+    def _use_waiting(self) -> None:
+        while self._waiting:
+            ahead_ns = self._waiting[0].stamp_ns - self._newest_ns
+            if 0 < ahead_ns < TUNING.ahead_ns:
+                return
+            heights = self._waiting.popleft()
+            self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
+
+    def _note(self, outcome: Outcome) -> None:
+        self.taken += 1
+        self.counts[outcome] += 1
+
+    def _use(self, heights: WallHeights) -> Outcome:
+        if not len(heights.points):
+            return Outcome.EMPTY
+        moment = (heights.stamp_ns - (self._epoch_ns or 0)) / 1e9
+        if moment < self._anchored_at:
+            return Outcome.LATE
+        if not self._corrected(moment, heights.points):
+            self._rejected += 1
+            if not self._is_another_wave(moment, heights.points):
+                return Outcome.REJECTED
+        self._rejected = 0
+        self._corrected_ns = heights.stamp_ns
+        return Outcome.USED
+
+    def _is_another_wave(self, moment: float, points: Array) -> bool:
+        """Whether the state is unknown and the points are a wave's: then they are used."""
+        shown = len(points) >= TUNING.shape_points
+        if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
+            return False
+        before = self._covariance.copy()
+        self._forget()
+        if self._corrected(moment, points):
+            return True
+        self._covariance[:] = before
+        return False
+
+    def _move_anchor(self) -> None:
+        """Moves the anchor to the middle of the ring, whose oldest input makes room."""
+        middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
+        self._corrected(float(middle[kernel.TIME]), _NO_POINTS)
+
+    def _corrected(self, moment: float, points: Array) -> bool:
+        """Corrects by points and moves the anchor there; False: they are rejected."""
+        last = self._count - 1
+        ratio = self._correct(
+            self._store, self._ring, self._first, last, self._blocks, self._theta,
+            self._covariance, self._noise, self._anchored_at, moment, self._cornered,
+            self._reaches, points,
+        )  # fmt: skip
+        if len(points):
+            self.innovation = ratio
+        if not ratio <= 1.0:
+            return False
+        self._anchored_at = moment
+        times = self._ring[:, kernel.TIME]
+        while self._first < last and times[(self._first + 1) % len(times)] <= moment:
+            self._first += 1
+        return True
+
+    def _restart(self, now: float, *, at_rest: bool) -> None:
+        """Puts the model to rest; the liquid is so, or nothing is known of it."""
+        run, modes = divided(self._store)
+        elapsed = run["elapsed"].copy()
+        modes[:] = self._constants
+        back_to_rest(self._store)
+        if self._count:
+            run["elapsed"] = elapsed
+        self._theta[:] = 0.0
+        self._begin(self._store, self._blocks)
+        self._count = self._first = self._rejected = 0
+        self._anchored_at, self._corrected_ns = now, None
+        self._forget()
+        if at_rest:
+            self._spread(TUNING.rest_wave)
+
+    def _forget(self) -> None:
+        """Takes any wave and any parameter for possible from the anchor on."""
+        states = len(self._covariance) - kernel.PARAMETERS
+        self._covariance[states:, states:] = np.diag(self._slow_variance)
+        self._spread(self._largest)
+
+    def _spread(self, height: float) -> None:
+        """Sets the standard deviation of each wave's height at the anchor [m]."""
+        states = len(self._covariance) - kernel.PARAMETERS
+        self._covariance[:states], self._covariance[:, :states] = 0.0, 0.0
+        place = height / self._blocks[:, kernel.GAIN]
+        rate = place * self._blocks[:, kernel.OMEGA]
+        variance = np.square(np.column_stack([place, rate])).ravel()
+        np.fill_diagonal(self._covariance[:states, :states], variance)
+
+    def _state(self) -> FusedState:
+        out = self._out.tolist()
+        variance = self._covariance.diagonal()[-kernel.PARAMETERS :].tolist()
+        theta = self._theta.tolist()
+        return FusedState(
+            self._newest_ns, self._corrected_ns, out[kernel.MSH], out[kernel.AZIMUTH],
+            out[kernel.SH_X], out[kernel.SH_Y], out[kernel.STDDEV_X], out[kernel.STDDEV_Y],
+            out[kernel.STDDEV], out[kernel.STATE :], math.exp(theta[kernel.FREQUENCY]),
+            math.exp(theta[kernel.DAMPING]), math.sqrt(variance[kernel.FREQUENCY]),
+            math.sqrt(variance[kernel.DAMPING]), out[kernel.ENVELOPE],
+            out[kernel.ENVELOPE_STDDEV], out[kernel.DECAY], self._moved_ns,
+            theta[kernel.LEVEL], theta[kernel.CLOCK],
+        )  # fmt: skip
+
+
+def _noise() -> Array:
+    noise = np.zeros(kernel.NOISES)
+    noise[kernel.FLOOR] = TUNING.noise_floor
+    noise[kernel.SHARE], noise[kernel.WAVE] = TUNING.noise_share, TUNING.noise_wave
+    noise[kernel.MEMORY] = TUNING.noise_memory
+    noise[kernel.FREQUENCY_WALK] = TUNING.frequency_walk
+    noise[kernel.DAMPING_WALK] = TUNING.damping_walk
+    noise[kernel.LEVEL_WALK], noise[kernel.CLOCK_WALK] = TUNING.level_walk, TUNING.clock_walk
+    noise[kernel.GATE] = TUNING.innovation_gate
+    noise[kernel.COMMON], noise[kernel.FORM] = TUNING.common_error, TUNING.form_error
+    noise[kernel.RELATIVE], noise[kernel.ALIKE] = TUNING.relative_error, TUNING.error_memory
+    noise[kernel.MEAN] = TUNING.rest_average
+    noise[kernel.STEEP] = TUNING.noise_steep
+    noise[kernel.MOST_FREQUENCY] = TUNING.most_frequency
+    noise[kernel.MOST_DAMPING] = TUNING.most_damping
+    return noise

@@ -1,0 +1,106 @@
+"""The tuning numbers of alignment, clock drift, motion spans and input checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_base.tuning import number
+
+
+@dataclass(frozen=True, slots=True)
+class MetricsTuning:
+    """What distinguishes a motion from rest, a fault from a motion, and an offset from a drift.
+
+    Checked by the tests of the package on simulated inputs with and without each fault. The unit
+    "σ" is a standard deviation of the noise.
+    """
+
+    # alignment.py
+    quiet_window: float = number(0.8, "s", "length of the quiet part that gives level and noise")
+    onset_noises: float = number(5.0, "σ", "deviation from which a height shows a motion")
+    onset_share: float = number(0.5, "1", "part of the peak that it exceeds as well")
+    sustained: tuple[int, int] = number((3, 5), "1", "samples that exceed both, out of so many")
+    search: float = number(1.0, "s", "half-width of the search for the clock offset")
+    bowl: float = number(0.02, "s", "half-width of the fit at the least residual")
+    separation: float = number(0.1, "s", "least distance of two separate minima")
+    offset_step: float = number(0.002, "s", "grid of offsets before the fit")
+    coverage: float = number(0.98, "1", "part of the model that measured samples cover")
+    distinct: float = number(1.10, "1", "RMS of a second minimum over the first, at least")
+    outlier_share: float = number(
+        0.15, "1", "part of the peak by which a single outlier stands out"
+    )
+    # clock_drift.py
+    least_covered: int = number(20, "1", "fewest samples of a motion that show a drift")
+    drift_rounds: int = number(6, "1", "iterations of the least squares of the drift")
+    drift_surely: float = number(5.0, "σ", "least significance of a drift")
+    least_drift: float = number(5e-4, "1", "least drift")
+    drift_gain: float = number(0.3, "1", "part of the residual that the drift explains")
+    few: float = number(4.0, "1", "more of it by this over the degrees of freedom")
+    least_gain: float = number(0.005, "s", "least change of the offset")
+    model_error: float = number(0.002, "s", "error of an offset by the model")
+    least_offset: float = number(0.015, "s", "least constant offset that is reported")
+    rough_offset: float = number(0.02, "s", "standard deviation from which an offset is unknown")
+    least_motions: int = number(4, "1", "fewest motions that show a growing offset")
+    kept_motions: int = number(500, "1", "motions that are kept")
+    near: float = number(0.3, "s", "half-width of the search about a known offset")
+    # motion_spans.py
+    moving: float = number(0.15, "m/s²", "deviation from rest at which the container moves")
+    beginning: float = number(1.1, "s", "length of a constant beginning that is rest")
+    settled: float = number(1.0, "s", "length of a constant input whose drift is followed")
+    turning: float = number(0.05, "rad/s", "rate of tilt at which the container moves")
+    pause_ns: int = number(SECOND, "ns", "length of a rest between two motions")
+    after_ns: int = number(SECOND, "ns", "time after a motion in which its heights count")
+    # input_checks/constancy.py
+    bin_ns: int = number(50_000_000, "ns", "time over which inputs are averaged")
+    looked_back: int = number(7, "1", "second differences that give the noise")
+    constancy_noises: float = number(3.5, "σ", "deviation of a mean that is noise")
+    tolerance: float = number(0.075, "m/s²", "deviation from a constant without noise")
+    most_tolerance: float = number(0.5, "m/s²", "largest deviation from a constant with noise")
+    top_speed: float = number(5.0, "m/s", "largest change of speed in a motion")
+    # input_checks/input_faults.py
+    least_samples: int = number(16, "1", "fewest samples that can show a fault")
+    fault_moving: float = number(0.15, "m/s²", "acceleration below which a fault does not matter")
+    flat_samples: int = number(4, "1", "fewest equal samples of a clipped top")
+    beside: int = number(4, "1", "samples beside it that extrapolate the clipped part")
+    cap: float = number(0.05, "1", "part of the range by which that exceeds the top")
+    straight: float = number(1e-3, "1", "change of slope per sample of a planned ramp")
+    arriving: float = number(2.2, "1", "rise over the distance to the top of a planned arrival")
+    quanta: float = number(12.0, "steps", "bend of rounded values that is known")
+    everywhere: float = number(0.7, "1", "part of the samples that differ where noise is in them")
+    fine: float = number(20.0, "steps", "third difference at which equal values are rare")
+    rough: float = number(1.0, "1", "third over second differences of noise")
+    exact: float = number(1e-8, "1", "relative difference of different numbers")
+    rounded: float = number(0.05, "1", "deviation from a multiple of a step, in steps")
+    freeze: float = number(0.04, "s", "shortest freeze")
+    freeze_samples: int = number(5, "1", "fewest samples of a freeze")
+    held: float = number(3.0, "1", "length of a freeze over the usual repetition")
+    leap: float = number(1.0, "m/s²", "change at the end of a freeze that began at rest")
+    jump: float = number(3.0, "1", "change at its end over the changes beside it")
+    gap: float = number(0.05, "s", "shortest missing stretch")
+    gap_samples: float = number(5.0, "1", "the same in sampling intervals")
+    apart: float = number(0.4, "m/s²", "deviation of a sample from its neighbours")
+    sticks_out: float = number(2.0, "1", "the same over the difference of the neighbours")
+    in_turn: int = number(12, "1", "such samples in succession that show a second motion")
+    at_least: int = number(30, "1", "such samples in all")
+    most_between: int = number(20, "1", "most samples between two of them")
+    alike: float = number(0.5, "1", "relative difference of their deviations")
+    along: float = number(0.8, "1", "cosine of the angle between these")
+    regular: float = number(0.25, "1", "relative change of the samples between them")
+    uneven: float = number(0.05, "1", "relative scatter of the intervals of all samples")
+    unevenness: float = number(2.5, "1", "the same over that of one publisher")
+    window_ns: int = number(10 * SECOND, "ns", "part of a stream that is checked at a time")
+    overlap_ns: int = number(SECOND // 2, "ns", "part of the window before that is checked again")
+    most_faults: int = number(20, "1", "most kinds of fault that are distinguished")
+    most_taken: int = number(50_000, "1", "most samples that wait for a check")
+    # input_checks/table_checks.py
+    unlikely: float = number(100.0, "m/s²", "acceleration that no robot with liquid has")
+    shortest_table: float = number(1.0, "s", "shortest motion whose mean is checked")
+    gentle: float = number(1.5, "m/s²", "peak below which a motion looks like one in g")
+    # input_checks/constant_finder.py
+    rest: float = number(0.4, "s", "time without change after which an input is constant")
+    forgetting: float = number(30.0, "s", "time constant of the integral")
+    departure: float = number(0.25, "m/s²", "deviation from a constant that is a motion")
+
+
+TUNING = MetricsTuning()
