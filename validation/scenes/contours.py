@@ -83,7 +83,7 @@ def draw_cup(rng: np.random.Generator, kind: str) -> Cup:
         name: value if isinstance(value, str) else round(value * size, 5)
         for name, value in made[kind].items()
     }
-    container["fill_height"] = round(container["fill_height"] * fill, 5)
+    container["fill_height"] = round(round(made[kind]["fill_height"] * size, 5) * fill, 5)
     body = revolved(container)
     inner = 1e3 * (body.silhouette + np.array([0.0, body.fill_height]))
     inner = inner[np.append(True, np.hypot(*np.diff(inner, axis=0).T) > 1e-6)]

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from definitions import Camera, Colour, Cup, Scene
 from numpy.typing import NDArray
-from surface import Wave
+from surface import Surface
 
 FILM = 0.01  # mm
 RINGS, SECTORS = 40, 240
@@ -30,7 +30,7 @@ class RenderError(Exception):
     """POV-Ray did not deliver."""
 
 
-def surface_mesh(wave: Wave, top: float, meniscus: float = 0.0) -> str:
+def surface_mesh(wave: Surface, top: float, meniscus: float = 0.0) -> str:
     """A closed mesh (mm) of the space above the surface, which climbs at the wall, to `top`."""
     radius = 1e3 * wave.reach
     angles = np.arange(SECTORS) * 2 * math.pi / SECTORS
@@ -365,7 +365,9 @@ def _surroundings(scene: Scene, shift: float) -> str:
     )
 
 
-def photo_text(scene: Scene, wave: Wave, size: tuple[int, int], shift: float, folder: Path) -> str:
+def photo_text(
+    scene: Scene, wave: Surface, size: tuple[int, int], shift: float, folder: Path
+) -> str:
     """The scene for a photograph."""
     liquid = scene.liquid
     look = (
@@ -392,7 +394,7 @@ def photo_text(scene: Scene, wave: Wave, size: tuple[int, int], shift: float, fo
     )
 
 
-def mask_text(scene: Scene, wave: Wave, size: tuple[int, int]) -> str:
+def mask_text(scene: Scene, wave: Surface, size: tuple[int, int]) -> str:
     """The scene for a mask: red liquid through the wall, green free surface, blue floor."""
     flat = "finish { ambient 0 diffuse 0 emission 1 }"
     floor = -scene.cup.fill + 0.02

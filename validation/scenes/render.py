@@ -25,7 +25,7 @@ from definitions import SCENES, Scene
 from numpy.typing import NDArray
 from optics import View
 from povray import Image
-from surface import MODE_2, Wave, natural_frequency
+from surface import MODE_2, Surface, Wave, natural_frequency
 from truth import frame_truth, header, mask_truth
 
 STILL = "calib.jpg"
@@ -115,7 +115,7 @@ class Renderer:
         return (at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)), size
 
     def photograph(
-        self, surface: Callable[[float], Wave], times: list[float], shift: float
+        self, surface: Callable[[float], Surface], times: list[float], shift: float
     ) -> NDArray[np.uint8]:
         """The picture (BGR) that a camera takes.
 
@@ -136,7 +136,7 @@ class Renderer:
         noisy = image + spread * self._rng.standard_normal(image.shape)
         return povray.to_srgb(np.asarray(noisy, np.float64))[..., ::-1]
 
-    def _instant(self, surface: Callable[[float], Wave], time: float, shift: float) -> Image:
+    def _instant(self, surface: Callable[[float], Surface], time: float, shift: float) -> Image:
         """Linear light of one instant, or of one passage of a rolling shutter in strips."""
         readout, high = self._scene.photo.readout_s, self._size[1]
         if not readout:
@@ -149,11 +149,11 @@ class Renderer:
             image[first:end] = strip[first:end]
         return image
 
-    def _drawn(self, wave: Wave, shift: float, rows: tuple[int, int] | None) -> Image:
+    def _drawn(self, wave: Surface, shift: float, rows: tuple[int, int] | None) -> Image:
         text = povray.photo_text(self._scene, wave, self._size, shift, self._folder)
         return povray.run(text, self._size, self._folder, smooth=True, rows=rows)
 
-    def mask(self, wave: Wave) -> NDArray[np.uint8]:
+    def mask(self, wave: Surface) -> NDArray[np.uint8]:
         """Classes 0 nothing, 1 liquid through the wall, 2 free surface, 3 floor."""
         text = povray.mask_text(self._scene, wave, self._size)
         drawn = povray.run(text, self._size, self._folder, smooth=False)
@@ -195,6 +195,7 @@ def render(scene: Scene, out: Path, *, masks: bool = True) -> None:
                 assert isinstance(wave, contours.ContourWave)
                 truth["frames"].append(entry | contours.frame_truth(wave))
                 continue
+            assert isinstance(wave, Wave)
             entry |= frame_truth(view, wave)
             mask = renderer.mask(wave) if masks else np.zeros(view.size[::-1], np.uint8)
             if masks:

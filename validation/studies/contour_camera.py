@@ -17,12 +17,13 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
 
 from slosh_camera.calibrate.scale import calibrate_by_scale
 from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.decoding import read_image
 from slosh_camera.measurement import Flag
 from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.round_body import RoundBody
@@ -55,7 +56,7 @@ class Height:
         return abs(self.error) > SILENT and not self.doubted and abs(self.error) > 3 * self.stddev
 
 
-def calibration(truth: dict, number: int) -> SideCalibration:
+def calibration(truth: dict[str, Any], number: int) -> SideCalibration:
     """As by `slosh calibrate --scale` with a user's errors."""
     rng = np.random.default_rng(number)
     camera, body = truth["camera"], parse_container(truth["container"], Path())
@@ -77,19 +78,19 @@ def calibration(truth: dict, number: int) -> SideCalibration:
     )  # fmt: skip
 
 
-def measured(folder: Path, number: int) -> tuple[dict, list[Height], int, str]:
+def measured(folder: Path, number: int) -> tuple[dict[str, Any], list[Height], int, str]:
     """A scene's truth, its heights, the images without any, and why it was refused."""
     truth = json.loads((folder / "truth.json").read_text())
     detector = SideViewDetector(calibration(truth, number))
     heights: list[Height] = []
     lost = 0
     try:
-        detector.learn_still(cv2.imread(str(folder / truth["static"]["file"])))
+        detector.learn_still(read_image(folder / truth["static"]["file"]))
     except SloshCameraError as error:
         return truth, [], len(truth["frames"]), str(error)
     moving = [frame for frame in truth["frames"] if frame["MSH"] > AT_REST]
     for frame in moving:
-        found = detector.measure(0, cv2.imread(str(folder / frame["file"])))
+        found = detector.measure(0, read_image(folder / frame["file"]))
         if Flag.NOT_FOUND in found.flags:
             lost += 1
             continue
@@ -121,7 +122,8 @@ def table(folders: list[Path]) -> tuple[str, list[str]]:
         if refused:
             refusals.append(f"{folder.name}: {refused}")
     by_kind["all"] = [height for heights in by_kind.values() for height in heights]
-    images["all"] = tuple(map(sum, zip(*images.values(), strict=True)))
+    seen, missed = (sum(column) for column in zip(*images.values(), strict=True))
+    images["all"] = seen, missed
     lines = [
         "| container | images | lost | at both ends: rms, largest | MSH: rms, largest | silent |",
         "|---|--:|--:|--:|--:|--:|",

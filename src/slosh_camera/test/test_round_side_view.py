@@ -12,7 +12,7 @@ from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Flag
 from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.rectangle.detector import SideViewDetector
-from slosh_model.containers import Cylinder
+from slosh_model import Cylinder
 from slosh_model.shapes import Ellipsoid, Frustum, Revolution, Tray
 
 CUP = Frustum(bottom_radius=0.028, top_radius=0.04, height=0.09, fill_height=0.055)

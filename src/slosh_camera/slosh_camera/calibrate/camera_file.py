@@ -175,10 +175,10 @@ def format_calibration(calibration: AnyCalibration) -> str:
 def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
     """The container's keys, without what is unknown."""
     view = calibration.view
-    if isinstance(view, RoundView) and view.box.body is not None:
-        held = asdict(view.box)
-        wall = {key: held[key] for key in WALL if key != "rim_height"}
-        return container_section(view.box.body) | wall
+    if isinstance(view, RoundView):
+        box = view.box
+        wall = {key: getattr(box, key) for key in WALL if key != "rim_height"}
+        return container_section(view.body) | wall
     if isinstance(calibration, SideCalibration):
         shape, holder = _RECTANGLE, asdict(calibration.view.box)
     else:

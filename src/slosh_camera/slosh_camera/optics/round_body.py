@@ -80,9 +80,7 @@ class RoundView(BoxView):
         """Refuse a camera that is not level and outside."""
         BoxView.__post_init__(self)
         box, centre = self.box, self._centre
-        assert isinstance(box, RoundBody)
-        assert box.body is not None
-        _, levels, radii = box.body.wall_line
+        _, levels, radii = self.body.wall_line
         distance = float(np.hypot(centre[0], centre[1]))
         slope = np.gradient(radii, levels)
         lean = np.hypot(1.0, np.clip(slope, -_STEEPEST, _STEEPEST))
@@ -100,7 +98,14 @@ class RoundView(BoxView):
         object.__setattr__(self, "_levels", levels)
         object.__setattr__(self, "_halves", seen)
         object.__setattr__(self, "_seen", float(np.interp(0.0, levels, seen)))
-        object.__setattr__(self, "bore", box.body.size / (0.5 * box.width))
+        object.__setattr__(self, "bore", self.body.size / (0.5 * box.width))
+
+    @property
+    def body(self) -> RevolvedContainer:
+        """The container."""
+        assert isinstance(self.box, RoundBody)
+        assert self.box.body is not None
+        return self.box.body
 
     @property
     def distance(self) -> float:
@@ -109,7 +114,7 @@ class RoundView(BoxView):
 
     def half_width(self, z: ArrayLike) -> Array:
         """Half the silhouette's width in the axis' plane at heights above the still level [m]."""
-        return np.asarray(np.interp(z, self._levels, self._halves))
+        return np.asarray(np.interp(np.asarray(z), self._levels, self._halves))
 
     def project_face(self, x: ArrayLike, z: ArrayLike) -> Array:
         """Pixels (N, 2) of places across and heights above the still level [m]."""

@@ -123,13 +123,15 @@ def _fitted(view: RoundView, x: FloatArray, z: FloatArray, far: bool) -> _Readin
     size = float(np.ptp(heights)) + TUNING.level_sure
     prior = np.array([0.0, np.inf, np.inf, TUNING.second_order, TUNING.second_order]) * size
     prior[0] = np.hypot(TUNING.level_sure, TUNING.level_second * size)
-    scatter, weight = TUNING.level_sure, np.ones(x.size)
-    coefficients, normal = np.zeros(5), np.eye(5)
+    scatter = TUNING.level_sure
+    weight: FloatArray = np.ones(x.size)
+    coefficients: FloatArray = np.zeros(5)
+    normal = np.eye(5)
     for _ in range(6):
         variance = TUNING.correlated_columns * scatter**2
         weighted = functions * (weight / variance)[:, np.newaxis]
         normal = weighted.T @ functions + np.diag(prior**-2.0)
-        coefficients = np.linalg.solve(normal, weighted.T @ heights)
+        coefficients = np.asarray(np.linalg.solve(normal, weighted.T @ heights), np.float64)
         residual = heights - functions @ coefficients
         scatter = max(1.4826 * float(np.median(np.abs(residual))), TUNING.least_scatter)
         weight = np.maximum(1.0 - (residual / (TUNING.tukey * scatter)) ** 2, 0.0) ** 2
@@ -137,4 +139,5 @@ def _fitted(view: RoundView, x: FloatArray, z: FloatArray, far: bool) -> _Readin
     variance = TUNING.correlated_columns * TUNING.reading_error**2
     clipped = np.minimum(np.abs(residual), 3.0 * TUNING.reading_error)
     misfit = float((clipped**2).sum() / variance + ((coefficients / prior) ** 2).sum())
-    return _Reading(view, coefficients, np.linalg.inv(normal), misfit)
+    covariance: FloatArray = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    return _Reading(view, coefficients, covariance, misfit)
