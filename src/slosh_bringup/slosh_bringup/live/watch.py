@@ -240,7 +240,7 @@ class CellStatus:
 
     def _limit(self, source: Source) -> str:
         """The limit that holds."""
-        rim = " (rim)" if self._settings.at_rim(source) else ""
+        rim = f" ({self._settings.limit_name(source)})" * self._settings.at_rim(source)
         return f"{_shown(self._settings.limits[source])} mm{rim}"
 
 
