@@ -1,4 +1,4 @@
-"""What a motion will do, and which motion does what is wanted."""
+"""Predicts the liquid's response to a motion and plans motions that keep a limit."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def simulate(model: ModelLike, motion: MotionLike) -> Response:
-    """The liquid's heights during a motion, from rest.
+    """Computes the liquid's heights during a motion that begins at rest.
 
     >>> import slosh
     >>> slosh.simulate("cup/model.yaml", "move.csv")
@@ -93,7 +93,7 @@ def predict(
     residual: float = math.inf,
     rim_distance: float = 0.0,
 ) -> Prediction | list[Prediction]:
-    """How high the liquid will rise on a planned motion, and whether it keeps a limit.
+    """Predicts how high the liquid rises on a planned motion, and whether it keeps a limit.
 
     >>> import slosh
     >>> slosh.predict("cup/model.yaml", "move.csv", limit=0.02)
@@ -134,7 +134,7 @@ def plan(
     acceleration: float = ACCELERATION,
     jerk: float = JERK,
 ) -> Plan:
-    """The fastest motion along a path, from rest to rest, that keeps the liquid below a limit.
+    """Finds the fastest rest-to-rest motion along a path that keeps the liquid below a limit.
 
     >>> import slosh
     >>> path = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]  # m

@@ -1,4 +1,4 @@
-"""The first files of a cup of one's own: what is told of it, and the files' text."""
+"""Text of the first files of a user's new cup."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
-    """The files' texts by their names; commands in them name `folder` as it was given."""
+    """Returns the files' texts by name; commands in them use `folder` as given."""
     texts = {MODEL: _model(cup), CELL: _cell(cup, folder)}
     if cup.profile:
         texts[PROFILE] = "r,z\n" + "".join(f"{r!r},{z!r}\n" for r, z in cup.profile)
@@ -35,7 +35,7 @@ def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
 
 
 def next_steps(cup: NewCup, folder: Path) -> list[str]:
-    """The commands that make the camera's calibration and start the cell, in their order."""
+    """Returns the commands that calibrate the camera and start the cell, in order."""
     names = ("ost.yaml", MODEL, CAMERA, CELL)
     lens, model, camera, cell = (_word(folder / name) for name in names)
     steps = [
@@ -50,7 +50,7 @@ def next_steps(cup: NewCup, folder: Path) -> list[str]:
 
 
 def _word(path: Path) -> str:
-    """A path as a shell takes it, in one line."""
+    """Quotes a path for the shell, in one line."""
     return shlex.quote(str(path)) if str(path).isprintable() else path.name
 
 
@@ -62,7 +62,7 @@ def _calibrate(cup: NewCup, lens: str, model: str) -> str:
 
 
 def _container(cup: NewCup, *, wall: bool) -> str:
-    """The container's keys, a line each."""
+    """Returns the container's keys, one line each."""
     words = {
         "radius": "inner radius [m]",
         "width": "inner width, along the container's x [m]",
@@ -111,7 +111,7 @@ effects:
 
 
 def _effect(use: EffectUse) -> str:
-    """An effect's lines."""
+    """Returns an effect's lines in model.yaml."""
     lines = [f"  - name: {use.name}  # {find_effect(use.name).title}"]
     lines += [f"    {name}: {value!r}" for name, value in use.parameters.items()]
     return "\n".join(lines) + "\n"
@@ -142,7 +142,7 @@ namespace: {cup.namespace}
 
 
 def _drives(cup: NewCup) -> str:
-    """The lines of a cell file about the robot."""
+    """Returns the lines of a cell file about the robot."""
     if cup.urdf is None:
         return "# input: joints\n# urdf: robot.urdf\n# tool_frame: tool0\n"
     urdf, tool = json.dumps(str(cup.urdf.absolute())), json.dumps(cup.tool_frame)
@@ -169,7 +169,7 @@ container:
 
 @dataclass(frozen=True, slots=True)
 class QuantityKind:
-    """What a value of a kind can be.
+    """The allowed range and the units of a kind of quantity.
 
     Attributes:
         words: what it is, for people.
@@ -188,7 +188,7 @@ class QuantityKind:
     others: Mapping[str, float]
 
     def check(self, name: str, value: float) -> float:
-        """The value, where it can be one.
+        """Returns the value if it is in range; raises an error otherwise.
 
         Args:
             name: how the refusal calls it.
@@ -208,7 +208,7 @@ class QuantityKind:
         raise SloshBringupError(f"{told}: must be {self.least:g} to {self.most:g} {self.unit}")
 
     def _guess(self, value: float) -> str | None:
-        """The unit that the value is likely in."""
+        """Guesses the unit of a value that is out of range."""
         likely = [
             unit for unit, size in self.others.items() if self.least <= value * size <= self.most
         ]
@@ -245,7 +245,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
 
 @dataclass(frozen=True, slots=True)
 class NewCup:
-    """What the first files say.
+    """A new cup: the contents of its first files.
 
     Attributes:
         lengths: inner dimensions by their key in the files: `radius`, or `width` and `depth` [m].
@@ -276,7 +276,7 @@ class NewCup:
     profile: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a rim below the liquid, and a namespace that is none."""
+        """Refuse a rim below the liquid, or an invalid namespace."""
         if self.rim_height is not None and self.rim_height <= self.fill_height:
             raise SloshBringupError(
                 f"rim_height = {self.rim_height:g} m: must lie above the liquid, whose "
@@ -289,7 +289,7 @@ class NewCup:
 
     @property
     def model(self) -> Model:
-        """The model that a new cup begins with."""
+        """Returns the initial model of the cup."""
         heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
         if self.by_contour:
             made: Any = SHAPES[self.by_contour]
@@ -304,19 +304,19 @@ class NewCup:
 
     @property
     def is_round(self) -> bool:
-        """Whether it is a cylinder."""
+        """Whether the cup is a cylinder."""
         return "radius" in self.lengths and not self.by_contour
 
     @property
     def shape(self) -> str:
-        """As the files call it."""
+        """Name of the shape in the files."""
         if self.by_contour:
             return self.by_contour
         return "cylinder" if self.is_round else "rectangle"
 
 
 def lengths_of(shape: str) -> tuple[str, ...]:
-    """The lengths that a shape by its contour needs, beside its fill height.
+    """Returns the lengths that a contour shape needs besides its fill height.
 
     Raises:
         SloshBringupError: no such shape, or one whose contour takes more than lengths.

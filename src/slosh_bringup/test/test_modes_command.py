@@ -76,7 +76,7 @@ def test_a_cup_with_picture_and_model_file(model, capsys, tmp_path):
 @needs_solver
 def test_a_bulb_tells_that_its_crest_is_inside(model, capsys):
     said = shown(capsys, model("container: {shape: sphere, radius: 0.05, fill_height: 0.08}"))
-    assert "crest is inside" in said
+    assert "away from the wall" in said
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What the monitor watches: limits, and how long it is patient."""
+"""Settings of the monitor: limits and timeouts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ distance that is kept to it."""
 
 @dataclass(frozen=True, slots=True)
 class MonitorSettings:
-    """What the monitor watches.
+    """Limits and timeouts of the monitor.
+
+    >>> MonitorSettings(measured_limit=0.02).limits[Source.MEASURED]  # m
+    0.02
 
     Attributes:
         measured_limit, estimated_limit, disagreement_limit: [m]; NaN: not watched.
@@ -54,7 +57,7 @@ class MonitorSettings:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
-        """The settings that a monitor node's parameters, by name, mean.
+        """Makes the settings from a monitor node's parameters.
 
         Raises:
             KeyError: one is missing.
@@ -88,7 +91,7 @@ class MonitorSettings:
 
     @property
     def limits(self) -> dict[Source, float]:
-        """The limit of each quantity that is watched, no height's above the rim [m]."""
+        """Returns the limit of each monitored quantity; heights are limited by the rim [m]."""
         return {
             # `fmin`: a limit that is not watched, and a rim that is not known, are NaN.
             Source.MEASURED: float(np.fmin(self.measured_limit, self.rim)),
@@ -97,7 +100,7 @@ class MonitorSettings:
         }
 
     def at_rim(self, source: Source) -> bool:
-        """Whether the rim limits a quantity, being lower than its limit."""
+        """Whether the rim, being lower than the limit, limits a quantity."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
         return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
 

@@ -1,4 +1,4 @@
-"""What limits an estimate."""
+"""Limitations of an estimate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_model.model import Model
 
 
 class EstimateFlag(IntFlag):
-    """What limits an estimate; the values of SloshEstimate.msg."""
+    """Limitations of an estimate; the values of SloshEstimate.msg."""
 
     NONE = 0
     PLANARITY_LOST = 1
@@ -41,7 +41,7 @@ def validity_limits(model: Model) -> dict[str, float]:
 
 
 def attitude_warning(model: Model, kind: str) -> str:
-    """Why effects of a model do nothing with an input, in one line; empty: all act.
+    """Reports effects without influence for an input, in one line; empty: all act.
 
     Args:
         model: the model.

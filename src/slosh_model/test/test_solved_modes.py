@@ -477,7 +477,7 @@ def test_a_model_file_holds_the_modes(container, monkeypatch):
 
 def test_modes_of_another_fill_height_are_refused():
     text = format_model(Model(CUP)).replace("fill_height: 0.06", "fill_height: 0.05")
-    with pytest.raises(SloshModelError, match=r"modes_of = .* of another container, its dimens"):
+    with pytest.raises(SloshModelError, match=r"modes_of = .* belong to other dimensions"):
         parse_model(text)
 
 

@@ -1,4 +1,4 @@
-"""What a motion must keep."""
+"""Limits of a motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a motion leaves what the models were validated for."""
+"""Checks a motion against the models' range of validity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JERK_TIME = 0.02
 
 
 class MotionFlag(IntFlag):
-    """What limits a prediction; the values of SloshEstimate.msg."""
+    """Limitations of a prediction; the values of SloshEstimate.msg."""
 
     NONE = 0
     PLANARITY_LOST = 1
@@ -51,7 +51,7 @@ def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFla
 
 
 def greatest(motion: Trajectory | Inputs) -> tuple[float, float]:
-    """Greatest ‖a‖ [m/s²] and greatest change of it over JERK_TIME [m/s³] of a motion."""
+    """Returns the greatest ‖a‖ [m/s²] and its greatest change over JERK_TIME [m/s³]."""
     t, acceleration = motion.t, motion.acceleration
     before = columns_at(t - JERK_TIME, t, acceleration)
     jerk = np.linalg.norm(acceleration - before, axis=1) / JERK_TIME

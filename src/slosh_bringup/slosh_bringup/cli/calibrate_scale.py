@@ -1,4 +1,4 @@
-"""`slosh calibrate --scale`: camera.yaml of a side view from the still level's two ends."""
+"""`slosh calibrate --scale`: makes camera.yaml of a side view from the level's two ends."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _OF_BODIES = ("distance", "wall_thickness", "wall_refractive_index")
 
 
 def run_page(arguments: argparse.Namespace) -> int:
-    """Writes the page on which the two ends are clicked."""
+    """Writes the page on which the user clicks the two ends."""
     from slosh_bringup.scale_page import render_clicks
 
     check_apart([arguments.page, arguments.output], [arguments.still, arguments.model])
@@ -108,7 +108,7 @@ def _length(arguments: argparse.Namespace, body: RoundBody | None) -> float:
 
 
 def run_scale(arguments: argparse.Namespace) -> int:
-    """Writes camera.yaml and says what a pixel is, and how well heights are known."""
+    """Writes camera.yaml; prints the scale and the uncertainty of heights."""
     check_apart([arguments.output], [arguments.still, arguments.model])
     body = _body(arguments)
     length = _length(arguments, body)

@@ -1,4 +1,4 @@
-"""Options that say which topic of a bag drives the models, and by which robot."""
+"""Options that choose the input topic of a bag and the robot's description."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from slosh_estimator.robot import read_urdf
 
 
 def add_input_options(parser: Any) -> None:
-    """Declares them.
+    """Declares the options.
 
     Args:
         parser: or a group of one.
     """
     parser.add_argument(
         "--input", choices=list(MESSAGE_TYPES),
-        help="what drives the models (default: as recorded, or the first of these in the bag)",
+        help="input of the models (default: as recorded, or the first of these in the bag)",
     )  # fmt: skip
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
@@ -32,7 +32,7 @@ def add_input_options(parser: Any) -> None:
 
 
 def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
-    """What the options say; None: nothing.
+    """Returns the chosen input; None: no option is given.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.

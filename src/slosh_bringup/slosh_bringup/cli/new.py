@@ -1,4 +1,4 @@
-"""`slosh new`: the first model.yaml, cell.yaml and camera.yaml of a cup of one's own."""
+"""`slosh new`: writes model.yaml, cell.yaml and camera.yaml for a new cup."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
 
 
 def _check_liquid(given: dict[str, float], named: str | None) -> None:
-    """Asks for the viscosity of a liquid of which the density alone is given.
+    """Asks for the viscosity if only the density of a liquid is given.
 
     Raises:
         SloshBringupError: it is not given.
@@ -155,7 +155,7 @@ def _check_liquid(given: dict[str, float], named: str | None) -> None:
 
 
 def _check_shape(given: dict[str, float]) -> None:
-    """Refuses a cup that is told as two."""
+    """Refuses a cup with contradictory dimensions."""
     if {"radius", "diameter"} <= given.keys():
         raise SloshBringupError("--radius and --diameter: give one of them")
     cylinder, rectangle = {"radius", "diameter"} & given.keys(), {"width", "depth"} & given.keys()
@@ -167,7 +167,7 @@ def _check_shape(given: dict[str, float]) -> None:
 
 
 def _of_shape(shape: str, words: list[str], given: dict[str, float]) -> dict[str, float]:
-    """The lengths of a shape by its contour, from options and questions; empty without one.
+    """Returns the lengths of a contour shape, from options and questions; empty without one.
 
     Raises:
         SloshBringupError: a length that it does not have, or that is missing.
@@ -198,7 +198,7 @@ def _of_shape(shape: str, words: list[str], given: dict[str, float]) -> dict[str
 
 
 def _missing(given: dict[str, float], shape: str) -> list[str]:
-    """Options without which there is no cup."""
+    """Returns the options that are required but missing."""
     missing = []
     if given.keys() & {"width", "depth"}:
         missing += [f"--{name}" for name in ("width", "depth") if name not in given]
@@ -216,7 +216,7 @@ def _lengths(given: dict[str, float]) -> dict[str, float]:
 
 
 def _ask_for_missing(given: dict[str, float], contour: str) -> None:
-    """Asks on the terminal; what is asked for is added."""
+    """Asks for missing options on the terminal and adds the answers."""
     if not contour and not given.keys() & {"radius", "diameter", "width", "depth"}:
         shape = _answer("round or rectangular? [round] ", ("", "round", "rectangular"))
         _ask(given, "width" if shape == "rectangular" else "diameter")
@@ -239,7 +239,7 @@ def _answer(question: str, answers: tuple[str, ...]) -> str:
 
 
 def _ask(given: dict[str, float], name: str, *, optional: bool = False) -> None:
-    """Asks for one quantity until the answer can be one."""
+    """Asks for one quantity until the answer is valid."""
     if name in given:
         return
     quantity = QUANTITIES[name]

@@ -1,4 +1,4 @@
-"""`slosh plan`: the fastest motion along a path that keeps the liquid below a limit."""
+"""`slosh plan`: finds the fastest motion along a path that keeps the liquid below a limit."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--margin", type=HEIGHT, default=0.0, metavar="M",
-        help="distance that the heights keep from their limits [m] (default: 0)",
+        help="safety margin below the height limits [m] (default: 0)",
     )  # fmt: skip
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, metavar="M",
@@ -127,7 +127,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plans and writes the motion; prints what it reaches."""
+    """Plans and writes the motion; prints the result."""
     if arguments.output is not None:
         if arguments.output.suffix != ".csv":
             raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
@@ -185,7 +185,7 @@ def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
 
 
 def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
-    """The model's error that is to be kept off the limits; None: none is given."""
+    """Returns the model error that is subtracted from the limits; None: none is given."""
     given = arguments.sigma, arguments.epsilon
     if arguments.error:
         if given != (None, None):
@@ -199,7 +199,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 def write_results(
     arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
 ) -> None:
-    """Writes the motion and the plan's page where they are asked for; both or neither."""
+    """Writes the requested files, motion and page: both or neither."""
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.
@@ -221,7 +221,7 @@ def write_results(
 
 
 def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
-    """The plan for a program; SI units."""
+    """Returns the plan as a dictionary in SI units."""
     found, scaled = answer.found, answer.scaled
     return {
         "duration": found.motion.duration,
@@ -257,7 +257,7 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
 
 
 def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
-    """The plan in some lines."""
+    """Formats the plan in a few lines."""
     found, limits = answer.found, answer.limits
     duration = found.motion.duration
     count = len(found.motion.t)
@@ -286,7 +286,7 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
 
 
 def tilted(answer: Plan) -> list[str]:
-    """How far the container tilts, where it may."""
+    """Describes the container's tilt if tilting is allowed."""
     found, limits = answer.found, answer.limits
     if limits.tilt == 0.0:
         return []
@@ -300,7 +300,7 @@ def tilted(answer: Plan) -> list[str]:
 
 
 def joints_used(answer: Plan) -> list[str]:
-    """What a motion of joints uses of the robot's limits."""
+    """Describes how much of the robot's joint limits a joint motion uses."""
     used = answer.found.joints
     if not used:
         return []
@@ -310,7 +310,7 @@ def joints_used(answer: Plan) -> list[str]:
 
 
 def path_words(answer: Plan) -> str:
-    """How long the path is, its stops, and how far it lies from straight lines."""
+    """Describes the path: length, stops and distance from straight lines."""
     path, motion = answer.path, answer.found.motion
     length, unit = path.length, "mm"
     if motion.joints is not None:
@@ -323,7 +323,7 @@ def path_words(answer: Plan) -> str:
 
 
 def interval(answer: Plan) -> str:
-    """What the model's error and its covariance make of the heights."""
+    """Describes the heights' interval due to the model error and the parameter covariance."""
     if answer.upper is None:
         return "the model has no covariance of its parameters: no interval"
     (peak, residual), found, error = answer.upper, answer.found, answer.error
@@ -347,7 +347,7 @@ def interval(answer: Plan) -> str:
 
 
 def tolerance(borne: Tolerance) -> str:
-    """How small an error of the frequency breaks the plan."""
+    """Describes which frequency error would break the plan."""
     usual = f"with a frequency {100.0 * USUAL:g} % off up to {1e3 * borne.peak:.2f} mm"
     after = f"after the end {1e3 * borne.residual:.2f} mm"
     if borne.error == 0.0:

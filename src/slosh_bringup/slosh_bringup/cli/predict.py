@@ -1,4 +1,4 @@
-"""`slosh predict`: peak heights of candidate motions, and which time scales are safe."""
+"""`slosh predict`: predicts peak heights of candidate motions and safe time scales."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the answers; 1 beyond a limit or for a doubtful input."""
+    """Predicts, prints and writes the results; 1 above a limit or for a doubtful input."""
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
@@ -157,7 +157,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
-    """The motions in the files: of the container, or with --urdf of a robot's joints."""
+    """Reads the motions: of the container, or of a robot's joints with --urdf."""
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     options = table_options(arguments)
@@ -174,7 +174,7 @@ def write_shown(
     found: Sequence[Prediction],
     scales: Sequence[SafeScales | None],
 ) -> None:
-    """Writes the picture and the page where they are asked for."""
+    """Writes the requested picture and page."""
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.
@@ -199,12 +199,12 @@ def write_table(
 
 
 def as_json(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """The answers as a list of objects with COLUMNS and more; what is unknown is null."""
+    """Returns the results as a JSON list of objects; unknown values are null."""
     return json.dumps(plain(list(_facts(found, scales))), indent=1)
 
 
 def as_text(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """The answers as a table for people."""
+    """Formats the results as a table for people."""
     rows = [list(HEADING)]
     for one, scale in zip(found, scales, strict=True):
         answer = one.nonlinear

@@ -1,4 +1,4 @@
-"""`slosh simulate`: open-loop prediction of a motion table."""
+"""`slosh simulate`: simulates a motion table in open loop."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from slosh_tables.text_table.units import check_span
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
   t           the motion's samples [s]
-  msh         maximum height at the wall as a sensor would read it: with all effects of the
-              model, also those on the measurement (offset, scale, delay, ...) [m]
+  msh         maximum height at the wall as a sensor measures it, including the model's
+              effects on the measurement (offset, scale, delay, ...) [m]
   azimuth     direction of the liquid's own maximum, from the container's +x [rad]
   sh_x, sh_y  the liquid's own signed height at the container's +x and +y [m]
 
@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulates, writes table and picture, prints the answer; 1 where it is doubtful."""
+    """Simulates, writes table and picture, prints the result; 1 if it is doubtful."""
     plot = arguments.plot
     check_apart([arguments.output, plot], [arguments.model, arguments.motion])
     output = output_path(arguments.output)
@@ -118,14 +118,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def summary(answer: SimulationAnswer, output: str, *, as_json: bool) -> str:
-    """The answer in one line, or as JSON."""
+    """Formats the result in one line or as JSON."""
     if as_json:
         return json.dumps({**answer.facts(), "output": output})
     return f"{answer.text()}, {answer.samples} rows in {plain_line(output)}"
 
 
 def output_path(given: Path) -> Path:
-    """Where a table goes; `-` is standard output.
+    """Returns the output of a table; `-` is standard output.
 
     Raises:
         SloshBringupError: its name tells no format.

@@ -1,4 +1,4 @@
-"""What a simulated motion comes to, beside limit and rim, and what looks wrong in its table."""
+"""Result of a simulated motion: limit, rim, and doubts about its table."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_OF_A_PERIOD = 0.5
 
 @dataclass(frozen=True, slots=True)
 class SimulationAnswer:
-    """What a simulated motion comes to.
+    """Result of a simulated motion.
 
     Attributes:
         model: its name.
@@ -61,12 +61,12 @@ class SimulationAnswer:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the table is not what it claims to be, and the answer wrong."""
+        """Whether the table looks wrong, so that the result is unreliable."""
         return any(doubt.wrong for doubt in self.doubts)
 
     @property
     def over_limit(self) -> bool | None:
-        """Whether the peak exceeds the limit; None: there is none."""
+        """Whether the peak exceeds the limit; None: no limit."""
         return None if self.limit is None else self.peak > self.limit
 
     @property
@@ -85,7 +85,7 @@ class SimulationAnswer:
         return None if self.freeboard is None else self.place.distance_to_rim < self.rim_distance
 
     def facts(self) -> dict[str, Any]:
-        """The answer for programs, in SI units; what is unknown is None."""
+        """Returns the result as a dictionary in SI units; unknown values are None."""
         return {
             "model": self.model,
             "peak": self.peak,
@@ -106,7 +106,7 @@ class SimulationAnswer:
         }
 
     def text(self) -> str:
-        """The answer in one line, heights in mm."""
+        """Formats the result in one line, heights in mm."""
         parts = [f"{self.model}: peak {1e3 * self.peak:.1f} mm at t = {self.peak_time:.3f} s"]
         if self.limit is not None:
             parts.append(_beside(self.peak - self.limit, "the limit", self.limit))
@@ -126,10 +126,10 @@ class SimulationAnswer:
     def _on_wall(self) -> list[str]:
         found, along, wall = [], self.place.height_along_wall, self.wall
         if wall.leans and math.isfinite(along):
-            found.append(f"{1e3 * along:.1f} mm along the leaning wall")
+            found.append(f"{1e3 * along:.1f} mm along the inclined wall")
         if wall.crest_inside:
             found.append(
-                f"the crest is inside ({1e3 * wall.crest_place:.0f} mm from the axis), "
+                f"the crest is {1e3 * wall.crest_place:.0f} mm from the axis, "
                 f"{wall.crest_ratio:.2f} times as high"
             )
         return found
@@ -149,7 +149,7 @@ def make_answer(
     limits: HeightLimits,
     doubts: tuple[InputDoubt, ...],
 ) -> SimulationAnswer:
-    """The answer to a motion.
+    """Makes the result of a motion.
 
     Args:
         model: what was simulated.
@@ -179,7 +179,7 @@ def make_answer(
 
 
 def _outside(model: Model, acceleration: float, jerk: float, peak: float) -> tuple[str, ...]:
-    """What exceeds the limits of validity; those of a plane surface where the model is linear."""
+    """Describes which limits of validity are exceeded; linear models have tighter ones."""
     limits = model.limits
     failing = model.container.linear_height
     bounds = (limits.acceleration, limits.jerk)
@@ -200,7 +200,7 @@ def _beside(excess: float, name: str, bound: float) -> str:
 
 
 def check_possible(path: Path, motion: MotionTable) -> None:
-    """Refuses a table whose accelerations no container undergoes.
+    """Refuses a table with physically impossible accelerations.
 
     Raises:
         SloshBringupError: one does; the text names the file, the time and the value.
@@ -216,7 +216,7 @@ def check_possible(path: Path, motion: MotionTable) -> None:
 
 
 def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
-    """What looks wrong in a table, one text each; empty: nothing does."""
+    """Returns what looks wrong in a table, one text each; empty: nothing."""
     period = 2.0 * math.pi / model.mode_frequency(1)
     step = float(np.median(np.diff(motion.t))) if len(motion.t) > 1 else 0.0
     if step > MOST_OF_A_PERIOD * period:

@@ -102,7 +102,7 @@ def read_any_calibration(path: str | Path) -> AnyCalibration:
 def parse_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> Calibration:
-    """Calibration of a cylindrical container from the text of its file.
+    """Parses the calibration of a cylindrical container.
 
     Args:
         text: YAML.
@@ -121,7 +121,7 @@ def parse_calibration(
 def parse_any_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> AnyCalibration:
-    """Calibration from the text of a file, of a cylinder or of a side view.
+    """Parses a calibration, of a cylinder or of a side view.
 
     Args:
         text: YAML.
@@ -139,7 +139,7 @@ def parse_any_calibration(
 
 
 def format_calibration(calibration: AnyCalibration) -> str:
-    """Text of a calibration file; parse_any_calibration of it gives the same calibration."""
+    """Formats a calibration file; parse_any_calibration restores the same calibration."""
     camera, pose = calibration.view.camera, calibration.view.pose
     container = _container_block(calibration)
     document: dict[str, Any] = {
@@ -211,7 +211,7 @@ def _calibration(
 
 
 def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
-    """Refuse a file that has a camera and a container but no pose, with the way to one."""
+    """Refuse a file without a pose, and say how to obtain one."""
     if "pose" not in root and "container" in root and "camera_matrix" in root:
         raise SloshCameraError(
             f"{place(source, 'pose')}: is missing: the camera is not calibrated yet; run "
@@ -317,7 +317,7 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
 
 
 def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
-    """Build an object; its own error gets the file's name and the key's place."""
+    """Build an object; its errors get the file's name and the key's position."""
     try:
         return build()
     except SloshCameraError as error:

@@ -1,4 +1,4 @@
-"""A side view's calibration by a known length in the image alone: heights in the image's plane."""
+"""Calibrates a side view by a known length in the image: heights in the image's plane."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def calibrate_by_scale(
     body: RoundBody | None = None,
     distance: float | None = None,
 ) -> SideCalibration:
-    """Calibration of a camera that looks level from the side, by the still level's two ends.
+    """Calibrates a camera with a horizontal side view by the two ends of the still level.
 
     Args:
         size: width and height of the image [px].

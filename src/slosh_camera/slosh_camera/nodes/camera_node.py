@@ -1,4 +1,4 @@
-"""The camera node: images in, free-surface heights out."""
+"""The camera node: from images to free-surface heights."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _MOST = 5
 
 
 class CameraNode(PreparedNode):
-    """Decodes, calls the core, publishes. Of the images that wait, only the newest counts.
+    """Decodes images, calls the core and publishes; of waiting images only the newest is used.
 
     Args:
         later: it gets ready by `run_node`.
@@ -102,7 +102,7 @@ class CameraNode(PreparedNode):
             self.get_logger().warning(f"still image: {self._detector.doubt}")
 
     def begin(self) -> None:
-        """Listens from now on."""
+        """Subscribes to the images."""
         kind, use = (Image, self._on_image)
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
@@ -225,7 +225,7 @@ def surface_message(measurement: Measurement, frame: str, rim: float | None) -> 
 
 
 class Complaints:
-    """Tells each complaint once in a period, and no more than a few different ones.
+    """Logs each complaint once per period, and only a few different ones.
 
     Args:
         tell: takes a line.
@@ -238,7 +238,7 @@ class Complaints:
         self.last = ""
 
     def add(self, complaint: str, now_ns: int) -> None:
-        """Tells a complaint, unless it has just been told.
+        """Logs a complaint, unless it was logged recently.
 
         Args:
             complaint: one line.
@@ -253,18 +253,18 @@ class Complaints:
 
 
 class LevelChanges:
-    """The changes that the images between two reports show."""
+    """Level changes detected between two reports."""
 
     def __init__(self) -> None:
         self._changes: list[tuple[float, float]] = []
 
     def add(self, measurement: Measurement) -> None:
-        """Take note of one measurement."""
+        """Adds one measurement."""
         if Flag.LEVEL_CHANGED in measurement.flags:
             self._changes.append((measurement.level_change, measurement.level_change_stddev))
 
     def report(self, images: int) -> str:
-        """One line, empty where fewer than half of the images show a change; starts anew.
+        """Returns one line, empty if fewer than half of the images show a change; resets.
 
         Args:
             images: how many there were since the last report.

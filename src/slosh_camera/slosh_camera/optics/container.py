@@ -1,4 +1,4 @@
-"""What containers of every shape have in common: a wall, a rim and liquid up to some height."""
+"""Common fields of containers of every shape: wall, rim and fill height."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Free surface of a rectangular container seen from the side [TM20, section 2.1, Fig. 3].
+"""Detects the free surface of a rectangle in a side view [TM20, section 2.1, Fig. 3].
 
 As in TM20 the face is cut out, split into liquid and background and the line found by Canny's
 algorithm, here to a fraction of a pixel. A level and the first three sloshing modes are fitted to
@@ -74,16 +74,16 @@ class SideViewDetector:
 
     @property
     def still_offset(self) -> float:
-        """Height that was measured on the liquid at rest and is subtracted since [m]."""
+        """Offset measured on the liquid at rest, which is subtracted from heights [m]."""
         return self._knowledge.level
 
     @property
     def doubt(self) -> str:
-        """What the still image leaves open, in words: nothing, a doubtful one is refused."""
+        """Returns no ambiguity: a doubtful still image is refused."""
         return ""
 
     def learn_still(self, image: Image) -> float:
-        """Learn the zero of heights and slope, and what liquid and background look like.
+        """Learns the zero of heights and slope, and the appearance of liquid and background.
 
         Args:
             image: (height, width) or (height, width, 3) image of the liquid at rest.
@@ -117,7 +117,7 @@ class SideViewDetector:
         return level
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measure one image of a sequence; flags it where it repeats the one before.
+        """Measures one image of a sequence; flags it if it repeats the previous one.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -134,7 +134,7 @@ class SideViewDetector:
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> SideMeasurement:
-        """Measure one image by itself.
+        """Measures one image by itself.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -160,11 +160,11 @@ class SideViewDetector:
         return self._on_round_wall(found, trace.line)
 
     def look(self, image: Image) -> SideMeasurement:
-        """What an image shows by itself; args and errors are those of `measure`."""
+        """Analyses an image by itself; arguments and errors are those of `measure`."""
         return self.measure(0, image)
 
     def follow(self, stamp_ns: int, sighting: SideMeasurement) -> SideMeasurement:
-        """The measurement of the next image of a sequence: a side view tells all by itself."""
+        """Returns the measurement of the next image of a sequence, which needs no other image."""
         return replace(sighting, stamp_ns=stamp_ns)
 
     def _on_round_wall(self, found: SideMeasurement, line: TracedLine) -> SideMeasurement:
@@ -184,7 +184,7 @@ class SideViewDetector:
         )  # fmt: skip
 
     def _is_torn(self, image: Image, line: TracedLine) -> bool:
-        """Whether an image is of two moments, above and below a row."""
+        """Whether the parts of an image above and below a row are of different times."""
         steps = self._seams.steps(image)
         if not steps.rows.size:
             return False
@@ -209,7 +209,7 @@ class SideViewDetector:
         return shape
 
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
-        """What the image of the liquid at rest shows, given where its line lies."""
+        """Learns the appearance from an image of the liquid at rest, given its line."""
         columns = np.arange(self._region.inside.shape[1])
         rows = self._region.rows_at(np.zeros(columns.size))
         corner = np.array([self._region.left, self._region.top])
@@ -232,7 +232,7 @@ def _limits(line: TracedLine) -> Flag:
 def _measurement(
     stamp_ns: int, flags: Flag, line: TracedLine, profile: Profile, scale_error: float
 ) -> SideMeasurement:
-    """The measurement of a line that is found; x > 0 is azimuth 0, x < 0 azimuth pi."""
+    """Makes the measurement of a line; x > 0 is azimuth 0, x < 0 azimuth pi."""
     peak, fitted = profile.peak, profile.fitted
     return SideMeasurement(
         stamp_ns=stamp_ns,

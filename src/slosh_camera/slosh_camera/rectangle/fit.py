@@ -25,7 +25,7 @@ _GRID = 201
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedLine:
-    """Line of the liquid that was fitted to a side view.
+    """The liquid's line fitted to a side view.
 
     Attributes:
         waves: the shapes.
@@ -50,7 +50,7 @@ class FittedLine:
         return heights
 
     def highest(self) -> tuple[float, float, FloatArray]:
-        """Place and height [m] of the highest point between the walls, and its basis."""
+        """Returns position and height [m] of the maximum between the walls, and its basis."""
         x = np.linspace(-0.5 * self.width, 0.5 * self.width, _GRID)
         functions = self.waves.basis(x)
         heights = functions @ self.coefficients
@@ -84,7 +84,7 @@ def first_shape(x: FloatArray, z: FloatArray, waves: Waves, draws: FloatArray) -
 
 
 def sample_draws() -> FloatArray:
-    """Numbers that choose samples for `first_shape`: the same ones every time."""
+    """Returns the fixed random numbers that choose the samples of `first_shape`."""
     strata = np.arange(_POINTS) + np.random.default_rng(0).random((_SAMPLES, _POINTS))
     return strata / _POINTS
 
@@ -96,7 +96,7 @@ def refined_shape(
     floor: float,
     bounds: tuple[FloatArray, FloatArray],
 ) -> FittedLine:
-    """Robust least squares about a first shape (Tukey's weights).
+    """Refines a first shape by robust least squares (Tukey's weights).
 
     Args:
         x: (N,) places [m].
@@ -126,7 +126,7 @@ def refined_shape(
 
 
 def straight_line(x: FloatArray, z: FloatArray) -> tuple[float, float]:
-    """Least-squares line z = level + slope x through a curve over its whole length.
+    """Fits the line z = level + slope x to a curve by least squares over its length.
 
     Args:
         x: (N,) places in order [m].
@@ -142,7 +142,7 @@ def straight_line(x: FloatArray, z: FloatArray) -> tuple[float, float]:
 
 
 def slope_weights(x: FloatArray) -> FloatArray:
-    """(N,) by which the heights at places (N,) add up to the least-squares line's slope [1/m]."""
+    """Returns weights (N,) that turn heights at positions (N,) into the line's slope [1/m]."""
     part = trapezoid(x)
     away = x - part @ x
     weights: FloatArray = part * away / (part @ away**2)
@@ -150,7 +150,7 @@ def slope_weights(x: FloatArray) -> FloatArray:
 
 
 def trapezoid(x: FloatArray) -> FloatArray:
-    """(N,) parts of the length that places (N,) stand for; the ends count half."""
+    """Returns the trapezoidal weights (N,) of positions (N,), with sum 1."""
     steps = np.diff(x)
     part = np.zeros(x.size)
     part[:-1] += 0.5 * steps

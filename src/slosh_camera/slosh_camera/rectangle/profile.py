@@ -1,4 +1,4 @@
-"""From the traced line of a side view to what is published: profile, highest point, slope."""
+"""Computes the published values of a side view's line: profile, highest point, slope."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Highest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """Heights that one line of a side view shows.
+    """Heights along the line of a side view.
 
     Attributes:
         x: (PLACES,) at equal distances from the left wall to the right wall [m].
@@ -65,7 +65,7 @@ class Profile:
 
 
 def describe(line: TracedLine, view: BoxView) -> Profile:
-    """Profile, highest points and straight line of a traced line.
+    """Computes profile, highest points and straight line of a traced line.
 
     Args:
         line: the line.
@@ -110,7 +110,7 @@ def _places(width: float) -> FloatArray:
 
 
 def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
-    """Heights at places: the shape, and the mean of what the points about a place add to it."""
+    """Returns heights at given positions: the shape plus the mean residual of nearby points."""
     reach = max(0.5 * float(x[1] - x[0]), TUNING.reach * line.pixel_height)
     start = np.searchsorted(line.x, x - reach)
     count = np.searchsorted(line.x, x + reach) - start
@@ -121,7 +121,7 @@ def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatAr
 
 
 def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
-    """Height at a wall: the shape, and where a line through what nearby points add leads to.
+    """Extrapolates the height to a wall: the shape plus a line through nearby residuals.
 
     The last pixels before the wall mix what is on either side, so the line is led on over them. On
     a round wall the shape alone tells it: there the line turns away from the camera.
@@ -145,7 +145,7 @@ def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
 def _peak(
     line: TracedLine, residual: FloatArray, walls: tuple[float, float], common: float
 ) -> Highest:
-    """Highest point that is seen: of the line, at a wall, or of columns that are full."""
+    """Returns the highest visible point: on the line, at a wall or in full columns."""
     heights = line.shape.at(line.x) + _running_median(residual)
     half = 0.5 * line.shape.width
     x = np.concatenate((line.x, [-half, half], line.full_x))

@@ -1,4 +1,4 @@
-"""Part of a side view's image in which the liquid's line is looked for, prepared once."""
+"""The image region of a side view in which the line is searched, prepared once."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LEVELS = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionPlaces:
-    """Places in the region, as index arrays of one shape."""
+    """Positions in the region, as index arrays of equal shape."""
 
     rows: IntArray
     columns: IntArray
@@ -34,7 +34,7 @@ class RegionPlaces:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideRegion:
-    """Rectangle of the image around the face; rows and columns are counted from its corner.
+    """Rectangle of the image around the face; rows and columns count from its corner.
 
     Attributes:
         top: the image's row of the first row; even number of rows and columns follow.
@@ -57,19 +57,19 @@ class SideRegion:
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """The region's rows and columns of the image."""
+        """Rows and columns of the region in the image."""
         rows, columns = self.inside.shape
         return slice(self.top, self.top + rows), slice(self.left, self.left + columns)
 
     def rows_at(self, level: FloatArray) -> FloatArray:
-        """Rows (columns,) of the heights (columns,) in each column, to a fraction of a pixel."""
+        """Returns the fractional row of a height in each column (columns,)."""
         constant, linear, square = self.row_of_level
         rows: FloatArray = constant + level * (linear + level * square)
         return rows
 
 
 def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegion:
-    """Region of interest from the projected face, cut to the given rectangle.
+    """Finds the region of interest: the projected face within the given rectangle.
 
     Args:
         view: the container as the camera sees it.
@@ -110,7 +110,7 @@ def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegio
 
 
 def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
-    """Lowest and highest level of the face that may be inside the rectangle [m]."""
+    """Returns the lowest and highest level of the face inside the rectangle [m]."""
     box = view.box
     high = box.rim_level
     if high is None:
@@ -125,7 +125,7 @@ def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
 
 
 def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> BoolArray:
-    """(image rows, image columns) where the face is seen between two levels."""
+    """Returns a mask of the image where the face is visible between two levels."""
     half = 0.5 * view.box.width
     across = np.linspace(-half, half, _OUTLINE_POINTS)
     up = np.linspace(low, high, _OUTLINE_POINTS)
@@ -157,7 +157,7 @@ def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> B
 
 
 def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> FloatArray:
-    """(levels, columns) rows of the image at which levels cross columns."""
+    """Returns image rows (levels, columns) where levels cross columns."""
     half = 0.5 * view.box.width
     # Beyond the walls, so that columns that touch a rolled container are covered as well.
     across = np.linspace(-1.2 * half, 1.2 * half, 4 * _OUTLINE_POINTS)
@@ -172,7 +172,7 @@ def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> Flo
 def _visible(
     view: BoxView, inside: BoolArray, rows_of: FloatArray, levels: tuple[float, float]
 ) -> tuple[RegionPlaces, RegionPlaces]:
-    """Places that are nearly always wet and nearly always dry, of the part inside the image."""
+    """Returns visible positions that are nearly always wet, and nearly always dry."""
     columns = np.flatnonzero(inside.any(axis=0))
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - 1 - np.argmax(inside[::-1], axis=0)

@@ -1,4 +1,4 @@
-"""The tuning numbers of the side view's detector."""
+"""Tuning numbers of the side view's detector."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class RectangleTuning:
-    """What the detector assumes about containers, edges and cameras.
+    """Assumptions of the detector about containers, edges and cameras.
 
     Checked on traced images by `validation/studies/side_view_tables.py`. The unit "width" is the
     container's, "softness" the standard deviation of a blurred edge [px], "contrast" the levels
@@ -54,16 +54,16 @@ class RectangleTuning:
     end_rows: float = number(4.0, "px", "rows at the region's upper end that hold no line")
     clipped: float = number(252.0, "grey", "level at which the camera clips")
     # rear.py
-    apart_rows: float = number(3.0, "px", "least distance of two lines that are told apart")
+    apart_rows: float = number(3.0, "px", "least distance of two distinct lines")
     apart_softness: float = number(2.4, "softness", "the same for soft edges")
-    sharp_percentile: float = number(10.0, "%", "part of the edges that tells how sharp all are")
+    sharp_percentile: float = number(10.0, "%", "percentile of the edges for the sharpness")
     least_surface: float = number(0.08, "contrast", "least contrast of surface and liquid")
     most_surface: float = number(0.5, "contrast", "contrast at which the front line is sharper")
     margin: float = number(0.02, "width", "part over which heights at the rear wall are continued")
     all_down: float = number(0.99, "1", "part seen from above that counts as all")
     askew: float = number(0.06, "width", "shift of the rear wall at which crests hide it")
     # profile.py
-    wall_part: float = number(0.05, "width", "part whose points tell the height at a wall")
+    wall_part: float = number(0.05, "width", "part whose points determine the height at a wall")
     wall_points: int = number(4, "1", "fewest points that do so")
     wall_gap: float = number(0.03, "width", "gap beside a wall that hides its height")
     round_gap: float = number(0.15, "width", "the same beside a round wall")

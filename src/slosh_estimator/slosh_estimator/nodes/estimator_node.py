@@ -1,4 +1,4 @@
-"""The estimator node: acceleration in, sloshing height out, at the input's rate."""
+"""The estimator node: computes sloshing heights from acceleration, at the input's rate."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("input", "accel", "input that drives the models", choices=tuple(MESSAGE_TYPES)),
+    ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
@@ -126,7 +126,7 @@ DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class EstimatorNode(PreparedNode):
-    """Converts, calls the core, publishes.
+    """Converts messages, calls the core and publishes.
 
     Args:
         later: it gets ready by `run_node`.
@@ -165,7 +165,7 @@ class EstimatorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the models' kernel and what reads the input, and checks them."""
+        """Compiles or loads the kernels of models and inputs, and checks them."""
         load_telling(progress, "slosh_estimator.estimate_kernel")
         if self._values["observer"]:
             load_telling(progress, "slosh_estimator.observer.observer_kernel")
@@ -203,13 +203,13 @@ class EstimatorNode(PreparedNode):
         self._robot(topic)
 
     def _robot(self, name: str) -> Robot:
-        """Refuses a description that does not fit."""
+        """Makes the robot; refuses a description that does not fit."""
         values = self._values
         tool = values["tool_frame"] or values["container_frame"]
         return Robot(self._urdf, tool, values["world_frame"], name)
 
     def _felt(self, model: Model) -> Model:
-        """The model that runs: poses tell the attitude, so that gravity is felt in it."""
+        """Returns the model that runs; with poses it includes gravity by tilt."""
         felt = model.feeling_gravity() if self._kind in WINDOWED else model
         self._added = "" if felt is model else ADDED
         if self._added:
@@ -217,7 +217,7 @@ class EstimatorNode(PreparedNode):
         return felt
 
     def begin(self) -> None:
-        """Listens from now on."""
+        """Subscribes to the input."""
         self._set_names()
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
@@ -241,7 +241,7 @@ class EstimatorNode(PreparedNode):
         self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Takes what fixed transforms say of the mounting; nothing was used before."""
+        """Applies the mounting from fixed transforms, before any sample is used."""
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
@@ -316,14 +316,14 @@ class EstimatorNode(PreparedNode):
             self._observed.load(self._estimator.model)
 
     def _announce_start(self) -> None:
-        """Tells what the models work with from the next sample on, starting from rest."""
+        """Publishes the settings that the models use from the next sample on, from rest."""
         files = {"model": format_model(self._estimator.model)}
         if self._urdf:
             files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
-        """Judges the inputs by other limits from the next one on."""
+        """Applies changed limits to the next inputs."""
         if self._observed is not None:
             self._observed.set_tolerance(self._values["calm_tolerance"])
         if self.readiness.state == READY:

@@ -1,4 +1,4 @@
-"""The estimator's input over ROS: its topics, and what turns their messages into samples."""
+"""The estimator's input over ROS: topics, and conversion of messages to samples."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class HeardInput:
             node.create_subscription(kind_of, topics.TF_STATIC, fixed, qos.EVENT)
 
     def _hear_fixed(self) -> None:
-        """Hears how frames are fixed to each other, where their messages are installed."""
+        """Subscribes to fixed transforms, if their messages are installed."""
         try:
             kind = message_class(TF_TYPE)
         except SloshEstimatorError:
@@ -118,14 +118,14 @@ class HeardInput:
             self.poses.take(links, fixed=True)
 
     def _hear_moving(self) -> None:
-        """Hears how the frame of poses moves, from now on."""
+        """Subscribes to moving transforms of the poses' frame."""
         if isinstance(self.poses, TransformPoses):
             self.poses.take(self._fixed.links, fixed=True)
             take = partial(self._on_transforms, fixed=False)
             self._node.create_subscription(message_class(TF_TYPE), topics.TF, take, qos.STREAM_IN)
 
     def _is_mounted(self, frame: str) -> bool:
-        """Whether it is known how what comes in a frame is mounted; a while is waited for that."""
+        """Whether the mounting of a frame is known; waits some time for transforms."""
         if self._decided:
             return True
         found = self._settings.mounted(self._kind, frame, self._fixed)
@@ -147,11 +147,11 @@ class HeardInput:
 
     @property
     def contested(self) -> bool:
-        """Whether several publishers speak where one may, as of the newest message."""
+        """Whether several publishers send where one is allowed, by the newest message."""
         return self._speakers.contested
 
     def rivals(self) -> str:
-        """Who speaks beside the one that may, in a line; empty: nobody."""
+        """Names additional publishers in one line; empty: none."""
         if self._is_shared:
             return self._too_many()
         found = self._rivals.look()
@@ -162,7 +162,7 @@ class HeardInput:
         return found
 
     def _too_many(self) -> str:
-        """Whether two publishers tell the same joints, in a line; empty: nothing speaks for it."""
+        """Reports two publishers of the same joints in one line; empty: none known."""
         if not isinstance(self.poses, JointPoses):
             return ""
         name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
@@ -173,11 +173,11 @@ class HeardInput:
         return f"{count} publishers on {name} for {self.poses.groups} set of joints: stop one"
 
     def trouble(self) -> str:
-        """Why no pose follows from the messages, in a line; empty: it does."""
+        """Returns in one line why the messages give no pose; empty: they do."""
         return self.poses.trouble() if self.poses is not None else ""
 
     def facts(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Returns facts for the diagnostics."""
         told = {} if self.poses is None else self.poses.facts()
         if self._unconnected:
             told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"
@@ -266,7 +266,7 @@ class HeardInput:
 
 
 def message_class(name: str) -> Any:
-    """The class of a message type.
+    """Returns the class of a message type.
 
     Raises:
         SloshEstimatorError: it is not installed.

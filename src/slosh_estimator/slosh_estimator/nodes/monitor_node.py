@@ -1,4 +1,4 @@
-"""The monitor node: compares the camera with the models and flags what exceeds limits."""
+"""The monitor node: compares the camera with the models and reports limit violations."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class MonitorNode(GuardedNode):
-    """Converts, calls the core, publishes."""
+    """Converts messages, calls the core and publishes."""
 
     def __init__(self) -> None:
         super().__init__("monitor")
@@ -140,7 +140,7 @@ class MonitorNode(GuardedNode):
         return (RIM,)
 
     def _on_settings(self, message: NodeSettings) -> None:
-        """The estimator tells its model, and by that where the rim is."""
+        """Takes the rim from the model in the estimator's settings."""
         model = announced_model(message)
         if model is None:
             return
@@ -198,7 +198,7 @@ class MonitorNode(GuardedNode):
                 self.get_logger().warning(motion.sentence)
 
     def _arrival(self) -> int:
-        """When something comes: elapsed time, with use_sim_time the simulated one.
+        """Returns the arrival time: steady clock, or simulated time with use_sim_time.
 
         By that a slow simulation is no more silent than a fast one.
         """
@@ -251,7 +251,7 @@ class MonitorNode(GuardedNode):
 
 
 def event_message(event: Event, frame: str) -> LimitEvent:
-    """The message of an event."""
+    """Makes the message of an event."""
     return filled(
         LimitEvent,
         stamp_ns=event.stamp_ns,
@@ -268,7 +268,7 @@ def event_message(event: Event, frame: str) -> LimitEvent:
 
 
 def announced_model(message: NodeSettings) -> Model | None:
-    """What an estimator's announcement says that it runs.
+    """Returns the model in an estimator's settings message.
 
     None: it is another node's, or a stranger's that cannot be read.
     """
@@ -282,7 +282,7 @@ def announced_model(message: NodeSettings) -> Model | None:
 
 
 class PredictionWatch:
-    """Takes a node's predictions and motions, publishes outcomes.
+    """Compares a node's predictions with motions, and publishes the outcomes.
 
     Args:
         node: the node.
@@ -300,11 +300,11 @@ class PredictionWatch:
         )
 
     def reset(self) -> None:
-        """Starts the record anew."""
+        """Resets the record."""
         self._record.reset()
 
     def judge(self, motion: MotionAgreement) -> None:
-        """Takes a motion that has ended; publishes what became of its prediction."""
+        """Processes a finished motion; publishes the outcome of its prediction."""
         outcome = self._record.judge(motion)
         if outcome is None:
             return
@@ -313,7 +313,7 @@ class PredictionWatch:
         self._node.get_logger().info(f"planned motion {outcome.id}: {outcome.description}")
 
     def facts(self) -> dict[str, Any]:
-        """For the diagnostics."""
+        """Returns facts for the diagnostics."""
         record, last = self._record, self._record.last
         if last is None:
             return {"predictions": 0}

@@ -50,7 +50,7 @@ class WallHeights(NamedTuple):
 
 
 class Outcome(Enum):
-    """What became of a measurement."""
+    """Outcome of a measurement: used, rejected, too late or without a height."""
 
     USED = "used"
     REJECTED = "rejected"
@@ -59,7 +59,7 @@ class Outcome(Enum):
 
 
 class FusedState(NamedTuple):
-    """The liquid's state from model and measurements.
+    """State of the liquid from the model and the measurements.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -101,14 +101,14 @@ class FusedState(NamedTuple):
 
     @property
     def uncorrected(self) -> float:
-        """Time since the last measurement that is used [s]; infinite: none."""
+        """Time since the last used measurement [s]; infinite: none."""
         if self.corrected_ns is None:
             return math.inf
         return max(self.stamp_ns - self.corrected_ns, 0) / 1e9
 
     @property
     def trusted(self) -> bool:
-        """Whether it is surer than an estimate that nothing corrects."""
+        """Whether it is more certain than an uncorrected estimate."""
         return self.corrected_ns is not None and self.stddev <= TUNING.trusted_stddev
 
 
@@ -165,14 +165,14 @@ class Observer:
         self._anchored_at = 0.0
 
     def take(self, heights: WallHeights) -> None:
-        """Takes a measurement; those in front are used first."""
+        """Queues a measurement; earlier ones are used first."""
         self._waiting.append(heights)
         if len(self._waiting) > TUNING.waiting_heights:
             self._waiting.popleft()
             self._note(Outcome.LATE)
 
     def follow(self, sample: Sample, flags: int = 0) -> FusedState | None:
-        """Takes an input.
+        """Steps the model by an input and returns the fused state.
 
         Args:
             sample: the input.
@@ -203,7 +203,7 @@ class Observer:
         return self._state()
 
     def _step(self, sample: Sample, now: float) -> bool:
-        """Runs the model on; False: it has left the physical range."""
+        """Steps the model; False: it has left the physical range."""
         dt = (sample.stamp_ns - self._newest_ns) / 1e9 if self._count else 0.0
         if self._count - self._first >= len(self._ring) - 1:
             self._move_anchor()
@@ -219,7 +219,7 @@ class Observer:
         return inside
 
     def _follow_motion(self, sample: Sample) -> None:
-        """Averages the acceleration at rest anew from the end of each motion on."""
+        """Restarts the average of the acceleration at rest after each motion."""
         self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         spans = self._motions.spans
         if not spans:
@@ -257,7 +257,7 @@ class Observer:
         return Outcome.USED
 
     def _is_another_wave(self, moment: float, points: Array) -> bool:
-        """Whether the state is unknown and the points are a wave's: then they are used."""
+        """Resets the state and uses the points if they fit a wave; False: they do not."""
         shown = len(points) >= TUNING.shape_points
         if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
             return False
@@ -269,12 +269,12 @@ class Observer:
         return False
 
     def _move_anchor(self) -> None:
-        """Moves the anchor to the middle of the ring, whose oldest input makes room."""
+        """Moves the anchor to the middle of the ring, to free its oldest inputs."""
         middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
         self._corrected(float(middle[kernel.TIME]), _NO_POINTS)
 
     def _corrected(self, moment: float, points: Array) -> bool:
-        """Corrects by points and moves the anchor there; False: they are rejected."""
+        """Corrects by points and moves the anchor to their time; False: they are rejected."""
         last = self._count - 1
         ratio = self._correct(
             self._store, self._ring, self._first, last, self._blocks, self._theta,
@@ -292,7 +292,7 @@ class Observer:
         return True
 
     def _restart(self, now: float, *, at_rest: bool) -> None:
-        """Puts the model to rest; the liquid is so, or nothing is known of it."""
+        """Resets the model to rest; at_rest: the liquid is at rest, else its state is unknown."""
         run, modes = divided(self._store)
         elapsed = run["elapsed"].copy()
         modes[:] = self._constants
@@ -308,7 +308,7 @@ class Observer:
             self._spread(TUNING.rest_wave)
 
     def _forget(self) -> None:
-        """Takes any wave and any parameter for possible from the anchor on."""
+        """Resets the covariance at the anchor to that of an unknown wave."""
         states = len(self._covariance) - kernel.PARAMETERS
         self._covariance[states:, states:] = np.diag(self._slow_variance)
         self._spread(self._largest)

@@ -1,4 +1,4 @@
-"""The container holds more or less liquid than the model assumes."""
+"""Effect: the fill height differs from the model's."""
 
 from __future__ import annotations
 

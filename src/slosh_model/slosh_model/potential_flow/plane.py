@@ -1,4 +1,4 @@
-"""Waves in a prism, a container with vertical walls over any outline: the plane Neumann problem.
+"""Modes of a prism (vertical walls over any outline): the plane Neumann problem.
 
 φ = F(x, y) cosh k(z + h) / cosh kh with ΔF + k²F = 0 in the outline and ∂F/∂n = 0 on it, thus
 ω² = gk tanh kh (Lamb 1932, § 257). An outline with an axis of symmetry has modes that an
@@ -110,7 +110,7 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
 
 
 def _mirrored(places: Array, axis: int) -> bool:
-    """Whether an outline is the same when a coordinate changes its sign."""
+    """Whether an outline is symmetric in a coordinate."""
     other = places.copy()
     other[:, axis] *= -1.0
     away = np.full(len(other), np.inf)
@@ -124,7 +124,7 @@ def _mirrored(places: Array, axis: int) -> bool:
 
 
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
-    """The half to the left of the axis of symmetry, which becomes the x axis; lengths of a scale.
+    """Returns the half left of the symmetry axis, rotated to the x axis, in units of a scale.
 
     Where the axis is y, x and y change places, which reverses the direction.
     """
@@ -146,7 +146,7 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
 
 
 def _quarter(half: Sequence[Side]) -> list[Side]:
-    """The part of a half to the right of its middle."""
+    """Returns the part of a half to the right of its middle."""
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)
@@ -198,7 +198,7 @@ def _filled(plane: PlaneModes, depth: float) -> list[ModeNumbers]:
 
 
 def _layer(k: float, depth: float, row: Sequence[float]) -> float:
-    """½ ∫|∇φ|² over walls, floor and surface film, by that over the liquid."""
+    """Returns ½ ∫|∇φ|² over walls, floor and surface film, relative to that of the liquid."""
     # cosh⁻² by exp(-x): a deep container must not overflow.
     decay = math.exp(-2.0 * k * depth)
     squared = 4.0 * decay / (1.0 + decay) ** 2
@@ -211,7 +211,7 @@ def _layer(k: float, depth: float, row: Sequence[float]) -> float:
 
 
 def _size(sides: Sequence[Side]) -> Size:
-    """Alike everywhere, finer at bends and sharp corners."""
+    """Makes a uniform size function, finer at bends and sharp corners."""
     t = np.linspace(0.0, 1.0, 65)
     edge = [side.piece.at(t) for side in sides]
     everything = np.vstack(edge)
@@ -232,7 +232,7 @@ def _size(sides: Sequence[Side]) -> Size:
 
 
 def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, float, list[float]]]:
-    """Rows of numbers; the area, the place of the heights, the crests over the wall's."""
+    """Solves the eigenproblem on a mesh; returns mode constants, area and crest ratios."""
     fem = library()
     inside, wall = bases(mesh, "wall")
     stiffness = fem.BilinearForm(
@@ -275,7 +275,7 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
 def _driven(
     stiffness: Any, mass: Any, offset: Array, spread: float, count: int
 ) -> tuple[Array, Array]:
-    """The lowest modes that an acceleration drives, with ∫F² = 1."""
+    """Returns the lowest modes that an acceleration excites, with ∫F² = 1."""
     most = min(_MOST_SEARCHED, stiffness.shape[0] - 2)
     wanted = min(4 * count, most)
     while True:
@@ -297,7 +297,7 @@ def _driven(
 def _merged(
     values: Array, vectors: Array, offsets: Array, spread: float
 ) -> tuple[Array, Array, Array]:
-    """One mode for modes of the same frequency: their sum that an acceleration drives.
+    """Merges modes of equal frequency to their combination that an acceleration excites.
 
     Returns:
         eigenvalues, vectors as columns, and the share of each in a straight surface.

@@ -1,4 +1,4 @@
-"""What is known of a mode of a container whose modes are computed."""
+"""Computed constants of a mode without closed form."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ModeNumbers:
             raise SloshModelError(f"axis = {self.axis!r} must be 0 (x) or 1 (y)", ("axis",))
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ of a liquid of viscosity ν [m²/s]."""
+        """Returns ζ for a liquid of viscosity ν [m²/s]."""
         layer = self.layer_damping * math.sqrt(kinematic_viscosity)
         return layer + self.bulk_damping * kinematic_viscosity
 

@@ -1,4 +1,4 @@
-"""Bodies of revolution about the vertical, by any profile."""
+"""Bodies of revolution about the vertical axis with any profile."""
 
 from __future__ import annotations
 
@@ -59,26 +59,26 @@ class RevolvedContainer(SolvedContainer):
         wetted(self.contour, self.level)
 
     def _check_profile(self) -> None:
-        """Raises SloshModelError where dimensions are impossible."""
+        """Raises SloshModelError for impossible dimensions."""
 
     @property
     def open_ended(self) -> bool:
-        """Whether its contour ends somewhere above the liquid, not at the rim."""
+        """Whether the contour ends at an arbitrary point instead of the rim."""
         return False
 
     @property
     def level(self) -> float:
-        """The still surface in the contour's z [m]."""
+        """Height of the still surface in the contour's z [m]."""
         return self.floor + self.fill_height
 
     @property
     def floor(self) -> float:
-        """The deepest place in the contour's z [m]."""
+        """Height of the deepest point in the contour's z [m]."""
         return float(min(piece.fine()[:, 1].min() for piece in self.contour))
 
     @property
     def top(self) -> float:
-        """The contour's end above the deepest place [m]."""
+        """Height of the contour's end above the deepest point [m]."""
         return float(self.contour[-1].one(1.0)[1]) - self.floor
 
     @property
@@ -87,7 +87,7 @@ class RevolvedContainer(SolvedContainer):
         return self.top
 
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Its first modes, computed."""
+        """Computes its first modes."""
         from slosh_model.potential_flow.axisymmetric import revolution_modes
 
         return revolution_modes(self.contour, self.level, count)
@@ -105,12 +105,12 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def size_name(self) -> str:
-        """Its name."""
+        """Name of the dimension `size`."""
         return "surface radius"
 
     @property
     def described(self) -> str:
-        """Its dimensions for people [mm]."""
+        """Text of its dimensions [mm]."""
         return (
             f"{self.shape}, surface radius {1e3 * self.size:.4g} mm, filled to "
             f"{1e3 * self.fill_height:g} mm"
@@ -118,7 +118,7 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def volume(self) -> float:
-        """Of the liquid [m³]: by Gauss's theorem, of the wetted wall."""
+        """Volume of the liquid [m³], by Gauss's theorem over the wetted wall."""
         total = 0.0
         for piece in wetted(self.contour, self.level):
             at = piece.at(np.linspace(0.0, 1.0, 2001))
@@ -143,7 +143,7 @@ class RevolvedContainer(SolvedContainer):
         return Wall(heights, lengths, radii, rim, leans=leans, **inside)
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Places from the axis, or a core, to the wall [m], and a mode's height there."""
+        """Returns positions from the axis or core to the wall [m], and a mode's height there."""
         rows = (
             self.numbers(n).surface
             or solved_modes(self, LEAST if n <= LEAST else MOST)[n - 1].surface
@@ -153,7 +153,7 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def silhouette(self) -> Array:
-        """(N, 2) its contour up to the rim, z from the still surface [m]."""
+        """(N, 2) the contour up to the rim, z from the still surface [m]."""
         ends = (np.linspace(0.0, 1.0, 2 if piece.straight else 65) for piece in self.contour)
         places = np.vstack([piece.at(t) for piece, t in zip(self.contour, ends, strict=True)])
         rim = self.floor + (self.rim_height or self.top)
@@ -178,7 +178,7 @@ class RevolvedContainer(SolvedContainer):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Revolution(RevolvedContainer):
-    """A body of revolution by points of its profile.
+    """A body of revolution with a profile through points.
 
     >>> from slosh_model.shapes import Revolution
     >>> Revolution(profile=((0.0, 0.0), (0.03, 0.0), (0.04, 0.09)), fill_height=0.06)
@@ -216,16 +216,16 @@ class Revolution(RevolvedContainer):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Through the points."""
+        """The profile through the points."""
         return through(self.profile, smooth=self.smooth)
 
     def widened(self, factor: float) -> Self:
-        """The same with all radii larger."""
+        """Returns the body with scaled radii."""
         return replace(self, profile=tuple((factor * r, z) for r, z in self.profile))
 
 
 def cut_above(places: Array, height: float) -> Array:
-    """Places that follow each other, from the first up to where they rise above a height."""
+    """Returns consecutive points from the first up to where they exceed a height."""
     above = np.flatnonzero(places[:, 1] > height)
     above = above[above > np.argmin(places[:, 1])]
     if not len(above):

@@ -19,7 +19,7 @@ _POSE = 4  # where a sample's pose begins
 
 
 class RecordedState(NamedTuple):
-    """What the estimator's next answers depend on; see EstimatorState.msg.
+    """Recorded state of the estimator; see EstimatorState.msg.
 
     Attributes:
         stamp_ns: of the last input that was used [ns].
@@ -35,7 +35,7 @@ class RecordedState(NamedTuple):
 
 
 def states_of(reader: BagReader, block: MessageBlock) -> tuple[RecordedState, ...]:
-    """The states in a block; what cannot be read is a stranger's and tells nothing."""
+    """Returns the valid states in a block; others are ignored."""
     return tuple(_readable(reader, block))
 
 

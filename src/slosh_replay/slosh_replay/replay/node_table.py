@@ -1,4 +1,4 @@
-"""The table of the nodes that a replay runs."""
+"""The table of the nodes in a replay."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
 
 
 def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
-    """The nodes, each below those whose topics it reads; a further node is a further row.
+    """Returns the nodes, each after those whose topics it reads.
 
     Args:
         modes: of the recorded estimates.
@@ -58,11 +58,11 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
 
 
 def _uncontested(estimates: Messages) -> Messages:
-    """Estimates without the flag of a second publisher: that is in no recording."""
+    """Clears the flag of a second publisher, which a recording cannot reproduce."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
 
 
 def _seen(comparisons: Messages) -> Messages:
-    """Comparisons without those of a silent camera: they follow the monitor's own clock."""
+    """Removes comparisons of a silent camera, which depend on the monitor's clock."""
     return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))

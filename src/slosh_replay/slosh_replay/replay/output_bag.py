@@ -1,4 +1,4 @@
-"""A new bag with what a replay gives, to be compared with the recorded one."""
+"""Writes a replay's results to a new bag, for comparison with the recorded one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FACTS = {"content": "replay"}
 
 
 class OutputBag(Outputs):
-    """Writes estimates, comparisons and limit events; a context manager.
+    """Writes estimates, comparisons and limit events; use it as a context manager.
 
     The messages are logged at their stamps: two replays of a bag give the same file.
 
@@ -111,7 +111,7 @@ class OutputBag(Outputs):
         )
 
     def _make_template(self, own: Estimates) -> tuple[Layout, bytes]:
-        """A message in whose bytes only the numbers differ from one estimate to the next."""
+        """Makes a message in which only numbers change between estimates."""
         types = self._store.types
         modal = np.zeros(2 * own.modal.shape[2])
         models = [

@@ -1,4 +1,4 @@
-"""The observer's core in a replay: the estimator's samples and the recorded heights."""
+"""Replays the observer from the estimator's samples and the recorded heights."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ UNKNOWN = "the recording begins in the middle of a run: the observer's state is 
 
 
 class ReplayedObserver:
-    """Follows the samples; each recorded state says how many heights came before it.
+    """Replays the observer; each recorded state counts the heights before it.
 
     Args:
         setting: of the replay.
@@ -51,7 +51,7 @@ class ReplayedObserver:
         self._lost = False
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes samples, heights and recorded states; returns its own states."""
+        """Updates by samples, heights and recorded states; returns the replayed states."""
         recorded = moment.messages[recorded_name(FUSED_ESTIMATE)]
         if len(recorded.stamps):
             counts = recorded.columns[TAKEN].astype(np.int64).tolist()
@@ -89,7 +89,7 @@ class ReplayedObserver:
             states.append((state, told))
 
     def _begin(self, start: int, stamp_ns: int) -> None:
-        """Makes the observer of a start of the node."""
+        """Creates the observer for a start of the node."""
         if self._start < 0 and self._states and self._states[0][1] > len(self._surfaces):
             self._lose(stamp_ns)
         self._start = start
@@ -103,7 +103,7 @@ class ReplayedObserver:
             self._lost = True
 
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
-        """Gives the observer what the live one had judged when it told of this sample."""
+        """Gives the observer the heights that the live one had used at this sample."""
         while self._states and self._states[0][0] < stamp_ns:
             self._states.popleft()
         if not self._states or self._states[0][0] != stamp_ns:
@@ -115,7 +115,7 @@ class ReplayedObserver:
 
 
 def _heights(batch: Messages) -> list[WallHeights]:
-    """Recorded FreeSurface messages as the node takes them."""
+    """Converts recorded FreeSurface messages as the node does."""
     if not len(batch.stamps):
         return []
     columns = [batch.columns[name].tolist() for name in SURFACES]

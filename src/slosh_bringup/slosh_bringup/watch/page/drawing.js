@@ -12,12 +12,17 @@ function limitWords(limit) {
   return limit ? `${limit.name} ${(1e3 * limit.height).toFixed(1)} mm` : "";
 }
 
+// Times; measured, estimated and fused heights; bounds of the last.
+function emptyRows() {
+  return [[], [], [], [], [], []];
+}
+
 class Heights {
   constructor(place) {
     this.place = place;
     this.drawing = null;
     this.limits = {};
-    this.rows = [[], [], []];
+    this.rows = emptyRows();
     this.plot = null;
     new ResizeObserver(() => this.fit()).observe(place);
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.renew());
@@ -36,7 +41,9 @@ class Heights {
       scales: { x: { time: false, range: () => [this.end() - SPAN, this.end()] }, y: { range: (_, lo, hi) => this.range(lo, hi) } },
       axes: [{ ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) }, axis],
       series: [{ label: "time", value: (_, v) => (v === null ? "–" : `${v.toFixed(2)} s`) },
-        line("measured", "measured"), line("estimated", "estimated")],
+        line("measured", "measured"), line("estimated", "estimated"), line("fused", "fused"),
+        { ...line("− 2σ", "fused"), width: 0 }, { ...line("+ 2σ", "fused"), width: 0 }],
+      bands: [{ series: [5, 4], fill: colour("band") }],
       hooks: { draw: [(plot) => this.drawLimits(plot)] },
       cursor: { drag: { x: false, y: false } },
     }, this.rows, this.place);
@@ -77,14 +84,13 @@ class Heights {
     context.restore();
   }
 
-  clear() { this.rows = [[], [], []]; this.drawing = null; }
+  clear() { this.rows = emptyRows(); this.drawing = null; }
 
   add(frame) {
     if (frame.drawing !== this.drawing) { this.clear(); this.drawing = frame.drawing; }
-    for (const [t, measured, estimated] of frame.rows) {
+    for (const [t, ...shown] of frame.rows) {
       this.rows[0].push(t);
-      this.rows[1].push(measured === null ? null : 1e3 * measured);
-      this.rows[2].push(estimated === null ? null : 1e3 * estimated);
+      shown.forEach((height, k) => this.rows[k + 1].push(height === null ? null : 1e3 * height));
     }
     const first = this.rows[0].findIndex((t) => t >= this.end() - SPAN);
     if (first > 0) this.rows = this.rows.map((row) => row.slice(first));

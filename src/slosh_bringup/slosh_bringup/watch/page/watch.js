@@ -45,6 +45,15 @@ function words(...parts) {
   return parts.filter(Boolean).join(" · ");
 }
 
+const WHY = ["", "the container moves", "the wave is settling", "the height is uncertain", "no input"];
+
+function showCalm(calm) {
+  const known = calm.calm !== undefined;
+  const waits = known && !calm.calm && calm.wait;
+  put("calm", !known ? "–" : calm.calm ? "yes" : waits ? `in ${calm.wait.toFixed(0)} s` : "no");
+  put("calm-words", known ? [WHY[calm.reason], `calm: up to ${millimetres(calm.tolerance)} mm`].filter(Boolean).join("; ") : "");
+}
+
 function row(cells) {
   const line = document.createElement("tr");
   for (const [text, name] of cells) {
@@ -81,6 +90,7 @@ function show(frame) {
   const container = state.container && state.container.outline ? state.container : null;
   part("side-part").hidden = !container;
   if (container) drawSide(part("side"), container, frame.surface, state.limits.measured);
+  showCalm(frame.calm || {});
   drawAbove(part("above"), frame.surface, state.limits.measured);
   heights.draw();
 }
