@@ -171,7 +171,9 @@ class SideViewDetector:
         """The same by what the line says of all of a round wall."""
         if not isinstance(self._view, RoundView):
             return found
-        wall = round_wall(self._view, line.x, line.z, common_error(line))
+        rest = self._knowledge.bow
+        bow = 0.0 if rest is None else abs(float(rest.coefficients[BOW]))
+        wall = round_wall(self._view, line.x, line.z, common_error(line), bow)
         doubt = Flag.AMBIGUOUS if wall.spread > TUNING.most_spread else Flag.NONE
         scale = self._settings.scale_error * wall.height
         stddev = float(np.hypot(wall.stddev, scale))

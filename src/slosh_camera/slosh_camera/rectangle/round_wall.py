@@ -34,7 +34,7 @@ class RoundWall(NamedTuple):
         stddev: its standard deviation [m].
         azimuth: where it is, from x towards y, away from the camera [rad]; NaN: before or behind
             the axis, not known which.
-        spread: standard deviation of it by not knowing which reading holds [m].
+        spread: standard deviation of it by not knowing which half is seen, and was at rest [m].
     """
 
     left: float
@@ -67,7 +67,9 @@ class _Reading(NamedTuple):
         return float(np.sqrt(functions @ self.covariance @ functions))
 
 
-def round_wall(view: RoundView, x: FloatArray, z: FloatArray, common: float) -> RoundWall:
+def round_wall(
+    view: RoundView, x: FloatArray, z: FloatArray, common: float, bow: float = 0.0
+) -> RoundWall:
     """Heights around the wall.
 
     Args:
@@ -75,6 +77,8 @@ def round_wall(view: RoundView, x: FloatArray, z: FloatArray, common: float) -> 
         x: (N,) places across, as `RoundView` has them [m].
         z: (N,) heights above the line at rest in the plane through the axis [m].
         common: standard deviation of what all points are off together [m].
+        bow: of the line at rest [m]: where the other half is seen than at rest, heights in the
+            middle are off by twice as much.
     """
     readings = [_fitted(view, x, z, far) for far in (NEAR, FAR)]
     misfits = np.array([one.misfit for one in readings])
@@ -88,6 +92,7 @@ def round_wall(view: RoundView, x: FloatArray, z: FloatArray, common: float) -> 
     left, right = (_mixed(around[:, at], likely) for at in (_LEFT, _RIGHT))
     ends = np.hypot(best.stddev(_ANGLES[_RIGHT]), max(left[1], right[1]))
     highest = int(np.argmax(around[int(np.argmax(likely))]))
+    spread = float(np.hypot(spread, 2.0 * bow * np.cos(_ANGLES[highest])))
     azimuth = float(_ANGLES[highest]) - 0.5 * np.pi
     sideways = abs(np.sin(azimuth)) < TUNING.sideways
     return RoundWall(
