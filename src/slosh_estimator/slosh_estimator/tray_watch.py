@@ -38,8 +38,8 @@ class TrayWatch:
         """Watches other limits from a moment on; see `Monitor.change_settings`."""
         found = []
         for one, tracker in zip(self.tray.containers, self._trackers, strict=True):
-            limit, hysteresis, at_rim = _limit(one, settings)
-            found.append(tracker.change(stamp_ns, limit, hysteresis, at_rim))
+            limit, hysteresis, name = _limit(one, settings)
+            found.append(tracker.change(stamp_ns, limit, hysteresis, name))
         return self._named(found)
 
     def update(self, stamp_ns: int, heights: Sequence[float]) -> list[Event]:
@@ -106,8 +106,9 @@ class TrayWatch:
         ]
 
 
-def _limit(one: TrayContainer, settings: MonitorSettings) -> tuple[float, Hysteresis, bool]:
-    """A container's limit [m], how an excess of it ends, and whether it is the rim."""
+def _limit(one: TrayContainer, settings: MonitorSettings) -> tuple[float, Hysteresis, str]:
+    """A container's limit [m], how an excess of it ends, and its name."""
     limit = settings.estimated_limit if math.isnan(one.limit) else one.limit
-    own = replace(settings, estimated_limit=limit).under_rim(one.model)
-    return own.limits[Source.ESTIMATED], own.hysteresis, own.at_rim(Source.ESTIMATED)
+    own = replace(settings, estimated_limit=limit)
+    own = replace(own, rim=own.near_rim(one.model)[0])
+    return own.limits[Source.ESTIMATED], own.hysteresis, own.limit_name(Source.ESTIMATED)

@@ -35,6 +35,7 @@ TRAY_ESTIMATE: Final = "tray_estimate"
 """Of a cell with several containers, beside the first one's estimates."""
 FUSED_ESTIMATE: Final = "fused_estimate"
 """The liquid's state by model and measured heights together."""
+OBSERVER_STATE: Final = "observer_state"
 CALM: Final = "calm"
 IS_CALM: Final = "is_calm"
 """The same as `calm`, as a plain Bool."""
@@ -156,6 +157,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(CONTAINER, "slosh_msgs/msg/ContainerChange", _ANSWER, latched=True),
     Topic(TRAY_ESTIMATE, "slosh_msgs/msg/TrayEstimate", _ANSWER, remappable=True),
     Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
+    Topic(OBSERVER_STATE, "slosh_msgs/msg/ObserverState", _ANSWER),
     Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),
     Topic(IS_CALM, "std_msgs/msg/Bool", _ANSWER, remappable=True, latched=True),
     Topic(COMPARISON, "slosh_msgs/msg/SloshComparison", _ANSWER, remappable=True, page=True),

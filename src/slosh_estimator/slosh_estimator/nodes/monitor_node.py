@@ -21,7 +21,12 @@ from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
-from slosh_estimator.monitor_settings import HEIGHT_LIMITS, RIM, MonitorSettings
+from slosh_estimator.monitor_settings import (
+    HEIGHT_LIMITS,
+    RIM,
+    RIM_DISTANCE,
+    MonitorSettings,
+)
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_estimator.readings import Reading, ReadingJoiner
@@ -43,7 +48,7 @@ from slosh_msgs.msg import (
 )
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
-from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
@@ -57,6 +62,10 @@ PARAMETERS = (
     _dynamic("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
     _dynamic("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
     _dynamic("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
+    _dynamic(
+        "rim_distance", _DEFAULT.rim_distance,
+        "least distance of the liquid to the rim [m]; 0.0: the rim itself", (0.0, 10.0),
+    ),
     _dynamic(
         "warn_share", _DEFAULT.warn_share, "share of a limit above which the state is WARN",
         (0.01, 1.0),
@@ -90,6 +99,8 @@ class MonitorNode(GuardedNode):
         heard = (topics.ESTIMATE, topics.FREE_SURFACE) if given["camera"] else (topics.ESTIMATE,)
         names = (*heard, topics.COMPARISON, topics.LIMIT_EVENT)
         self._rim: dict[str, float] = {}
+        self._model: Model | None = None
+        self._complaint = ""
         known = ChainMap(self._rim, given)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), known, names
@@ -125,8 +136,21 @@ class MonitorNode(GuardedNode):
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
+        if RIM_DISTANCE in changed:
+            changed = (*changed, *self._moved_rim())
         wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
         self._settings.publish_change(changed, self._core.change_settings(wanted))
+
+    def _moved_rim(self) -> tuple[str, ...]:
+        """Takes the height that the model's rim allows; its name where it is another one now."""
+        if self._model is None:
+            return ()
+        settings = MonitorSettings.from_parameters(self._given)
+        rim, self._complaint = settings.near_rim(self._model)
+        if self._rim.get(RIM) == rim or not (self._rim or math.isfinite(rim)):
+            return ()
+        self._rim[RIM] = rim
+        return (RIM,)
 
     def _on_settings(self, message: NodeSettings) -> None:
         """Takes the rim from the model in the estimator's settings."""
@@ -136,10 +160,10 @@ class MonitorNode(GuardedNode):
         tray = announced_tray(message)
         if tray is not None and (self._core.tray is None or tray != self._core.tray.tray):
             self._core.carry(tray)
-        wanted = self._core.settings.under_rim(model)
-        if self._rim.get(RIM) != wanted.rim and (self._rim or math.isfinite(wanted.rim)):
-            self._rim[RIM] = wanted.rim
-            self._on_change((RIM,))
+        self._model = model
+        changed = self._moved_rim()
+        if changed:
+            self._on_change(changed)
 
     def _on_container(self, message: ContainerChange) -> None:
         """Watches the limits of another container in later data."""
@@ -154,7 +178,8 @@ class MonitorNode(GuardedNode):
             self._rim.update(dict.fromkeys(HEIGHT_LIMITS, message.limit))
         rim = before.get(RIM, math.nan)
         if model is not None:
-            rim = self._core.settings.under_rim(model).rim
+            self._model, settings = model, MonitorSettings.from_parameters(self._given)
+            rim, self._complaint = settings.near_rim(model)
         if RIM in before or math.isfinite(rim):
             self._rim[RIM] = rim
         if self._rim != before or model is not None:
@@ -255,7 +280,8 @@ class MonitorNode(GuardedNode):
         return response
 
     def _health(self) -> Health:
-        return self._judge.look(self._arrival(), self._measured)
+        level, text = self._judge.look(self._arrival(), self._measured)
+        return (ERROR, f"{self._complaint}; {text}") if self._complaint else (level, text)
 
     def _facts(self) -> dict[str, Any]:
         core = self._core

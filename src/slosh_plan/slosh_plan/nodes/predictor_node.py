@@ -46,6 +46,11 @@ PARAMETERS = (
         "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
         read_only=False,
     ),
+    ParameterSpec(
+        "rim_distance", 0.0,
+        "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
+        read_only=False,
+    ),
     ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
     ParameterSpec("tool_frame", "", "link of the robot that is the container"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
@@ -96,7 +101,8 @@ class PredictorNode(PreparedNode):
     def _limits(self) -> HeightLimits:
         height, residual = (self._values[name] or math.inf for name in LIMITS)
         own = self._container.held.limit
-        return HeightLimits(height if math.isnan(own) else own, residual)
+        height = height if math.isnan(own) else own
+        return HeightLimits(height, residual, rim_distance=self._values["rim_distance"])
 
     def _on_container(self) -> None:
         self._planned.limits = self._limits()

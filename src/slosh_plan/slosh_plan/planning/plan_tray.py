@@ -102,6 +102,6 @@ def _predicted(
     motion = answer.found.motion
     turned = attitudes(motion, attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
-    asked = HeightLimits(limits.height, limits.residual)
+    asked = HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
     longest = max(horizon(one.model) for one in tray.containers)
     return predict_tray(tray, [trajectory], limits=asked, horizon=longest, error=error)[0]

@@ -51,13 +51,20 @@ class KnownState:
     Args:
         verifier: is told what cannot be compared; None: nothing is.
         tray: the same for a tray's containers, of the first of which alone states are recorded.
+        losses: receives the stamps after which the state is unknown [ns].
 
     Attributes:
         breaks: how often the counter went on by another number than that of the inputs.
     """
 
-    def __init__(self, verifier: Verifier | None, tray: Verifier | None = None) -> None:
+    def __init__(
+        self,
+        verifier: Verifier | None,
+        losses: list[int] | None = None,
+        tray: Verifier | None = None,
+    ) -> None:
         self._verifier, self._tray = verifier, tray
+        self._losses = losses
         self._states: list[RecordedState] = []
         self._known = True
         self.breaks = 0
@@ -138,6 +145,8 @@ class KnownState:
         if self._tray is not None:
             self._tray.lose(after_ns, OF_A_TRAY)
             self._tray = None
+        if self._losses is not None:
+            self._losses.append(after_ns)
         self._known = False
 
     def _find(self, until_ns: int) -> None:

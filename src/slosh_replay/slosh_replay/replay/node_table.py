@@ -23,7 +23,7 @@ from slosh_replay.replay.verification import (
     tray_fields,
 )
 
-_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
 def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
@@ -40,7 +40,7 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
             "estimator",
             ReplayedEstimator,
             outputs=(
-                NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),
+                NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_alone),
                 *([tray] if containers else []),
             ),
         ),
@@ -69,8 +69,8 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
     )
 
 
-def _uncontested(estimates: Messages) -> Messages:
-    """Clears the flag of a second publisher, which a recording cannot reproduce."""
+def _alone(estimates: Messages) -> Messages:
+    """Clears the flags of a second publisher or source, which a recording cannot reproduce."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
 

@@ -10,8 +10,10 @@ import numpy as np
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.observer.observer import ObserverState
 from slosh_model.model import Model
 from slosh_model.tray import Tray
+from slosh_model.wall import Wall
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.recording.settings import NodeStart
@@ -24,8 +26,8 @@ from slosh_replay.replay.verification import Messages, Verifier
 class Outputs:
     """Receives a replay's results as they arise; this one ignores them."""
 
-    def begin(self, names: tuple[str, str]) -> None:
-        """Receives the names of the loaded model's L and NL variant, before anything else."""
+    def begin(self, names: tuple[str, str], wall: Wall) -> None:
+        """Is told the names of the loaded model's L and NL twin, and its container's wall."""
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
         """Receives estimates in the order of their samples."""
@@ -57,6 +59,8 @@ class Setting(NamedTuple):
         outputs: receives all results.
         loaded: models that the estimator has loaded so far, that of each start; grows.
         fused: compares the observer's states; None: none are recorded.
+        observer_states: recorded states of the observer; grows.
+        losses: stamps after which the estimator's state is not in the recording [ns]; grows.
     """
 
     model: Model
@@ -74,6 +78,8 @@ class Setting(NamedTuple):
     outputs: Outputs = Outputs()
     loaded: list[Model] = []  # noqa: RUF012 - given by each replay
     fused: Verifier | None = None
+    observer_states: list[ObserverState] = []  # noqa: RUF012 - given by each replay
+    losses: list[int] = []  # noqa: RUF012 - given by each replay
 
 
 _NONE, _NO_STAMPS = np.empty(0), np.empty(0, dtype=np.int64)

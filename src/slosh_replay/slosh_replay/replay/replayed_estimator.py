@@ -66,7 +66,7 @@ class ReplayedEstimator:
         self._samples: list[Messages] = []
         setting.loaded.append(setting.model)
         setting.reader.carry(modes_of(setting.model))
-        setting.outputs.begin(self.models.own_names)
+        setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _new_others(self, at_rest: bool) -> TrayEstimator | None:
         tray = self.setting.tray
@@ -180,7 +180,7 @@ class ReplayedEstimator:
             self._others.reset()
         self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
-        self.setting.outputs.begin(self.models.own_names)
+        self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _change(self, change: NodeStart) -> None:
         settings = self._input_settings(change)
