@@ -58,7 +58,8 @@ def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
     models = (MODEL.feeling_gravity(), MUG.feeling_gravity(), MODEL.feeling_gravity())
     tray = Tray(tuple(map(TrayContainer, names, models, places, (0.5, 0.5, 0.003))))
     live = LiveBag(kind)
-    live.tray, live.model, live.states, live.restarts = tray, tray.first.model, True, [1500]
+    live.tray, live.model, live.states = tray, tray.first.model, True
+    live.restarts = [1500] if kind == "imu" else ()  # of poses no counter tells
     live.attitude = lambda index: (0.0, 0.0, np.sin(1e-3 * index), np.cos(1e-3 * index))
     folder = live.write(tmp_path / "bag")
     result = replay_bag(folder)
