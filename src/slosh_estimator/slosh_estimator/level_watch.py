@@ -27,7 +27,7 @@ class LevelWatch:
     """Follows the mean of the heights at the container's left and right edge.
 
     A wave of the first mode, and of every odd one, lifts one as much as it lowers the other. The
-    median of at least a second of rest counts; it is off where it exceeds its standard deviation
+    median of most of a second of rest counts; it is off where it exceeds its standard deviation
     so many times, and more than a calibration's error may explain.
 
     Attributes:

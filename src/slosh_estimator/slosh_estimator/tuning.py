@@ -76,7 +76,7 @@ class EstimatorTuning:
     # estimator_node.py
     tray_ns: int = number(SECOND // 200, "ns", "shortest time between two estimates of a tray")
     # level_watch.py
-    level_window_ns: int = number(5 * SECOND // 4, "ns", "time at rest over which a level is seen")
+    level_window_ns: int = number(SECOND, "ns", "time at rest over which a level is seen")
     level_least: int = number(5, "1", "fewest images of it")
     level_noise: float = number(3.0, "σ", "difference of a level that is off")
     least_level: float = number(5e-4, "m", "the same at least: what a calibration leaves")

@@ -186,6 +186,7 @@ class MonitorNode(GuardedNode):
             stamp_ns = to_nanoseconds(message.header.stamp)
             wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
             self._core.change_settings(wanted, stamp_ns or None)
+            self._core.motions.reset()  # what disagreed was another container
             self._settings.publish_change(tuple({**before, **self._rim}), stamp_ns)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
