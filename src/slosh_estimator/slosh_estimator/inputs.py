@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.gate import GateSettings
@@ -17,6 +19,7 @@ from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
 from slosh_estimator.transform_poses import TransformPoses
 from slosh_estimator.velocity_input import VelocityInput
+from slosh_metrics.mounting.verdict import Expected
 from slosh_msgs_py.topics import DRIVING
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
@@ -163,6 +166,23 @@ class InputSettings(NamedTuple):
         world = parameters.get("world_frame", self.frames[0])
         transform = SensorTransform(roll, pitch, yaw, (x, y, z))
         return self._replace(transform=transform, frames=(world, self.frames[1]))
+
+    def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
+        """What a sensor is said to be, for a comparison with a motion.
+
+        Args:
+            kind: IMU or ACCEL.
+            frame: of its messages.
+
+        Returns:
+            and whether its axes are the world's.
+        """
+        world, container = self.frames
+        # A frame that fixed transforms place on the container took the name of the world's.
+        in_world = kind == ACCEL and frame == world and not any(self.transform.to_origin)
+        arm = not in_world and (kind == IMU or frame != container)
+        rotation, place = np.array(self.transform.matrix), np.array(self.transform.to_origin)
+        return Expected(rotation, place, kind == IMU, arm), in_world
 
     def poses(self, kind: str) -> PoseSource | None:
         """Makes the converter from messages of a kind to poses; None: not needed.

@@ -49,6 +49,7 @@ _MEASURED = {
 _ESTIMATED = {
     EstimateFlag.INPUT_CONTESTED: "several publishers send the estimator's input",
     EstimateFlag.INPUT_DOUBTFUL: "the estimator's input is not plausible",
+    EstimateFlag.INPUT_CONTRADICTED: "a second source contradicts the estimator's input",
     EstimateFlag.DIVERGED: "the model has left the physical range (DIVERGED)",
     EstimateFlag.AFTER_GAP: "the estimator's input had a gap (AFTER_GAP)",
     EstimateFlag.SETTLING: "the estimator has not converged to the liquid's state yet (SETTLING)",

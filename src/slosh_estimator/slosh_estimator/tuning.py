@@ -128,6 +128,9 @@ class EstimatorTuning:
     sustained: float = number(0.97, "1", "part of the last size at which a wave only decays")
     # observer/observer.py
     fused_ns: int = number(SECOND // 100, "ns", "time between two fused states")
+    observer_state_ns: int = number(
+        SECOND, "ns", "time between two recorded states of the observer"
+    )
     ahead_ns: int = number(SECOND, "ns", "time by which a measurement may be ahead of the input")
     usual_stddev: float = number(5e-4, "m", "standard deviation of a height that states none")
     least_stddev: float = number(1e-4, "m", "least standard deviation of a height")

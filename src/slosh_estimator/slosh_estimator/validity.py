@@ -25,6 +25,7 @@ class EstimateFlag(IntFlag):
     INPUT_TOO_SLOW = 512
     LINEAR_ONLY = 1024
     BEYOND_LINEAR = 2048
+    INPUT_CONTRADICTED = 4096
 
 
 def validity_limits(model: Model) -> dict[str, float]:

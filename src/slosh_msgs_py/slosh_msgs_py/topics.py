@@ -31,6 +31,7 @@ ESTIMATOR_STATE: Final = "estimator_state"
 """What the estimator's next answers depend on, some times a second."""
 FUSED_ESTIMATE: Final = "fused_estimate"
 """The liquid's state by model and measured heights together."""
+OBSERVER_STATE: Final = "observer_state"
 CALM: Final = "calm"
 IS_CALM: Final = "is_calm"
 """The same as `calm`, as a plain Bool."""
@@ -149,6 +150,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
     Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
+    Topic(OBSERVER_STATE, "slosh_msgs/msg/ObserverState", _ANSWER),
     Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),
     Topic(IS_CALM, "std_msgs/msg/Bool", _ANSWER, remappable=True, latched=True),
     Topic(COMPARISON, "slosh_msgs/msg/SloshComparison", _ANSWER, remappable=True, page=True),

@@ -20,6 +20,15 @@ def add_input_options(parser: Any) -> None:
         "--input", choices=list(MESSAGE_TYPES),
         help="input of the models (default: as recorded, or the first of these in the bag)",
     )  # fmt: skip
+    add_robot_options(parser)
+
+
+def add_robot_options(parser: Any) -> None:
+    """Declares those that say which robot it is.
+
+    Args:
+        parser: or a group of one.
+    """
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
         help="robot description for the input joints (default: recorded /robot_description)",
@@ -37,12 +46,22 @@ def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
     Raises:
         SloshEstimatorError: the robot's description does not fit.
     """
-    kind, urdf, tool = arguments.input, arguments.urdf, arguments.tool_frame or ""
-    if kind is None and urdf is None and not tool:
-        return None
+    kind, robot = arguments.input, wanted_robot(arguments)
+    if robot is None:
+        return None if kind is None else WantedInput(kind)
+    return robot._replace(kind=kind or JOINTS)
+
+
+def wanted_robot(arguments: argparse.Namespace) -> WantedInput | None:
+    """The input joints by a robot; None: the options say nothing of one.
+
+    Raises:
+        SloshEstimatorError: the robot's description does not fit.
+    """
+    urdf, tool = arguments.urdf, arguments.tool_frame or ""
     if urdf is None:
-        return WantedInput(kind or JOINTS, "", tool) if tool else WantedInput(kind)
+        return WantedInput(JOINTS, "", tool) if tool else None
     text = read_urdf(urdf)
     # A mistake in it is told once, not once per bag.
     InputSettings(urdf=text, tool_frame=tool).poses(JOINTS)
-    return WantedInput(kind or JOINTS, text, tool)
+    return WantedInput(JOINTS, text, tool)

@@ -47,6 +47,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "robot": {
         "cell": "run all nodes on a real robot's topics until Ctrl-C",
+        "mounting": "check a sensor's axes, signs and units against the robot's recorded motion",
         "watch": "serve the operator's page of a running cell or of a recording",
     },
     "recordings": {

@@ -104,6 +104,10 @@ def angle(least: float = -math.inf, most: float = math.inf) -> Quantity:
     return Quantity("deg", ANGLES, "rad", least, most)
 
 
+RADIANS = Quantity(
+    "rad", {name: size / _DEGREE for name, size in ANGLES.items()}, "deg", -6.3, 6.3
+)
+"""Of a mounting: bounds of the estimator's `sensor_rotation`."""
 HEIGHT = length(1.0)
 """Of the liquid, as slosh_plan.limits.HIGHEST."""
 ERROR = length(0.2)
@@ -118,5 +122,7 @@ DENSITY = Quantity("kg/m3", {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³"
 VISCOSITY = Quantity("m2/s",
     {"mm2/s": 1e-6, "mm²/s": 1e-6, "cSt": 1e-6, "cm2/s": 1e-4, "m2/s": 1.0, "m²/s": 1.0},
 )  # fmt: skip
-QUANTITIES = (length(), time(), angle(), RATE, SPEED, ACCELERATION, JERK, DENSITY, VISCOSITY)
+QUANTITIES = (
+    length(), time(), angle(), RADIANS, RATE, SPEED, ACCELERATION, JERK, DENSITY, VISCOSITY
+)  # fmt: skip
 """One of each kind."""

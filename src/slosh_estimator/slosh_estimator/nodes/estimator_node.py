@@ -35,6 +35,7 @@ from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.observer_output import ObserverOutput
 from slosh_estimator.nodes.requested_model import requested_model
+from slosh_estimator.nodes.second_source import AUTO, CHOICES, SecondSource
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.readings import has_readings
 from slosh_estimator.robot import Robot, read_urdf
@@ -57,6 +58,7 @@ LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
+_CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
@@ -103,6 +105,10 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "check_input", True, "check gravity, units and attitude of the input"
+    ),
+    ParameterSpec(
+        "second_source", AUTO, "motion or sensor with which the input is compared: axes, signs, "
+        "units; auto: the first that is published", choices=CHOICES,
     ),
     ParameterSpec(
         "pose_window", POSE_WINDOW,
@@ -156,11 +162,13 @@ class EstimatorNode(PreparedNode):
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
         self._states = StatePublisher(self, values["container_frame"])
-        self._flags = self._contested = 0
+        self._flags = self._contested = self._contradicted = 0
         self._observed: ObserverOutput | None = None
         self._described, self._urdf, self._patient = Event(), "", later
         if self._kind == JOINTS:
             self._ask_for_the_robot()
+        elif values["urdf"]:  # for the second source
+            self._urdf = read_urdf(values["urdf"])
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
@@ -238,7 +246,13 @@ class EstimatorNode(PreparedNode):
         name = TOPIC_NAMES[self._kind]
         self._input_health = InputHealth(self, name, MESSAGE_TYPES[self._kind])
         how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
-        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
+        self._second = SecondSource(
+            self, self._kind, self._values["second_source"],
+            lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
+        )  # fmt: skip
+        self._heard = HeardInput(
+            self, self._kind, how, self._now, self._answer, self._mount, self._second.told
+        )
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
         """Applies the mounting from fixed transforms, before any sample is used."""
@@ -257,6 +271,7 @@ class EstimatorNode(PreparedNode):
 
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
+        self._second.follow(input_ns, *samples)
         for sample in samples:
             if sample is not None:
                 self._estimate(input_ns, sample, last=sample is samples[-1])
@@ -265,7 +280,7 @@ class EstimatorNode(PreparedNode):
         estimate = self._estimator.update(sample)
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
-        flags = estimate.flags | self._contested
+        flags = estimate.flags | self._contested | self._contradicted
         if self._heard.contested:
             flags |= _CONTESTED
         self._flags |= flags
@@ -343,14 +358,17 @@ class EstimatorNode(PreparedNode):
         faults = self._input_health.faults(self._input)
         rivals = self._heard.rivals()
         self._contested = _CONTESTED if self._heard.rivalled else 0
+        wrong_input, second = self._second.look()
+        self._contradicted = _CONTRADICTED if wrong_input else 0
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
+        wrong = wrong or wrong_input
         warning = rivals or self._heard.trouble() or wrong or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        unfelt = self._unfelt or self._input.sampling.sentence()
+        unfelt = self._unfelt or self._input.sampling.sentence() or second
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
@@ -371,6 +389,7 @@ class EstimatorNode(PreparedNode):
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
             **self._heard.facts(),
+            **self._second.facts(),
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),

@@ -26,6 +26,7 @@ from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.mounting import Quaternion
 from slosh_estimator.nodes.estimator_messages import imu_sample
 from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
@@ -44,6 +45,8 @@ PATIENCE = 2.0
 TF_TYPE = topics.DRIVING["tf"].type
 Answer = Callable[..., None]
 """Takes the stamp of an input [ns] and the samples that it made known."""
+Told = Callable[[int, str, Vector, Vector | None], None]
+"""Takes a stamp [ns], a frame, an acceleration and an angular velocity, as a sensor says."""
 
 
 class HeardInput:
@@ -56,6 +59,7 @@ class HeardInput:
         now: the time [ns].
         answer: is called with each message's stamp and samples.
         mounted: is told the parameters that fixed transforms give, before the first sample.
+        told: is told what an imu or accel message says, before anything judges it.
 
     Attributes:
         source: what turns messages into samples.
@@ -76,8 +80,10 @@ class HeardInput:
         now: Callable[[], int],
         answer: Answer,
         mounted: Callable[[Mapping[str, Any]], InputSettings],
+        told: Told | None = None,
     ) -> None:
         self._node, self._kind, self._now, self._answer = node, kind, now, answer
+        self._told = told
         self._settings, self._mounted = settings, mounted
         self._fixed, self._first = FixedFrames(), 0.0
         self._decided, self._unconnected = kind not in MOUNTED, ""
@@ -207,6 +213,8 @@ class HeardInput:
             return
         assert isinstance(self.source, AccelInput)
         stamp = to_nanoseconds(header.stamp)
+        if self._told is not None:
+            self._told(stamp, header.frame_id, (a.x, a.y, a.z), None)
         found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
         self._answer(stamp, found)
 
@@ -215,6 +223,8 @@ class HeardInput:
             return
         assert isinstance(self.source, ImuInput)
         stamp, force, rate = imu_sample(message)
+        if self._told is not None:
+            self._told(stamp, message.header.frame_id, force, rate)
         self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
 
     def _on_pose(self, message: Any) -> None:

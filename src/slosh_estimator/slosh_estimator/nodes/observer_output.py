@@ -14,13 +14,14 @@ from std_msgs.msg import Bool
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch
-from slosh_estimator.observer.observer import FusedState, Observer, Outcome
+from slosh_estimator.observer.observer import FusedState, Observer, ObserverState, Outcome
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
 from slosh_msgs.action import WaitUntilCalm
 from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate
+from slosh_msgs.msg import ObserverState as ObserverStateMessage
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
 
@@ -40,6 +41,9 @@ class ObserverOutput:
     def __init__(self, node: Node, frame: str, tolerance: float, model: Model) -> None:
         self._node = node
         self._fused = FusedEstimate()
+        self._state = ObserverStateMessage()
+        self._state_ns = -(2**62)
+        self._state.header.frame_id = frame
         self._calm = Calm()
         self._fused.header.frame_id = self._calm.header.frame_id = frame
         self._watch = CalmWatch(tolerance)
@@ -49,6 +53,9 @@ class ObserverOutput:
         self.load(model)
         self._fused_out = node.create_publisher(
             FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_OUT
+        )
+        self._state_out = node.create_publisher(
+            ObserverStateMessage, topics.OBSERVER_STATE, qos.STREAM_OUT
         )
         self._calm_out = node.create_publisher(Calm, topics.CALM, qos.LATCHED_STREAM)
         self._bool_out = node.create_publisher(Bool, topics.IS_CALM, qos.LATCHED_STREAM)
@@ -83,6 +90,10 @@ class ObserverOutput:
             return
         self._heard = time.monotonic()
         fill_fused(self._fused, state, self.observer)
+        if not 0 <= state.stamp_ns - self._state_ns < TUNING.observer_state_ns:
+            self._state_ns = state.stamp_ns
+            fill_observer_state(self._state, self.observer.state())
+            self._state_out.publish(self._state)
         self._fused_out.publish(self._fused)
         calm = self._watch.update(state)
         for wait in self._waits:
@@ -204,6 +215,19 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) ->
     message.heights_taken = observer.taken
     message.heights_used = observer.counts[Outcome.USED]
     message.heights_rejected = observer.counts[Outcome.REJECTED]
+
+
+def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> None:
+    """Writes an observer's state into a message that is used again and again."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
+    message.first_stamp = state.first_ns
+    message.corrected_stamp = -1 if state.corrected_ns is None else state.corrected_ns
+    message.judged_stamp = -1 if state.judged_ns is None else state.judged_ns
+    message.counts, message.rejected_in_turn = array("Q", state.counts), state.rejected
+    message.anchored_at = state.anchored_at
+    for name in ("model", "parameters", "covariance", "changes", "past"):
+        setattr(message, name, array("d", getattr(state, name).tobytes()))
 
 
 def fill_calm(message: Calm, state: CalmState) -> None:

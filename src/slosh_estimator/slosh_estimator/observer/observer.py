@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import MAX_STEP
 from slosh_estimator.observer import observer_kernel as kernel
 from slosh_estimator.observer import (
@@ -112,6 +113,23 @@ class FusedState(NamedTuple):
         return self.corrected_ns is not None and self.stddev <= TUNING.trusted_stddev
 
 
+class ObserverState(NamedTuple):
+    """All that an observer's next fused states depend on, but motions; see ObserverState.msg."""
+
+    stamp_ns: int
+    first_ns: int
+    corrected_ns: int | None
+    judged_ns: int | None
+    counts: tuple[int, ...]
+    rejected: int
+    anchored_at: float
+    model: Array
+    parameters: Array
+    covariance: Array
+    changes: Array
+    past: Array
+
+
 class Observer:
     """Runs a nonlinear model with an estimator's input and corrects it by measured heights.
 
@@ -160,6 +178,7 @@ class Observer:
         self._given_ns = _LONG_AGO
         self._newest_ns = _LONG_AGO
         self._corrected_ns: int | None = None
+        self._judged_ns: int | None = None
         # Inputs since the restart; the one before the anchor; rejected measurements in succession.
         self._count = self._first = self._rejected = 0
         self._anchored_at = 0.0
@@ -168,7 +187,7 @@ class Observer:
         """Queues a measurement; earlier ones are used first."""
         self._waiting.append(heights)
         if len(self._waiting) > TUNING.waiting_heights:
-            self._waiting.popleft()
+            self._judged_ns = self._waiting.popleft().stamp_ns
             self._note(Outcome.LATE)
 
     def follow(self, sample: Sample, flags: int = 0) -> FusedState | None:
@@ -201,6 +220,41 @@ class Observer:
             self._averages, self._out,
         )  # fmt: skip
         return self._state()
+
+    def state(self) -> ObserverState:
+        """Returns where it stands behind a fused state."""
+        kept = [self._ring[k % len(self._ring)] for k in range(self._first, self._count)]
+        return ObserverState(
+            self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
+            tuple(self.counts.values()), self._rejected, self._anchored_at, self._store.copy(),
+            self._theta.copy(), self._covariance.ravel().copy(), self._blocks.ravel().copy(),
+            np.concatenate(kept),
+        )  # fmt: skip
+
+    def take_up(self, state: ObserverState) -> None:
+        """Continues from where another observer with this model stood.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model or version; nothing changes.
+        """
+        pairs = (
+            (self._store, state.model), (self._theta, state.parameters),
+            (self._covariance.ravel(), state.covariance), (self._blocks.ravel(), state.changes),
+        )  # fmt: skip
+        rows, left = divmod(len(state.past), self._ring.shape[1])
+        fits = all(own.shape == given.shape for own, given in pairs)
+        if not fits or left or not 0 < rows <= len(self._ring):
+            raise SloshEstimatorError("the saved state is one of an observer of another model")
+        for own, given in pairs:
+            own[:] = given
+        self._ring[:rows] = state.past.reshape(rows, -1)
+        self._first, self._count = 0, rows
+        self.counts = dict(zip(Outcome, state.counts, strict=True))
+        self.taken = sum(state.counts)
+        self._epoch_ns, self._newest_ns = state.first_ns, state.stamp_ns
+        self._given_ns, self._corrected_ns = state.stamp_ns, state.corrected_ns
+        self._judged_ns, self._rejected = state.judged_ns, state.rejected
+        self._anchored_at = state.anchored_at
 
     def _step(self, sample: Sample, now: float) -> bool:
         """Steps the model; False: it has left the physical range."""
@@ -236,6 +290,7 @@ class Observer:
             if 0 < ahead_ns < TUNING.ahead_ns:
                 return
             heights = self._waiting.popleft()
+            self._judged_ns = heights.stamp_ns
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
 
     def _note(self, outcome: Outcome) -> None:

@@ -138,9 +138,11 @@ def reading(
 def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
     """Adds the sensor's mounting from the bag's fixed transforms.
 
-    A recorded estimator has told what it took from them.
+    A recorded estimator has told what it took from them for its own input.
     """
-    if sources.kind not in MOUNTED or first(sources.starts, "estimator") is not None:
+    started = first(sources.starts, "estimator")
+    told = started is not None and started.parameters.get("input", sources.kind) == sources.kind
+    if sources.kind not in MOUNTED or told:
         return how
     fixed = FixedFrames()
     for message in _latched(reader, sources, topics.TF_STATIC):

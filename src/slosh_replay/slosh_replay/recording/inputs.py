@@ -276,6 +276,27 @@ def _imu(row: Sequence[float]) -> tuple[Any, Any]:
     return force, rate if reported else None
 
 
+def readings_of(
+    kind: str, columns: Mapping[str, NDArray[Any]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """What messages of imu or accel report, in their own axes: (N, 3) each, NaN: not known.
+
+    Args:
+        kind: 'imu' or 'accel'.
+        columns: their fields by name, (N,) each.
+
+    Returns:
+        accelerations, and angular velocities; None: such messages have none.
+    """
+    values = np.column_stack([columns[name] for name in _FIELDS[kind]]).astype(np.float64)
+    if kind != "imu":
+        return values, None
+    force, rate = values[:, :3], values[:, 3:6]
+    force[values[:, 6] < 0.0] = math.nan
+    rate[values[:, 7] < 0.0] = math.nan
+    return force, rate
+
+
 def stamps_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
     """Returns the header's stamps [ns]."""
     seconds = columns["header.stamp.sec"].astype(np.int64)

@@ -33,6 +33,7 @@ class Sources(NamedTuple):
         starts: of the recorded nodes.
         facts: about the whole bag.
         state: topic of the estimator's states; None: none were recorded.
+        observer_state: the same of its observer.
     """
 
     kind: str
@@ -44,6 +45,7 @@ class Sources(NamedTuple):
     starts: tuple[NodeStart, ...]
     facts: Mapping[str, str]
     state: str | None = None
+    observer_state: str | None = None
 
     def without_answers_to_others(self) -> Sources:
         """Drops recorded results of another input than the one that is replayed."""
@@ -108,6 +110,7 @@ def find_sources(
                 tuple(starts),
                 reader.metadata(),
                 found.topic(states.TOPIC, states.MESSAGE_TYPE),
+                found.topic(topics.OBSERVER_STATE, _TYPES[topics.OBSERVER_STATE]),
             )
     where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
     raise SloshBagError(

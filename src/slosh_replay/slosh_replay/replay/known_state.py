@@ -49,13 +49,15 @@ class KnownState:
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.
+        losses: receives the stamps after which the state is unknown [ns].
 
     Attributes:
         breaks: how often the counter went on by another number than that of the inputs.
     """
 
-    def __init__(self, verifier: Verifier | None) -> None:
+    def __init__(self, verifier: Verifier | None, losses: list[int] | None = None) -> None:
         self._verifier = verifier
+        self._losses = losses
         self._states: list[RecordedState] = []
         self._known = True
         self.breaks = 0
@@ -133,6 +135,8 @@ class KnownState:
     def _lose(self, after_ns: int) -> None:
         if self._known and self._verifier is not None:
             self._verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        if self._losses is not None:
+            self._losses.append(after_ns)
         self._known = False
 
     def _find(self, until_ns: int) -> None:

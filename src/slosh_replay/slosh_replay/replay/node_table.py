@@ -16,7 +16,7 @@ from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
 from slosh_replay.replay.replayed_observer import FIELDS, SURFACES, ReplayedObserver
 from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
 
-_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
 def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
@@ -30,7 +30,7 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
         ReplayedNode(
             "estimator",
             ReplayedEstimator,
-            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_alone),),
         ),
         ReplayedNode(
             "observer",
@@ -57,8 +57,8 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
     )
 
 
-def _uncontested(estimates: Messages) -> Messages:
-    """Clears the flag of a second publisher, which a recording cannot reproduce."""
+def _alone(estimates: Messages) -> Messages:
+    """Clears the flags of a second publisher or source, which a recording cannot reproduce."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
 

@@ -10,6 +10,7 @@ import numpy as np
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.observer.observer import ObserverState
 from slosh_model.model import Model
 from slosh_model.wall import Wall
 from slosh_replay.recording.heights import Measurements
@@ -56,6 +57,8 @@ class Setting(NamedTuple):
         outputs: receives all results.
         loaded: models that the estimator has loaded so far, that of each start; grows.
         fused: compares the observer's states; None: none are recorded.
+        observer_states: recorded states of the observer; grows.
+        losses: stamps after which the estimator's state is not in the recording [ns]; grows.
     """
 
     model: Model
@@ -72,6 +75,8 @@ class Setting(NamedTuple):
     outputs: Outputs = Outputs()
     loaded: list[Model] = []  # noqa: RUF012 - given by each replay
     fused: Verifier | None = None
+    observer_states: list[ObserverState] = []  # noqa: RUF012 - given by each replay
+    losses: list[int] = []  # noqa: RUF012 - given by each replay
 
 
 _NONE, _NO_STAMPS = np.empty(0), np.empty(0, dtype=np.int64)

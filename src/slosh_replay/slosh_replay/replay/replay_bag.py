@@ -41,7 +41,7 @@ from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
-from slosh_replay.recording.states import RecordedState, states_of
+from slosh_replay.recording.states import observer_states_of, states_of
 from slosh_replay.replay.conclusion import Origin, conclude
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
@@ -120,6 +120,7 @@ def replay_bag(
     if sources.estimate and sources.kind not in WINDOWED:
         matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
     input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
+    losses: list[int] = []
     setting = Setting(
         used,
         input_reader,
@@ -127,14 +128,16 @@ def replay_bag(
         limit_changes,
         at_rest=settings.starts_at_rest(started),
         matcher=matcher,
-        known=KnownState(verifiers.get(ESTIMATE)) if sources.state else None,
-        counter=None if sources.state or matcher is None or mixed else KnownState(None),
+        known=KnownState(verifiers.get(ESTIMATE), losses) if sources.state else None,
+        counter=None if sources.state or matcher is None or mixed else KnownState(None, losses),
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
         starts=sources.starts,
         outputs=outputs or Outputs(),
         loaded=[],
         fused=verifiers.get(FUSED_ESTIMATE),
+        observer_states=[],
+        losses=losses,
     )
     unrelated = clocks_unrelated(sources.facts)
     blocks = InputBlocks(reader, sources, how)
@@ -266,7 +269,7 @@ class TopicBatch(NamedTuple):
     topic: str
     columns: Mapping[str, NDArray[Any]]
     log_ns: int
-    states: tuple[RecordedState, ...] = ()
+    states: tuple[Any, ...] = ()
 
 
 def feed(
@@ -285,12 +288,21 @@ def feed(
         others = wanted.get(sources.surface, ())
         wanted[sources.surface] = tuple(dict.fromkeys((*WAVE_FIELDS, *others)))
     read = ColumnReader(reader.typestore_of)
-    topics = [*inputs_of.topics, *wanted, *([sources.state] if sources.state else [])]
+    stateful = {
+        topic: read_states
+        for topic, read_states in (
+            (sources.state, states_of), (sources.observer_state, observer_states_of)
+        )
+        if topic is not None
+    }  # fmt: skip
+    topics = [*inputs_of.topics, *wanted, *stateful]
     for blocks in by_chunk(reader.blocks(topics)):
         own = [block for block in blocks if block.topic in inputs_of.topics]
         batches = [
-            TopicBatch(block.topic, {}, int(block.log_ns[-1]), states_of(reader, block))
-            if block.topic == sources.state
+            TopicBatch(
+                block.topic, {}, int(block.log_ns[-1]), stateful[block.topic](reader, block)
+            )
+            if block.topic in stateful
             else TopicBatch(
                 block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
             )
@@ -357,6 +369,8 @@ def _hand_over(
             stream.add_recorded(heard[batch.topic], columns)
     elif batch.topic == sources.state:
         stream.add_states(batch.states)
+    elif batch.topic == sources.observer_state:
+        stream.setting.observer_states.extend(batch.states)
     else:
         if batch.topic == sources.estimate and estimator is not None:
             own = estimator.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
