@@ -65,13 +65,23 @@ def simulate(model: ModelLike, motion: MotionLike) -> Response:
 
 @overload
 def predict(
-    model: ModelLike, motions: Several[MotionLike], *, limit: float = ..., residual: float = ...
+    model: ModelLike,
+    motions: Several[MotionLike],
+    *,
+    limit: float = ...,
+    residual: float = ...,
+    rim_distance: float = ...,
 ) -> list[Prediction]: ...
 
 
 @overload
 def predict(
-    model: ModelLike, motions: MotionLike, *, limit: float = ..., residual: float = ...
+    model: ModelLike,
+    motions: MotionLike,
+    *,
+    limit: float = ...,
+    residual: float = ...,
+    rim_distance: float = ...,
 ) -> Prediction: ...
 
 
@@ -81,6 +91,7 @@ def predict(
     *,
     limit: float = math.inf,
     residual: float = math.inf,
+    rim_distance: float = 0.0,
 ) -> Prediction | list[Prediction]:
     """Predicts how high the liquid rises on a planned motion, and whether it keeps a limit.
 
@@ -94,6 +105,7 @@ def predict(
             poses; or a list of these.
         limit: greatest height above the still level [m]; the rim, where it is lower, holds too.
         residual: greatest height after the motion's end [m].
+        rim_distance: least vertical distance to the rim, another way to limit the height [m].
 
     Returns:
         a prediction, or as many as there are motions in the list.
@@ -105,7 +117,7 @@ def predict(
     Warns:
         what looks wrong in a motion: gravity, units, axes.
     """
-    used, limits = the_model(model), HeightLimits(limit, residual)
+    used, limits = the_model(model), HeightLimits(limit, residual, rim_distance=rim_distance)
     if not isinstance(motions, list | tuple):
         one = _trajectory(motions, "motions")
         return predict_trajectories(used, one, limits=limits)[0]

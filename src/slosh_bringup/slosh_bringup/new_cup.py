@@ -17,7 +17,9 @@ from slosh_model.effects.registry import find_effect
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
 
-MODEL, CELL, CAMERA = "model.yaml", "cell.yaml", "camera.yaml"
+MODEL, CELL, CAMERA, PROFILE = "model.yaml", "cell.yaml", "camera.yaml", "profile.csv"
+CURVED = 5
+"""Points of a profile from which on a smooth curve goes through them."""
 
 _LENGTHS = {"mm": 1e-3, "cm": 1e-2}
 
@@ -27,6 +29,8 @@ _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
     """Returns the files' texts by name; commands in them use `folder` as given."""
     texts = {MODEL: _model(cup), CELL: _cell(cup, folder)}
+    if cup.profile:
+        texts[PROFILE] = "r,z\n" + "".join(f"{r!r},{z!r}\n" for r, z in cup.profile)
     return {**texts, CAMERA: _camera(cup, folder)} if cup.camera else texts
 
 
@@ -67,9 +71,16 @@ def _container(cup: NewCup, *, wall: bool) -> str:
     rows = [(key, value, words.get(key, "inner [m]")) for key, value in cup.lengths.items()]
     rows.append(("fill_height", cup.fill_height, "of the liquid at rest, above the floor [m]"))
     lines = [f"  shape: {cup.shape}"]
+    if cup.profile:
+        lines.append(f"  profile: {PROFILE}  # inner wall from the floor's centre to the rim [m]")
+        lines.append(
+            f"  smooth: {'true' if cup.smooth else 'false'}  # a curve, or straight lines"
+        )
     lines += [f"  {key}: {value!r}  # {meaning}" for key, value, meaning in rows]
     rim = "of the rim, above the floor [m]: beyond it liquid spills"
-    if cup.rim_height is None:
+    if cup.rim_height is None and cup.by_contour and cup.model.container.rim_height:
+        pass  # the contour's end
+    elif cup.rim_height is None:
         lines.append(f"  # rim_height: 0.12  # {rim}")
     else:
         lines.append(f"  rim_height: {cup.rim_height!r}  # {rim}")
@@ -248,6 +259,7 @@ class NewCup:
         by_contour: the shape of one that is neither cylinder nor rectangle; empty: it is.
         urdf: the robot's description, by whose joints the cup is moved; None: it is not.
         tool_frame: link of the robot that is the cup.
+        profile: (r, z) of a body of revolution by its points [m]; empty: another shape.
     """
 
     lengths: dict[str, float]
@@ -261,6 +273,7 @@ class NewCup:
     by_contour: str = ""
     urdf: Path | None = None
     tool_frame: str = ""
+    profile: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse a rim below the liquid, or an invalid namespace."""
@@ -280,8 +293,14 @@ class NewCup:
         heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
         if self.by_contour:
             made: Any = SHAPES[self.by_contour]
-            return Model(made(**self.lengths, **heights), self.liquid).spatial()
+            points = {"profile": self.profile, "smooth": self.smooth} if self.profile else {}
+            return Model(made(**self.lengths, **points, **heights), self.liquid).spatial()
         return Model.from_cup(liquid=self.liquid, **cast(CupLengths, {**self.lengths, **heights}))
+
+    @property
+    def smooth(self) -> bool:
+        """Whether a smooth curve goes through its points."""
+        return len(self.profile) >= CURVED
 
     @property
     def is_round(self) -> bool:

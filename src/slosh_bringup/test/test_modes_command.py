@@ -102,5 +102,5 @@ def test_a_simulation_tells_the_leaning_wall(model, capsys, tmp_path):
     main(words)
     facts = json.loads(capsys.readouterr().out)
     lean = math.hypot(0.012, 0.09) / 0.09
-    assert facts["wall"]["along_wall"] == pytest.approx(lean * facts["peak"], rel=1e-6)
+    assert facts["wall"]["height_along_wall"] == pytest.approx(lean * facts["peak"], rel=1e-6)
     assert facts["model"] == "2D-L"

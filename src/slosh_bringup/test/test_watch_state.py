@@ -16,6 +16,7 @@ from slosh_bringup.watch.state import (
     WatchState,
 )
 from slosh_bringup.watch.verdict import CellVerdict, judge
+from slosh_model import Cylinder
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -93,6 +94,18 @@ class TestFrames:
         assert found["rows"] == [[2.0, None, 0.007, None, None, None]]
         assert (found["now"]["measured"], found["now"]["estimated"]) == (None, 0.007)
         assert found["verdict"] == "blind"
+
+    def test_the_container_is_drawn_and_both_sides_are_told_how_far_the_rim_is(self):
+        state = WatchState()
+        state.take_comparison(compared(0.0), 0.0)
+        assert "to_rim" not in frame(state, 0.0)["now"]
+        # The camera alone: nothing of the estimator's model is known.
+        state = WatchState()
+        state.take_container(Cylinder(0.04, 0.06, rim_height=0.07))
+        state.take_comparison(compared(0.0, measured=0.012, estimated=0.005), 0.0)
+        found = frame(state, 0.0)
+        assert found["now"]["to_rim"] == {"measured": -0.002, "estimated": 0.005}
+        assert found["container"]["outline"] == [[0.0, -0.06], [0.04, -0.06], [0.04, 0.01]]
 
     def test_a_late_camera_does_not_begin_a_new_drawing_a_played_loop_does(self):
         state = WatchState()

@@ -57,7 +57,7 @@ CHECKS = np.dtype(
         ("planar_jerk", np.float64),
         ("acceleration", np.float64),
         ("jerk", np.float64),
-        ("freeboard", np.float64),  # height of the rim above the still surface [m]
+        ("rim", np.float64),  # height at the wall at which the highest place is at the rim [m]
         # Where the linear model is the only one: height beyond which it fails [m]; else infinite.
         ("linear_height", np.float64),
         ("runaway", np.float64),  # a mass farther out is no liquid any more [m]
@@ -144,7 +144,7 @@ def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyp
         flags |= _ACCELERATION_LIMIT
     if jerk > checks["jerk"]:
         flags |= _JERK_LIMIT
-    if height > checks["freeboard"]:
+    if height > checks["rim"]:
         flags |= _ABOVE_RIM
     if checks["linear_height"] < math.inf:
         flags |= _LINEAR_ONLY

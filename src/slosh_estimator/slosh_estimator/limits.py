@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 
+LIMIT = "limit"
+"""Name of a limit that was set."""
+
 
 class Source(IntEnum):
     """Quantity that exceeds a limit; the values of LimitEvent.msg."""
@@ -79,13 +82,13 @@ class Hysteresis:
 class LimitChange(NamedTuple):
     """A limit [m] and its hysteresis, valid after a stamp [ns].
 
-    `at_rim`: whether the limit is the container's rim.
+    `name`: what it is: LIMIT, or that the container's rim limits.
     """
 
     stamp_ns: int
     limit: float
     hysteresis: Hysteresis
-    at_rim: bool = False
+    name: str = LIMIT
 
 
 class LimitTracker:
@@ -95,14 +98,14 @@ class LimitTracker:
         source: the quantity.
         limit: [m]; NaN or infinite: nothing is watched.
         hysteresis: how an excess ends.
-        at_rim: whether the limit is the container's rim.
+        name: what the limit is: LIMIT, or that the container's rim limits.
     """
 
     def __init__(
-        self, source: Source, limit: float, hysteresis: Hysteresis, at_rim: bool = False
+        self, source: Source, limit: float, hysteresis: Hysteresis, name: str = LIMIT
     ) -> None:
         self.source = source
-        self.at_rim = at_rim
+        self._name = name
         self.limit = _watched(limit)
         self.active = False
         self.identifier = 0
@@ -129,29 +132,34 @@ class LimitTracker:
         return self.close(self._below_since_ns, "back below the limit")
 
     def change(
-        self, stamp_ns: int, limit: float, hysteresis: Hysteresis, at_rim: bool = False
+        self, stamp_ns: int, limit: float, hysteresis: Hysteresis, name: str = LIMIT
     ) -> Event | None:
         """Sets a new limit for the next values; ends a violation of the old limit.
 
         Args:
             stamp_ns: the last moment that was judged by the old limit [ns].
-            limit, hysteresis, at_rim: as above.
+            limit, hysteresis, name: as above.
 
         Returns:
             the end of the excess; None: there was none, or the limit is the same.
         """
         limit, self._hysteresis = _watched(limit), hysteresis
         if limit == self.limit:
-            self.at_rim = at_rim
+            self._name = name
             return None
         event = self.close(max(stamp_ns, self._peak_ns), f"limit changed to {1e3 * limit:.1f} mm")
-        self.limit, self.at_rim = limit, at_rim
+        self.limit, self._name = limit, name
         return event
 
     @property
+    def at_rim(self) -> bool:
+        """Whether the container's rim is the limit, or a distance to it."""
+        return self._name != LIMIT
+
+    @property
     def limit_text(self) -> str:
-        """Names the limit of the quantity with its value."""
-        return f"{'rim' if self.at_rim else 'limit'} {1e3 * self.limit:.1f} mm"
+        """What limits the quantity, with its value."""
+        return f"{self._name} {1e3 * self.limit:.1f} mm"
 
     def ignores(self, values: Iterable[float]) -> bool:
         """Whether subsequent values [m] would change nothing."""

@@ -99,7 +99,7 @@ class Monitor:
         self._silent_looks = 0
         self.obstruction = self.standstill = ""
         self._trackers = {
-            source: LimitTracker(source, limit, settings.hysteresis, settings.at_rim(source))
+            source: LimitTracker(source, limit, settings.hysteresis, settings.limit_name(source))
             for source, limit in settings.limits.items()
         }
         self._changes: dict[Source, deque[LimitChange]] = {source: deque() for source in Source}
@@ -124,7 +124,7 @@ class Monitor:
         self.motions.watch(settings.disagreement_limit)
         for source, limit in settings.limits.items():
             self._changes[source].append(
-                LimitChange(stamp_ns, limit, settings.hysteresis, settings.at_rim(source))
+                LimitChange(stamp_ns, limit, settings.hysteresis, settings.limit_name(source))
             )
         return stamp_ns
 

@@ -29,15 +29,15 @@ class EstimateFlag(IntFlag):
 
 
 def validity_limits(model: Model) -> dict[str, float]:
-    """Returns the validity limits of the motion (DL22, §4.2), by name in `CHECKS`."""
-    limits, freeboard = model.limits, model.container.freeboard
+    """What the motion is judged by (DL22, §4.2), by its name in `estimate_kernel.CHECKS`."""
+    limits, rim = model.limits, model.container.height_below_rim()
     return {
         "planar_acceleration": limits.planar_acceleration,
         "planar_jerk": limits.planar_jerk,
         "acceleration": limits.acceleration,
         "jerk": limits.jerk,
         "linear_height": model.container.linear_height,
-        "freeboard": math.inf if freeboard is None else freeboard,
+        "rim": math.inf if rim is None else rim,
     }
 
 

@@ -25,6 +25,7 @@ from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
+from slosh_model.wall import Wall
 
 if TYPE_CHECKING:
     from slosh_model.shapes.cylinder import Cylinder
@@ -226,13 +227,39 @@ class Container(ABC):
         floor = -self.fill_height
         return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
 
-    def wall_facts(self, height: float) -> dict[str, float]:
-        """Returns a height [m] on an inclined wall: `along_wall` and `contact_radius` [m].
+    @property
+    def wall(self) -> Wall:
+        """Its wall about the still level: what a height is on it, and how far from the rim."""
+        reaches = self.reaches
+        radius = reaches[X_AXIS] if self.section == ROUND else math.nan
+        return Wall.vertical(radius, self.freeboard)
 
-        With `crest_ratio` and `crest_place` [m] where the surface is highest inside. Empty for a
-        vertical wall.
+    def height_below_rim(self, distance: float = 0.0) -> float | None:
+        """Height at the wall at which the highest place is a distance below the rim [m].
+
+        Args:
+            distance: vertical [m]; 0: at the rim.
+
+        Returns:
+            the height; None: the rim is not known.
+
+        Raises:
+            SloshModelError: an impossible distance, or one of which the rim is not known or below
+                which the still liquid is not.
         """
-        return {}
+        if self.freeboard is None:
+            if distance == 0.0:
+                return None
+            raise SloshModelError(
+                f"a distance to the rim of {distance:g} m cannot be kept: the rim is not known; "
+                "give container.rim_height in the model"
+            )
+        if not 0.0 <= distance < self.freeboard:
+            raise SloshModelError(
+                f"the distance to the rim must be 0 … {self.freeboard:g} m, the distance of the "
+                f"still liquid; given {distance:g} m"
+            )
+        return self.wall.height_at(distance)
 
     @property
     def linear_height(self) -> float:

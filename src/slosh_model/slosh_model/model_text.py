@@ -73,9 +73,9 @@ def format_model(model: Model) -> str:
     - {name: vertical_acceleration}
     - {name: surface_nonlinearity, alpha: 0.58}
     """
-    container, count = {"shape": model.container.shape}, model.modes
+    count = model.modes
     document: dict[str, Any] = {
-        "container": container | _container_fields(model.container),
+        "container": container_section(model.container),
         "liquid": _given_fields(model.liquid),
         "damping_ratio": AUTO if model.damping_ratio is None else model.damping_ratio,
     }
@@ -99,9 +99,9 @@ def format_model(model: Model) -> str:
     return format_yaml(document, sort_keys=False, default_flow_style=None)
 
 
-def _container_fields(container: Container) -> dict[str, Any]:
-    """Returns the container's dimensions; lists are copied for YAML."""
-    found = {}
+def container_section(container: Container) -> dict[str, Any]:
+    """Its shape and dimensions; of points and other lists copies that YAML writes as such."""
+    found: dict[str, Any] = {"shape": container.shape}
     for item in _keys(type(container)):
         value = getattr(container, item.name)
         if value is not None and value is not False:
@@ -123,7 +123,7 @@ def _model(document: Mapping[str, Any], folder: Path) -> Model:
     _refuse_unknown(document, KEYS, ())
     if "container" not in document:
         raise SloshModelError("key 'container' is missing")
-    container = _container(_mapping(document["container"], ("container",)), folder)
+    container = parse_container(_mapping(document["container"], ("container",)), folder)
     container, modes = with_solved(container, document)
     limits = _mapping(document.get("limits", {}), ("limits",))
     return Model(
@@ -167,7 +167,16 @@ def _covariance(section: Any) -> Covariance | None:
     return Covariance(tuple(names), matrix)
 
 
-def _container(section: Mapping[str, Any], folder: Path) -> Container:
+def parse_container(section: Mapping[str, Any], folder: Path) -> Container:
+    """The container of a file's section.
+
+    Args:
+        section: its shape and dimensions.
+        folder: to which names of files in it are relative.
+
+    Raises:
+        SloshModelError: an unknown or missing key, or an impossible container.
+    """
     shape = section.get("shape", Cylinder.shape)
     kind = SHAPES.get(shape) if isinstance(shape, str) else None
     if kind is None:

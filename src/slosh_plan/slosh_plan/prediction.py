@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -120,6 +120,8 @@ class Prediction:
         residual_upper: upper end of the residual's interval [m].
         limits: what is to be kept: as asked for, and the container's rim where it is lower.
         flags: where the motion leaves what the models were validated for.
+        distance_to_rim: vertical, left by the highest place of the surface, by the interval's
+            upper end [m]; below 0: it is above the rim; NaN: the rim is not known.
     """
 
     name: str
@@ -131,6 +133,7 @@ class Prediction:
     residual_upper: float
     limits: HeightLimits
     flags: MotionFlag
+    distance_to_rim: float = math.nan
 
     def __repr__(self) -> str:
         answer = self.nonlinear
@@ -244,14 +247,16 @@ def _predicted(
             for a, b in zip(*pair, strict=True)
         ]
     quiet = SETTLED if limits.residual == math.inf else limits.residual
-    found = []
+    found, wall = [], model.container.wall
     for one, low, high, variances in zip(given, flat, curved, spread, strict=True):
         answers = (
             _answer(linear, low, quiet, horizon),
             _answer(nonlinear, high, quiet, horizon),
         )
         flags = motion_flags(model, one, high.peak)
-        found.append(_prediction(one, answers, np.sqrt(variances), limits, error, flags))
+        told = _prediction(one, answers, np.sqrt(variances), limits, error, flags)
+        left = float(wall.place(told.upper).distance_to_rim)
+        found.append(replace(told, distance_to_rim=left))
     return found
 
 

@@ -29,8 +29,8 @@ class MotionFlag(IntFlag):
 
 
 def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFlag:
-    """Returns the flags of a motion in which the liquid rises to `peak` [m]."""
-    limits, freeboard = model.limits, model.container.freeboard
+    """Flags of a motion on which the liquid rises to `peak` [m]."""
+    limits, rim = model.limits, model.container.height_below_rim()
     acceleration, jerk = greatest(trajectory)
     flags = MotionFlag.NONE
     if acceleration > limits.planar_acceleration or jerk > limits.planar_jerk:
@@ -39,7 +39,7 @@ def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFla
         flags |= MotionFlag.ACCELERATION_LIMIT
     if jerk > limits.jerk:
         flags |= MotionFlag.JERK_LIMIT
-    if freeboard is not None and peak > freeboard:
+    if rim is not None and peak > rim:
         flags |= MotionFlag.ABOVE_RIM
     if np.isfinite(model.container.linear_height):
         flags |= MotionFlag.LINEAR_ONLY

@@ -122,7 +122,8 @@ def image_topic(camera: NodeStart | None) -> str:
 def _limits(monitor: NodeStart) -> str:
     settings = MonitorSettings.from_told(monitor.parameters)
     told = [
-        f"{source.name.lower()} {1e3 * limit:.4g} mm" + " (rim)" * settings.at_rim(source)
+        f"{source.name.lower()} {1e3 * limit:.4g} mm"
+        + f" ({settings.limit_name(source)})" * settings.at_rim(source)
         for source, limit in settings.limits.items()
         if math.isfinite(limit)
     ]

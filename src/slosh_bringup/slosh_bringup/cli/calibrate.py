@@ -127,7 +127,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--distance", type=length(10.0), metavar="M",
         help="approximate distance of the camera from the container's axis [m], within 10 "
-        "percent; chooses between ambiguous poses",
+        "percent; chooses between ambiguous poses; needed with --scale for a body of revolution",
     )  # fmt: skip
     parser.add_argument(
         "--level", nargs=2, type=float, metavar=("U", "V"),
@@ -159,7 +159,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--length",
         type=length(4.0),
         metavar="M",
-        help="distance between the two --scale points [m] (default: twice the radius)",
+        help="distance between the two --scale points [m] (default: twice the radius; for a body "
+        "of revolution its outer width at the level)",
     )
     scale.add_argument(
         "--page", type=Path, metavar="OUT.html",

@@ -21,6 +21,7 @@ from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
+from slosh_model.potential_flow.tuning import TUNING
 
 SURFACE_PLACES = 21
 EPILOG = """The modes of a container with a contour (shape: revolution, prism, frustum, ...) are
@@ -137,6 +138,11 @@ def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
         found.append(
             f"The first mode's crest is {1e3 * first.crest_place:.1f} mm from the axis, away from "
             f"the wall, and {first.crest_ratio:.3f} times as high; heights refer to the wall."
+        )
+    if model.damping_ratio is None and model.container.digest:
+        found.append(
+            f"Damping is that of the wetted wall and {100.0 * TUNING.film:.0f} % of a surface "
+            "film that does not yield; slosh identify measures it."
         )
     if math.isfinite(limit):
         found.append(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from slosh_base.files import check_free, new_folder, write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.new_outline import add_outline_arguments, outline_profile, write_page
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--length", action="append", default=[], metavar="NAME=M",
         help="a length of that shape, such as top_radius=40mm [m]; repeatable",
     )  # fmt: skip
+    add_outline_arguments(parser)
     liquid = parser.add_argument_group("liquid")
     liquid.add_argument("--liquid", choices=LIQUIDS, help=f"kind of liquid (default {_LIQUID})")
     liquid.add_argument(
@@ -80,7 +82,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the files and prints the next steps."""
+    """Writes the files and says what comes next."""
+    if arguments.page is not None:
+        return write_page(arguments)
     folder: Path = arguments.folder
     check_free(folder)
     cup = _cup(arguments)
@@ -104,8 +108,9 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         for name, quantity in QUANTITIES.items()
         if getattr(arguments, name) is not None
     }
-    shape = arguments.shape or ""
-    lengths = _of_shape(shape, arguments.length, given)
+    profile = outline_profile(arguments)
+    shape = "revolution" if profile else arguments.shape or ""
+    lengths = {} if profile else _of_shape(shape, arguments.length, given)
     _check_shape(given)
     _check_liquid(given, arguments.liquid)
     size = _image_size(arguments.image_size)
@@ -120,7 +125,7 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         raise SloshBringupError(
             f"{', '.join(missing)}: required; the command can ask for values only on a terminal"
         )
-    lengths = lengths or _lengths(given)
+    lengths = lengths or ({} if profile else _lengths(given))
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     if arguments.urdf is not None:
@@ -128,7 +133,7 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
     return NewCup(
         lengths, given["fill_height"], liquid, given.get("rim_height"),
         given.get("wall"), arguments.namespace, size, not (arguments.no_camera or shape), shape,
-        arguments.urdf, arguments.tool_frame or "",
+        arguments.urdf, arguments.tool_frame or "", profile,
     )  # fmt: skip
 
 

@@ -17,13 +17,14 @@ from slosh_bringup.cli import quantities
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.plan_path import AskedPath, add_path_arguments, asked_path
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
+from slosh_bringup.cli.rim_option import add_rim_distance, rim_words
 from slosh_bringup.cli.table_options import add_table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
 from slosh_model.model_text import read_model
-from slosh_plan import ModelError
+from slosh_plan import HeightLimits, ModelError
 from slosh_plan.planning.limits import (
     ACCELERATION,
     JERK,
@@ -56,10 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--limit",
         type=HEIGHT,
-        required=True,
         metavar="M",
-        help="largest height of the liquid during the motion [m]",
+        help="largest height of the liquid during the motion [m]; or give --rim-distance",
     )
+    add_rim_distance(parser)
     parser.add_argument(
         "--residual", type=HEIGHT, metavar="M",
         help="largest height of the liquid after the motion's end [m] (default: half of --limit)",
@@ -134,8 +135,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_apart([arguments.output], [path for path in given if path is not None])
     if arguments.report is not None:
         check_free(arguments.report)
-    limits = plan_limits(arguments)
     model = read_model(arguments.model)
+    limits = plan_limits(arguments, model)
     tell = Teller("plan")
     asked = asked_path(arguments, model, tell)
     name, attitude = asked.name, asked.waypoints.attitude
@@ -160,13 +161,18 @@ def run(arguments: argparse.Namespace) -> int:
     return tell.exit_code
 
 
-def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
-    """Makes the limits that the motion must keep."""
+def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
+    """What the motion must keep."""
+    limit, distance = arguments.limit, arguments.rim_distance
+    if limit is None:
+        if distance == 0.0:
+            raise SloshBringupError("--limit or --rim-distance is needed")
+        limit = HeightLimits(rim_distance=distance).under_rim(model).height
     tilts = arguments.max_tilt, arguments.max_tilt_rate, arguments.max_tilt_acceleration
     tilt, rate, acceleration = map(math.radians, tilts)
     return PlanLimits(
-        arguments.limit,
-        RESIDUAL * arguments.limit if arguments.residual is None else arguments.residual,
+        limit,
+        RESIDUAL * limit if arguments.residual is None else arguments.residual,
         arguments.max_acceleration,
         arguments.max_jerk,
         tilt,
@@ -174,6 +180,7 @@ def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
         acceleration,
         joint_velocity=arguments.velocity_scaling,
         joint_acceleration=arguments.acceleration_scaling,
+        rim_distance=distance,
     )
 
 
@@ -222,6 +229,7 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
         "reason": answer.reason or None,
         "height_limit": answer.limits.height,
         "limited_by": answer.limits.height_name,
+        "distance_to_rim": answer.distance_to_rim,
         "peak": found.peak,
         "residual": found.residual,
         "acceleration": found.acceleration,
@@ -259,10 +267,11 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
         f"{duration:.3f} s, optimal time law ({other}, scaled)"
         if answer.method == "optimal"
         else f"{other}, scaled: {answer.reason}",
-        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:g} mm"
-        + (" (the rim)" if limits.at_rim else "")
+        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:.4g} mm"
+        + (f" (the {limits.height_name})" if limits.at_rim else "")
+        + rim_words(answer.distance_to_rim)
         + ", after the end "
-        f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:g} mm, margin "
+        f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:.4g} mm, margin "
         + (f"{1e3 * answer.margin:g} mm" if answer.margin else "none"),
         interval(answer),
         tolerance(borne),

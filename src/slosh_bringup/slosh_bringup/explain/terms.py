@@ -100,7 +100,17 @@ COLUMNS: Mapping[str, str] = {
     "proven": "whether a bound of the linear model shows that all slower runs are safe",
     "kept": "whether all limits are kept",
     "height_limit": "limit of the height that holds [m]",
-    "limited_by": "what limits the height: the limit that was set, or the rim",
+    "limited_by": "what limits the height: the limit or the distance to the rim (rim limit) that "
+    "was set, or the rim",
+    "rim_distance": "least vertical distance of the liquid to the rim that is allowed [m]; 0: "
+    "the rim itself",
+    "distance_to_rim": "vertical distance from the highest liquid up to the rim [m]; negative: "
+    "above the rim, it spills",
+    "distance_along_wall": "distance from the contact line to the rim along the wall [m]",
+    "surface_height": "highest place of the whole surface above the still level [m]: at the wall, "
+    "or above msh if the container bulges and the crest is inside",
+    "height_along_wall": "length of the wall from the still level to the contact line [m]",
+    "contact_radius": "radius of the contact line on the wall [m]",
     "models": "names of the linear and of the nonlinear model",
     "remarks": "excess over a limit, further safe time scales, and validity flags",
     "height": "greatest height during the motion [mm]",

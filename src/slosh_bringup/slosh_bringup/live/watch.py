@@ -239,8 +239,8 @@ class CellStatus:
         return " · ".join([*words, *rates])
 
     def _limit(self, source: Source) -> str:
-        """Formats the limit in force."""
-        rim = " (rim)" if self._settings.at_rim(source) else ""
+        """The limit that holds."""
+        rim = f" ({self._settings.limit_name(source)})" * self._settings.at_rim(source)
         return f"{_shown(self._settings.limits[source])} mm{rim}"
 
 

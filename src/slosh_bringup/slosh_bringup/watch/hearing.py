@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from slosh_bringup.watch.state import (
     Surface,
     WatchState,
 )
-from slosh_replay.recording.settings import NodeStart
+from slosh_replay.recording.settings import NodeStart, model_of
 
 CAMERA, MODEL = "the camera", "the estimator"
 
@@ -96,8 +97,12 @@ def hear_event(state: WatchState, message: Any) -> None:
 
 
 def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
-    """Passes on a node's settings: the monitor's limits, the camera's calibration."""
+    """Gives what a node works with: limits, the container's wall, the camera's calibration."""
     state.take_parameters(start.node, start.parameters, goes_on=bool(start.changed))
+    if start.node == "estimator":
+        # Whoever speaks on that topic may say anything.
+        with contextlib.suppress(ValueError):
+            state.take_container(model_of(start).container)
     if start.node == "camera":
         folder = Path(str(start.parameters.get("calibration", ""))).parent
         camera.take_calibration(start.files.get("calibration", ""), folder)

@@ -13,11 +13,15 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell_watch import SILENT, NodeReport
 from slosh_bringup.processes import NODES
 from slosh_bringup.watch.verdict import SILENCE, judge
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_model.containers import Container
+from slosh_model.wall import Wall
 from slosh_report.json_values import plain
 
 PERIOD = 0.1
@@ -120,6 +124,8 @@ class WatchState:
         self._fused: deque[Fused] = deque(maxlen=KEPT_FUSED)
         self._calm: tuple[CalmNews, float] | None = None
         self._settings = MonitorSettings()
+        self._wall: Wall | None = None
+        self._container: dict[str, Any] = {}
         self._events: deque[LimitNews] = deque(maxlen=KEPT_EVENTS)
         self._open: dict[int, LimitNews] = {}
         self._nodes: dict[str, tuple[NodeReport, float]] = {}
@@ -179,6 +185,12 @@ class WatchState:
             self._open.clear()
         self._settings = MonitorSettings.from_told(parameters)
 
+    def take_container(self, container: Container) -> None:
+        """Takes the estimator's container: its wall from the side, and how far the rim is."""
+        self._wall = container.wall
+        outline = np.round(container.silhouette, 5).tolist()
+        self._container = {"outline": outline, "rim": container.freeboard}
+
     def take_report(self, report: NodeReport, now: float) -> None:
         """Stores a node's diagnostics; limits the number of unknown nodes."""
         known = report.node in self._nodes or report.node in NODES
@@ -212,6 +224,7 @@ class WatchState:
         if self._count % SLOW == 0:
             frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
             frame |= {"events": self._shown_events(), "command": self._advice()}
+            frame["container"] = self._container
         self._count += 1
         return json.dumps(plain(frame), allow_nan=False, separators=(",", ":"))
 
@@ -248,6 +261,12 @@ class WatchState:
             shown["estimated"] = estimated.height
             if now - self._estimated_at > ALONE:
                 shown["estimated"] = math.nan
+        if self._wall is not None:
+            place = self._wall.place
+            shown["to_rim"] = {
+                side: round(float(place(shown.get(side, math.nan)).distance_to_rim), 5)
+                for side in ("measured", "estimated")
+            }
         return shown
 
     def is_fresh(self, now: float) -> bool:

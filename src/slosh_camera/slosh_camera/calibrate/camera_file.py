@@ -31,7 +31,11 @@ from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCal
 from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
+from slosh_model.containers import SHAPES
+from slosh_model.errors import SloshModelError
+from slosh_model.model_text import container_section, parse_container
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _CONTAINER_KEYS = {
@@ -169,7 +173,12 @@ def format_calibration(calibration: AnyCalibration) -> str:
 
 
 def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
-    """Returns the container's keys, without unknown values."""
+    """The container's keys, without what is unknown."""
+    view = calibration.view
+    if isinstance(view, RoundView):
+        box = view.box
+        wall = {key: getattr(box, key) for key in WALL if key != "rim_height"}
+        return container_section(view.body) | wall
     if isinstance(calibration, SideCalibration):
         shape, holder = _RECTANGLE, asdict(calibration.view.box)
     else:
@@ -185,12 +194,15 @@ def _calibration(
     _check_calibrated(root, source)
     check_keys(root, _REQUIRED, _OPTIONAL, source, "")
     camera = camera_of(root, source)
-    container = _built(source, "container.", lambda: _container(root, source))
+    container = _built(source, "container.", lambda: _container(root, source, folder))
     pose = _built(source, "pose.", lambda: _pose(root, source))
     region = _built(source, "", lambda: _region(root, source))
     detection = _built(source, "detection.", lambda: _detection(root, source))
     name = camera_name(source)
     still = _still_image(root, source, folder)
+    if isinstance(container, RoundBody):
+        side = _built(source, "", lambda: RoundView(camera, pose, container))
+        return _built(source, "", lambda: SideCalibration(side, name, region, detection, still))
     if isinstance(container, Box):
         face = _built(source, "", lambda: BoxView(camera, pose, container))
         return _built(source, "", lambda: SideCalibration(face, name, region, detection, still))
@@ -208,13 +220,15 @@ def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
         )
 
 
-def _container(root: Mapping[str, Any], source: YamlDocument) -> Cup | Box:
+def _container(root: Mapping[str, Any], source: YamlDocument, folder: Path | None) -> Cup | Box:
     block = mapping(root["container"], source, "container")
     shape = block.get("shape", _CYLINDER)
+    if isinstance(shape, str) and shape in SHAPES and shape not in _CONTAINER_KEYS:
+        return _body(block, source, folder)
     if not isinstance(shape, str) or shape not in _CONTAINER_KEYS:
         raise SloshCameraError(
             f"{place(source, 'container.shape')}: {shown(shape)}, must be "
-            f"{' or '.join(_CONTAINER_KEYS)}"
+            f"{' or '.join(_CONTAINER_KEYS)}, or a body of revolution"
         )
     required, optional = _CONTAINER_KEYS[shape]
     check_keys(block, required, (*optional, "shape"), source, "container.")
@@ -222,6 +236,21 @@ def _container(root: Mapping[str, Any], source: YamlDocument) -> Cup | Box:
         key: number(block[key], source, f"container.{key}") for key in block if key != "shape"
     }
     return Cup(**values) if shape == _CYLINDER else Box(**values)
+
+
+def _body(block: Mapping[str, Any], source: YamlDocument, folder: Path | None) -> RoundBody:
+    """A container by its contour, as a model has it, with its wall."""
+    wall = {
+        key: number(block[key], source, f"container.{key}")
+        for key in WALL
+        if key in block and key != "rim_height"
+    }
+    section = {key: value for key, value in block.items() if key not in wall}
+    try:
+        container = parse_container(section, folder or Path())
+    except SloshModelError as error:
+        raise SloshCameraError(f"{place(source, 'container')}: {error}") from None
+    return RoundBody.of(container, **wall)
 
 
 def _pose(root: Mapping[str, Any], source: YamlDocument) -> Pose:

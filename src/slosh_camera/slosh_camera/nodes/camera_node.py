@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import sys
 import time
@@ -73,6 +74,7 @@ class CameraNode(PreparedNode):
         self._given = given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
         self._calibration = read_any_calibration(given["calibration"])
+        self._rim = self._calibration.view.container.rim_level
         self._is_raw = given["transport"] == "raw"
         self._image = topics.IMAGE if self._is_raw else topics.IMAGE_COMPRESSED
         settings = SettingsPublisher(
@@ -148,7 +150,7 @@ class CameraNode(PreparedNode):
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
         self._levels.add(measurement)
-        self._publisher.publish(surface_message(measurement, self._frame))
+        self._publisher.publish(surface_message(measurement, self._frame, self._rim))
         self._report.counts["measurement"] += 1
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
 
@@ -195,8 +197,8 @@ class CameraNode(PreparedNode):
         }
 
 
-def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
-    """Makes the message of a measurement."""
+def surface_message(measurement: Measurement, frame: str, rim: float | None) -> FreeSurface:
+    """The message of a measurement; `rim`: height above the still level [m]; None: unknown."""
     return filled(
         FreeSurface,
         stamp_ns=measurement.stamp_ns,
@@ -211,6 +213,7 @@ def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
         sh_right=measurement.sh_right,
         azimuth_left=measurement.azimuth_left,
         azimuth_right=measurement.azimuth_right,
+        distance_to_rim=(math.nan if rim is None else rim) - measurement.msh,
         slope_angle=measurement.slope_angle,
         profile_azimuth=measurement.profile_azimuth,
         profile_height=measurement.profile_height,

@@ -90,6 +90,11 @@ class BoxView:
                 "point up"
             )
 
+    @property
+    def container(self) -> Box:
+        """The container."""
+        return self.box
+
     def project_face(self, x: ArrayLike, z: ArrayLike) -> Array:
         """Project points on the inner side of the face towards the camera.
 

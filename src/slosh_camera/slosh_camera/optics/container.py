@@ -30,14 +30,22 @@ class _Filled(Protocol):
     def rim_height(self) -> float | None: ...
 
 
+def _lengths(container: _Filled) -> list[str]:
+    return [
+        entry.name
+        for entry in fields(container)
+        if entry.name not in WALL and entry.metadata.get("is_length", True)
+    ]
+
+
 class SeenContainer:
     """Base of the containers, which are dataclasses with the fields WALL and their own lengths."""
 
     __slots__ = ()
 
     def __post_init__(self: _Filled) -> None:
-        """Refuse a container with impossible dimensions."""
-        for name in (entry.name for entry in fields(self) if entry.name not in WALL):
+        """Refuse a container that cannot be."""
+        for name in _lengths(self):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise SloshCameraError(f"{name}: {value} m, must be positive")

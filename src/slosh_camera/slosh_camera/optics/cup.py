@@ -101,6 +101,11 @@ class CupView:
             raise SloshCameraError("pose: the container is not in front of the camera")
 
     @property
+    def container(self) -> Cup:
+        """The container."""
+        return self.cup
+
+    @property
     def camera_azimuth(self) -> float:
         """Azimuth of the camera about the container's axis [rad]."""
         return float(np.arctan2(self._centre[1], self._centre[0]))

@@ -19,12 +19,16 @@ from slosh_camera.images.seams import SeamFinder
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import SideCalibration
+from slosh_camera.optics.round_body import ELEVATION, RoundView
 from slosh_camera.rectangle.appearance import learnt_appearance
+from slosh_camera.rectangle.fit import FittedLine
 from slosh_camera.rectangle.outer_edges import outer_edges
-from slosh_camera.rectangle.profile import Profile, describe
+from slosh_camera.rectangle.profile import Profile, common_error, describe
 from slosh_camera.rectangle.region import find_side_region
+from slosh_camera.rectangle.round_wall import round_wall
 from slosh_camera.rectangle.trace import Knowledge, Light, TracedLine, trace_line
 from slosh_camera.rectangle.tuning import TUNING
+from slosh_camera.rectangle.waves import BOW
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -106,7 +110,8 @@ class SideViewDetector:
                 f"still image: the liquid's line is inclined by {np.degrees(np.arctan(slope)):.1f}"
                 " deg, check that the liquid is at rest, and the calibration's pose"
             )
-        self._knowledge = self._learnt(light, Knowledge(level, slope))
+        bow = self._bow(line.shape) if isinstance(self._view, RoundView) else None
+        self._knowledge = self._learnt(light, Knowledge(level, slope, bow=bow))
         self._still_edges.learn(image)
         self._seams.learn(image)
         return level
@@ -151,7 +156,8 @@ class SideViewDetector:
         if not flags and self._is_torn(image, trace.line):
             flags = Flag.AMBIGUOUS
         profile, scale_error = describe(trace.line, self._view), self._settings.scale_error
-        return _measurement(stamp_ns, flags, trace.line, profile, scale_error)
+        found = _measurement(stamp_ns, flags, trace.line, profile, scale_error)
+        return self._on_round_wall(found, trace.line)
 
     def look(self, image: Image) -> SideMeasurement:
         """Analyses an image by itself; arguments and errors are those of `measure`."""
@@ -160,6 +166,24 @@ class SideViewDetector:
     def follow(self, stamp_ns: int, sighting: SideMeasurement) -> SideMeasurement:
         """Returns the measurement of the next image of a sequence, which needs no other image."""
         return replace(sighting, stamp_ns=stamp_ns)
+
+    def _on_round_wall(self, found: SideMeasurement, line: TracedLine) -> SideMeasurement:
+        """The same by what the line says of all of a round wall."""
+        if not isinstance(self._view, RoundView):
+            return found
+        rest = self._knowledge.bow
+        bow = 0.0 if rest is None else abs(float(rest.coefficients[BOW]))
+        wall = round_wall(self._view, line.x, line.z, common_error(line), bow)
+        doubt = Flag.AMBIGUOUS if wall.spread > TUNING.most_spread else Flag.NONE
+        scale = self._settings.scale_error * wall.height
+        stddev = float(np.hypot(wall.stddev, scale))
+        return replace(
+            found,
+            msh=wall.height, msh_stddev=stddev, azimuth=wall.azimuth,
+            fitted_msh=wall.height, fitted_msh_stddev=stddev, fitted_azimuth=wall.azimuth,
+            sh_left=wall.left, sh_right=wall.right,
+            flags=found.flags | doubt,
+        )  # fmt: skip
 
     def _is_torn(self, image: Image, line: TracedLine) -> bool:
         """Whether the parts of an image above and below a row are of different times."""
@@ -170,6 +194,21 @@ class SideViewDetector:
         heights = line.shape.at(line.x) + line.knowledge.zero(line.x)
         u, v = self._view.project_face(line.x, heights).T
         return self._seams.is_torn(steps, (u, v))
+
+    def _bow(self, shape: FittedLine) -> FittedLine:
+        """The line at rest on a round wall.
+
+        Raises:
+            SloshCameraError: its bow is that of a camera that is not level.
+        """
+        elevation = float(np.arctan(shape.coefficients[BOW] / (0.5 * shape.width)))
+        if abs(elevation) > ELEVATION:
+            raise SloshCameraError(
+                f"still image: the liquid's line is bent as seen from {np.degrees(elevation):.0f} "
+                f"deg above it, must be within {np.degrees(ELEVATION):.0f} deg: lower or raise "
+                "the camera to the still level and let it look level"
+            )
+        return shape
 
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
         """Learns the appearance from an image of the liquid at rest, given its line."""

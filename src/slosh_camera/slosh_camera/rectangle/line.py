@@ -74,8 +74,10 @@ def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - np.argmax(inside[::-1], axis=0)
     wide = inside.any(axis=0)
-    dark_to_top = wide & (rows <= first + 1) & (below > 0.0)
-    seen = wide & ~dark_to_top & (rows < last - 1) & (above > 0.0) & (below > 0.0)
+    ends_open = region.open_above[::2][: rows.size]
+    to_top = wide & (rows <= first + 1) & (below > 0.0)
+    dark_to_top = to_top & ends_open
+    seen = wide & ~to_top & (rows < last - 1) & (above > 0.0) & (below > 0.0)
     full = _reached(dark_to_top, seen, rows - first)
     agreement = (
         float(np.mean((above + below)[seen])) / (2.0 * TUNING.beside_rows) if seen.any() else 0.0

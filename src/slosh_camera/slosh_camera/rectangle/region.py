@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import BoxView
+from slosh_camera.optics.round_body import RoundView
 from slosh_camera.rectangle.tuning import TUNING
 from slosh_camera.settings import RegionOfInterest
 
@@ -41,6 +42,8 @@ class SideRegion:
         inside: (rows, columns) where the face is seen.
         wet: places that hold liquid nearly always.
         dry: places that hold none nearly always.
+        open_above: (columns,) whether a column ends at the rim or the image's border, and not at a
+            wall that leans inwards.
         row_of_level: (3, columns) polynomial that gives the row from the height, constant first.
     """
 
@@ -49,6 +52,7 @@ class SideRegion:
     inside: BoolArray
     wet: RegionPlaces
     dry: RegionPlaces
+    open_above: BoolArray
     row_of_level: FloatArray
 
     @property
@@ -98,7 +102,9 @@ def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegio
     visible = _visible(view, inside, rows_of, (low, high))
     powers = np.linspace(low, high, _LEVELS)[:, np.newaxis] ** np.arange(3)
     polynomial = np.linalg.lstsq(powers, rows_of, rcond=None)[0].astype(np.float64)
-    region = SideRegion(top, left, inside, *visible, polynomial)
+    region = SideRegion(
+        top, left, inside, *visible, _open_above(view, inside, rows_of), polynomial
+    )
     _check_level(region)
     return region
 
@@ -171,6 +177,14 @@ def _visible(
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - 1 - np.argmax(inside[::-1], axis=0)
     still = rows_of[0] + (rows_of[-1] - rows_of[0]) * (-levels[0] / (levels[1] - levels[0]))
+    # Beyond the still level's ends a wall that leans shows one of the two alone.
+    both = (first + TUNING.least_rows < still) & (still < last - TUNING.least_rows)
+    columns = columns[both[columns]]
+    if columns.size < TUNING.least_columns:
+        raise SloshCameraError(
+            "pose: the still level is not inside the image or the region of interest with "
+            f"{TUNING.least_rows} rows above and below it"
+        )
     columns = columns[_SAMPLE_COLUMN_STEP // 2 :: _SAMPLE_COLUMN_STEP]
     depth = (last - still)[columns]
     freeboard = (still - first)[columns]
@@ -183,6 +197,15 @@ def _visible(
         RegionPlaces(np.clip(np.rint(wet), 0, limit).astype(np.intp), places),
         RegionPlaces(np.clip(np.rint(dry), 0, limit).astype(np.intp), places),
     )
+
+
+def _open_above(view: BoxView, inside: BoolArray, rows_of: FloatArray) -> BoolArray:
+    """(columns,) whether a column of the region ends at its highest level or at the border."""
+    if not isinstance(view, RoundView):
+        return np.ones(inside.shape[1], np.bool_)
+    first = np.argmax(inside, axis=0)
+    near = np.maximum(rows_of[-1], 0.0) + 2 * TUNING.edge_inset + 1
+    return np.asarray(first <= near, np.bool_)
 
 
 def _check_level(region: SideRegion) -> None:

@@ -35,6 +35,7 @@ from slosh_camera.rectangle.line import (
 from slosh_camera.rectangle.rear import FrontLine, front_line
 from slosh_camera.rectangle.region import SideRegion
 from slosh_camera.rectangle.tuning import TUNING
+from slosh_camera.rectangle.waves import waves_of
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -53,14 +54,18 @@ class Knowledge:
         level: of the still line at x = 0 [m].
         slope: of the still line [-].
         appearance: liquid and background; None: each image shows them itself.
+        bow: of the still line on a round wall, which has one where the camera is not quite level.
     """
 
     level: float = 0.0
     slope: float = 0.0
     appearance: Appearance | None = None
+    bow: FittedLine | None = None
 
     def zero(self, x: FloatArray) -> FloatArray:
-        """Returns the height of the still line at positions x (N,) [m]."""
+        """Height of the still line at places x (N,) [m]."""
+        if self.bow is not None:
+            return self.bow.at(x)
         return self.level + self.slope * x
 
 
@@ -190,6 +195,7 @@ class _Tracer:
         self._region = region
         self._knowledge = knowledge
         self._light = light
+        self._waves = waves_of(view)
         self._columns = np.arange(region.inside.shape[1])
         self._still = region.rows_at(np.zeros(self._columns.size))
         self._upper = np.argmax(region.inside, axis=0).astype(np.float64)
@@ -233,7 +239,7 @@ class _Tracer:
         """Fits the shape with most agreeing boundaries."""
         columns = self._columns[seen][::2]
         x, z = self._place(at_split[columns], columns)
-        return first_shape(x, z, self._view.box.width, _DRAWS)
+        return first_shape(x, z, self._waves, _DRAWS)
 
     def _rows_of(self, shape: FittedLine) -> FloatArray:
         """Returns rows (columns,) where a shape crosses the columns."""
@@ -281,7 +287,7 @@ class _Tracer:
         order = np.argsort(x)
         x, z = x[order], z[order]
         full_x, full_z = self._place(self._upper[over] + TUNING.end_rows, over)
-        start = first_shape(x, z, self._view.box.width, _DRAWS)
+        start = first_shape(x, z, self._waves, _DRAWS)
         pixels = np.column_stack((columns.astype(np.float64), rows)) + self._corner
         return TracedLine(
             x=x,

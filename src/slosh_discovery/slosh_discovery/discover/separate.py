@@ -259,7 +259,7 @@ def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
 
 
 def _ceiling(model: Model) -> float:
-    freeboard = model.container.freeboard
+    freeboard = model.container.height_below_rim()
     open_height = TUNING.most_height * min(model.container.reaches)
     return (
         open_height if freeboard is None else min(open_height, TUNING.freeboard_share * freeboard)

@@ -11,6 +11,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
 from slosh_estimator.state import EstimatorState
+from slosh_model.wall import Wall
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -28,8 +29,8 @@ def imu_sample(
     return to_nanoseconds(message.header.stamp), force, (w.x, w.y, w.z) if reported else None
 
 
-def fill(message: SloshEstimate, estimate: Estimate) -> None:
-    """Writes an estimate, except its flags, to a reused message."""
+def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
+    """Writes an estimate, but for its flags, into a message that is used again and again."""
     sample = estimate.sample
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, SECOND)
@@ -38,6 +39,10 @@ def fill(message: SloshEstimate, estimate: Estimate) -> None:
     acceleration = message.acceleration
     acceleration[0], acceleration[1], acceleration[2] = sample.ax, sample.ay, sample.az
     message.jerk = estimate.jerk
+    (
+        message.surface_height, message.height_along_wall, message.contact_radius,
+        message.distance_to_rim, message.distance_along_wall,
+    ) = wall.place(estimate.nonlinear.msh)  # fmt: skip
     message.yaw = sample.yaw
 
 

@@ -285,7 +285,7 @@ class EstimatorNode(PreparedNode):
             flags |= _CONTESTED
         self._flags |= flags
         gate = self._input.gate
-        fill(self._message, estimate)
+        fill(self._message, estimate, self._wall)
         self._message.flags = flags
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
@@ -350,6 +350,7 @@ class EstimatorNode(PreparedNode):
         linear, nonlinear = self._estimator.names
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
+        self._wall = self._estimator.model.container.wall
         self._unfelt = attitude_warning(self._estimator.model, self._kind)
 
     def _health(self) -> Health:
@@ -375,7 +376,8 @@ class EstimatorNode(PreparedNode):
             return fault
         flags, self._flags = self._flags, 0
         if flags & ~EstimateFlag.LINEAR_ONLY:  # that one is the container's shape, no trouble
-            return WARN, f"validity flags {flags:#x}"
+            names = (flag.name or "" for flag in EstimateFlag if flag & flags)
+            return WARN, f"validity flags {flags:#x}: {', '.join(names)}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
 
     def _facts(self) -> dict[str, Any]:

@@ -34,6 +34,8 @@ ORDER = 4.0
 """Of an eigenvalue's error, by the size of second-order elements (Strang & Fix 1973, ch. 6)."""
 _PLACED = 1e-9
 """Of a place inside a triangle, relative to its size."""
+_SOLVED = 1e-10
+"""Relative to an eigenvalue; its vector is known to the root of that at least."""
 _TRUSTED = (0.6, 1.5)
 """By so much the error's fall may differ from that order for the limit to be extrapolated."""
 
@@ -103,7 +105,9 @@ def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tupl
     """
     # Always the same start: so are the bits that come out.
     start = 1.0 + np.arange(stiffness.shape[0]) % 7
-    values, vectors = scipy.sparse.linalg.eigsh(stiffness, count, mass, sigma=below, v0=start)
+    values, vectors = scipy.sparse.linalg.eigsh(
+        stiffness, count, mass, sigma=below, v0=start, tol=_SOLVED
+    )
     order = np.argsort(values)
     return values[order], vectors[:, order]
 

@@ -14,7 +14,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,18 +46,51 @@ _SAME = 2e-3
 _MOST_SEARCHED = 200
 
 
-def prism_modes(outline: Sequence[Piece], depth: float, count: int) -> tuple[ModeNumbers, ...]:
-    """Computes the first modes along x, then as many along y.
+class PlaneModes(NamedTuple):
+    """The modes along one axis of an outline, of whatever depth; lengths of a scale.
+
+    Attributes:
+        axis: 0 along x, 1 along y.
+        scale: the unit of length [m].
+        rows: a row of numbers for each mode.
+        area: of the outline.
+        reach: where heights are given.
+        crests: the largest height of each over that at the wall.
+    """
+
+    axis: int
+    scale: float
+    rows: Array
+    area: float
+    reach: float
+    crests: list[float]
+
+
+def prism_modes(plane: Sequence[PlaneModes], depth: float) -> tuple[ModeNumbers, ...]:
+    """The first modes along x, then as many along y.
+
+    Args:
+        plane: those of the outline.
+        depth: of the liquid [m].
+    """
+    return tuple(mode for family in plane for mode in _filled(family, depth / family.scale))
+
+
+def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
+    """The modes of an outline, along x and along y.
 
     Args:
         outline: closed, counter-clockwise, its centre in the origin, symmetric about an axis [m].
-        depth: of the liquid [m].
         count: number of modes along each axis.
 
     Raises:
         SloshModelError: no axis of symmetry, too intricate, or scikit-fem is missing.
     """
-    places = np.vstack([piece.fine()[:-1] for piece in outline])
+    # Of a straight piece three places tell all.
+    places = np.vstack(
+        [piece.at(np.array([0.0, 0.5])) if piece.straight else piece.fine()[:-1:2]
+         for piece in outline]
+    )  # fmt: skip
     about_x, about_y = _mirrored(places, 1), _mirrored(places, 0)
     if not about_x and not about_y:
         raise SloshModelError(
@@ -72,7 +105,7 @@ def prism_modes(outline: Sequence[Piece], depth: float, count: int) -> tuple[Mod
     found = []
     for axis in (0, 1):
         along = (axis == 1) == (not about_x)
-        found += _family(sides, along, axis, depth / scale, scale, count)
+        found.append(_family(sides, along, axis, scale, count))
     return tuple(found)
 
 
@@ -130,15 +163,16 @@ def _swapped(piece: Piece) -> Piece:
     return replace(piece, at=lambda t: piece.at(t)[:, ::-1])
 
 
-def _family(
-    sides: list[Side], along: bool, axis: int, depth: float, scale: float, count: int
-) -> list[ModeNumbers]:
+def _family(sides: list[Side], along: bool, axis: int, scale: float, count: int) -> PlaneModes:
     numbers, more = refined(
         sides, _size(sides), lambda mesh: _solved(mesh, along, count),
         change=TUNING.change, most=TUNING.most_divisions,
     )  # fmt: skip
-    rows = limit(numbers)
-    area, reach, crests = more
+    return PlaneModes(axis, scale, limit(numbers), *more)
+
+
+def _filled(plane: PlaneModes, depth: float) -> list[ModeNumbers]:
+    axis, scale, rows, area, reach, crests = plane
     found = []
     for n, row in enumerate(rows.tolist()):
         k = math.sqrt(row[SQUARE])
@@ -243,7 +277,7 @@ def _driven(
 ) -> tuple[Array, Array]:
     """Returns the lowest modes that an acceleration excites, with ∫F² = 1."""
     most = min(_MOST_SEARCHED, stiffness.shape[0] - 2)
-    wanted = min(8 * count, most)
+    wanted = min(4 * count, most)
     while True:
         values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
         vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -86,11 +87,18 @@ class PrismaticContainer(SolvedContainer):
         """(N, 2) positions on the outline, with its centre in the origin [m]."""
         return np.vstack([piece.fine()[:-1] for piece in self.contour])
 
+    @property
+    def highest_fill(self) -> float:
+        """The walls have no end [m]."""
+        return math.inf
+
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
         """Computes its first modes along x and along y."""
         from slosh_model.potential_flow.plane import prism_modes
 
-        return prism_modes(self.contour, self.fill_height, count)
+        # Another fill height has the same outline.
+        outline = replace(self, fill_height=1.0, rim_height=None, table=None)
+        return prism_modes(_plane_modes(outline, count), self.fill_height)
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
         """Returns a straight line, since the shape along x is not stored."""
@@ -219,6 +227,13 @@ class Tray(PrismaticContainer):
             self, width=factor * self.width, depth=factor * self.depth,
             corner_radius=factor * self.corner_radius,
         )  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def _plane_modes(container: PrismaticContainer, count: int) -> Any:
+    from slosh_model.potential_flow.plane import plane_modes
+
+    return plane_modes(container.contour, count)
 
 
 def _moved(piece: Piece, centre: Array) -> Piece:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
@@ -20,6 +22,7 @@ from slosh_model.shapes.contour import (
 )
 from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
 from slosh_model.shapes.solved import SolvedContainer, solved_modes
+from slosh_model.wall import Wall
 
 INSIDE = 1.001
 """Largest height over the surface, of that at the wall, from which the crest is inside."""
@@ -78,6 +81,11 @@ class RevolvedContainer(SolvedContainer):
         """Height of the contour's end above the deepest point [m]."""
         return float(self.contour[-1].one(1.0)[1]) - self.floor
 
+    @property
+    def highest_fill(self) -> float:
+        """The contour's end [m]."""
+        return self.top
+
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
         """Computes its first modes."""
         from slosh_model.potential_flow.axisymmetric import revolution_modes
@@ -119,28 +127,20 @@ class RevolvedContainer(SolvedContainer):
             total += float((np.pi * rise * (r * r + r * s + s * s) / 3.0).sum())
         return total
 
-    def wall_at(self, height: float) -> float:
-        """Returns the wall's radius at a height above the still surface [m]; NaN: no wall."""
-        level = self.level + height
-        radii = [
-            float(piece.one(share)[0])
-            for piece in reversed(self.contour)
-            for share in reversed(piece.shares_at(level, 1))
-        ]
-        return radii[0] if radii else float("nan")
+    @property
+    def wall_line(self) -> tuple[Array, Array, Array]:
+        """Lengths along the wall from the still surface, heights above it, and radii there [m]."""
+        return _joined(self._upwards, self._downwards)
 
-    def along_wall(self, height: float) -> float:
-        """Returns the contact line's path along the wall to a height [m]; NaN: unreachable."""
-        away = np.vstack([piece.fine() for piece in self._above])
-        steps = np.hypot(*np.diff(away, axis=0).T)
-        along: Array = np.concatenate([[0.0], np.cumsum(steps)])
-        high = away[:, 1] - self.level
-        beyond = np.flatnonzero(high >= height)
-        if not len(beyond):
-            return float("nan")
-        last = int(beyond[0])
-        return float(np.interp(height, high[max(last - 1, 0) : last + 1],
-                               along[max(last - 1, 0) : last + 1]))  # fmt: skip
+    @property
+    def wall(self) -> Wall:
+        """Its wall about the still level."""
+        lengths, heights, radii = self.wall_line
+        rim = math.nan if self.rim_height is None else self.rim_height - self.fill_height
+        ratio, place = self.crest(1)
+        inside = {"crest_ratio": ratio, "crest_place": place} if ratio > INSIDE else {}
+        leans = self.widening != 0.0
+        return Wall(heights, lengths, radii, rim, leans=leans, **inside)
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
         """Returns positions from the axis or core to the wall [m], and a mode's height there."""
@@ -159,21 +159,9 @@ class RevolvedContainer(SolvedContainer):
         rim = self.floor + (self.rim_height or self.top)
         return cut_above(places, rim) - [0.0, self.level]
 
-    def wall_facts(self, height: float) -> dict[str, float]:
-        """Returns the height along the wall, the contact line's radius, and an inner crest."""
-        facts = {}
-        if self.widening != 0.0:
-            facts = {
-                "along_wall": self.along_wall(height), "contact_radius": self.wall_at(height)
-            }  # fmt: skip
-        ratio, place = self.crest(1)
-        if ratio > INSIDE:
-            facts |= {"crest_ratio": ratio, "crest_place": place}
-        return facts
-
     @property
-    def _above(self) -> list[Piece]:
-        """The wall above the still surface."""
+    def _upwards(self) -> list[Piece]:
+        """The wall above the still surface, upwards."""
         found: list[Piece] = []
         for piece in reversed(self.contour):
             cuts = piece.shares_at(self.level, 1)
@@ -181,6 +169,11 @@ class RevolvedContainer(SolvedContainer):
                 return [piece.part(cuts[-1], 1.0), *found]
             found.insert(0, piece)
         return found
+
+    @property
+    def _downwards(self) -> list[Piece]:
+        """The wall below the still surface, downwards."""
+        return [piece.part(1.0, 0.0) for piece in reversed(wetted(self.contour, self.level))]
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
@@ -240,3 +233,22 @@ def cut_above(places: Array, height: float) -> Array:
     low, high = places[above[0] - 1], places[above[0]]
     share = (height - low[1]) / (high[1] - low[1])
     return np.vstack([places[: above[0]], low + share * (high - low)])
+
+
+def _joined(above: Sequence[Piece], below: Sequence[Piece]) -> tuple[Array, Array, Array]:
+    """Lengths along a wall from the still surface, heights above it, and radii there [m].
+
+    Where the wall goes down again on its way, the place is the one that is reached first.
+    """
+    columns = []
+    for pieces, sign in ((below, -1.0), (above, 1.0)):
+        places = np.vstack([piece.fine() for piece in pieces])
+        steps = np.hypot(*np.diff(places, axis=0).T)
+        lengths: Array = np.concatenate([[0.0], np.cumsum(steps)])
+        heights = places[:, 1] - places[0, 1]
+        furthest = np.maximum.accumulate(sign * heights)
+        first = np.concatenate([[True], np.diff(furthest) > 0.0])
+        columns.append(np.column_stack([sign * lengths, heights, places[:, 0]])[first])
+    down, up = columns
+    joined = np.vstack([down[:0:-1], up])
+    return joined[:, 0], joined[:, 1], joined[:, 2]

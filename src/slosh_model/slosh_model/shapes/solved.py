@@ -16,7 +16,7 @@ from slosh_model.containers import X_AXIS, Container
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.shapes.contour import Piece
-from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
+from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers, interpolated
 
 _GIVEN = ("rim_height", "table")
 """Fields on which the modes do not depend."""
@@ -25,6 +25,9 @@ STEEP = 0.3
 its trough is deep (second order of a standing wave: Faltinsen & Timokha 2009, ch. 8)."""
 SHALLOW = 0.2
 """And of the liquid's depth: beyond, crests run faster than troughs."""
+NEAR, NODES = 0.03, 7
+"""Distance [m] up to which modes of another fill height are interpolated, and between how many
+fill heights that are computed."""
 WIDENING = 0.1
 """Relative change of the surface's radius by a wave on a sloped wall, from which it is none."""
 
@@ -117,6 +120,24 @@ class SolvedContainer(Container):
         return cast(Self, replace(cast(Any, self), table=table))
 
     @property
+    @abstractmethod
+    def highest_fill(self) -> float:
+        """Fill height up to which its contour goes [m]."""
+
+    def filled_to(self, fill_height: float, rim_height: float | None) -> Self:
+        """The same with another fill height; modes of one near by are interpolated.
+
+        Raises:
+            SloshModelError: an impossible fill height, or modes that cannot be computed.
+        """
+        filled = super(SolvedContainer, self).filled_to(fill_height, rim_height)
+        at, rows = _neighbours(replace(cast(Any, self), rim_height=None, table=None))
+        if not at[0] <= fill_height <= at[-1]:
+            return filled
+        table = ModeTable(filled.digest, interpolated(at, rows, fill_height))
+        return cast(Self, replace(cast(Any, filled), table=table))
+
+    @property
     def _own(self) -> tuple[ModeNumbers, ...]:
         """The stored modes; empty if they belong to other dimensions."""
         if self.table is None or self.table.digest != self.digest:
@@ -191,6 +212,19 @@ def _digest(container: SolvedContainer) -> str:
     ]
     text = f"{container.shape} {GRAVITY!r} {values!r}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=64)
+def _neighbours(
+    container: SolvedContainer,
+) -> tuple[tuple[float, ...], tuple[tuple[ModeNumbers, ...], ...]]:
+    """Fill heights about that of a container, in increasing order, and the modes at each."""
+    middle = container.fill_height
+    reach = min(NEAR, 0.6 * middle, 0.6 * (container.highest_fill - middle))
+    turns = (math.cos(math.pi * k / (NODES - 1)) for k in reversed(range(NODES)))
+    at = tuple(middle + reach * turn for turn in turns)
+    changed = (replace(cast(Any, container), fill_height=height) for height in at)
+    return at, tuple(solved_modes(one, LEAST) for one in changed)
 
 
 @lru_cache(maxsize=256)

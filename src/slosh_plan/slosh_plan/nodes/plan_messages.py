@@ -146,13 +146,18 @@ def limits_of(request: Any) -> PlanLimits:
     Raises:
         SloshPlanError: a limit that is none.
     """
+    distance = given(request.rim_distance, 0.0)
+    limit = request.limit
+    if distance > 0.0 and math.isnan(limit):
+        limit = math.inf
     return PlanLimits(
-        request.limit,
-        given(request.residual_limit, request.limit),
+        limit,
+        given(request.residual_limit, limit),
         given(request.max_acceleration, ACCELERATION),
         given(request.max_jerk, JERK),
         joint_velocity=given(request.max_velocity_scaling_factor, 1.0),
         joint_acceleration=given(request.max_acceleration_scaling_factor, 1.0),
+        rim_distance=distance,
     )
 
 
@@ -168,6 +173,7 @@ def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan
         scaled_duration=float(answer.scaled.found.motion.duration),
         peak=float(found.peak),
         residual=float(found.residual),
+        distance_to_rim=float(answer.distance_to_rim),
         peak_upper=float(upper[0]),
         residual_upper=float(upper[1]),
         acceleration=float(found.acceleration),

@@ -171,5 +171,6 @@ class PlannedMotions:
             excess=found.excess,
             residual_excess=found.residual_excess,
             flags=int(found.flags),
+            distance_to_rim=found.distance_to_rim,
             description=said + whence,
         )

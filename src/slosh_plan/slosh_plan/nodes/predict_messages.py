@@ -66,7 +66,8 @@ def limits_of(request: Any) -> HeightLimits:
         SloshPlanError: a limit that is none.
     """
     height = math.inf if math.isnan(request.limit) else request.limit
-    return HeightLimits(height, given(request.residual_limit, math.inf))
+    distance = given(request.rim_distance, 0.0)
+    return HeightLimits(height, given(request.residual_limit, math.inf), rim_distance=distance)
 
 
 def error_of(request: Any) -> ModelError:
@@ -94,6 +95,7 @@ def fill(response: Any, prediction: Prediction) -> None:
     response.settling_time = nonlinear.settling_time
     response.excess, response.residual_excess = prediction.excess, prediction.residual_excess
     response.flags = int(prediction.flags)
+    response.distance_to_rim = prediction.distance_to_rim
 
 
 def fill_unknown(response: Any) -> None:

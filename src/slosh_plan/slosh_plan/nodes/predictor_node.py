@@ -45,6 +45,11 @@ PARAMETERS = (
         "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
         read_only=False,
     ),
+    ParameterSpec(
+        "rim_distance", 0.0,
+        "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
+        read_only=False,
+    ),
     ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
     ParameterSpec("tool_frame", "", "link of the robot that is the container"),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
@@ -91,7 +96,8 @@ class PredictorNode(PreparedNode):
         self.create_service(service, topics.PREDICT, self._on_predict)
 
     def _limits(self) -> HeightLimits:
-        return HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
+        heights = (self._values[name] or math.inf for name in LIMITS)
+        return HeightLimits(*heights, rim_distance=self._values["rim_distance"])
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
         if self.readiness.state == READY:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Self
 
 from slosh_model.limits import ValidityLimits
+from slosh_model.model import Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 
@@ -67,6 +69,11 @@ class PlanLimits(HeightLimits):
                 f"limit of tilt = {math.degrees(self.tilt):g}° must lie in 0 … "
                 f"{math.degrees(LARGEST_TILT):g}°"
             )
+
+    def under_rim(self, model: Model) -> Self:
+        """As of HeightLimits; a height after the end that is not limited is limited as well."""
+        kept = HeightLimits.under_rim(self, model)
+        return replace(kept, residual=min(kept.residual, kept.height))
 
     def lowered(self, margin: float) -> PlanLimits:
         """Returns the limits with both heights reduced by a margin [m].

@@ -65,6 +65,7 @@ class Plan(Shown):
         path: along which.
         seconds: that the planning took [s].
         attitude: (4,) that the container keeps; None: not turned.
+        distance_to_rim: vertical, left by the highest place of the surface [m]; NaN: unknown.
     """
 
     found: CheckedMotion
@@ -78,6 +79,7 @@ class Plan(Shown):
     path: Path
     seconds: float
     attitude: Array | None = None
+    distance_to_rim: float = math.nan
 
     def __repr__(self) -> str:
         found = self.found
@@ -169,9 +171,11 @@ def plan(
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
     upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
+    left = float(model.container.wall.place(best.peak).distance_to_rim)
     return Plan(
-        best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed, attitude
-    )
+        best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed, attitude,
+        left,
+    )  # fmt: skip
 
 
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:

@@ -12,6 +12,7 @@ from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.observer.observer import ObserverState
 from slosh_model.model import Model
+from slosh_model.wall import Wall
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.recording.settings import NodeStart
@@ -24,8 +25,8 @@ from slosh_replay.replay.verification import Messages, Verifier
 class Outputs:
     """Receives a replay's results as they arise; this one ignores them."""
 
-    def begin(self, names: tuple[str, str]) -> None:
-        """Receives the names of the loaded model's L and NL variant, before anything else."""
+    def begin(self, names: tuple[str, str], wall: Wall) -> None:
+        """Is told the names of the loaded model's L and NL twin, and its container's wall."""
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
         """Receives estimates in the order of their samples."""

@@ -53,7 +53,7 @@ class ReplayedEstimator:
         self._samples: list[Messages] = []
         setting.loaded.append(setting.model)
         setting.reader.carry(modes_of(setting.model))
-        setting.outputs.begin(self.models.own_names)
+        setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     @property
     def longest_gap_ns(self) -> int:
@@ -157,7 +157,7 @@ class ReplayedEstimator:
         self.models.load_model(model)
         self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
-        self.setting.outputs.begin(self.models.own_names)
+        self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _change(self, change: NodeStart) -> None:
         settings = self._input_settings(change)

@@ -100,6 +100,52 @@ class Heights {
   draw() { this.plot.setData(this.rows); }
 }
 
+// The container's contour, +x to the right, and the level of each side as a line across it.
+function drawSide(canvas, container, surface, limit) {
+  const wide = canvas.clientWidth || 300;
+  const dense = devicePixelRatio || 1;
+  const outline = container.outline;
+  const reach = Math.max(...outline.map(([r]) => r));
+  const [low, high] = [Math.min(...outline.map(([, z]) => z)), Math.max(...outline.map(([, z]) => z))];
+  const scale = 0.9 * Math.min(wide / (2 * reach), wide / (high - low));
+  const tall = scale * (high - low) + 24;
+  canvas.width = Math.round(wide * dense);
+  canvas.height = Math.round(tall * dense);
+  const context = canvas.getContext("2d");
+  context.scale(dense, dense);
+  const place = (x, z) => [wide / 2 + scale * x, tall - 12 - scale * (z - low)];
+  const path = (points) => {
+    context.beginPath();
+    points.forEach(([x, z], k) => context[k ? "lineTo" : "moveTo"](...place(x, z)));
+  };
+  const wall = [...outline.slice().reverse().map(([r, z]) => [-r, z]), ...outline];
+  context.save();
+  path(wall);
+  context.clip();
+  const level = (left, right, name, dashes) => {
+    context.setLineDash(dashes);
+    context.strokeStyle = colour(name);
+    path([[-reach, left], [reach, right]]);
+    context.stroke();
+  };
+  context.lineWidth = 1.5;
+  level(0, 0, "soft", [2, 4]);
+  if (limit) level(limit.height, limit.height, "limit", [6, 5]);
+  context.lineWidth = 3;
+  for (const name of ["estimated", "measured"]) {
+    const [azimuth, height] = surface[name] || [null, null];
+    if (azimuth === null || height === null) continue;
+    const right = height * Math.cos(azimuth);
+    level(-right, right, name, []);
+  }
+  context.restore();
+  context.setLineDash([]);
+  context.lineWidth = 2;
+  context.strokeStyle = colour("soft");
+  path(wall);
+  context.stroke();
+}
+
 // The wall as a circle, +x to the right and counter-clockwise as in the container's frame; outwards is higher.
 function drawAbove(canvas, surface, limit) {
   const size = canvas.clientWidth || 300;
