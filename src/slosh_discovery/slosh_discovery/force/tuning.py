@@ -28,6 +28,7 @@ class ForceTuning:
     flat: int = number(6, "1", "equal extreme values in a row that show saturation")
     flat_share: float = number(0.2, "1", "part of the peak above which they do")
     least_periods: float = number(5.0, "1", "shortest record, in natural periods")
+    tilt: float = number(0.26, "rad", "largest tilt of the container")
     # fit.py
     delay_span: float = number(0.5, "s", "largest delay of the sensor")
     delay_step: float = number(0.004, "s", "distance of the delays tried first")
@@ -40,9 +41,12 @@ class ForceTuning:
     alpha_width: float = number(0.2, "1", "usual error of the cubic spring's stiffness")
     memory: float = number(2.0, "1", "natural periods over which residuals remember")
     least_signal: float = number(3.0, "σ", "smallest sloshing mass that is one")
+    # workflow.py
+    model_error: tuple[float, float, float] = number(
+        (1e-4, 5e-3, 5e-3), "1", "error of the equations in frequency, damping and mass"
+    )
     # result.py
     unit: float = number(1.3, "1", "ratio of masses up to which a unit is right")
-    tilt: float = number(0.26, "rad", "largest tilt of the container")
 
 
 TUNING = ForceTuning()

@@ -22,6 +22,7 @@ from slosh_discovery.force.result import (
 from slosh_discovery.force.tuning import TUNING
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.model import Model
+from slosh_model.parameters import DAMPING, FREQUENCY
 
 
 def identify_force(record: ForceRecord, model: Model) -> ForceIdentification:
@@ -93,17 +94,21 @@ def _result(
     """All in SI units, along the moved axis."""
     container, newton = model.container, UNITS[unit]
     ratio = container.natural_frequency(1, axis) / container.natural_frequency(1, X_AXIS)
-    frequency, damping = list(fit.problem.values(fit.vector).values())[:2]
+    values = fit.problem.values(fit.vector)
+    frequency, damping = values[FREQUENCY], values[DAMPING]
     known = fit.problem.start
     alpha = fit.problem.stiffness
     return ForceIdentification(
         name=record.name,
-        natural_frequency=Measured(
-            frequency * ratio, frequency * ratio * _error(fit, 0), model.mode_frequency(1) * ratio
+        natural_frequency=_with_model_error(
+            0, frequency * ratio, frequency * ratio * _error(fit, 0),
+            model.mode_frequency(1) * ratio,
         ),
-        damping_ratio=Measured(damping, damping * _error(fit, 1), list(known.values())[1]),
-        sloshing_mass=Measured(
-            float(fit.linear.values[1]) * scale, _error(fit, -1) * scale, expected
+        damping_ratio=_with_model_error(
+            1, damping, damping * _error(fit, 1), known[DAMPING]
+        ),
+        sloshing_mass=_with_model_error(
+            2, float(fit.linear.values[1]) * scale, _error(fit, -1) * scale, expected
         ),
         payload=Measured(float(fit.linear.values[0]) * newton, _error(fit, -2) * newton),
         delay=Measured(float(fit.vector[2]), _error(fit, 2)),
@@ -118,6 +123,10 @@ def _result(
         unobserved=unobserved(fit.problem.across, data, frequency),
         notes=tuple(notes),
     )  # fmt: skip
+
+
+def _with_model_error(place: int, value: float, error: float, model: float) -> Measured:
+    return Measured(value, math.hypot(error, TUNING.model_error[place] * value), model)
 
 
 def _directions(across: Array, sensor: Array) -> tuple[tuple[Array, Array], ...]:
