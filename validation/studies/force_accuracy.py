@@ -2,9 +2,10 @@
 
 Usage: tools/run python validation/studies/force_accuracy.py [--seeds N] [--tuned]
 
-Cups, liquids, motions and sensors are drawn by `slosh_testing.force_sensor`: noise, drift, a cable's
-force, a ringing arm, any delay within 0.1 s, any axes and signs, 100 to 1000 Hz. The tuning numbers of
-`slosh_discovery.force` were chosen on the even seeds (--tuned); the odd ones are reported.
+Cups, liquids, motions and sensors are drawn by `slosh_testing.force_sensor`: noise, drift, a
+cable's force, a ringing arm, any delay within 0.1 s, any axes and signs, 100 to 1000 Hz. The
+tuning numbers of `slosh_discovery.force` were chosen on the even seeds (--tuned); the odd ones are
+reported.
 """
 
 from __future__ import annotations

@@ -52,7 +52,10 @@ def check(document):
 
 def test_of_a_table_and_writes_the_model(capsys, tmp_path, record, model):
     table = write_table(
-        tmp_path / "run.csv", record, ["t", "ax", "ay", "az", "fx [mN]", "fy [mN]", "fz [mN]"], 1e-3
+        tmp_path / "run.csv",
+        record,
+        ["t", "ax", "ay", "az", "fx [mN]", "fy [mN]", "fz [mN]"],
+        1e-3,
     )
     output = tmp_path / "found"
     words = ["identify", "--force", table, "--model", model, "-o", output]
@@ -78,7 +81,8 @@ def test_of_a_bag_with_a_wrench(capsys, tmp_path, record, model):
     assert main(["identify", "--force", str(bag), "--model", str(model)]) == 0
     captured = capsys.readouterr()
     assert "force /ft/wrench, motion /slosh/accel" in captured.err
-    assert "sloshing mass" in captured.out and "along +fx of the sensor" in captured.out
+    assert "sloshing mass" in captured.out
+    assert "along +fx of the sensor" in captured.out
 
 
 def test_what_it_refuses(capsys, tmp_path, record, model):
@@ -106,4 +110,5 @@ def test_joints_of_other_names_are_taken_in_their_order():
     assert _moving_joints(urdf) == ["q1", "q2"]
     renamed = _renamed(urdf, {"q1": "arm/a", "q2": "arm/b"})
     assert _moving_joints(renamed) == ["arm/a", "arm/b"]
-    assert "<link name='q1'/>" in renamed and 'name="flange"' in renamed
+    assert "<link name='q1'/>" in renamed
+    assert 'name="flange"' in renamed

@@ -68,15 +68,12 @@ class SimulatedSensor:
     def mass(self) -> float:
         """Sloshing mass of the first mode [kg]."""
         container = self.model.container
-        return (
-            container.mass_ratio(1, X_AXIS) * container.volume * self.model.liquid.density
-        )
+        return container.mass_ratio(1, X_AXIS) * container.volume * self.model.liquid.density
 
     def record(self) -> ForceRecord:
         """What a robot's bag would hold."""
         rng = np.random.default_rng(self.seed)
         t, motion = self._motion()
-        inputs = Inputs(t, motion)
         values = {FREQUENCY: self.frequency, DAMPING: self.damping}
         model = replace(self.model, modes=2)
         if not model.container.cornered:
@@ -96,7 +93,10 @@ class SimulatedSensor:
         seen += self.drift * walk + rng.normal(0.0, 1.0, 3)  # drift, and a zero that is not one
         seen += rng.normal(0.0, self.noise, seen.shape)
         return ForceRecord(
-            f"seed {self.seed}", Inputs(t[::2], motion[::2]), at, np.round(seen / 0.00625) * 0.00625
+            f"seed {self.seed}",
+            Inputs(t[::2], motion[::2]),
+            at,
+            np.round(seen / 0.00625) * 0.00625,
         )
 
     def _motion(self) -> tuple[Array, Array]:

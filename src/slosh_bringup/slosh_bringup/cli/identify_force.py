@@ -23,8 +23,8 @@ def add_arguments(parser: Any) -> None:
     group = parser.add_argument_group("force in place of heights")
     group.add_argument(
         "--force", action="store_true",
-        help="identify natural frequency, damping ratio and sloshing mass from the force under the "
-        "container: a bag with a wrench, or a table with fx, fy, fz [N]",
+        help="identify natural frequency, damping ratio and sloshing mass from the force under "
+        "the container: a bag with a wrench, or a table with fx, fy, fz [N]",
     )  # fmt: skip
     group.add_argument(
         "--wrench", metavar="TOPIC", default="",

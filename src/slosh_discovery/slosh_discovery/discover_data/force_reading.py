@@ -82,7 +82,8 @@ def _of_table(path: Path, options: TableOptions) -> ForceRecord:
     table.check_finite(lambda name: name in FORCE)
     table.check_time()
     acceleration, force = table.group(MOTION[1:]), table.group(FORCE)
-    assert acceleration is not None and force is not None  # the names were checked
+    assert acceleration is not None
+    assert force is not None
     t = table.column("t").copy()
     return ForceRecord(str(path), Inputs(t, acceleration, table.group(ATTITUDE)), t, force)
 

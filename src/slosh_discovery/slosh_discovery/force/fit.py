@@ -102,7 +102,7 @@ class ForceProblem:
         measured = self.data.force @ self.sensor
         weighted = (basis * self.weights[:, :, None]).reshape(-1, basis.shape[2])
         wanted = (measured * self.weights).ravel()
-        values = np.linalg.lstsq(weighted, wanted, rcond=None)[0]
+        values = np.asarray(np.linalg.lstsq(weighted, wanted, rcond=None)[0], dtype=np.float64)
         return Linear(basis, values, basis @ values - measured)
 
     def solved(self, vector: Array, rigid: Array) -> Linear:
@@ -163,9 +163,7 @@ def fit_force(data: PreparedForce, model: Model) -> Fit:
     stiffness = parameter_value(model, STIFFNESS) if model.has(SPRING) else None
     weights = np.repeat(data.usable.astype(np.float64)[:, None], across.shape[1], axis=1)
     weights[data.moving] *= 0.1
-    problem = ForceProblem(
-        data, model, start_values(model), across, sensor, weights, stiffness
-    )
+    problem = ForceProblem(data, model, start_values(model), across, sensor, weights, stiffness)
     vector = _scanned(problem, rigid, delay)
     noise = (1.0, 1.0)
     for _ in range(TUNING.rounds):
@@ -201,7 +199,7 @@ def _rigid(data: PreparedForce, rigid: Array, across: Array) -> tuple[float, Arr
         found, *_ = np.linalg.lstsq(columns, data.force[data.usable], rcond=None)
         left = float(np.linalg.norm(columns @ found - data.force[data.usable]))
         if best is None or left < best[0]:
-            best = left, float(delay), found[: across.shape[1]]
+            best = left, float(delay), np.asarray(found[: across.shape[1]], dtype=np.float64)
     assert best is not None
     if abs(best[1]) > span - 2.0 * step or best[0] > 0.7 * total:
         raise SloshDiscoveryError(
@@ -242,9 +240,13 @@ def _searched(problem: ForceProblem, rigid: Array, vector: Array) -> Array:
     upper = [reach, math.log(TUNING.most_damping / damping), span, 5.0][: problem.size]
     begin = np.clip(vector, np.add(lower, STEP), np.subtract(upper, STEP))
     scale = [0.01, 0.2, 0.005, TUNING.alpha_width][: problem.size]
+
+    def derivative(at: Array, slow: Array) -> Array:
+        return _derivative(problem, at, slow)
+
     found = least_squares(
         problem.residuals, begin, bounds=(lower, upper), x_scale=scale, args=(rigid,),
-        jac=lambda v, r: _derivative(problem, v, r), max_nfev=40, xtol=1e-7, ftol=1e-9,
+        jac=derivative, max_nfev=40, xtol=1e-7, ftol=1e-9,
     )  # fmt: skip
     return np.asarray(found.x, dtype=np.float64)
 

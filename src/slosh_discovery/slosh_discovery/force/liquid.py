@@ -57,7 +57,7 @@ def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array
     for n in range(response.modal.shape[1]):
         shares = [container.mass_ratio(n + 1, axis) / first for axis in (X_AXIS, Y_AXIS)]
         speed += response.modal[:, n, 2:4] * shares
-    force = np.gradient(speed, step, axis=0)
+    force = np.asarray(np.gradient(speed, step, axis=0), dtype=np.float64)
     if not container.cornered:
         force = turned(force, -inputs.yaws)
     return np.column_stack([force, np.zeros(len(force))])

@@ -177,7 +177,7 @@ def _drive(name: str, inputs: Inputs) -> Array:
     drive = inputs.acceleration + up
     if inputs.attitude is not None:
         drive = np.einsum("nij,ni->nj", rotations(inputs.attitude), drive)
-    drive = drive - up
+    drive = np.asarray(drive - up, dtype=np.float64)
     peak = float(np.abs(drive[:, :2]).max())
     if peak < TUNING.least_peak:
         raise SloshDiscoveryError(

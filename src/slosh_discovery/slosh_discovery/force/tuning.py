@@ -11,8 +11,8 @@ from slosh_base.tuning import number
 class ForceTuning:
     """What is assumed about payload, sensor and liquid.
 
-    Chosen on half of the simulated sensors of `validation/studies/force_accuracy.py`, which reports
-    the other half.
+    Chosen on half of the simulated sensors of `validation/studies/force_accuracy.py`, which
+    reports the other half.
     """
 
     # prepared.py

@@ -39,8 +39,8 @@ def identify_force(record: ForceRecord, model: Model) -> ForceIdentification:
     full = liquid_model(model)
     try:
         fit = fit_force(data, full)
-    except SloshDiscoveryError as error:
-        raise SloshDiscoveryError(f"{record.name}: {error}") from None
+    except SloshDiscoveryError as reason:
+        raise SloshDiscoveryError(f"{record.name}: {reason}") from None
     axis = _axis(fit, model)
     share = model.container.mass_ratio(1, axis) / model.container.mass_ratio(1, X_AXIS)
     mass, error = float(fit.linear.values[1]) * share, _error(fit, -1) * share
