@@ -1,5 +1,7 @@
 """The camera node over DDS: heights from raw and compressed images, and a life after bad ones."""
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -14,8 +16,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.measurement import Flag
-from slosh_camera.nodes.camera_node import CameraNode, Complaints
+from slosh_camera.measurement import Flag, Measurement
+from slosh_camera.nodes.camera_node import CameraNode, Complaints, surface_message
 from slosh_camera.nodes.newest_image import FrameGaps
 from slosh_msgs.msg import FreeSurface
 from slosh_msgs_py import images, qos, topics
@@ -142,6 +144,12 @@ def test_a_raw_image_is_measured(make_rig, picture, monkeypatch, encoding, execu
     assert answer.sh_right == pytest.approx(HEIGHT, abs=1e-3)
     assert answer.sh_left == pytest.approx(-HEIGHT, abs=1e-3)
     assert len(answer.profile_height) == len(answer.profile_azimuth) > 100
+
+
+def test_the_distance_to_the_rim_is_told_where_it_is_known():
+    found = Measurement(0, msh=0.012)
+    assert surface_message(found, "container", 0.05).distance_to_rim == pytest.approx(0.038)
+    assert math.isnan(surface_message(found, "container", None).distance_to_rim)
 
 
 def test_a_driver_that_speaks_of_another_lens_is_told(make_rig, picture):

@@ -1,4 +1,4 @@
-"""What the monitor holds against each other, and what comes of it."""
+"""Values that the monitor compares, and the result."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ from slosh_estimator.tuning import TUNING
 
 
 class Condition(IntEnum):
-    """State of the monitor; the values of SloshComparison.msg."""
+    """State of the monitor; the values of SloshComparison.msg.
+
+    >>> Condition.WARN < Condition.ERROR
+    True
+    """
 
     OK = 0
     WARN = 1
@@ -21,7 +25,7 @@ class Condition(IntEnum):
 
 
 class Expected(NamedTuple):
-    """What a sensor is expected to measure.
+    """Expected measurement of a sensor.
 
     Attributes:
         linear, nonlinear: heights as it reads them [m].
@@ -35,7 +39,7 @@ class Expected(NamedTuple):
     wave: complex = complex(math.nan, math.nan)
 
     def towards(self, other: Expected, share: float) -> Expected:
-        """What lies between this and another, at a share of the way in [0, 1]."""
+        """Interpolates towards another value, by a fraction in [0, 1]."""
         return Expected(
             self.linear + share * (other.linear - self.linear),
             self.nonlinear + share * (other.nonlinear - self.nonlinear),
@@ -45,7 +49,7 @@ class Expected(NamedTuple):
 
 
 class EstimatePoint(NamedTuple):
-    """An estimate as the monitor keeps it.
+    """An estimate in the monitor's buffer.
 
     Attributes:
         stamp_ns: [ns].
@@ -69,7 +73,7 @@ class EstimatePoint(NamedTuple):
 
     @property
     def expected(self) -> Expected:
-        """What a measurement of its moment is compared with."""
+        """Returns the expected measurement at this time."""
         linear, nonlinear = self.reading or (self.linear, self.nonlinear)
         wave = complex(
             self.nonlinear * math.cos(self.azimuth), self.nonlinear * math.sin(self.azimuth)
@@ -97,18 +101,18 @@ class MeasuredPoint(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A measurement that waits for its estimate since it arrived [ns]."""
+    """A measurement that waits for its estimate since its arrival [ns]."""
 
     point: MeasuredPoint
     arrival_ns: int
 
     def is_over(self, now_ns: int) -> bool:
-        """Whether it has waited long enough for one who is silent; a clock may be set back."""
+        """Whether the measurement has waited too long, or the clock was set back."""
         return not 0 <= now_ns - self.arrival_ns < TUNING.patience_ns
 
 
 class Comparison(NamedTuple):
-    """Measured against estimated at one moment; the fields of SloshComparison.msg."""
+    """Measured and estimated height at one time; the fields of SloshComparison.msg."""
 
     stamp_ns: int
     measured: float

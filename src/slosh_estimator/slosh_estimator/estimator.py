@@ -1,4 +1,4 @@
-"""The estimator's core: samples in, the linear and the nonlinear model's heights out."""
+"""The estimator's core: computes heights of the linear and nonlinear model from samples."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _UPRIGHT = np.empty((0, POSE_COUNT))
 
 
 class ModelState(NamedTuple):
-    """One model's answer [m, rad, m/s], in the container's axes but for the modal state.
+    """One model's result [m, rad, m/s], in container axes except the modal state.
 
     Attributes:
         msh, azimuth: maximum sloshing height and where it is.
@@ -66,7 +66,7 @@ class ModelState(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Both models' answers to one sample.
+    """Both models' results for one sample.
 
     Attributes:
         sample: the input.
@@ -83,7 +83,7 @@ class Estimate(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Both models' answers to N samples, as columns.
+    """Both models' results for N samples, as columns.
 
     Attributes:
         stamps: (N,) [ns].
@@ -107,12 +107,19 @@ class Estimates(NamedTuple):
 
     @property
     def as_read(self) -> Array:
-        """(N, 2) what a sensor reads of the MSH of L and of NL [m]."""
+        """(N, 2) MSH of L and NL as a sensor measures it [m]."""
         return self.heights[:, :, 0] if self.readings is None else self.readings
 
 
 class Estimator:
-    """Runs a model's L and NL twin side by side.
+    """Runs the L and the NL variant of a model in parallel.
+
+    >>> from slosh_model import Model
+    >>> estimator = Estimator(Model.from_cup(diameter=0.08, fill_height=0.06))
+    >>> estimator.names
+    ('3D-L', '3D-NL')
+    >>> estimator.update(Sample(stamp_ns=0, ax=0.0, ay=0.0, az=0.0, restarted=True)).nonlinear.msh
+    0.0
 
     The container counts as at rest, with still liquid, when the first sample comes. After a gap,
     and after a reset or another model in the middle of a motion, the liquid's state is unknown:
@@ -167,7 +174,7 @@ class Estimator:
         self._settling_ns = round(TUNING.settled / rate * 1e9) if rate > 1e-6 else 2**62
 
     def reset(self) -> None:
-        """Back to rest; the next sample counts as the first.
+        """Resets to rest; the next sample counts as the first.
 
         Where the liquid moves, or is not known to be still, it does not do so from now on because
         the model does: the estimates carry the flag SETTLING until it is known again.
@@ -183,7 +190,7 @@ class Estimator:
         self._at_rest = at_rest
 
     def reading_delay(self, stamp_ns: int) -> float:
-        """By how much the measurement of a moment comes late, by the model [s].
+        """Returns the modelled delay of a measurement at a stamp [s].
 
         A clock that drifts does so from the first sample on, and anew after a reset.
         """
@@ -191,12 +198,12 @@ class Estimator:
         return self._reading_clock.delay(since / 1e9)
 
     def reading_delays(self, stamps: Integers) -> Array:
-        """`reading_delay` of many moments: (N,) [s] of (N,) stamps [ns]."""
+        """Returns the modelled delays (N,) [s] of stamps (N,) [ns]."""
         first = stamps if self._first_ns is None else self._first_ns
         return self._reading_clock.delay(np.maximum(stamps - first, 0) / 1e9)
 
     def state(self) -> EstimatorState | None:
-        """Where it stands; None: before the first sample."""
+        """Returns the complete state; None: before the first sample."""
         if self._last is None or self._first_ns is None:
             return None
         return EstimatorState(
@@ -205,7 +212,7 @@ class Estimator:
         )  # fmt: skip
 
     def take_up(self, state: EstimatorState) -> None:
-        """Goes on from where another estimator with this model stood.
+        """Restores the state of another estimator with this model.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.
@@ -227,7 +234,7 @@ class Estimator:
         self._settled_ns = state.settled_ns
 
     def _is_still(self) -> bool:
-        """Whether the liquid is known to be nearer than STILL to where it would rest now."""
+        """Whether the liquid is known to be within STILL of its rest position."""
         last = self._last
         if last is None:
             return self._at_rest
@@ -252,7 +259,7 @@ class Estimator:
         return self._linear.model.name, self._nonlinear.model.name
 
     def update(self, sample: Sample) -> Estimate:
-        """Takes a sample and returns both models' answers to it."""
+        """Processes a sample and returns both models' results."""
         flags = self._take(sample)
         row: list[float] = self._row.tolist()
         middle = ROW + MODAL * self._modes
@@ -263,7 +270,7 @@ class Estimator:
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
     def update_many(self, samples: Samples) -> Estimates:
-        """Takes N samples; the bits that `update` gives, in a small part of the time."""
+        """Processes N samples; the same results as `update`, but much faster."""
         count = len(samples.stamps)
         batch = _Batch(np.empty((count, len(self._row))), np.zeros(count, dtype=np.int64))
         breaks = np.flatnonzero(samples.restarted).tolist()
@@ -284,7 +291,7 @@ class Estimator:
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
-        """Takes a sample; the answers are in the row afterwards. Returns the flags."""
+        """Processes a sample; stores the results in the row and returns the flags."""
         flags = 0
         last = self._last
         if sample.restarted and last is not None:
@@ -304,7 +311,7 @@ class Estimator:
         return flags | self._limits(sample)
 
     def _take_unbroken(self, batch: _Batch, samples: Samples, start: int, end: int) -> int:
-        """Takes samples that continue the one before; returns the index of the next one."""
+        """Processes consecutive samples without gaps; returns the index of the next one."""
         part = slice(start, end)
         stamps = samples.stamps[part]
         last = stamps[0] if self._last is None else self._last.stamp_ns
@@ -349,7 +356,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Starts anew from rest with the sample that led out of the range; returns the flag."""
+        """Restarts from rest at the sample that left the range; returns the flag."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
@@ -359,7 +366,7 @@ class Estimator:
         return _DIVERGED
 
     def _limits(self, sample: Sample) -> int:
-        """What limits the answers in the row, apart from what has just happened."""
+        """Returns the flags that limit the results, besides new events."""
         flags = int(self._row.item(FLAGS))
         if sample.stamp_ns < self._settled_ns:
             flags |= _SETTLING
@@ -377,7 +384,7 @@ class Estimator:
 
 
 def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
-    """How far the liquid is from another state: the highest wave that may come of it [m]."""
+    """Returns the distance to another state: the highest wave that it may cause [m]."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
     slower = modes["natural_frequency"] * np.minimum(modes["frequency_ratio"], 1.0)
@@ -386,7 +393,7 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
 
 
 class _Batch(NamedTuple):
-    """The places of the answers of `update_many`."""
+    """Storage of the results of `update_many`."""
 
     rows: Array
     flags: Integers

@@ -278,7 +278,7 @@ def test_liquid_above_the_limit_is_waited_for(cell: Cell) -> None:
         cell.until(lambda: time.monotonic() - told_now > 0.2)
         return cell.ask(request(from_estimate=True, time_limit=0.2))
 
-    assert "mm high before the motion begins" in told(0.05).message
+    assert "mm before the motion begins" in told(0.05).message
     assert "the liquid moves: from its state now" in told(0.004).message
     assert told(0.0).success
     cell.probe.destroy_timer(timer)

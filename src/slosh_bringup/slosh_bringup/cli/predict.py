@@ -1,4 +1,4 @@
-"""`slosh predict`: peak heights of candidate motions, and which time scales are safe."""
+"""`slosh predict`: predicts peak heights of candidate motions and safe time scales."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
+from slosh_bringup.cli.rim_option import add_rim_distance, rim_words
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
@@ -55,7 +56,8 @@ and after its end, by the nonlinear model; linear peak: by the linear model. Wit
 keep the limit. safe from: every run that is slower than this multiple of the duration keeps the
 limits.
 
-If model.yaml gives rim_height, the rim limits the height, too: the lower limit applies.
+If model.yaml gives rim_height, the rim limits the height, too, or the distance to it by
+--rim-distance: the lower limit applies.
 
 exit code: 0, 1 where a limit or the rim is exceeded or units or axes look wrong, 2 for wrong
 input"""
@@ -83,6 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
     ):
         parser.add_argument(f"--{name}", type=kind, metavar=unit, help=text)
+    add_rim_distance(parser)
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, default=0.0, metavar="M",
         help="mean absolute error (MAE) of the model, as reported by slosh replay [m] (default 0)",
@@ -116,13 +119,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the answers; 1 beyond a limit or for a doubtful input."""
+    """Predicts, prints and writes the results; 1 above a limit or for a doubtful input."""
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
     model = read_model(arguments.model)
     limits = HeightLimits(
-        *(math.inf if value is None else value for value in (arguments.limit, arguments.residual))
+        *(math.inf if value is None else value for value in (arguments.limit, arguments.residual)),
+        rim_distance=arguments.rim_distance,
     )
     error = ModelError(arguments.sigma, arguments.epsilon)
     motions = read_motions(arguments)
@@ -153,7 +157,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
-    """The motions in the files: of the container, or with --urdf of a robot's joints."""
+    """Reads the motions: of the container, or of a robot's joints with --urdf."""
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     options = table_options(arguments)
@@ -170,7 +174,7 @@ def write_shown(
     found: Sequence[Prediction],
     scales: Sequence[SafeScales | None],
 ) -> None:
-    """Writes the picture and the page where they are asked for."""
+    """Writes the requested picture and page."""
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.
@@ -195,12 +199,12 @@ def write_table(
 
 
 def as_json(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """The answers as a list of objects with COLUMNS and more; what is unknown is null."""
+    """Returns the results as a JSON list of objects; unknown values are null."""
     return json.dumps(plain(list(_facts(found, scales))), indent=1)
 
 
 def as_text(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """The answers as a table for people."""
+    """Formats the results as a table for people."""
     rows = [list(HEADING)]
     for one, scale in zip(found, scales, strict=True):
         answer = one.nonlinear
@@ -229,6 +233,8 @@ def _interval(one: Prediction) -> str:
 
 
 def _remarks(one: Prediction, scale: SafeScales | None) -> Iterator[str]:
+    if not math.isnan(one.distance_to_rim):
+        yield rim_words(one.distance_to_rim).removeprefix(", ")
     if one.excess > 0.0:
         yield f"{1e3 * one.excess:.1f} mm above the {one.limits.height_name}"
     if one.residual_excess > 0.0:
@@ -263,6 +269,7 @@ def _facts(
             "excess": one.excess,
             "height_limit": one.limits.height,
             "limited_by": one.limits.height_name,
+            "distance_to_rim": one.distance_to_rim,
             "residual_excess": one.residual_excess,
             "kept": one.kept,
             "flags": int(one.flags),

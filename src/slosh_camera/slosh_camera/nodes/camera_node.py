@@ -1,7 +1,8 @@
-"""The camera node: images in, free-surface heights out."""
+"""The camera node: from images to free-surface heights."""
 
 from __future__ import annotations
 
+import math
 import statistics
 import sys
 import time
@@ -62,7 +63,7 @@ _MOST = 5
 
 
 class CameraNode(PreparedNode):
-    """Decodes, calls the core, publishes. Of the images that wait, only the newest counts.
+    """Decodes images, calls the core and publishes; of waiting images only the newest is used.
 
     Args:
         later: it gets ready by `run_node`.
@@ -73,6 +74,7 @@ class CameraNode(PreparedNode):
         self._given = given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
         self._calibration = read_any_calibration(given["calibration"])
+        self._rim = self._calibration.view.container.rim_level
         self._is_raw = given["transport"] == "raw"
         self._image = topics.IMAGE if self._is_raw else topics.IMAGE_COMPRESSED
         settings = SettingsPublisher(
@@ -100,7 +102,7 @@ class CameraNode(PreparedNode):
             self.get_logger().warning(f"still image: {self._detector.doubt}")
 
     def begin(self) -> None:
-        """Listens from now on."""
+        """Subscribes to the images."""
         kind, use = (Image, self._on_image)
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
@@ -148,7 +150,7 @@ class CameraNode(PreparedNode):
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
         self._levels.add(measurement)
-        self._publisher.publish(surface_message(measurement, self._frame))
+        self._publisher.publish(surface_message(measurement, self._frame, self._rim))
         self._report.counts["measurement"] += 1
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
 
@@ -195,8 +197,8 @@ class CameraNode(PreparedNode):
         }
 
 
-def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
-    """The message of a measurement."""
+def surface_message(measurement: Measurement, frame: str, rim: float | None) -> FreeSurface:
+    """The message of a measurement; `rim`: height above the still level [m]; None: unknown."""
     return filled(
         FreeSurface,
         stamp_ns=measurement.stamp_ns,
@@ -211,6 +213,7 @@ def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
         sh_right=measurement.sh_right,
         azimuth_left=measurement.azimuth_left,
         azimuth_right=measurement.azimuth_right,
+        distance_to_rim=(math.nan if rim is None else rim) - measurement.msh,
         slope_angle=measurement.slope_angle,
         profile_azimuth=measurement.profile_azimuth,
         profile_height=measurement.profile_height,
@@ -222,7 +225,7 @@ def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
 
 
 class Complaints:
-    """Tells each complaint once in a period, and no more than a few different ones.
+    """Logs each complaint once per period, and only a few different ones.
 
     Args:
         tell: takes a line.
@@ -235,7 +238,7 @@ class Complaints:
         self.last = ""
 
     def add(self, complaint: str, now_ns: int) -> None:
-        """Tells a complaint, unless it has just been told.
+        """Logs a complaint, unless it was logged recently.
 
         Args:
             complaint: one line.
@@ -250,18 +253,18 @@ class Complaints:
 
 
 class LevelChanges:
-    """The changes that the images between two reports show."""
+    """Level changes detected between two reports."""
 
     def __init__(self) -> None:
         self._changes: list[tuple[float, float]] = []
 
     def add(self, measurement: Measurement) -> None:
-        """Take note of one measurement."""
+        """Adds one measurement."""
         if Flag.LEVEL_CHANGED in measurement.flags:
             self._changes.append((measurement.level_change, measurement.level_change_stddev))
 
     def report(self, images: int) -> str:
-        """One line, empty where fewer than half of the images show a change; starts anew.
+        """Returns one line, empty if fewer than half of the images show a change; resets.
 
         Args:
             images: how many there were since the last report.

@@ -1,4 +1,4 @@
-"""The estimator node: acceleration in, sloshing height out, at the input's rate."""
+"""The estimator node: computes sloshing heights from acceleration, at the input's rate."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.observer_output import ObserverOutput
 from slosh_estimator.nodes.requested_model import requested_model
+from slosh_estimator.nodes.second_source import AUTO, CHOICES, SecondSource
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.readings import has_readings
 from slosh_estimator.robot import Robot, read_urdf
@@ -57,11 +58,12 @@ LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
+_CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("input", "accel", "input that drives the models", choices=tuple(MESSAGE_TYPES)),
+    ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
@@ -105,6 +107,10 @@ PARAMETERS = (
         "check_input", True, "check gravity, units and attitude of the input"
     ),
     ParameterSpec(
+        "second_source", AUTO, "motion or sensor with which the input is compared: axes, signs, "
+        "units; auto: the first that is published", choices=CHOICES,
+    ),
+    ParameterSpec(
         "pose_window", POSE_WINDOW,
         "length of the window in which poses are differentiated [s]; estimates are delayed by "
         "half of it; 0.0: the longest window that preserves the model's modes", (0.0, 2.0),
@@ -126,7 +132,7 @@ DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class EstimatorNode(PreparedNode):
-    """Converts, calls the core, publishes.
+    """Converts messages, calls the core and publishes.
 
     Args:
         later: it gets ready by `run_node`.
@@ -156,16 +162,18 @@ class EstimatorNode(PreparedNode):
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
         self._states = StatePublisher(self, values["container_frame"])
-        self._flags = self._contested = 0
+        self._flags = self._contested = self._contradicted = 0
         self._observed: ObserverOutput | None = None
         self._described, self._urdf, self._patient = Event(), "", later
         if self._kind == JOINTS:
             self._ask_for_the_robot()
+        elif values["urdf"]:  # for the second source
+            self._urdf = read_urdf(values["urdf"])
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the models' kernel and what reads the input, and checks them."""
+        """Compiles or loads the kernels of models and inputs, and checks them."""
         load_telling(progress, "slosh_estimator.estimate_kernel")
         if self._values["observer"]:
             load_telling(progress, "slosh_estimator.observer.observer_kernel")
@@ -203,13 +211,13 @@ class EstimatorNode(PreparedNode):
         self._robot(topic)
 
     def _robot(self, name: str) -> Robot:
-        """Refuses a description that does not fit."""
+        """Makes the robot; refuses a description that does not fit."""
         values = self._values
         tool = values["tool_frame"] or values["container_frame"]
         return Robot(self._urdf, tool, values["world_frame"], name)
 
     def _felt(self, model: Model) -> Model:
-        """The model that runs: poses tell the attitude, so that gravity is felt in it."""
+        """Returns the model that runs; with poses it includes gravity by tilt."""
         felt = model.feeling_gravity() if self._kind in WINDOWED else model
         self._added = "" if felt is model else ADDED
         if self._added:
@@ -217,7 +225,7 @@ class EstimatorNode(PreparedNode):
         return felt
 
     def begin(self) -> None:
-        """Listens from now on."""
+        """Subscribes to the input."""
         self._set_names()
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
@@ -238,10 +246,16 @@ class EstimatorNode(PreparedNode):
         name = TOPIC_NAMES[self._kind]
         self._input_health = InputHealth(self, name, MESSAGE_TYPES[self._kind])
         how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
-        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
+        self._second = SecondSource(
+            self, self._kind, self._values["second_source"],
+            lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
+        )  # fmt: skip
+        self._heard = HeardInput(
+            self, self._kind, how, self._now, self._answer, self._mount, self._second.told
+        )
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Takes what fixed transforms say of the mounting; nothing was used before."""
+        """Applies the mounting from fixed transforms, before any sample is used."""
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
@@ -257,6 +271,7 @@ class EstimatorNode(PreparedNode):
 
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
+        self._second.follow(input_ns, *samples)
         for sample in samples:
             if sample is not None:
                 self._estimate(input_ns, sample, last=sample is samples[-1])
@@ -265,12 +280,12 @@ class EstimatorNode(PreparedNode):
         estimate = self._estimator.update(sample)
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
-        flags = estimate.flags | self._contested
+        flags = estimate.flags | self._contested | self._contradicted
         if self._heard.contested:
             flags |= _CONTESTED
         self._flags |= flags
         gate = self._input.gate
-        fill(self._message, estimate)
+        fill(self._message, estimate, self._wall)
         self._message.flags = flags
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
@@ -316,14 +331,14 @@ class EstimatorNode(PreparedNode):
             self._observed.load(self._estimator.model)
 
     def _announce_start(self) -> None:
-        """Tells what the models work with from the next sample on, starting from rest."""
+        """Publishes the settings that the models use from the next sample on, from rest."""
         files = {"model": format_model(self._estimator.model)}
         if self._urdf:
             files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
-        """Judges the inputs by other limits from the next one on."""
+        """Applies changed limits to the next inputs."""
         if self._observed is not None:
             self._observed.set_tolerance(self._values["calm_tolerance"])
         if self.readiness.state == READY:
@@ -335,6 +350,7 @@ class EstimatorNode(PreparedNode):
         linear, nonlinear = self._estimator.names
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
+        self._wall = self._estimator.model.container.wall
         self._unfelt = attitude_warning(self._estimator.model, self._kind)
 
     def _health(self) -> Health:
@@ -342,14 +358,17 @@ class EstimatorNode(PreparedNode):
         faults = self._input_health.faults(self._input)
         rivals = self._heard.rivals()
         self._contested = _CONTESTED if self._heard.rivalled else 0
+        wrong_input, second = self._second.look()
+        self._contradicted = _CONTRADICTED if wrong_input else 0
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
+        wrong = wrong or wrong_input
         warning = rivals or self._heard.trouble() or wrong or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        unfelt = self._unfelt or self._input.sampling.sentence()
+        unfelt = self._unfelt or self._input.sampling.sentence() or second
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
@@ -357,7 +376,8 @@ class EstimatorNode(PreparedNode):
             return fault
         flags, self._flags = self._flags, 0
         if flags & ~EstimateFlag.LINEAR_ONLY:  # that one is the container's shape, no trouble
-            return WARN, f"validity flags {flags:#x}"
+            names = (flag.name or "" for flag in EstimateFlag if flag & flags)
+            return WARN, f"validity flags {flags:#x}: {', '.join(names)}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
 
     def _facts(self) -> dict[str, Any]:
@@ -369,6 +389,7 @@ class EstimatorNode(PreparedNode):
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
             **self._heard.facts(),
+            **self._second.facts(),
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),

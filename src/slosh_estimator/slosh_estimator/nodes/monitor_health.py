@@ -1,4 +1,4 @@
-"""What the monitor says of itself in the diagnostics."""
+"""Diagnostics of the monitor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _INPUTS = {
 
 
 class MonitorHealth:
-    """Judges the monitor once a second.
+    """Evaluates the monitor once a second.
 
     Args:
         node: the node.
@@ -38,7 +38,7 @@ class MonitorHealth:
         self._measured = self._unmatched = 0
 
     def look(self, now_ns: int, measured: int) -> Health:
-        """Level and sentence; the worst that is to be said.
+        """Returns level and sentence of the worst finding.
 
         Args:
             now_ns: the monitor's time [ns].
@@ -49,7 +49,7 @@ class MonitorHealth:
         return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
 
     def facts(self, counts: Mapping[str, int]) -> dict[str, str]:
-        """What others may hear, and the monitor does not.
+        """Returns facts about messages that others receive but the monitor does not.
 
         Args:
             counts: messages so far, by topic.
@@ -99,7 +99,7 @@ class MonitorHealth:
         return mismatch or (OK, f"{condition.name}{alone}")
 
     def _mismatch(self, measured: int) -> Health | None:
-        """Where many measurements since the last look have found no estimate of their moment."""
+        """Reports many measurements without a matching estimate since the last call."""
         unmatched = self._core.unmatched
         came, self._measured = measured - self._measured, measured
         failed, self._unmatched = unmatched - self._unmatched, unmatched

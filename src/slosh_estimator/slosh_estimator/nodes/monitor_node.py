@@ -1,4 +1,4 @@
-"""The monitor node: compares the camera with the models and flags what exceeds limits."""
+"""The monitor node: compares the camera with the models and reports limit violations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
-from slosh_estimator.monitor_settings import RIM, MonitorSettings
+from slosh_estimator.monitor_settings import RIM, RIM_DISTANCE, MonitorSettings
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_estimator.readings import Reading, ReadingJoiner
@@ -40,7 +40,7 @@ from slosh_msgs.msg import (
 )
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
-from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
@@ -54,6 +54,10 @@ PARAMETERS = (
     _dynamic("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
     _dynamic("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
     _dynamic("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
+    _dynamic(
+        "rim_distance", _DEFAULT.rim_distance,
+        "least distance of the liquid to the rim [m]; 0.0: the rim itself", (0.0, 10.0),
+    ),
     _dynamic(
         "warn_share", _DEFAULT.warn_share, "share of a limit above which the state is WARN",
         (0.01, 1.0),
@@ -76,7 +80,7 @@ DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class MonitorNode(GuardedNode):
-    """Converts, calls the core, publishes."""
+    """Converts messages, calls the core and publishes."""
 
     def __init__(self) -> None:
         super().__init__("monitor")
@@ -87,6 +91,8 @@ class MonitorNode(GuardedNode):
         heard = (topics.ESTIMATE, topics.FREE_SURFACE) if given["camera"] else (topics.ESTIMATE,)
         names = (*heard, topics.COMPARISON, topics.LIMIT_EVENT)
         self._rim: dict[str, float] = {}
+        self._model: Model | None = None
+        self._complaint = ""
         known = ChainMap(self._rim, given)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), known, names
@@ -117,18 +123,31 @@ class MonitorNode(GuardedNode):
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
+        if RIM_DISTANCE in changed:
+            changed = (*changed, *self._moved_rim())
         wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
         self._settings.publish_change(changed, self._core.change_settings(wanted))
 
+    def _moved_rim(self) -> tuple[str, ...]:
+        """Takes the height that the model's rim allows; its name where it is another one now."""
+        if self._model is None:
+            return ()
+        settings = MonitorSettings.from_parameters(self._given)
+        rim, self._complaint = settings.near_rim(self._model)
+        if self._rim.get(RIM) == rim or not (self._rim or math.isfinite(rim)):
+            return ()
+        self._rim[RIM] = rim
+        return (RIM,)
+
     def _on_settings(self, message: NodeSettings) -> None:
-        """The estimator tells its model, and by that where the rim is."""
+        """Takes the rim from the model in the estimator's settings."""
         model = announced_model(message)
         if model is None:
             return
-        wanted = self._core.settings.under_rim(model)
-        if self._rim.get(RIM) != wanted.rim and (self._rim or math.isfinite(wanted.rim)):
-            self._rim[RIM] = wanted.rim
-            self._on_change((RIM,))
+        self._model = model
+        changed = self._moved_rim()
+        if changed:
+            self._on_change(changed)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.counts["estimate"] += 1
@@ -179,7 +198,7 @@ class MonitorNode(GuardedNode):
                 self.get_logger().warning(motion.sentence)
 
     def _arrival(self) -> int:
-        """When something comes: elapsed time, with use_sim_time the simulated one.
+        """Returns the arrival time: steady clock, or simulated time with use_sim_time.
 
         By that a slow simulation is no more silent than a fast one.
         """
@@ -208,7 +227,8 @@ class MonitorNode(GuardedNode):
         return response
 
     def _health(self) -> Health:
-        return self._judge.look(self._arrival(), self._measured)
+        level, text = self._judge.look(self._arrival(), self._measured)
+        return (ERROR, f"{self._complaint}; {text}") if self._complaint else (level, text)
 
     def _facts(self) -> dict[str, Any]:
         core = self._core
@@ -231,7 +251,7 @@ class MonitorNode(GuardedNode):
 
 
 def event_message(event: Event, frame: str) -> LimitEvent:
-    """The message of an event."""
+    """Makes the message of an event."""
     return filled(
         LimitEvent,
         stamp_ns=event.stamp_ns,
@@ -248,7 +268,7 @@ def event_message(event: Event, frame: str) -> LimitEvent:
 
 
 def announced_model(message: NodeSettings) -> Model | None:
-    """What an estimator's announcement says that it runs.
+    """Returns the model in an estimator's settings message.
 
     None: it is another node's, or a stranger's that cannot be read.
     """
@@ -262,7 +282,7 @@ def announced_model(message: NodeSettings) -> Model | None:
 
 
 class PredictionWatch:
-    """Takes a node's predictions and motions, publishes outcomes.
+    """Compares a node's predictions with motions, and publishes the outcomes.
 
     Args:
         node: the node.
@@ -280,11 +300,11 @@ class PredictionWatch:
         )
 
     def reset(self) -> None:
-        """Starts the record anew."""
+        """Resets the record."""
         self._record.reset()
 
     def judge(self, motion: MotionAgreement) -> None:
-        """Takes a motion that has ended; publishes what became of its prediction."""
+        """Processes a finished motion; publishes the outcome of its prediction."""
         outcome = self._record.judge(motion)
         if outcome is None:
             return
@@ -293,7 +313,7 @@ class PredictionWatch:
         self._node.get_logger().info(f"planned motion {outcome.id}: {outcome.description}")
 
     def facts(self) -> dict[str, Any]:
-        """For the diagnostics."""
+        """Returns facts for the diagnostics."""
         record, last = self._record, self._record.last
         if last is None:
             return {"predictions": 0}

@@ -1,4 +1,4 @@
-"""Watches `planned_trajectory` and tells, before the robot moves, what the liquid will do."""
+"""Predicts the liquid's response to each message of `planned_trajectory`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NAME = "the planned motion"
 
 
 class PlannedMotions:
-    """Takes a node's planned trajectories, publishes predictions.
+    """Receives planned trajectories and publishes predictions.
 
     Args:
         node: the node.
@@ -69,7 +69,7 @@ class PlannedMotions:
         )  # fmt: skip
 
     def health(self) -> Health | None:
-        """A warning of a motion that is not over yet; None: there is none."""
+        """Returns a warning about a motion that is not over; None: none."""
         last = self._last
         if last is None or last.state == MotionPrediction.KEPT:
             return None
@@ -86,7 +86,7 @@ class PlannedMotions:
         if not record.possible:
             self._node.get_logger().warning(
                 f"a prediction_outcome with sigma {record.sigma:g} m and epsilon "
-                f"{record.epsilon:g} is not used: these cannot be"
+                f"{record.epsilon:g} is not used: the values are invalid"
             )
             return
         self._record = record
@@ -140,7 +140,7 @@ class PlannedMotions:
         return self._message(found, now, start_ns, state is not None, whence)
 
     def _state(self) -> tuple[LiquidState | None, str]:
-        """The liquid's state, and why it is taken to be at rest where it is."""
+        """Returns the liquid's state, and why it is assumed to be at rest if so."""
         try:
             return self._estimate.state(), ""
         except SloshEstimatorError as error:
@@ -171,5 +171,6 @@ class PlannedMotions:
             excess=found.excess,
             residual_excess=found.residual_excess,
             flags=int(found.flags),
+            distance_to_rim=found.distance_to_rim,
             description=said + whence,
         )

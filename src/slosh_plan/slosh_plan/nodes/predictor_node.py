@@ -1,4 +1,4 @@
-"""The predictor node: answers, before the robot moves, how high the liquid will rise."""
+"""The predictor node: predicts how high the liquid rises before the robot moves."""
 
 from __future__ import annotations
 
@@ -36,13 +36,18 @@ MOST_SAMPLES = 10_000_000
 """Of all time scales of a request: about a second, in which nothing else is answered."""
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
+    ParameterSpec("scales", COUNT, "number of time scales tested per request", (10, 10_000)),
     ParameterSpec(
         "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0),
         read_only=False,
     ),
     ParameterSpec(
         "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
+        read_only=False,
+    ),
+    ParameterSpec(
+        "rim_distance", 0.0,
+        "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
         read_only=False,
     ),
     ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
@@ -53,7 +58,7 @@ LIMITS = ("limit", "residual_limit")
 
 
 class PredictorNode(PreparedNode):
-    """Converts, calls the core, answers; tells of planned motions by itself.
+    """Converts messages, calls the core and answers; predicts planned motions unasked.
 
     Args:
         later: it gets ready by `run_node`.
@@ -74,12 +79,12 @@ class PredictorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels, one motion and many at once."""
+        """Compiles or loads the kernels for one and for many motions."""
         for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Answers from now on."""
+        """Starts answering."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
         self._planned = PlannedMotions(
@@ -91,7 +96,8 @@ class PredictorNode(PreparedNode):
         self.create_service(service, topics.PREDICT, self._on_predict)
 
     def _limits(self) -> HeightLimits:
-        return HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
+        heights = (self._values[name] or math.inf for name in LIMITS)
+        return HeightLimits(*heights, rim_distance=self._values["rim_distance"])
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
         if self.readiness.state == READY:

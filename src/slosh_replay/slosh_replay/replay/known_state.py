@@ -1,4 +1,4 @@
-"""Over which inputs of a recording the liquid's state is known, and what makes it known again.
+"""Tracks over which inputs of a recording the liquid's state is known.
 
 It is known from a start of the estimator on, until the estimator used an input that the recording
 lacks: then its counter went on by more than the inputs that are there. A recording that begins in
@@ -24,7 +24,7 @@ _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one in
 
 
 class Course(NamedTuple):
-    """What the next inputs say of the state.
+    """Changes of the known state over the next inputs.
 
     Attributes:
         unknown: whether it is not known at the first of them, with which the replay begins.
@@ -36,7 +36,7 @@ class Course(NamedTuple):
 
 
 class _Event(NamedTuple):
-    """At the input of a place the state is lost, or known by a start or a recorded state."""
+    """Change at an input: the state is lost, or known by a start or a recorded state."""
 
     place: int
     kind: int
@@ -45,17 +45,19 @@ class _Event(NamedTuple):
 
 
 class KnownState:
-    """Follows the inputs of a recording, and the states of its estimator that it may hold.
+    """Follows the inputs of a recording, and its recorded states.
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.
+        losses: receives the stamps after which the state is unknown [ns].
 
     Attributes:
         breaks: how often the counter went on by another number than that of the inputs.
     """
 
-    def __init__(self, verifier: Verifier | None) -> None:
+    def __init__(self, verifier: Verifier | None, losses: list[int] | None = None) -> None:
         self._verifier = verifier
+        self._losses = losses
         self._states: list[RecordedState] = []
         self._known = True
         self.breaks = 0
@@ -65,11 +67,11 @@ class KnownState:
         self._lag_ns = 0  # by which estimates lie behind the inputs that they are made of
 
     def add(self, states: Sequence[RecordedState]) -> None:
-        """Takes recorded states, in the order of the recording."""
+        """Adds recorded states in the order of the recording."""
         self._states += states
 
     def follow(self, stamps: Integers, decision: Decision) -> Course:
-        """Takes what was decided on the next inputs.
+        """Processes the decision about the next inputs.
 
         Args:
             stamps: (N,) of at least the inputs that were decided upon [ns].
@@ -101,7 +103,7 @@ class KnownState:
         return course
 
     def _counts(self, decision: Decision, at: Sequence[tuple[int, RecordedState]]) -> Integers:
-        """(N,) the counter at each input, 0 where it is not known."""
+        """Returns the counter (N,) at each input, 0 where unknown."""
         if decision.counts is not None:
             return decision.counts
         counts = np.zeros(decision.reached, dtype=np.int64)
@@ -110,7 +112,7 @@ class KnownState:
         return counts
 
     def _breaks(self, stamps: Integers, decision: Decision, counts: Integers) -> list[_Event]:
-        """Where the counter does not agree with the inputs, and where it begins anew."""
+        """Returns where the counter disagrees with the inputs, and where it restarts."""
         total = np.concatenate(([0], np.cumsum(decision.used)))  # used before each input
         rows = np.flatnonzero((counts > 0) & decision.used)
         before = np.concatenate(([-self._since], total[rows + 1]))
@@ -133,6 +135,8 @@ class KnownState:
     def _lose(self, after_ns: int) -> None:
         if self._known and self._verifier is not None:
             self._verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        if self._losses is not None:
+            self._losses.append(after_ns)
         self._known = False
 
     def _find(self, until_ns: int) -> None:

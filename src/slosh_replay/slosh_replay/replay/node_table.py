@@ -1,4 +1,4 @@
-"""The table of the nodes that a replay runs."""
+"""The table of the nodes in a replay."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
 from slosh_replay.replay.replayed_observer import FIELDS, SURFACES, ReplayedObserver
 from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
 
-_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
 def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
-    """The nodes, each below those whose topics it reads; a further node is a further row.
+    """Returns the nodes, each after those whose topics it reads.
 
     Args:
         modes: of the recorded estimates.
@@ -30,7 +30,7 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
         ReplayedNode(
             "estimator",
             ReplayedEstimator,
-            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_alone),),
         ),
         ReplayedNode(
             "observer",
@@ -57,12 +57,12 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
     )
 
 
-def _uncontested(estimates: Messages) -> Messages:
-    """Estimates without the flag of a second publisher: that is in no recording."""
+def _alone(estimates: Messages) -> Messages:
+    """Clears the flags of a second publisher or source, which a recording cannot reproduce."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
 
 
 def _seen(comparisons: Messages) -> Messages:
-    """Comparisons without those of a silent camera: they follow the monitor's own clock."""
+    """Removes comparisons of a silent camera, which depend on the monitor's clock."""
     return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))

@@ -1,4 +1,4 @@
-"""The estimator's core in a replay: its inputs, restarts, models and recorded states."""
+"""The estimator's core in a replay: inputs, restarts, models and recorded states."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _AXES = ("ax", "ay", "az")
 
 
 class ReplayedEstimator:
-    """Turns inputs into estimates as soon as it is decided which of them the live node used.
+    """Estimates from inputs, once it is decided which of them the live node used.
 
     Args:
         setting: of the replay.
@@ -53,22 +53,22 @@ class ReplayedEstimator:
         self._samples: list[Messages] = []
         setting.loaded.append(setting.model)
         setting.reader.carry(modes_of(setting.model))
-        setting.outputs.begin(self.models.own_names)
+        setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     @property
     def longest_gap_ns(self) -> int:
-        """That is ever integrated across [ns]."""
+        """Longest gap that is ever integrated across [ns]."""
         later = [self._input_settings(c) for c in self.setting.changes if c.changed]
         gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
         return max([self.setting.reader.max_gap_ns, *gaps])
 
     @property
     def waiting_ns(self) -> int | None:
-        """Stamp of the first input that is not decided yet [ns]; None: all are."""
+        """Stamp of the first undecided input [ns]; None: none."""
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes inputs; returns the estimates that follow from them."""
+        """Adds inputs; returns the estimates that follow from them."""
         taken = moment.messages.get(self.setting.reader.kind)
         if taken is not None and len(taken.stamps):
             self._inputs.append(taken)
@@ -78,12 +78,12 @@ class ReplayedEstimator:
         return {ESTIMATE: given, SAMPLES: samples} if len(given.stamps) else {}
 
     def take_heights(self) -> list[ModelHeights]:
-        """Heights of all models since the last call."""
+        """Returns the heights of all models since the last call."""
         heights, self._heights = self._heights, []
         return heights
 
     def _estimate(self, final: bool) -> None:
-        """Decided inputs become estimates."""
+        """Computes estimates from decided inputs."""
         if not self._inputs:
             return
         inputs = joined_messages(self._inputs)
@@ -107,7 +107,7 @@ class ReplayedEstimator:
     def _due(
         self, stamps: Integers, restarts: Sequence[int]
     ) -> list[tuple[int, Callable[[], None]]]:
-        """New processes, models and parameters that fall among the inputs with these stamps.
+        """Returns restarts, model and parameter changes at inputs with these stamps.
 
         Args:
             stamps: (N,) [ns].
@@ -134,7 +134,7 @@ class ReplayedEstimator:
     def _known_again(
         self, stamps: Integers, decision: Decision
     ) -> list[tuple[int, Callable[[], None]]]:
-        """Recorded states that are taken up among the inputs with these stamps."""
+        """Returns recorded states to restore at inputs with these stamps."""
         if self.setting.counter is not None:
             self.setting.counter.follow(stamps, decision)
         if self.setting.known is None:
@@ -157,7 +157,7 @@ class ReplayedEstimator:
         self.models.load_model(model)
         self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
-        self.setting.outputs.begin(self.models.own_names)
+        self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _change(self, change: NodeStart) -> None:
         settings = self._input_settings(change)
@@ -165,13 +165,13 @@ class ReplayedEstimator:
             self.setting.reader.change(settings)
 
     def _input_settings(self, start: NodeStart) -> InputSettings | None:
-        """How the node reads its input from then on; None: the replay does not follow it."""
+        """Returns the node's new input settings; None: the replay ignores them."""
         if not self.setting.follows_input or "input" not in start.parameters:
             return None
         return settings_of_start(start)
 
     def _restart(self, start: NodeStart | None = None) -> None:
-        """The node's process was a new one from here on; None: what it tells is not known."""
+        """Restarts as the node's process did; None: its settings are unknown."""
         if start is None:
             self.setting.reader.restart()
             self.setting.loaded.append(self.setting.loaded[-1])
