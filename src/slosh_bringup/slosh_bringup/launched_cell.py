@@ -41,7 +41,7 @@ from slosh_bringup.processes import (
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.inputs import JOINTS
-from slosh_model.model_text import read_model
+from slosh_model.tray import read_tray
 from slosh_msgs_py.topics import DRIVING
 
 SETTLED = 60.0
@@ -183,7 +183,7 @@ class LaunchedCell:
             namespace=namespace,
             remap=read_remap(source, namespace, source.value["remap"]),
         )
-        read_model(setup.model)
+        read_tray(setup.model)
         if "camera" not in self._absent:
             read_any_calibration(calibration)
         check_parameter_file(setup.parameters, namespace)

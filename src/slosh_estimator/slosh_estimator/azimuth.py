@@ -75,6 +75,11 @@ class Surfaces(NamedTuple):
     slope_angle: Array
     flags: NDArray[np.int64]
 
+    @property
+    def levels(self) -> Array:
+        """(N,) mean height at the left and right edge [m]."""
+        return 0.5 * (np.asarray(self.sh_left) + np.asarray(self.sh_right))
+
 
 def measured_waves(surfaces: Surfaces) -> tuple[Waves, Array]:
     """Returns the waves that a camera has measured, as vectors.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -60,6 +61,7 @@ class EstimatePoint(NamedTuple):
             None: the heights themselves.
         delay_ns: by how much a measurement comes late [ns].
         azimuth: of the nonlinear height [rad]; NaN: unknown.
+        tray: nonlinear height of each container of a tray [m]; empty: there is none.
     """
 
     stamp_ns: int
@@ -70,6 +72,7 @@ class EstimatePoint(NamedTuple):
     reading: tuple[float, float] | None = None
     delay_ns: int = 0
     azimuth: float = math.nan
+    tray: Sequence[float] = ()
 
     @property
     def expected(self) -> Expected:
@@ -90,6 +93,7 @@ class MeasuredPoint(NamedTuple):
         flags: of FreeSurface.msg.
         wave: the wave as a vector [m], and
         axis: the image plane's right, of side views [rad]; see `azimuth.measured_waves`.
+        level: mean height at the left and right edge [m]; NaN: unknown.
     """
 
     stamp_ns: int
@@ -98,6 +102,7 @@ class MeasuredPoint(NamedTuple):
     flags: int = 0
     wave: complex = complex(math.nan, math.nan)
     axis: float = math.nan
+    level: float = math.nan
 
 
 class Waiting(NamedTuple):

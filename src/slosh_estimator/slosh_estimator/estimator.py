@@ -29,6 +29,7 @@ from slosh_estimator.self_test import check_model
 from slosh_estimator.state import EstimatorState
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, validity_limits
+from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
 from slosh_model.indices import POSE_COUNT
@@ -43,6 +44,10 @@ _DIVERGED = int(EstimateFlag.DIVERGED)
 _DOUBTFUL = int(EstimateFlag.INPUT_DOUBTFUL)
 _TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
 _LONG_AGO = -(2**62)
+_NO_CONTAINER = int(EstimateFlag.NO_CONTAINER)
+_OF_THE_INPUT = int(
+    EstimateFlag.INPUT_DOUBTFUL | EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_TOO_SLOW
+)
 _UPRIGHT = np.empty((0, POSE_COUNT))
 
 
@@ -133,22 +138,31 @@ class Estimator:
     Attributes:
         model: that runs.
         divergences: how often a model left the physical range.
+        empty: whether there is no container: the answers are NaN and carry NO_CONTAINER.
     """
 
     def __init__(self, model: Model, *, at_rest: bool = True) -> None:
         self.divergences = 0
+        self.empty = False
         self._load(model)
         self._start(at_rest=at_rest)
 
-    def load_model(self, model: Model) -> None:
+    def load_model(self, model: Model, *, fresh: bool = False, empty: bool = False) -> None:
         """Replaces the model; it starts from rest with the next sample, as after `reset`.
+
+        Args:
+            model: the new one.
+            fresh: whether other liquid comes with it, which is still where the container does not
+                accelerate, whatever the liquid before it did.
+            empty: whether there is no container from now on.
 
         Raises:
             SloshModelError: the compiled code does not do what the model's equations say.
         """
-        at_rest = self._is_still()
+        at_rest = self._is_unmoved() if fresh else self._is_still()
         self._load(model)
         self._start(at_rest=at_rest)
+        self.empty = empty
 
     def _load(self, model: Model) -> None:
         check_model(model)
@@ -233,6 +247,14 @@ class Estimator:
         self._last, self._first_ns = state.sample, state.first_ns
         self._settled_ns = state.settled_ns
 
+    def _is_unmoved(self) -> bool:
+        """Whether the container's acceleration lifts no liquid by more than STILL."""
+        last = self._last
+        if last is None:
+            return self._at_rest
+        reach = max(self.model.container.reaches)
+        return math.hypot(last.ax, last.ay) * reach / GRAVITY < TUNING.still
+
     def _is_still(self) -> bool:
         """Whether the liquid is known to be within STILL of its rest position."""
         last = self._last
@@ -261,6 +283,9 @@ class Estimator:
     def update(self, sample: Sample) -> Estimate:
         """Processes a sample and returns both models' results."""
         flags = self._take(sample)
+        if self.empty:
+            flags = flags & _OF_THE_INPUT | _NO_CONTAINER
+            self._row[:JERK] = self._row[READINGS:] = math.nan
         row: list[float] = self._row.tolist()
         middle = ROW + MODAL * self._modes
         msh, azimuth, sh_x, sh_y = row[:ANSWERS]
@@ -283,6 +308,9 @@ class Estimator:
                 following = bisect_right(breaks, at)
                 end = breaks[following] if following < len(breaks) else count
                 at = self._take_unbroken(batch, samples, at, end)
+        if self.empty:
+            batch.flags[:] = batch.flags & _OF_THE_INPUT | _NO_CONTAINER
+            batch.rows[:, :JERK] = batch.rows[:, READINGS:] = math.nan
         heights = batch.rows[:, :JERK].reshape(-1, 2, ANSWERS)
         modal = batch.rows[:, ROW:].reshape(count, 2, self._modes, MODAL)
         return Estimates(

@@ -22,6 +22,7 @@ from slosh_estimator.comparison import (
     MeasuredPoint,
     Waiting,
 )
+from slosh_estimator.level_watch import LevelWatch
 from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.repeated_heights import RepeatedHeights
@@ -37,15 +38,18 @@ from slosh_estimator.sight import (
     obstacle,
 )
 from slosh_estimator.stray_heights import StrayHeights
+from slosh_estimator.tray_watch import TrayWatch
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import RunningAccuracy
+from slosh_model.tray import Tray
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
 _NEVER = 2**63
 _TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
+_NO_CONTAINER = int(EstimateFlag.NO_CONTAINER)
 HEARTBEAT = 3
 """After so many looks at the clock without a comparison one says what holds."""
 
@@ -70,7 +74,12 @@ class Monitor:
     Without a camera, by its settings, the estimate alone is watched, and each look at the clock
     gives a comparison of it with nothing.
 
+    While the estimates say that the gripper is empty nothing is watched, and nothing is missed.
+
     Attributes:
+        tray: the limits of a tray's containers, of the first of which the estimates are; None:
+            there is none.
+        level: whether the camera sees the level that the fill height tells.
         motions: how well motion by motion agrees, where the estimates' acceleration is known.
         obstruction: why nothing that comes can be believed, as the user of this object knows;
             empty: no reason is known.
@@ -93,7 +102,8 @@ class Monitor:
         self._started_at: int | None = None
         self._last_measured = self._last_estimate_msh = NAN
         self._measured_stamp = 0
-        self._sight = Sight(settings.timeout)
+        self.tray: TrayWatch | None = None
+        self._sight, self.level = Sight(settings.timeout), LevelWatch()
         self._pictures, self._strays = RepeatedHeights(), StrayHeights()
         self._met = False  # a measurement was compared since the last look at the clock
         self._silent_looks = 0
@@ -121,12 +131,24 @@ class Monitor:
             stamp_ns = self._newest_stamp()
         self.settings = settings
         self._sight.timeout = settings.timeout
+        self.level.forget()
+        if self.tray is not None:
+            self._events += self.tray.change_settings(settings, stamp_ns)
         self.motions.watch(settings.disagreement_limit)
         for source, limit in settings.limits.items():
             self._changes[source].append(
                 LimitChange(stamp_ns, limit, settings.hysteresis, settings.limit_name(source))
             )
         return stamp_ns
+
+    def carry(self, tray: Tray) -> None:
+        """Watches the containers of a tray, each by its own limit."""
+        self.tray = TrayWatch(tray, self.settings, self._next_excess)
+
+    def add_tray(self, stamp_ns: int, heights: Sequence[float]) -> None:
+        """Takes the height of each container of the tray that is carried [m]."""
+        if self.tray is not None:
+            self._events += self.tray.update(stamp_ns, heights)
 
     def reset_accuracy(self) -> None:
         """Resets MAE, ε and the count of motions."""
@@ -146,7 +168,13 @@ class Monitor:
         estimates.append(point)
         self._drop_old(point.stamp_ns)
         self._last_estimate_msh = point.nonlinear
-        self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        if self.tray is None:
+            self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        elif point.tray:
+            self.add_tray(point.stamp_ns, point.tray)
+        if self.vacant:
+            for source in Source:
+                self._close(source, point.stamp_ns, "no container")
         found = list(self._ready(arrival_ns)) if self._waiting else []
         if point.acceleration is not None:
             self.motions.add_acceleration(point.stamp_ns, point.acceleration)
@@ -181,7 +209,8 @@ class Monitor:
         height = point.msh if usable else NAN
         point = point._replace(msh=height)
         self._last_measured, self._measured_stamp = height, point.stamp_ns
-        self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
+        if not self.vacant:
+            self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
         self._waiting.append(Waiting(point, arrival_ns))
         if len(self._waiting) > MAXIMUM_WAITING:
             self._waiting.popleft()
@@ -239,7 +268,7 @@ class Monitor:
         self, stamps: NDArray[np.int64], heights: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
         """Returns which estimates can cause a limit event; see `LimitTracker.can_matter`."""
-        if self._changes[Source.ESTIMATED]:
+        if self.tray is not None or self._changes[Source.ESTIMATED]:
             return np.ones(len(stamps), dtype=bool)
         return self._trackers[Source.ESTIMATED].can_matter(stamps, heights)
 
@@ -250,6 +279,8 @@ class Monitor:
 
     def blindness(self, now_ns: int) -> str:
         """Returns why nothing could be compared for too long; empty: it could."""
+        if self.vacant:
+            return ""
         if self.standstill or self.obstruction:
             return self.standstill or self.obstruction
         blindness = self._sight.blindness(now_ns)
@@ -259,18 +290,22 @@ class Monitor:
 
     def condition(self, now_ns: int) -> Condition:
         """Returns the state: limit violation first, then silent side, then missing comparisons."""
-        if any(tracker.active for tracker in self._trackers.values()):
+        tray = self.tray
+        if any(tracker.active for tracker in self._trackers.values()) or (tray and tray.active):
             return Condition.ERROR
         if any(self.silent_sides(now_ns)):
             return Condition.STALE
         if self.blindness(now_ns):
             return Condition.BLIND
+        if self.vacant:
+            return Condition.OK
         share = self.settings.warn_share
         near = (
             self._last_measured > share * self._trackers[Source.MEASURED].limit
             or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
         )
-        warned = near or self.too_slow or self.motions.warning
+        near = near or (tray is not None and tray.share > share)
+        warned = near or self.too_slow or self.motions.warning or self.level.text
         return Condition.WARN if warned else Condition.OK
 
     @property
@@ -282,6 +317,11 @@ class Monitor:
             if tracker.active and tracker.at_rim
         ]
         return f"the liquid is above the {above[0]}" if above else ""
+
+    @property
+    def vacant(self) -> bool:
+        """Whether the gripper is empty, as the newest estimate says."""
+        return bool(self._estimates) and self._estimates[-1].flags & _NO_CONTAINER != 0
 
     @property
     def too_slow(self) -> bool:
@@ -325,7 +365,11 @@ class Monitor:
         """Whether the estimates from the first on complete no comparison and cause no event."""
         if self._waiting or self._changes[Source.ESTIMATED] or not self._estimates:
             return False
+        if self.tray is not None:
+            return False
         follow = points[first].stamp_ns > self._estimates[-1].stamp_ns
+        if points[-1].flags & _NO_CONTAINER and any(t.active for t in self._trackers.values()):
+            return False
         heights = (point.nonlinear for point in points[first:])
         return follow and self._trackers[Source.ESTIMATED].ignores(heights)
 
@@ -355,13 +399,18 @@ class Monitor:
         self._change_limit(source, stamp_ns)
         tracker = self._trackers[source]
         if not tracker.active and value > tracker.limit:
-            self._excesses += 1
-            tracker.identifier = self._excesses
+            tracker.identifier = self._next_excess()
         event = tracker.update(stamp_ns, value)
         if event is not None:
             self._events.append(event)
 
+    def _next_excess(self) -> int:
+        self._excesses += 1
+        return self._excesses
+
     def _close(self, source: Source, stamp_ns: int, reason: str) -> None:
+        if source is Source.ESTIMATED and self.tray is not None:
+            self._events += self.tray.close(stamp_ns, reason)
         event = self._trackers[source].close(stamp_ns, reason)
         if event is not None:
             self._events.append(event)
@@ -439,6 +488,7 @@ class Monitor:
                 measured = measured._replace(flags=measured.flags | FROZEN)
             if self._strays.look(measured, expected):
                 measured = measured._replace(flags=measured.flags | AMBIGUOUS)
+            self.level.look(measured, expected)
             found = obstacle(measured.msh, measured.flags, nonlinear, flags)
             self._sight.look(now_ns, found)
             if not found:

@@ -15,6 +15,8 @@ from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.wall import rim_name
 
+HEIGHT_LIMITS = ("measured_limit", "estimated_limit")
+"""Names of the limits that a container's own limit takes the place of."""
 RIM, RIM_DISTANCE = "rim", "rim_distance"
 """Names among the recorded settings of the monitor: of the height that the rim allows, and of the
 distance that is kept to it."""

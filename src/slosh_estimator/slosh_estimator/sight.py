@@ -47,6 +47,7 @@ _MEASURED = {
     SurfaceFlag.FROZEN: "the camera repeats the same image, or a few of them (FROZEN)",
 }
 _ESTIMATED = {
+    EstimateFlag.NO_CONTAINER: "the gripper is empty (NO_CONTAINER)",
     EstimateFlag.INPUT_CONTESTED: "several publishers send the estimator's input",
     EstimateFlag.INPUT_DOUBTFUL: "the estimator's input is not plausible",
     EstimateFlag.INPUT_CONTRADICTED: "a second source contradicts the estimator's input",

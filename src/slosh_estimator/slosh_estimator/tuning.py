@@ -73,6 +73,13 @@ class EstimatorTuning:
     highest: float = number(10.0, "m", "largest height that is believed")
     clocks_apart: float = number(2.0, "s", "distance of stamps at which two clocks differ")
     clock_stands: float = number(0.8, "s", "time without a step after which a clock has stopped")
+    # estimator_node.py
+    tray_ns: int = number(SECOND // 200, "ns", "shortest time between two estimates of a tray")
+    # level_watch.py
+    level_window_ns: int = number(SECOND, "ns", "time at rest over which a level is seen")
+    level_least: int = number(5, "1", "fewest images of it")
+    level_noise: float = number(3.0, "σ", "difference of a level that is off")
+    least_level: float = number(5e-4, "m", "the same at least: what a calibration leaves")
     # prediction_record.py
     early_ns: int = number(SECOND // 2, "ns", "time by which a motion may begin early")
     late: float = number(1.0, "s", "time by which it may begin late")

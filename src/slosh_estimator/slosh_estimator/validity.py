@@ -26,6 +26,7 @@ class EstimateFlag(IntFlag):
     LINEAR_ONLY = 1024
     BEYOND_LINEAR = 2048
     INPUT_CONTRADICTED = 4096
+    NO_CONTAINER = 8192
 
 
 def validity_limits(model: Model) -> dict[str, float]:

@@ -236,6 +236,28 @@ class Model:
         """Returns the 3D variant."""
         return self if self.has(VERTICAL) else self.with_effect(VERTICAL)
 
+    def filled_to(self, fill_height: float) -> Model:
+        """The same container with another fill height above its floor [m].
+
+        A measured frequency changes in the proportion of the container's own; what was identified
+        with the fill height before has no covariance any more.
+
+        Raises:
+            SloshModelError: the container cannot be filled so.
+        """
+        container = self.container.filled_to(fill_height, self.container.rim_height)
+        measured = self.natural_frequency
+        if measured is not None:
+            measured *= container.natural_frequency(1) / self.container.natural_frequency(1)
+        same = self.limits == self.container.validated
+        return replace(
+            self,
+            container=container,
+            natural_frequency=measured,
+            covariance=None,
+            limits=_OF_THE_SHAPE if same else self.limits,
+        )
+
     def feeling_gravity(self) -> Model:
         """Returns the model with gravity in a tilted container."""
         return self if self.has(TILT) else self.with_effect(TILT)

@@ -120,6 +120,10 @@ def _given_fields(value: Any) -> dict[str, float]:
 
 
 def _model(document: Mapping[str, Any], folder: Path) -> Model:
+    if "containers" in document:
+        raise SloshModelError(
+            "a tray of containers: here the model of one is wanted", ("containers",)
+        )
     _refuse_unknown(document, KEYS, ())
     if "container" not in document:
         raise SloshModelError("key 'container' is missing")

@@ -29,6 +29,10 @@ EXPECTED_READING: Final = "expected_reading"
 """Of models with effects on the measurement, beside each estimate."""
 ESTIMATOR_STATE: Final = "estimator_state"
 """What the estimator's next answers depend on, some times a second."""
+CONTAINER: Final = "container"
+"""What the gripper holds; latched."""
+TRAY_ESTIMATE: Final = "tray_estimate"
+"""Of a cell with several containers, beside the first one's estimates."""
 FUSED_ESTIMATE: Final = "fused_estimate"
 """The liquid's state by model and measured heights together."""
 OBSERVER_STATE: Final = "observer_state"
@@ -60,6 +64,7 @@ PREDICT: Final = "predict"
 PLAN: Final = "plan"
 PLAN_MOTION: Final = "plan_motion"
 """The action: what `plan` does, with feedback and an end at any time."""
+CHANGE_CONTAINER: Final = "change_container"
 LOAD_MODEL: Final = "load_model"
 RESET: Final = "reset"
 MONITOR_RESET: Final = f"monitor/{RESET}"
@@ -149,6 +154,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
+    Topic(CONTAINER, "slosh_msgs/msg/ContainerChange", _ANSWER, latched=True),
+    Topic(TRAY_ESTIMATE, "slosh_msgs/msg/TrayEstimate", _ANSWER, remappable=True),
     Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
     Topic(OBSERVER_STATE, "slosh_msgs/msg/ObserverState", _ANSWER),
     Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),
@@ -179,6 +186,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", _INPUT, remappable=True, latched=True),
 )  # fmt: skip
 SERVICES: tuple[Service, ...] = (
+    Service(CHANGE_CONTAINER, "slosh_msgs/srv/ChangeContainer", remappable=True),
     Service(LOAD_MODEL, "slosh_msgs/srv/LoadModel", remappable=True),
     Service(RESET, "std_srvs/srv/Trigger", remappable=True),
     Service(MONITOR_RESET, "std_srvs/srv/Trigger", remappable=True),

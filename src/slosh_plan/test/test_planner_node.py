@@ -180,7 +180,7 @@ def test_what_the_service_cannot_give_in_its_time_is_refused(
     monkeypatch.setattr(planner_node, "MOST_ROWS", 100)
     answer = cell.ask(request(time_limit=0.5))
     assert not answer.success
-    assert "gives back 100 points, one per millisecond" in answer.message
+    assert "returns 100 points, one per millisecond" in answer.message
     assert "the action plan_motion" in answer.message
 
 

@@ -17,7 +17,7 @@ from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.settings import NodeStart, after, last_of_each
+from slosh_replay.recording.settings import NodeStart, after, last_of_each, tray_of
 
 _FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
 
@@ -139,6 +139,11 @@ def _model(estimator: NodeStart) -> str:
     return f"{path}: {described(model)}"
 
 
+def _tray(estimator: NodeStart) -> str:
+    tray = tray_of(estimator)
+    return "" if tray is None else f"{', '.join(tray.names)}; the model is that of the first"
+
+
 def _camera(monitor: NodeStart) -> str:
     return (
         "" if monitor.parameters["camera"] else ("none configured: only the estimate is monitored")
@@ -167,6 +172,7 @@ _ROWS: Mapping[str, tuple[str, Callable[[NodeStart], str]]] = {
     "camera": ("monitor", _camera),
     "answers": ("monitor", lambda node: ", ".join(node.topics.values())),
     "model": ("estimator", _model),
+    "tray": ("estimator", _tray),
     "calibration": ("camera", _calibration),
 }
 """Which node tells it, and how it is put."""

@@ -23,7 +23,7 @@ from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
-from slosh_model.model_text import read_model
+from slosh_model.tray import TrayContainer, read_tray
 from slosh_plan import HeightLimits, ModelError
 from slosh_plan.planning.limits import (
     ACCELERATION,
@@ -34,6 +34,7 @@ from slosh_plan.planning.limits import (
     PlanLimits,
 )
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
+from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
@@ -52,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
     add_path_arguments(parser)
     parser.add_argument(
         "--limit",
@@ -135,30 +136,52 @@ def run(arguments: argparse.Namespace) -> int:
         check_apart([arguments.output], [path for path in given if path is not None])
     if arguments.report is not None:
         check_free(arguments.report)
-    model = read_model(arguments.model)
-    limits = plan_limits(arguments, model)
+    tray = read_tray(arguments.model)
+    limits = plan_limits(arguments, tray.first.model)
     tell = Teller("plan")
-    asked = asked_path(arguments, model, tell)
+    asked = asked_path(arguments, tray.first.model, tell)
     name, attitude = asked.name, asked.waypoints.attitude
-    try:
-        answer = plan(
-            model, asked.path, limits, attitude=attitude,
-            margin=arguments.margin, error=model_error(arguments, model.name),
-            time_limit=arguments.time_limit,
+
+    def make(one: TrayContainer, kept: PlanLimits) -> Plan:
+        return plan(
+            one.placed, asked.path, kept, attitude=attitude, margin=arguments.margin,
+            error=model_error(arguments, one.model.name), time_limit=arguments.time_limit,
         )  # fmt: skip
+
+    others: list[str] = []
+    try:
+        if tray.is_tray:
+            error = model_error(arguments, tray.first.model.name)
+            planned = plan_tray(
+                tray, limits, make, attitude=attitude, margin=arguments.margin, error=error
+            )
+            answer, of = planned.plan, planned.of
+            others = tray_lines(planned)
+        else:
+            answer, of = make(tray.first, limits), ""
     except NoSafeMotionError as error:
         print(plain_line(f"slosh plan: {name}: {error}"), file=sys.stderr)
         return EXIT_NONE
+    model = next(one.placed for one in tray.containers if one.name == of)
     write_results(arguments, model, answer, asked)
     felt = tilting(model, limits, answer.path)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
     text = (
-        json.dumps(facts(answer, borne))
+        json.dumps(facts(answer, borne) | ({"container": of} if of else {}))
         if arguments.json
-        else summary(answer, arguments.output, borne)
+        else "\n".join([*others, summary(answer, arguments.output, borne)])
     )
     print(text)
     return tell.exit_code
+
+
+def tray_lines(planned: TrayPlan) -> list[str]:
+    """The container that determines the plan, and what each other one does."""
+    heights = [
+        f"{name} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
+        for name, each in planned.found.containers.items()
+    ]
+    return [f"planned for container {planned.of}: {', '.join(heights)}"]
 
 
 def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:

@@ -22,21 +22,20 @@ from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model import Model
-from slosh_model.model_text import read_model
 from slosh_model.tilt import added_text, attitude_of
+from slosh_model.tray import read_tray
 from slosh_plan import (
     HeightLimits,
     ModelError,
     Prediction,
     SafeScales,
     Trajectory,
-    predict,
-    safe_scales,
 )
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.robot_file import read_arm
 from slosh_plan.tables.joint_table import read_joint_trajectory
 from slosh_plan.tables.trajectory_table import read_trajectory
+from slosh_plan.tray import TrayPrediction, predict_tray, tray_scales
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 
@@ -67,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
     parser.add_argument(
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
         help="trajectory: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw] (.csv, "
@@ -123,7 +122,10 @@ def run(arguments: argparse.Namespace) -> int:
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
-    model = read_model(arguments.model)
+    tray = read_tray(arguments.model)
+    model = tray.first.placed
+    if tray.is_tray and (arguments.plot or arguments.page):
+        raise SloshBringupError("--plot and --page show one container: give its model, no tray")
     limits = HeightLimits(
         *(math.inf if value is None else value for value in (arguments.limit, arguments.residual)),
         rim_distance=arguments.rim_distance,
@@ -136,23 +138,24 @@ def run(arguments: argparse.Namespace) -> int:
         added = added_text(model, attitude_of(motion))
         if added:
             print(plain_line(f"slosh predict: note: {motion.name}: {added}"), file=sys.stderr)
-    found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
+    each = predict_tray(tray, motions, limits=limits, horizon=arguments.horizon, error=error)
+    found = [one.of_worst for one in each]
     scales: list[SafeScales | None] = [None] * len(motions)
     # Of a motion that stays below the rim nobody asked how fast it may be.
-    wanted = [limits.given or not one.kept for one in found]
+    wanted = [one.limits.given if tray.is_tray else limits.given or not one.kept for one in found]
     if any(wanted):
         with share_bar("time scales") as progress:
-            for place, (motion, one) in enumerate(zip(motions, found, strict=True)):
+            for place, motion in enumerate(motions):
                 if wanted[place]:
-                    scales[place] = safe_scales(
-                        model, motion, limits, horizon=arguments.horizon, margin=one.margin
+                    scales[place] = tray_scales(
+                        tray, motion, limits, each[place], horizon=arguments.horizon
                     )
                 progress(motion.name, (place + 1) / len(motions))
     if arguments.output is not None:
         write_table(arguments.output, found, scales)
     write_shown(arguments, model, motions, found, scales)
     show = as_json if arguments.json else as_text
-    print(show(found, scales))
+    print(show(found, scales, each if tray.is_tray else None))
     return tell.exit_code if all(one.kept for one in found) else EXIT_EXCEEDED
 
 
@@ -198,15 +201,31 @@ def write_table(
             writer.writerow([facts[name] for name in COLUMNS])
 
 
-def as_json(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """Returns the results as a JSON list of objects; unknown values are null."""
-    return json.dumps(plain(list(_facts(found, scales))), indent=1)
+def as_json(
+    found: Sequence[Prediction],
+    scales: Sequence[SafeScales | None],
+    tray: Sequence[TrayPrediction] | None = None,
+) -> str:
+    """The answers as a list of objects with COLUMNS and more; what is unknown is null.
+
+    Of a tray they are of the worst container, whose name and the peaks of all they hold, too.
+    """
+    facts = list(_facts(found, scales))
+    for row, each in zip(facts, tray or (), strict=False):
+        peaks = {name: one.nonlinear.peak for name, one in each.containers.items()}
+        row |= {"container": each.worst, "containers": peaks}
+    return json.dumps(plain(facts), indent=1)
 
 
-def as_text(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """Formats the results as a table for people."""
+def as_text(
+    found: Sequence[Prediction],
+    scales: Sequence[SafeScales | None],
+    tray: Sequence[TrayPrediction] | None = None,
+) -> str:
+    """The answers as a table for people; of a tray the worst container's, and its name."""
     rows = [list(HEADING)]
-    for one, scale in zip(found, scales, strict=True):
+    for place, (one, scale) in enumerate(zip(found, scales, strict=True)):
+        remarks = [*_of_tray(tray[place])] if tray else []
         answer = one.nonlinear
         rows.append(
             [
@@ -219,10 +238,20 @@ def as_text(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) ->
                 f"{1e3 * answer.residual:.1f}",
                 f"{answer.settling_time:.1f}",
                 "-" if scale is None or math.isnan(scale.safe_from) else f"{scale.safe_from:.3f}",
-                "; ".join(_remarks(one, scale)) or "-",
+                "; ".join([*remarks, *_remarks(one, scale)]) or "-",
             ]
         )
     return "\n".join(aligned(rows, "<>>>>>>>><"))
+
+
+def _of_tray(each: TrayPrediction) -> Iterator[str]:
+    """The worst container and the heights of the others."""
+    others = ", ".join(
+        f"{name} {1e3 * one.nonlinear.peak:.1f} mm"
+        for name, one in each.containers.items()
+        if name != each.worst
+    )
+    yield f"worst container {each.worst}" + (f" ({others})" if others else "")
 
 
 def _interval(one: Prediction) -> str:

@@ -26,7 +26,7 @@ from slosh_bringup.processes import (
 from slosh_bringup.stop_request import StopRequest
 from slosh_bringup.watch import HOST
 from slosh_camera.calibrate.camera_file import read_any_calibration
-from slosh_model.model_text import read_model
+from slosh_model.tray import read_tray
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import claimed_namespace, own_domain
 from slosh_msgs_py.node.shared_memory import remove_leftovers
@@ -43,7 +43,7 @@ def check_files(setup: CellSetup) -> None:
     Raises:
         ValueError: of the package that reads the file; one line.
     """
-    container = read_model(setup.model).container
+    container = read_tray(setup.model).first.model.container
     if setup.calibration is not None:
         read_any_calibration(setup.calibration)
         if container.digest:

@@ -11,6 +11,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
 from slosh_estimator.state import EstimatorState
+from slosh_estimator.tray_estimator import TrayEstimate
 from slosh_model.wall import Wall
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
@@ -44,6 +45,14 @@ def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
         message.distance_to_rim, message.distance_along_wall,
     ) = wall.place(estimate.nonlinear.msh)  # fmt: skip
     message.yaw = sample.yaw
+
+
+def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate) -> None:
+    """Writes what is estimated of a tray's containers at a stamp [ns]."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(stamp_ns, SECOND)
+    message.msh, message.azimuth = array("d", tray.msh), array("d", tray.azimuth)
+    message.flags, message.worst = array("H", tray.flags), tray.worst
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 import sys
 import time
 from collections import ChainMap
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from threading import Event
 from typing import Any
@@ -16,10 +19,12 @@ from std_srvs.srv import Trigger
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.estimator import Estimator
+from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
+from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import (
     JOINTS,
     MESSAGE_TYPES,
@@ -30,7 +35,8 @@ from slosh_estimator.inputs import (
     AnyInput,
     InputSettings,
 )
-from slosh_estimator.nodes.estimator_messages import fill, fill_reading
+from slosh_estimator.nodes.container_changes import ContainerChanges
+from slosh_estimator.nodes.estimator_messages import fill, fill_reading, fill_tray
 from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.observer_output import ObserverOutput
@@ -41,10 +47,13 @@ from slosh_estimator.readings import has_readings
 from slosh_estimator.robot import Robot, read_urdf
 from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
+from slosh_estimator.tray_estimator import TrayEstimator
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import TILT, Model
-from slosh_model.model_text import format_model, read_model
-from slosh_msgs.msg import ExpectedReading, SloshEstimate
+from slosh_model.model_text import format_model
+from slosh_model.tray import TRAY, format_tray, read_tray
+from slosh_msgs.msg import ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
@@ -56,13 +65,19 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
+TRAY_STAYS = "the cell carries a tray: its containers are those of the tray's file"
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
-    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec(
+        "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
+    ),
+    ParameterSpec(
+        "containers", "", "folder of model files NAME.yaml for change_container; empty: none"
+    ),
     ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
@@ -145,15 +160,17 @@ class EstimatorNode(PreparedNode):
         )
         # Asked for each message: the clock's own property takes a lock each time.
         self._ros_time_is_active = self.get_clock().handle.get_ros_time_override_is_enabled
-        self._model = read_model(values["model"])
+        self._tray = read_tray(values["model"])
         self._message = SloshEstimate()
         self._reading = ExpectedReading()
+        self._tray_message, self._tray_ns = TrayEstimate(), -(2**62)
         self._message.header.frame_id = values["container_frame"]
         self._reading.header.frame_id = values["container_frame"]
         self._kind = values["input"]
         names = (TOPIC_NAMES[self._kind], topics.ESTIMATE)
         self._given: dict[str, Any] = {}  # by fixed transforms
-        self._known = ChainMap(self._given, values)
+        self._container: dict[str, Any] = {}  # by `change_container`
+        self._known = ChainMap(self._container, self._given, values)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), self._known, names
         )
@@ -181,9 +198,9 @@ class EstimatorNode(PreparedNode):
             load_telling(progress, "slosh_estimator.pose_input")
         if self._kind == JOINTS:
             self._await_the_robot()
-        self._estimator = Estimator(
-            self._felt(self._model), at_rest=self._values["starts_at_rest"]
-        )
+        at_rest = self._values["starts_at_rest"]
+        self._estimator = Estimator(self._felt(self._tray.first.placed), at_rest=at_rest)
+        self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
 
     def _ask_for_the_robot(self) -> None:
         """Reads the robot's description, or subscribes to it."""
@@ -229,6 +246,15 @@ class EstimatorNode(PreparedNode):
         self._set_names()
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
+        self._changes = ContainerChanges(
+            self, self._tray.first.model, self._values["containers"],
+            lambda: self._input.gate.last_ns or self._now(), self._take,
+            TRAY_STAYS if self._tray.is_tray else "",
+        )  # fmt: skip
+        if self._tray.is_tray:
+            self._trays = self.create_publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
+            self._tray_message.header.frame_id = self._values["container_frame"]
+            self._tray_message.containers = list(self._tray.names)
         self._announce_start()
         if self._values["observer"]:
             self._observed = ObserverOutput(
@@ -251,8 +277,9 @@ class EstimatorNode(PreparedNode):
             lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
         )  # fmt: skip
         self._heard = HeardInput(
-            self, self._kind, how, self._now, self._answer, self._mount, self._second.told
-        )
+            self, self._kind, how, self._now, self._answer, self._mount, self._second.told,
+            self._reach,
+        )  # fmt: skip
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
         """Applies the mounting from fixed transforms, before any sample is used."""
@@ -268,6 +295,11 @@ class EstimatorNode(PreparedNode):
         if self._ros_time_is_active():
             return int(self.get_clock().now().nanoseconds)
         return time.time_ns()
+
+    def _reach(self, stamp_ns: int) -> None:
+        """Takes what the gripper holds from a moment on, before the first input behind it."""
+        if stamp_ns - self._now() <= self._values["max_age"] * SECOND:
+            self._changes.reach(stamp_ns)
 
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
@@ -289,30 +321,47 @@ class EstimatorNode(PreparedNode):
         self._message.flags = flags
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
+        if self._tray.is_tray:
+            self._tell_tray(sample, estimate)
         if self._has_readings:
             late = self._estimator.reading_delay(sample.stamp_ns)
             fill_reading(self._reading, estimate, late)
             self._readings.publish(self._reading)
         self._publisher.publish(self._message)
-        if self._observed is not None:
+        if self._observed is not None and not self._estimator.empty:
             self._observed.follow(sample, estimate.flags)
         self._report.counts["output"] += 1
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
 
+    def _tell_tray(self, sample: Sample, estimate: Estimate) -> None:
+        """Estimates the further containers; of many samples a second some are told."""
+        tray = self._others.update(sample, estimate)
+        self._flags |= functools.reduce(operator.or_, tray.flags)
+        if not 0 <= sample.stamp_ns - self._tray_ns < TUNING.tray_ns:
+            self._tray_ns = sample.stamp_ns
+            fill_tray(self._tray_message, sample.stamp_ns, tray)
+            self._trays.publish(self._tray_message)
+
+    def _take(self, held: HeldContainer) -> int:
+        """Goes on with what the gripper holds from the next input on; the last stamp before it."""
+        self._estimator.load_model(self._felt(held.model), fresh=held.fresh, empty=held.empty)
+        self._container.update(held.recorded)
+        self._announce_start()
+        self._container.update(replace(held, fresh=False).recorded)  # of this start alone
+        self._set_names()
+        self._observe_anew()
+        self._input.sampling.carry(modes_of(self._estimator.model))
+        return self._input.gate.last_ns or 0
+
     def _on_load_model(
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
         try:
-            model = requested_model(request, self.get_logger().warning)
-            self._estimator.load_model(self._felt(model))
-            self._announce_start()
+            self._changes.load(requested_model(request, self.get_logger().warning))
         except ValueError as error:
             response.success, response.message = False, str(error)
         else:
-            self._set_names()
-            self._observe_anew()
-            self._input.sampling.carry(modes_of(self._estimator.model))
             remark = "".join(f"; {line}" for line in (self._unfelt, self._added) if line)
             response.success = True
             response.message = f"loaded; the models start from rest{remark}"
@@ -321,6 +370,7 @@ class EstimatorNode(PreparedNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()
+        self._others.reset()
         self._observe_anew()
         self._announce_start()
         response.success, response.message = True, "the models start from rest"
@@ -333,6 +383,8 @@ class EstimatorNode(PreparedNode):
     def _announce_start(self) -> None:
         """Publishes the settings that the models use from the next sample on, from rest."""
         files = {"model": format_model(self._estimator.model)}
+        if self._tray.is_tray:
+            files[TRAY] = format_tray(self._tray.of(self._felt))
         if self._urdf:
             files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
@@ -350,8 +402,10 @@ class EstimatorNode(PreparedNode):
         linear, nonlinear = self._estimator.names
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
+        others = (other.model for other in self._others.others)
+        unfelt = (attitude_warning(m, self._kind) for m in (self._estimator.model, *others))
+        self._unfelt = next(filter(None, unfelt), "")
         self._wall = self._estimator.model.container.wall
-        self._unfelt = attitude_warning(self._estimator.model, self._kind)
 
     def _health(self) -> Health:
         fault = self._input_health.look(self._input.gate)
@@ -375,7 +429,11 @@ class EstimatorNode(PreparedNode):
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
-        if flags & ~EstimateFlag.LINEAR_ONLY:  # that one is the container's shape, no trouble
+        if self._estimator.empty:
+            return OK, "no container: the gripper is empty"
+        # That one is the container's shape, no trouble.
+        flags &= ~(EstimateFlag.LINEAR_ONLY | EstimateFlag.NO_CONTAINER)
+        if flags:
             names = (flag.name or "" for flag in EstimateFlag if flag & flags)
             return WARN, f"validity flags {flags:#x}: {', '.join(names)}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
@@ -393,6 +451,7 @@ class EstimatorNode(PreparedNode):
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
+            **self._changes.facts(),
             **(self._observed.facts() if self._observed is not None else {}),
         }
 

@@ -59,6 +59,7 @@ class HeardInput:
         now: the time [ns].
         answer: is called with each message's stamp and samples.
         mounted: is told the parameters that fixed transforms give, before the first sample.
+        before: is told the stamp of each input before it is read [ns].
         told: is told what an imu or accel message says, before anything judges it.
 
     Attributes:
@@ -81,10 +82,11 @@ class HeardInput:
         answer: Answer,
         mounted: Callable[[Mapping[str, Any]], InputSettings],
         told: Told | None = None,
+        before: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
         self._node, self._kind, self._now, self._answer = node, kind, now, answer
         self._told = told
-        self._settings, self._mounted = settings, mounted
+        self._settings, self._mounted, self._before = settings, mounted, before
         self._fixed, self._first = FixedFrames(), 0.0
         self._decided, self._unconnected = kind not in MOUNTED, ""
         self._world = settings.frames[0]
@@ -213,6 +215,7 @@ class HeardInput:
             return
         assert isinstance(self.source, AccelInput)
         stamp = to_nanoseconds(header.stamp)
+        self._before(stamp)
         if self._told is not None:
             self._told(stamp, header.frame_id, (a.x, a.y, a.z), None)
         found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
@@ -223,6 +226,7 @@ class HeardInput:
             return
         assert isinstance(self.source, ImuInput)
         stamp, force, rate = imu_sample(message)
+        self._before(stamp)
         if self._told is not None:
             self._told(stamp, message.header.frame_id, force, rate)
         self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
@@ -252,6 +256,7 @@ class HeardInput:
         assert isinstance(self.source, VelocityInput)
         v, w = twist.linear, twist.angular
         stamp = to_nanoseconds(message.header.stamp)
+        self._before(stamp)
         found = Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), attitude, frame)
         self._answer(stamp, *self.source.update_twist(found, self._now()))
 
@@ -269,6 +274,7 @@ class HeardInput:
     def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
         assert isinstance(self.source, PoseInput)
         for stamp, position, quaternion in poses:
+            self._before(stamp)
             found: list[Sample] = self.source.update(
                 stamp, position, quaternion, self._now(), frame
             )

@@ -86,9 +86,16 @@ class MonitorHealth:
         condition, disagreement = self._core.condition(now_ns), self._core.motions.warning
         if condition is Condition.WARN and self._core.too_slow:
             return WARN, f"WARN: {TOO_SLOW}; see the estimator's diagnostics"
+        level = self._core.level.text
+        if condition is Condition.WARN and level:
+            return WARN, f"WARN: {level}"
         if condition is Condition.WARN and disagreement:
             return WARN, disagreement
-        alone = "" if self._core.settings.camera else "; no camera configured"
+        if self._core.vacant and condition is Condition.OK:
+            return OK, "OK: the gripper is empty"
+        tray = self._core.tray.text if self._core.tray is not None else ""
+        alone = f"; {tray}" if tray else ""
+        alone += "" if self._core.settings.camera else "; no camera configured"
         if condition is not Condition.OK:
             level = ERROR if condition is Condition.ERROR else WARN
             above = self._core.at_rim

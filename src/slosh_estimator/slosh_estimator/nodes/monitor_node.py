@@ -21,14 +21,21 @@ from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
-from slosh_estimator.monitor_settings import RIM, RIM_DISTANCE, MonitorSettings
+from slosh_estimator.monitor_settings import (
+    HEIGHT_LIMITS,
+    RIM,
+    RIM_DISTANCE,
+    MonitorSettings,
+)
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_estimator.sight import ClockWatch
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_model.tray import TRAY, Tray, parse_tray
 from slosh_msgs.msg import (
+    ContainerChange,
     ExpectedReading,
     FreeSurface,
     LimitEvent,
@@ -37,6 +44,7 @@ from slosh_msgs.msg import (
     PredictionOutcome,
     SloshComparison,
     SloshEstimate,
+    TrayEstimate,
 )
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -106,6 +114,7 @@ class MonitorNode(GuardedNode):
         )
         self._events = self.create_publisher(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
         self.create_subscription(SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN)
+        self.create_subscription(TrayEstimate, topics.TRAY_ESTIMATE, self._on_tray, qos.STREAM_IN)
         self._joiner = ReadingJoiner()
         self.create_subscription(
             ExpectedReading, topics.EXPECTED_READING, self._on_reading, qos.STREAM_IN
@@ -114,11 +123,15 @@ class MonitorNode(GuardedNode):
             self.create_subscription(
                 FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
             )
+        self.create_subscription(
+            ContainerChange, topics.CONTAINER, self._on_container, qos.LATCHED_STREAM
+        )
         self.create_subscription(NodeSettings, topics.SETTINGS, self._on_settings, qos.EVENT)
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._judge = MonitorHealth(self, self._core)
         self._predictions = PredictionWatch(self, self._frame)
         self._measured = 0
+        self._level_off = False
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
@@ -144,10 +157,37 @@ class MonitorNode(GuardedNode):
         model = announced_model(message)
         if model is None:
             return
+        tray = announced_tray(message)
+        if tray is not None and (self._core.tray is None or tray != self._core.tray.tray):
+            self._core.carry(tray)
         self._model = model
         changed = self._moved_rim()
         if changed:
             self._on_change(changed)
+
+    def _on_container(self, message: ContainerChange) -> None:
+        """Watches the limits of another container in later data."""
+        try:
+            model = parse_model(message.model, topics.CONTAINER) if message.model else None
+        except ValueError as error:
+            self.get_logger().error(f"{topics.CONTAINER}: not followed: {error}")
+            return
+        before = dict(self._rim)
+        self._rim.clear()
+        if message.present and message.limit > 0.0:
+            self._rim.update(dict.fromkeys(HEIGHT_LIMITS, message.limit))
+        rim = before.get(RIM, math.nan)
+        if model is not None:
+            self._model, settings = model, MonitorSettings.from_parameters(self._given)
+            rim, self._complaint = settings.near_rim(model)
+        if RIM in before or math.isfinite(rim):
+            self._rim[RIM] = rim
+        if self._rim != before or model is not None:
+            stamp_ns = to_nanoseconds(message.header.stamp)
+            wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
+            self._core.change_settings(wanted, stamp_ns or None)
+            self._core.motions.reset()  # what disagreed was another container
+            self._settings.publish_change(tuple({**before, **self._rim}), stamp_ns)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.counts["estimate"] += 1
@@ -161,6 +201,12 @@ class MonitorNode(GuardedNode):
             azimuth=message.nonlinear.azimuth,
         )
         self._add(self._joiner.add_estimate(point, message.nonlinear.model))
+
+    def _on_tray(self, message: TrayEstimate) -> None:
+        if self._core.tray is None or len(message.msh) != len(self._core.tray.tray.containers):
+            return  # not announced yet, or a stranger's
+        self._core.add_tray(to_nanoseconds(message.header.stamp), message.msh.tolist())
+        self._publish([])
 
     def _on_reading(self, message: ExpectedReading) -> None:
         reading = Reading(
@@ -180,8 +226,12 @@ class MonitorNode(GuardedNode):
         self._measured += 1
         stamp_ns = to_nanoseconds(message.header.stamp)
         fields = (getattr(message, name) for name in Surfaces._fields)
-        (wave,), (axis,) = (column.tolist() for column in measured_waves(Surfaces(*fields)))
-        point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis)
+        surfaces = Surfaces(*fields)
+        (wave,), (axis,) = (column.tolist() for column in measured_waves(surfaces))
+        point = MeasuredPoint(
+            stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis,
+            float(surfaces.levels),
+        )  # fmt: skip
         self._publish(self._core.add_measurement(point, self._arrival()))
 
     def _on_check(self) -> None:
@@ -192,6 +242,10 @@ class MonitorNode(GuardedNode):
             else ""
         )
         self._publish(self._core.check(self._arrival()))
+        level = bool(self._core.level.text)
+        if level and not self._level_off:
+            self.get_logger().warning(self._core.level.text)
+        self._level_off = level
         for motion in self._core.motions.take_finished():
             self._predictions.judge(motion)
             if motion.disagrees:
@@ -244,6 +298,7 @@ class MonitorNode(GuardedNode):
             "estimates out of order": core.late_estimates,
             "estimates without an expected reading": self._joiner.lost,
             **({"rim [mm]": f"{1e3 * core.settings.rim:.1f}"} if self._rim else {}),
+            **(core.tray.facts() if core.tray is not None else {}),
             **core.motions.clocks.facts(),
             **self._predictions.facts(),
             **self._judge.facts(self._report.counts),
@@ -277,6 +332,15 @@ def announced_model(message: NodeSettings) -> Model | None:
     try:
         document = parse_yaml(message.document, "settings of the estimator").value
         return parse_model(document["files"]["model"], "the estimator's model")
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def announced_tray(message: NodeSettings) -> Tray | None:
+    """The tray that an estimator's announcement says that it carries; None: as of the model."""
+    try:
+        document = parse_yaml(message.document, "settings of the estimator").value
+        return parse_tray(document["files"][TRAY], "the estimator's tray")
     except (KeyError, TypeError, ValueError):
         return None
 

@@ -18,7 +18,12 @@ from slosh_plan import LiquidState
 
 OLDEST = 0.5
 """An estimate older than this [s] says nothing of the liquid now."""
-UNKNOWN = EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED
+UNKNOWN = (
+    EstimateFlag.SETTLING
+    | EstimateFlag.AFTER_GAP
+    | EstimateFlag.DIVERGED
+    | EstimateFlag.NO_CONTAINER
+)
 """Flags of an estimate whose state is not that of the liquid."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
@@ -37,7 +38,7 @@ class PlannedMotions:
 
     Args:
         node: the node.
-        model: the model.
+        model: gives the model of what the gripper holds.
         limits: that motions are to keep.
         estimate: tells how the liquid stands.
         frame: of the container.
@@ -49,7 +50,12 @@ class PlannedMotions:
     """
 
     def __init__(
-        self, node: Node, model: Model, limits: HeightLimits, estimate: NewestEstimate, frame: str
+        self,
+        node: Node,
+        model: Callable[[], Model],
+        limits: HeightLimits,
+        estimate: NewestEstimate,
+        frame: str,
     ) -> None:
         self._node, self._model, self._frame = node, model, frame
         self.large = LargeMessages(node)
@@ -128,13 +134,14 @@ class PlannedMotions:
             raise SloshEstimatorError(
                 f"{NAME}: by its stamp it has ended {-delay - motion.duration:.1f} s ago"
             )
+        model = self._model()
         found = look_ahead(
-            self._model, motion, delay, limits=self.limits, state=state,
+            model, motion, delay, limits=self.limits, state=state,
             error=error_of(self._record),
         )  # fmt: skip
         if delay < 0.0:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
-        added = added_text(self._model, attitude_of(motion))
+        added = added_text(model, attitude_of(motion))
         whence += f"; it {added}" if added else ""
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._message(found, now, start_ns, state is not None, whence)

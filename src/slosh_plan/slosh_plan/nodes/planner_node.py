@@ -29,6 +29,7 @@ from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.point_arrays import action_with_point_arrays, service_with_point_arrays
 from slosh_plan.nodes import plan_messages
+from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
 from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state, plan
@@ -95,6 +96,7 @@ class PlannerNode(PreparedNode):
     def begin(self) -> None:
         """Starts answering."""
         self._settings.publish({"model": format_model(self._model)})
+        self._container = ContainerWatch(self, self._model, self._on_container)
         self._estimate = NewestEstimate(self)
         self._large = LargeMessages(self)
         paths = (("request", "trajectory"), ("request", "joint_trajectory"))
@@ -109,6 +111,11 @@ class PlannerNode(PreparedNode):
             cancel_callback=lambda _: CancelResponse.ACCEPT,
             callback_group=ReentrantCallbackGroup(),
         )  # fmt: skip
+
+    def _on_container(self) -> None:
+        """Plans for another container from the next request on."""
+        files = {"model": format_model(self._container.held.model)}
+        self._settings.publish(files, int(self.get_clock().now().nanoseconds))
 
     def close(self) -> None:
         """Stops a running plan."""
@@ -173,7 +180,10 @@ class PlannerNode(PreparedNode):
     ) -> tuple[Any, str]:
         """Returns the plan's message and a sentence."""
         path = request.model_path
-        model = model_at(path, self.get_logger().warning, topics.PLAN) if path else self._model
+        if path:
+            model = model_at(path, self.get_logger().warning, topics.PLAN)
+        else:
+            model = self._container.model()
         limits = plan_messages.limits_of(request)
         asked = plan_messages.path_of(request, self._robot)
         if request.from_estimate:
@@ -201,10 +211,13 @@ class PlannerNode(PreparedNode):
 
     def _health(self) -> Health:
         busy = ", a plan is under way" if self._busy.locked() else ""
-        return OK, f"planning with {self._model.nonlinear().name}{busy}"
+        held = self._container.held
+        if held.empty:
+            return OK, f"no container: the gripper is empty{busy}"
+        return OK, f"planning with {held.model.nonlinear().name}{busy}"
 
     def _facts(self) -> dict[str, Any]:
-        return {"refused requests": self._refused}
+        return {"container": self._container.held.described, "refused requests": self._refused}
 
 
 class GoalFeedback:

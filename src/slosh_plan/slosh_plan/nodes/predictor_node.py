@@ -25,6 +25,7 @@ from slosh_msgs_py.point_arrays import service_with_point_arrays
 from slosh_plan import HeightLimits, predict, safe_scales
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.nodes import predict_messages
+from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.planned_motions import PlannedMotions
 from slosh_plan.robot_file import read_arm
@@ -87,22 +88,33 @@ class PredictorNode(PreparedNode):
         """Starts answering."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
+        self._container = ContainerWatch(self, self._model, self._on_container)
         self._planned = PlannedMotions(
-            self, self._model, self._limits(), self._estimate, self._values["container_frame"]
-        )
+            self, self._container.model, self._limits(), self._estimate,
+            self._values["container_frame"],
+        )  # fmt: skip
         service = service_with_point_arrays(
             PredictSlosh, (("trajectory",), ("joint_trajectory",)), MOST_POINTS
         )
         self.create_service(service, topics.PREDICT, self._on_predict)
 
     def _limits(self) -> HeightLimits:
-        heights = (self._values[name] or math.inf for name in LIMITS)
-        return HeightLimits(*heights, rim_distance=self._values["rim_distance"])
+        height, residual = (self._values[name] or math.inf for name in LIMITS)
+        own = self._container.held.limit
+        height = height if math.isnan(own) else own
+        return HeightLimits(height, residual, rim_distance=self._values["rim_distance"])
+
+    def _on_container(self) -> None:
+        self._planned.limits = self._limits()
+        self._settings.publish({"model": format_model(self._container.held.model)}, self._now())
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
         if self.readiness.state == READY:
             self._planned.limits = self._limits()
-            self._settings.publish_change(changed, int(self.get_clock().now().nanoseconds))
+            self._settings.publish_change(changed, self._now())
 
     def _on_predict(
         self, request: PredictSlosh.Request, response: PredictSlosh.Response
@@ -147,17 +159,20 @@ class PredictorNode(PreparedNode):
 
     def _model_of(self, path: str) -> Model:
         if not path:
-            return self._model
+            return self._container.model()
         return model_at(path, self.get_logger().warning, "predict")
 
     def _health(self) -> Health:
-        return self._planned.health() or (
-            OK, f"predicting with {self._model.nonlinear().name}"
-        )  # fmt: skip
+        held = self._container.held
+        doing = "no container: the gripper is empty"
+        if not held.empty:
+            doing = f"predicting with {held.model.nonlinear().name}"
+        return self._planned.health() or (OK, doing)
 
     def _facts(self) -> dict[str, Any]:
         return {
             **{name: self._values[name] for name in LIMITS},
+            "container": self._container.held.described,
             "refused requests": self._refused,
             "planned motions": self._planned.count,
         }

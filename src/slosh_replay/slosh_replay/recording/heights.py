@@ -32,6 +32,7 @@ class Measurements(NamedTuple):
         stddev: (N,) standard deviation [m]; NaN: unknown.
         azimuth: (N,) of the highest point [rad]; NaN: unknown.
         waves, axes: (N,) of `slosh_estimator.azimuth.measured_waves`; None: unknown.
+        levels: (N,) mean height at the left and right edge [m]; None: unknown.
     """
 
     stamps: Integers
@@ -41,6 +42,7 @@ class Measurements(NamedTuple):
     azimuth: Array
     waves: NDArray[np.complex128] | None = None
     axes: Array | None = None
+    levels: Array | None = None
 
     @property
     def unusable(self) -> Mask:
@@ -69,9 +71,10 @@ class Measurements(NamedTuple):
 
 def measurements(columns: Columns) -> Measurements:
     """Makes measurements from columns of FreeSurface.msg, `SURFACE_FIELDS` or `WAVE_FIELDS`."""
-    waves, axes = None, None
+    waves, axes, levels = None, None, None
     if set(Surfaces._fields) <= columns.keys():
-        waves, axes = measured_waves(Surfaces(*(columns[name] for name in Surfaces._fields)))
+        surfaces = Surfaces(*(columns[name] for name in Surfaces._fields))
+        (waves, axes), levels = measured_waves(surfaces), surfaces.levels
     return Measurements(
         stamps_of(columns),
         columns["msh"],
@@ -80,6 +83,7 @@ def measurements(columns: Columns) -> Measurements:
         columns["azimuth"],
         waves,
         axes,
+        levels,
     )
 
 

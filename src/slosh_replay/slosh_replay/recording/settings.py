@@ -16,6 +16,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.files.yaml_document import parse_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, parse_model
+from slosh_model.tray import TRAY, Tray, parse_tray
 
 TOPIC = "settings"
 MESSAGE_TYPE = "slosh_msgs/msg/NodeSettings"
@@ -197,6 +198,16 @@ def model_of(start: NodeStart) -> Model:
     if text is None:
         raise SloshBagError("the recorded estimator's settings hold no model")
     return parse_model(text, "the recorded model")
+
+
+def tray_of(start: NodeStart) -> Tray | None:
+    """The tray that an estimator started with; None: it carried one container.
+
+    Raises:
+        SloshModelError: what is recorded is none.
+    """
+    text = start.files.get(TRAY)
+    return parse_tray(text, "the recorded tray") if text else None
 
 
 def starts_at_rest(start: NodeStart | None) -> bool:

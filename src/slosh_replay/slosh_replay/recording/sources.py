@@ -16,6 +16,7 @@ from slosh_replay.recording.settings import NodeStart
 _TYPES = {row.name: row.type for row in topics.TOPICS}
 SURFACE = _TYPES[topics.FREE_SURFACE]
 ESTIMATE = _TYPES[topics.ESTIMATE]
+TRAY = _TYPES[topics.TRAY_ESTIMATE]
 COMPARISON = _TYPES[topics.COMPARISON]
 FUSED = _TYPES[topics.FUSED_ESTIMATE]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}

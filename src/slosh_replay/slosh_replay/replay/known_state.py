@@ -19,6 +19,7 @@ from slosh_replay.replay.verification import Verifier
 
 AT_FIRST = "before the first known state"
 LATER = "after inputs that are missing in the recording, until the next known state"
+OF_A_TRAY = "no state of a tray's further containers is recorded"
 _LONG_AGO = -(2**62)
 _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one input
 
@@ -49,14 +50,20 @@ class KnownState:
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.
+        tray: the same for a tray's containers, of the first of which alone states are recorded.
         losses: receives the stamps after which the state is unknown [ns].
 
     Attributes:
         breaks: how often the counter went on by another number than that of the inputs.
     """
 
-    def __init__(self, verifier: Verifier | None, losses: list[int] | None = None) -> None:
-        self._verifier = verifier
+    def __init__(
+        self,
+        verifier: Verifier | None,
+        losses: list[int] | None = None,
+        tray: Verifier | None = None,
+    ) -> None:
+        self._verifier, self._tray = verifier, tray
         self._losses = losses
         self._states: list[RecordedState] = []
         self._known = True
@@ -135,6 +142,9 @@ class KnownState:
     def _lose(self, after_ns: int) -> None:
         if self._known and self._verifier is not None:
             self._verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        if self._tray is not None:
+            self._tray.lose(after_ns, OF_A_TRAY)
+            self._tray = None
         if self._losses is not None:
             self._losses.append(after_ns)
         self._known = False

@@ -69,8 +69,10 @@ class ModelSet:
         return self._own.names
 
     def restart(self, *, at_rest: bool = True) -> None:
-        """Restarts the estimators with the same model."""
+        """Restarts the estimators with the same model; an empty gripper stays empty."""
+        empty = self._own.empty
         self._begin(self.model, at_rest=at_rest)
+        self._own.empty = self._twin.empty = empty
 
     def take_up(self, state: EstimatorState) -> None:
         """Restores a state of the live estimator.
@@ -84,10 +86,17 @@ class ModelSet:
         self._own.take_up(state)
         self._twin.take_up(state)
 
-    def load_model(self, model: Model) -> None:
-        """Replaces the model, as the node's service does; an equal model is reset."""
-        self._own.load_model(model)
-        self._twin.load_model(_twin(model))
+    def load_model(self, model: Model, *, fresh: bool = False, empty: bool = False) -> None:
+        """Replaces the model, as the node's services do; an equal model is reset.
+
+        See `Estimator.load_model`.
+        """
+        self._own.load_model(model, fresh=fresh, empty=empty)
+        self._twin.load_model(_twin(model), fresh=fresh, empty=empty)
+
+    def empty(self) -> None:
+        """Starts without a container."""
+        self._own.empty = self._twin.empty = True
 
     def update_many(self, samples: Samples) -> ModelSetEstimates:
         """Processes samples."""
@@ -138,6 +147,7 @@ class ModelHeights(NamedTuple):
         readings: (M, K) what a sensor reads of the heights [m]; None: the heights.
         delays: (M,) by how much a measurement comes late [ns]; None: it does not.
         accelerations: (M, 3) that drove the models [m/s²]; None: not kept.
+        tray: (M, C) nonlinear height of each container of a tray [m]; None: there is none.
     """
 
     stamps: Integers
@@ -147,6 +157,7 @@ class ModelHeights(NamedTuple):
     readings: Array | None = None
     delays: Integers | None = None
     accelerations: Array | None = None
+    tray: Array | None = None
 
     @property
     def as_read(self) -> Array:

@@ -42,6 +42,7 @@ class MonitoredHeights(NamedTuple):
         delays: (M,) by how much a measurement comes late [ns]; None: it does not.
         azimuths: (M,) of the NL heights [rad]; None: unknown.
         accelerations: (M, 3) that drove the models, gravity excluded [m/s²]; None: unknown.
+        tray: (M, C) nonlinear height of each container of a tray [m]; None: there is none.
     """
 
     stamps: Integers
@@ -52,6 +53,7 @@ class MonitoredHeights(NamedTuple):
     delays: Integers | None = None
     azimuths: Array | None = None
     accelerations: Array | None = None
+    tray: Array | None = None
 
 
 class MonitorFeed:
@@ -178,7 +180,8 @@ class _Felt:
 def _points(estimates: MonitoredHeights) -> list[EstimatePoint]:
     stamps, linear, nonlinear, flags = (column.tolist() for column in estimates[:4])
     if all(
-        column is None for column in (estimates.readings, estimates.delays, estimates.azimuths)
+        column is None
+        for column in (estimates.readings, estimates.delays, estimates.azimuths, estimates.tray)
     ):
         return list(map(EstimatePoint, stamps, linear, nonlinear, flags))
     count = len(stamps)
@@ -200,6 +203,7 @@ def _points(estimates: MonitoredHeights) -> list[EstimatePoint]:
             readings,
             delays,
             azimuths,
+            repeat((), count) if estimates.tray is None else map(tuple, estimates.tray.tolist()),
         )
     )
 
@@ -210,6 +214,7 @@ def _images(measured: Measurements) -> list[MeasuredPoint]:
     ]  # fmt: skip
     if measured.waves is not None and measured.axes is not None:
         columns += [measured.waves, measured.axes]
+        columns += [] if measured.levels is None else [measured.levels]
     rows: Any = zip(*(column.tolist() for column in columns), strict=True)
     return [MeasuredPoint(*row) for row in rows]
 
@@ -227,6 +232,8 @@ class ReplayedMonitor:
 
     def __init__(self, setting: Setting) -> None:
         self.feed = MonitorFeed(setting.limits, setting.limit_changes)
+        if setting.tray is not None:
+            self.feed.monitor.carry(setting.tray)
         self.events: list[Event] = []
         self._outputs = setting.outputs
 
@@ -266,6 +273,7 @@ def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights
         estimates.delays if delayed else None,
         estimates.azimuth,
         estimates.accelerations,
+        estimates.tray,
     )
 
 

@@ -12,6 +12,7 @@ from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.observer.observer import ObserverState
 from slosh_model.model import Model
+from slosh_model.tray import Tray
 from slosh_model.wall import Wall
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
@@ -53,6 +54,7 @@ class Setting(NamedTuple):
             tells nothing.
         changes: starts of the estimator after its first, and changes of its parameters.
         follows_input: whether they also say how the input is read.
+        tray: whose first container the model is of; None: there is none.
         starts: of all recorded nodes.
         outputs: receives all results.
         loaded: models that the estimator has loaded so far, that of each start; grows.
@@ -71,6 +73,7 @@ class Setting(NamedTuple):
     counter: KnownState | None = None
     changes: tuple[NodeStart, ...] = ()
     follows_input: bool = True
+    tray: Tray | None = None
     starts: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
     loaded: list[Model] = []  # noqa: RUF012 - given by each replay

@@ -24,7 +24,7 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -113,7 +113,9 @@ def replay_bag(
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    nodes = _running(sources, (*node_table(len(used.mode_constants())), *further))
+    tray = settings.tray_of(started) if started and model is None else None
+    count = len(tray.containers) if tray else 0
+    nodes = _running(sources, (*node_table(len(used.mode_constants()), count), *further))
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
@@ -128,10 +130,13 @@ def replay_bag(
         limit_changes,
         at_rest=settings.starts_at_rest(started),
         matcher=matcher,
-        known=KnownState(verifiers.get(ESTIMATE), losses) if sources.state else None,
+        known=KnownState(verifiers.get(ESTIMATE), losses, verifiers.get(TRAY_ESTIMATE))
+        if sources.state
+        else None,
         counter=None if sources.state or matcher is None or mixed else KnownState(None, losses),
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
+        tray=tray,
         starts=sources.starts,
         outputs=outputs or Outputs(),
         loaded=[],

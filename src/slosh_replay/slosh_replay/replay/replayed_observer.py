@@ -13,6 +13,7 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.observer.observer import FusedState, Observer, Outcome, WallHeights
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Samples
+from slosh_estimator.validity import EstimateFlag
 from slosh_msgs_py.topics import FREE_SURFACE, FUSED_ESTIMATE
 from slosh_replay.replay.nodes import Moment, Setting, recorded_name
 from slosh_replay.replay.replayed_estimator import SAMPLES, samples_of
@@ -33,6 +34,8 @@ _Told = tuple[FusedState, tuple[int, int, int]]
 """A state, and how many heights were judged, used and rejected before it."""
 UNKNOWN = "the observer's state is not in the recording, until the next known one"
 
+EMPTY = "the gripper was empty: which heights came after that is not recorded"
+
 
 class ReplayedObserver:
     """Replays the observer; each recorded state counts the heights before it.
@@ -49,7 +52,7 @@ class ReplayedObserver:
         self._taken = 0
         self._states: deque[tuple[int, int]] = deque()
         self._hears = True
-        self._lost = False
+        self._lost = self._was_empty = False
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
         """Updates by samples, heights and recorded states; returns the replayed states."""
@@ -77,7 +80,14 @@ class ReplayedObserver:
         start: int,
         states: list[_Told],
     ) -> None:
+        if flags & EstimateFlag.NO_CONTAINER:
+            self._was_empty = True
+            return
         sample = samples.one(index)
+        if self._was_empty and self._surfaces and self._setting.fused is not None:
+            self._setting.fused.lose(sample.stamp_ns - 1, EMPTY)
+            self._lost = True
+        self._was_empty = False
         self._follow_losses(sample.stamp_ns)
         if start != self._start or self._observer is None:
             self._begin(start)

@@ -15,6 +15,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.types import Integers
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.estimator import Estimates
+from slosh_estimator.tray_estimator import TrayEstimates
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -325,6 +326,21 @@ def estimate_fields(modes: int) -> tuple[str, ...]:
         none.reshape(0, 3), none,
     )  # fmt: skip
     return tuple(estimate_columns(empty))
+
+
+def tray_columns(tray: TrayEstimates) -> Columns:
+    """The numbers of TrayEstimate.msg by dotted field name, (N,) each."""
+    columns: dict[str, NDArray[Any]] = {"worst": tray.worst}
+    for name in ("msh", "azimuth", "flags"):
+        for index, column in enumerate(getattr(tray, name).T):
+            columns[f"{name}[{index}]"] = column
+    return columns
+
+
+def tray_fields(count: int) -> tuple[str, ...]:
+    """The names of these columns for so many containers."""
+    none, whole = np.empty((0, count)), np.empty((0, count), dtype=np.int64)
+    return tuple(tray_columns(TrayEstimates(none, none, whole, np.empty(0, dtype=np.int64))))
 
 
 def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:

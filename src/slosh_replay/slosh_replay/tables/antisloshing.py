@@ -65,6 +65,7 @@ _POSE_COLUMNS, _JOINT_COLUMNS = 8, 7
 _FLOAT_FIELDS = (
     "msh_stddev", "azimuth", "fitted_msh", "fitted_msh_stddev", "fitted_azimuth", "sh_left",
     "sh_right", "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v",
+    "distance_to_rim",
 )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ WALL_POINT = np.dtype([("azimuth", "<f8"), ("height", "<f8")])
 _FLOAT64 = 8  # PointField.FLOAT64
 _UNKNOWN_FIELDS = (
     "msh_stddev", "fitted_msh", "fitted_msh_stddev", "fitted_azimuth", "sh_left", "sh_right",
-    "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v",
+    "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v", "distance_to_rim",
 )  # fmt: skip
 
 

@@ -66,12 +66,16 @@ function row(cells) {
 }
 
 function showNodes(nodes) {
-  part("nodes").replaceChildren(...nodes.map((node) => {
+  part("nodes").replaceChildren(...nodes.flatMap((node) => {
     const facts = Object.entries(node.facts);
     const rates = facts.filter(([key]) => key.endsWith(" [Hz]")).map(([key, value]) => `${key.slice(0, -5)} ${value}`);
     const lost = facts.filter(([key]) => /dropped|lost/.test(key) && !/Hz|while/.test(key)).map(([, value]) => Number(value));
     const dropped = lost.reduce((sum, value) => sum + (value || 0), 0);
-    return row([[node.name], [node.level, node.level], [rates.join(", ") || "–"], [lost.length ? String(dropped) : "–"], [node.age.toFixed(1)], [node.sentence]]);
+    const tray = facts.filter(([key]) => key.startsWith("container "));
+    return [
+      row([[node.name], [node.level, node.level], [rates.join(", ") || "–"], [lost.length ? String(dropped) : "–"], [node.age.toFixed(1)], [node.sentence]]),
+      ...tray.map(([key, value]) => row([[key], [""], [""], [""], [""], [value]])),
+    ];
   }));
 }
 
