@@ -1,11 +1,11 @@
-"""Frequency, damping and sloshing mass from simulated force sensors, and from a robot's bag.
+"""Frequency, damping and sloshing mass from simulated force sensors.
 
 Usage: tools/run python validation/studies/force_accuracy.py [--seeds N] [--tuned]
 
 Cups, liquids, motions and sensors are drawn by `slosh_testing.force_sensor`: noise, drift, a
 cable's force, a ringing arm, any delay within 0.1 s, any axes and signs, 100 to 1000 Hz. The
-tuning numbers of `slosh_discovery.force` were chosen on the even seeds (--tuned); the odd ones are
-reported.
+even seeds (--tuned) are for choosing tuning numbers; the odd ones are reported. The liquid's force
+is that of the fit's own equations: what they lack of real liquids is not in these errors.
 """
 
 from __future__ import annotations

@@ -11,8 +11,9 @@ from slosh_base.tuning import number
 class ForceTuning:
     """What is assumed about payload, sensor and liquid.
 
-    Chosen on half of the simulated sensors of `validation/studies/force_accuracy.py`, which
-    reports the other half.
+    `model_error` was set by twelve of the even seeds of `validation/studies/force_accuracy.py`,
+    which reports the odd ones. The cutoff, and that high waves are nonlinear, were chosen on one
+    robot's bag; the other numbers are first guesses.
     """
 
     # prepared.py
