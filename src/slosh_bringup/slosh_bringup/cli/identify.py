@@ -8,6 +8,7 @@ from pathlib import Path
 
 from slosh_base.files import new_folder
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli import identify_force
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import FRACTION, length
 from slosh_bringup.cli.table_options import add_table_options, table_options
@@ -68,17 +69,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="result folders of other containers, shown in the same report",
     )  # fmt: skip
     parser.add_argument(
-        "-o", "--output", type=Path, required=True,
+        "-o", "--output", type=Path,
         help="folder for results, new or empty: model.yaml, identification.json, report.html",
     )  # fmt: skip
     parser.add_argument(
         "--json", action="store_true", help="print identification.json instead of the text"
     )
+    identify_force.add_arguments(parser)
     add_table_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Runs the identification, writes and prints the results; 1 if an input is doubtful."""
+    if arguments.force:
+        return identify_force.run(arguments)
     request = make_request(arguments)
     tell = Teller("identify")
     check_paths(request.data, request.holdout, request.output)
@@ -107,6 +111,10 @@ def make_request(arguments: argparse.Namespace) -> IdentificationRequest:
     Raises:
         SloshBringupError: they do not fit together.
     """
+    if arguments.output is None:
+        raise SloshBringupError("no folder for the results: give -o DIR")
+    if arguments.wrench or arguments.input or arguments.urdf or arguments.tool_frame:
+        raise SloshBringupError("--wrench, --input, --urdf and --tool-frame need --force")
     if arguments.model is None and not arguments.from_bag:
         raise SloshBringupError("no model: give --model, or --from-bag to use the recorded one")
     if not 0.0 < arguments.ratio <= 1.0:

@@ -34,6 +34,7 @@ _GROUPS: Final[Sequence[tuple[str, str, tuple[str, ...], Mapping[str, float]]]] 
     ("w{}", "xyz", (
         "w", "omega", "gyro", "gyr", "gyroscope", "angularvelocity", "angvel", "angularrate",
     ), units.TURNING),
+    ("f{}", "xyz", ("f", "force", "wrenchforce", "kraft"), units.FORCE),
 )  # fmt: skip
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
 _DIVIDED = re.compile(r"(?P<name>[^/]+?)\s*/\s*(?P<unit>[^/]+(?:/[^/]+)?)")

@@ -23,8 +23,13 @@ LENGTH: Final[Mapping[str, float]] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e
 TURNING: Final[Mapping[str, float]] = {
     "rad/s": 1.0, "deg/s": math.radians(1.0), "mrad/s": 1e-3, "1/min": math.tau / 60.0,
 }  # fmt: skip
+FORCE: Final[Mapping[str, float]] = {
+    "n": 1.0, "mn": 1e-3, "kn": 1e3, "kgf": STANDARD_GRAVITY, "gf": 1e-3 * STANDARD_GRAVITY,
+    "lbf": 4.4482216152605,
+}  # fmt: skip
 ANGLE: Final[Mapping[str, float]] = {"rad": 1.0, "deg": math.radians(1.0), "mrad": 1e-3}
 NUMBER: Final[Mapping[str, float]] = {"": 1.0, "1": 1.0}
+_KINDS: Final = (TIME, ACCELERATION, LENGTH, TURNING, FORCE, ANGLE, NUMBER)
 _SPELLINGS: Final = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s",
     "msec": "ms", "millis": "ms", "milliseconds": "ms", "millisecond": "ms",
@@ -34,6 +39,7 @@ _SPELLINGS: Final = {
     "mps2": "m/s2", "ms2": "m/s2", "ms-2": "m/s2", "m/s/s": "m/s2", "m/sec2": "m/s2",
     "meter/s2": "m/s2", "mm/s/s": "mm/s2", "mms-2": "mm/s2", "mmps2": "mm/s2", "gn": "g",
     "g0": "g", "gal": "cm/s2", "milli-g": "mg",
+    "newton": "n", "newtons": "n", "lbs": "lbf",
     "meter": "m", "metre": "m", "meters": "m", "metres": "m", "millimeter": "mm",
     "millimetre": "mm",
     "rads": "rad/s", "rads-1": "rad/s", "rad/sec": "rad/s", "radps": "rad/s",
@@ -77,7 +83,7 @@ def unit_of(text: str) -> str:
 def is_unit(text: str) -> bool:
     """Whether a text is a known unit."""
     found = unit_of(text)
-    return any(found in kind for kind in (TIME, ACCELERATION, LENGTH, TURNING, ANGLE, NUMBER))
+    return any(found in kind for kind in _KINDS)
 
 
 def assumed_unit(first: float, t: Array) -> str:

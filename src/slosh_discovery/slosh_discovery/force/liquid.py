@@ -1,0 +1,76 @@
+"""The force that accelerates the liquid, by the modal masses of its container.
+
+A container that a sensor carries is pushed with P = M f + Σ mₙ ẍₙ, f the specific force less its
+rest, M the mass of container and liquid, mₙ and xₙ mass and displacement of a mode relative to the
+container (Ibrahim 2005, ch. 5; Dodge 2000, ch. 3). In free oscillation the mass gives back
+-mₙ ẍₙ = mₙ (ωₙ² xₙ + 2 ζ ωₙ ẋₙ).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from slosh_base.types import Array
+from slosh_discovery.identify.parameters import fitted_model
+from slosh_model.containers import X_AXIS, Y_AXIS
+from slosh_model.errors import SloshModelError
+from slosh_model.model import Model
+from slosh_model.parameters import DAMPING, FREQUENCY
+from slosh_model.simulate import Inputs, simulate
+
+SPRING = "surface_nonlinearity"
+"""High waves in a round container are not those of a linear spring; low ones do not feel it."""
+STIFFNESS = f"{SPRING}.alpha"
+
+
+def liquid_model(model: Model) -> Model:
+    """The model with a second mode, and with high waves where its container has such an effect."""
+    model = replace(model, modes=min(max(model.modes, 2), model.container.most_modes))
+    if model.container.cornered or model.has(SPRING):
+        return model
+    try:
+        return model.with_effect(SPRING)
+    except SloshModelError:
+        return model
+
+
+def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array | None:
+    """(N, 3) Σ (mₙ/m₁) ẍₙ in the container's axes [m/s²]; None: the model cannot have the values.
+
+    Args:
+        model: the model.
+        inputs: the motion, on an even grid.
+        values: of `natural_frequency` [rad/s], `damping_ratio`, and of effects' parameters.
+    """
+    changed = fitted_model(model, values)
+    if changed is None:
+        return None
+    try:
+        response, _ = simulate(changed, inputs)
+    except SloshModelError:
+        return None
+    container, first = model.container, model.container.mass_ratio(1, X_AXIS)
+    step = float(inputs.t[1] - inputs.t[0])
+    speed = np.zeros((len(inputs.t), 2))
+    for n in range(response.modal.shape[1]):
+        shares = [container.mass_ratio(n + 1, axis) / first for axis in (X_AXIS, Y_AXIS)]
+        speed += response.modal[:, n, 2:4] * shares
+    force = np.asarray(np.gradient(speed, step, axis=0), dtype=np.float64)
+    if not container.cornered:
+        force = turned(force, -inputs.yaws)
+    return np.column_stack([force, np.zeros(len(force))])
+
+
+def turned(vectors: Array, angle: Array) -> Array:
+    """(N, 2) vectors turned by angles (N,) [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vectors.T
+    return np.column_stack([c * x - s * y, s * x + c * y])
+
+
+def start_values(model: Model) -> dict[str, float]:
+    """Natural frequency [rad/s] and damping ratio as the model has them."""
+    damping = model.mode_constants()[0].damping_ratio
+    return {FREQUENCY: model.mode_frequency(1), DAMPING: damping}
