@@ -19,6 +19,7 @@ from slosh_replay.replay.verification import Verifier
 
 AT_FIRST = "before the first known state"
 LATER = "after inputs that are missing in the recording, until the next known state"
+NOT_RECORDED = "the recording lacks earlier inputs, and the observer's state is not in it"
 _LONG_AGO = -(2**62)
 _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one input
 
@@ -48,14 +49,17 @@ class KnownState:
     """Follows the inputs of a recording, and the states of its estimator that it may hold.
 
     Args:
-        verifier: is told what cannot be compared; None: nothing is.
+        verifiers: are told what cannot be compared.
+        fused: verifier of the observer, whose state no recorded one holds: it is known again from
+            the estimator's next start on. None: nothing of it was recorded.
 
     Attributes:
         breaks: how often the counter went on by another number than that of the inputs.
     """
 
-    def __init__(self, verifier: Verifier | None) -> None:
-        self._verifier = verifier
+    def __init__(self, verifiers: Sequence[Verifier] = (), fused: Verifier | None = None) -> None:
+        self._verifiers, self._fused = tuple(verifiers), fused
+        self._fused_known = True
         self._states: list[RecordedState] = []
         self._known = True
         self.breaks = 0
@@ -93,7 +97,10 @@ class KnownState:
             if event.kind == _LOST:
                 course = course._replace(unknown=course.unknown or event.stamp_ns == _LONG_AGO)
                 self._lose(event.stamp_ns)
-            elif not self._known:
+                continue
+            if event.kind == _STARTED:
+                self._find_fused(event.stamp_ns)
+            if not self._known:
                 if event.state is not None:
                     course.states.append((event.place + 1, event.state))
                     self._lag_ns = event.state.stamp_ns - event.stamp_ns
@@ -131,11 +138,19 @@ class KnownState:
         return [*starts, *lost]
 
     def _lose(self, after_ns: int) -> None:
-        if self._known and self._verifier is not None:
-            self._verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
-        self._known = False
+        if self._known:
+            for verifier in self._verifiers:
+                verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        if self._fused_known and self._fused is not None:
+            self._fused.lose(after_ns, NOT_RECORDED)
+        self._known = self._fused_known = False
 
     def _find(self, until_ns: int) -> None:
-        if self._verifier is not None:
-            self._verifier.find(until_ns)
+        for verifier in self._verifiers:
+            verifier.find(until_ns)
         self._known = True
+
+    def _find_fused(self, until_ns: int) -> None:
+        if not self._fused_known and self._fused is not None:
+            self._fused.find(until_ns)
+        self._fused_known = True

@@ -17,7 +17,7 @@ from slosh_replay.recording.settings import NodeStart
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.model_set import ModelHeights, ModelSetEstimates
-from slosh_replay.replay.verification import Messages, Verifier
+from slosh_replay.replay.verification import Messages
 
 
 class Outputs:
@@ -54,7 +54,6 @@ class Setting(NamedTuple):
         starts: of all recorded nodes.
         outputs: receives all results.
         loaded: models that the estimator has loaded so far, that of each start; grows.
-        fused: compares the observer's states; None: none are recorded.
     """
 
     model: Model
@@ -70,7 +69,6 @@ class Setting(NamedTuple):
     starts: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
     loaded: list[Model] = []  # noqa: RUF012 - given by each replay
-    fused: Verifier | None = None
 
 
 _NONE, _NO_STAMPS = np.empty(0), np.empty(0, dtype=np.int64)

@@ -127,14 +127,13 @@ def replay_bag(
         limit_changes,
         at_rest=settings.starts_at_rest(started),
         matcher=matcher,
-        known=KnownState(verifiers.get(ESTIMATE)) if sources.state else None,
-        counter=None if sources.state or matcher is None or mixed else KnownState(None),
+        known=_known_state(verifiers) if sources.state else None,
+        counter=None if sources.state or matcher is None or mixed else KnownState(),
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
         starts=sources.starts,
         outputs=outputs or Outputs(),
         loaded=[],
-        fused=verifiers.get(FUSED_ESTIMATE),
     )
     unrelated = clocks_unrelated(sources.facts)
     blocks = InputBlocks(reader, sources, how)
@@ -157,6 +156,12 @@ def replay_bag(
         )
     told = [f"{path}: {line}" for line in said if line]
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+
+
+def _known_state(verifiers: Mapping[str, Verifier]) -> KnownState:
+    """Follows the state on which all recorded answers depend."""
+    told = [verifiers[name] for name in (ESTIMATE, COMPARISON) if name in verifiers]
+    return KnownState(told, verifiers.get(FUSED_ESTIMATE))
 
 
 def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:

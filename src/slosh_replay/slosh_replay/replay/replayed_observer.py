@@ -30,7 +30,6 @@ _HEIGHTS = {
 FIELDS: Final = (TAKEN, *_HEIGHTS, "heights_used", "heights_rejected", "uncorrected")
 _Told = tuple[FusedState, tuple[int, int, int]]
 """A state, and how many heights were judged, used and rejected before it."""
-UNKNOWN = "the recording begins in the middle of a run: the observer's state is not in it"
 
 
 class ReplayedObserver:
@@ -48,7 +47,6 @@ class ReplayedObserver:
         self._taken = 0
         self._states: deque[tuple[int, int]] = deque()
         self._hears = True
-        self._lost = False
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
         """Takes samples, heights and recorded states; returns its own states."""
@@ -78,7 +76,7 @@ class ReplayedObserver:
     ) -> None:
         sample = samples.one(index)
         if start != self._start or self._observer is None:
-            self._begin(start, sample.stamp_ns)
+            self._begin(start)
         observer = self._observer
         assert observer is not None
         self._feed(observer, sample.stamp_ns)
@@ -88,19 +86,12 @@ class ReplayedObserver:
             told = (observer.taken, counts[Outcome.USED], counts[Outcome.REJECTED])
             states.append((state, told))
 
-    def _begin(self, start: int, stamp_ns: int) -> None:
+    def _begin(self, start: int) -> None:
         """Makes the observer of a start of the node."""
-        if self._start < 0 and self._states and self._states[0][1] > len(self._surfaces):
-            self._lose(stamp_ns)
         self._start = start
         model = self._setting.loaded[start]
         self._observer, self._taken = Observer(model), 0
         self._hears = not model.uses("reading")
-
-    def _lose(self, stamp_ns: int) -> None:
-        if self._setting.fused is not None and not self._lost:
-            self._setting.fused.lose(stamp_ns - 1, UNKNOWN)
-            self._lost = True
 
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
         """Gives the observer what the live one had judged when it told of this sample."""
