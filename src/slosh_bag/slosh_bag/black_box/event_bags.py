@@ -8,7 +8,7 @@ import shutil
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -253,32 +253,30 @@ def _found(folder: Path) -> list[KeptBag]:
 
 def _noted_causes(folder: Path) -> frozenset[str]:
     try:
-        return frozenset(_causes(BagReader(folder).metadata.get(EVENTS, "")))
+        return _causes(BagReader(folder).metadata().get(EVENTS, ""))
     except SloshBagError:  # a recorder was killed before it wrote anything
         return frozenset()
 
 
-def _causes(text: str) -> set[str]:
-    return {happening["cause"] for happening in noted_events(text)}
-
-
-def noted_events(text: str) -> list[dict[str, str | int]]:
-    """The events that the fact EVENTS of a bag tells; none where the text is damaged."""
+def noted_events(text: str) -> list[Happening]:
+    """The events that the fact EVENTS of a bag tells; without those that cannot be read."""
     try:
         document = json.loads(text)
     except ValueError:
         return []
-    return [entry for entry in _items(document) if isinstance(entry, dict) and _is_event(entry)]
+    return list(filter(None, map(_event, document))) if isinstance(document, list) else []
 
 
-def _items(document: object) -> Iterable[object]:
-    return document if isinstance(document, list) else []
+def _event(entry: object) -> Happening | None:
+    try:
+        found = Happening(**entry)  # type: ignore[arg-type]
+        return Happening(Cause(found.cause), int(found.stamp_ns), str(found.text))
+    except (TypeError, ValueError):
+        return None
 
 
-def _is_event(entry: Mapping[object, object]) -> bool:
-    return isinstance(entry.get("stamp_ns"), int) and all(
-        isinstance(entry.get(name), str) for name in ("cause", "text")
-    )
+def _causes(text: str) -> frozenset[str]:
+    return frozenset(happening.cause.value for happening in noted_events(text))
 
 
 def _size(folder: Path) -> int:
