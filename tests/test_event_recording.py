@@ -2,69 +2,130 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 
+from slosh_bag.bag_writer import Qos
+from slosh_bag.black_box.black_box import Cause, Happening, Windows
+from slosh_bag.black_box.event_bags import EventRecorder, noted_events
+from slosh_bag.black_box.ring import Place
+from slosh_bag.errors import SloshBagError
+from slosh_bag.reader import BagReader
+from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.processes import NodeProcess
 from slosh_bringup.replay.page import make_report
+from slosh_discovery.discover_data import day_motions
 from slosh_discovery.discover_data.reading import files_at
+from slosh_discovery.discovering import recorded_model
+from slosh_discovery.errors import SloshDiscoveryError
+from slosh_msgs.msg import SloshComparison
 from slosh_msgs_py import topics
-from slosh_msgs_py.node.domain import own_domain
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.checking import check_result, expectation_of
 from slosh_replay.replay.report import Surroundings
 from slosh_testing.robot import nodes_and_robot, swing
 
+BAGS = Path(__file__).resolve().parent.parent / "bags"
 EVENTS = {"mode": "events", "event_before": "2.0", "event_after": "1.0"}
+ERROR = SloshComparison.STATE_ERROR
 
 
-def finished(folder, name):
-    """Whether a bag has been ended: its space in reserve is given up then."""
-    bag = folder / name
-    return (bag / "metadata.yaml").exists() and not (bag / ".reserve").exists()
+def events_of(bag):
+    """The events that a finished bag tells; none while it is written."""
+    if not (bag / "metadata.yaml").exists() or (bag / ".reserve").exists():
+        return []
+    return noted_events(RecordedRun(bag).facts.get("events", ""))
+
+
+def bags_of(folder, cause):
+    """The finished bags that hold an event of a cause."""
+    bags = sorted(folder.iterdir())
+    return [bag for bag in bags if cause in {event.cause for event in events_of(bag)}]
 
 
 @pytest.mark.long
-def test_a_bag_round_an_event_replays_bit_for_bit_and_tells_what_happened(tmp_path):
+def test_a_bag_round_an_event_replays_bit_for_bit_and_tells_what_happened(tmp_path, domain):
     folder = tmp_path / "events"
-    with own_domain() as domain, nodes_and_robot(tmp_path, domain) as (group, robot):
-        robot.push = swing(1.0)
+    with nodes_and_robot(tmp_path, domain) as (group, robot):
+        robot.push = swing(0.05)
         group.start(NodeProcess("recorder", (), {"output": str(folder), **EVENTS}))
         robot.until(lambda: "recorder" in robot.health, "the recorder")
         robot.for_seconds(3.0)
-        assert list(folder.iterdir()) == []
         robot.surface.msh = 0.03
-        robot.until(lambda: any(folder.iterdir()), "a bag")
+        robot.until(lambda: robot.comparisons[-1].state == ERROR, "a limit event")
         robot.surface.msh = 0.0001
-        robot.until(lambda: finished(folder, "0001_limit"), "the end of the bag")
+        robot.until(lambda: bags_of(folder, Cause.LIMIT), "the bag of a limit event")
         answer = robot.call(Trigger, topics.KEEP)
         assert answer.success
-        kept = Path(answer.message)
-        robot.until(lambda: finished(folder, kept.name), "the end of the bag that was asked for")
+        robot.until(lambda: bags_of(folder, Cause.REQUEST), "the bag that was asked for")
+    assert Path(answer.message) in bags_of(folder, Cause.REQUEST)
     for bag in files_at(folder):
         run = RecordedRun(bag)
         result = replay_bag(run)
         found = result.verified
         assert found["estimate"].exact, found["estimate"].lines()
-        assert found["estimate"].recorded > 500
+        assert found["estimate"].recorded > 100
         assert found["comparison"].exact, found["comparison"].lines()
         # Nothing in the bag tells the observer's state: that is said, and is no failure.
         assert found["fused_estimate"].recorded == found["fused_estimate"].missing == 0
         assert "not in it" in " ".join(found["fused_estimate"].unchecked)
         assert check_result(result, expectation_of(result)).passed
-        assert result.seconds < 30.0
-    first = RecordedRun(folder / "0001_limit")
-    report = make_report(first, replay_bag(first), Surroundings())
+    run = RecordedRun(bags_of(folder, Cause.LIMIT)[0])
+    report = make_report(run, replay_bag(run), Surroundings())
     assert any(note.startswith("event limit at ") for note in report.notes)
-    assert kept.name.endswith("_request")
 
 
 @pytest.mark.long
-def test_a_recorder_of_everything_says_that_there_is_nothing_to_ask_for(tmp_path):
-    with own_domain() as domain, nodes_and_robot(tmp_path, domain) as (group, robot):
+def test_a_recorder_of_everything_says_that_there_is_nothing_to_ask_for(tmp_path, domain):
+    with nodes_and_robot(tmp_path, domain) as (group, robot):
         group.start(NodeProcess("recorder", (), {"output": str(tmp_path / "bag")}))
         robot.until(lambda: "recorder" in robot.health, "the recorder")
         answer = robot.call(Trigger, topics.KEEP)
         assert not answer.success
         assert "recorded already" in answer.message
+
+
+def cut(source, folder, *at, before=5.0, after=5.0):
+    """Bags of events at some times [s] of a recording, as its recorder would have written them."""
+    recorder = EventRecorder(
+        folder, Windows(round(before * SECOND), round(after * SECOND), 10**9, 10**9), 100, 10**10,
+        lambda topic, data: Place(data) if topic.endswith("/settings") else None,
+    )  # fmt: skip
+    reader, times = BagReader(source), list(at)
+    for name, info in reader.topics().items():
+        recorder.add_topic(name, info.message_type, Qos())
+    begin_ns = None
+    for message in reader.messages():
+        begin_ns = begin_ns or message.log_ns
+        recorder.add(message.topic, message.data, message.log_ns, message.publish_ns)
+        if times and message.log_ns - begin_ns >= times[0] * SECOND:
+            recorder.happen(Happening(Cause.REQUEST, message.log_ns, f"at {times.pop(0)} s"))
+    recorder.close()
+    return sorted(folder.iterdir())
+
+
+def test_discover_takes_a_folder_of_event_bags_and_each_motion_once(tmp_path):
+    """Two bags hold the motion, one of them not to its end, and one holds the rest before it."""
+    shipped = BAGS / "c3"
+    cut(shipped, tmp_path / "whole", 6.0, before=60.0, after=60.0)
+    cut(shipped, tmp_path / "part", 6.0, before=60.0, after=4.0)
+    cut(shipped, tmp_path / "rest", 0.5, before=0.5, after=0.1)
+    folder = tmp_path / "all"
+    folder.mkdir()
+    for number, name in enumerate(("part", "whole", "rest")):
+        (tmp_path / name / "0001_request").rename(folder / f"{number:04d}_{name}")
+    told = []
+    (found,) = day_motions(folder, tell=told.append)
+    (wanted,) = day_motions(shipped)
+    assert found.motion.name == "0001_whole#1"
+    assert np.array_equal(found.motion.msh, wanted.motion.msh)
+    assert any(line.startswith("left out: ") and "0002_rest" in line for line in told)
+    assert recorded_model(folder) == recorded_model(shipped)
+
+
+def test_a_folder_of_event_bags_without_a_motion_is_refused_in_one_line(tmp_path):
+    (bag,) = cut(BAGS / "c3", tmp_path / "rest", 0.5, before=0.5, after=0.1)
+    with pytest.raises((SloshBagError, SloshDiscoveryError), match=bag.name):
+        day_motions(tmp_path / "rest")

@@ -107,28 +107,29 @@ class CalmWatch:
         return self._judge()
 
     def _judge(self) -> list[Happening]:
-        found = []
-        waiting = [height for height in self._heights if not self._is_decided(height.stamp_ns)]
-        for height in self._heights:
-            if height in waiting or self._told:
-                continue
-            before = self._before(height.stamp_ns)
-            follower = next(one for one in self._answers if one.stamp_ns > height.stamp_ns)
-            at_rest = before is not None and before.calm and before.at_rest and follower.at_rest
-            if before is None or not at_rest or not height.least > before.tolerance:
-                continue
-            self._told = True
-            text = (
-                f"called calm within {1e3 * before.tolerance:.1f} mm, but the {height.name} "
-                f"height was at least {1e3 * height.least:.1f} mm and nothing moved"
-            )
-            found.append(Happening(Cause.FALSE_CALM, height.stamp_ns, text))
-        self._heights = deque(waiting, maxlen=WAITING)
-        return found
+        newest_ns = self._answers[-1].stamp_ns if self._answers else -1
+        due = [height for height in self._heights if height.stamp_ns < newest_ns]
+        if not due:
+            return []
+        later = (height for height in self._heights if height.stamp_ns >= newest_ns)
+        self._heights = deque(later, maxlen=WAITING)
+        return [self._tell(height, before) for height in due if (before := self._wrong(height))]
 
-    def _is_decided(self, stamp_ns: int) -> bool:
-        return bool(self._answers) and self._answers[-1].stamp_ns > stamp_ns
+    def _wrong(self, height: _Height) -> _Answer | None:
+        """The answer that a height shows to be wrong; None: there is none, or it was told."""
+        at_ns = height.stamp_ns
+        before = next((one for one in reversed(self._answers) if one.stamp_ns <= at_ns), None)
+        follower = next(one for one in self._answers if one.stamp_ns > at_ns)
+        if self._told or before is None or not follower.at_rest:
+            return None
+        if not before.calm or not before.at_rest:
+            return None
+        return before if height.least > before.tolerance else None
 
-    def _before(self, stamp_ns: int) -> _Answer | None:
-        earlier = [one for one in self._answers if one.stamp_ns <= stamp_ns]
-        return earlier[-1] if earlier else None
+    def _tell(self, height: _Height, before: _Answer) -> Happening:
+        self._told = True
+        text = (
+            f"called calm within {1e3 * before.tolerance:.1f} mm, but the {height.name} "
+            f"height was at least {1e3 * height.least:.1f} mm and nothing moved"
+        )
+        return Happening(Cause.FALSE_CALM, height.stamp_ns, text)
