@@ -15,6 +15,7 @@ from slosh_bag.reader import BagReader
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.processes import NodeProcess
 from slosh_bringup.replay.page import make_report
+from slosh_bringup.replay.task import Task, replay_task
 from slosh_discovery.discover_data import day_motions
 from slosh_discovery.discover_data.reading import files_at
 from slosh_discovery.discovering import recorded_model
@@ -25,9 +26,9 @@ from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import replay_bag
 from slosh_replay.replay.checking import check_result, expectation_of
 from slosh_replay.replay.report import Surroundings
+from slosh_testing.live_bag import LiveBag
 from slosh_testing.robot import nodes_and_robot, swing
 
-BAGS = Path(__file__).resolve().parent.parent / "bags"
 EVENTS = {"mode": "events", "event_before": "2.0", "event_after": "1.0"}
 ERROR = SloshComparison.STATE_ERROR
 
@@ -106,26 +107,49 @@ def cut(source, folder, *at, before=5.0, after=5.0):
     return sorted(folder.iterdir())
 
 
+def recorded(folder):
+    """A recording of an estimator that tells its state, of one motion of 3 s."""
+    live = LiveBag()
+    live.states = True
+    return live.write(folder)
+
+
+def test_a_bag_from_the_middle_of_a_run_replays_from_its_first_state_on(tmp_path):
+    (bag,) = cut(recorded(tmp_path / "run"), tmp_path / "events", 2.5, before=1.0, after=1.0)
+    result = replay_bag(bag)
+    found = result.verification
+    assert found.exact, found.lines()
+    assert found.recorded + sum(found.unchecked.values()) == pytest.approx(1000, abs=3)
+    assert list(found.unchecked) == ["before the first known state"]
+    assert sum(found.unchecked.values()) <= 125
+    assert check_result(result, expectation_of(result)).passed
+    report = make_report(RecordedRun(bag), result, Surroundings())
+    (note,) = [note for note in report.notes if note.startswith("event ")]
+    assert note.startswith("event request at ")
+    assert note.endswith(" s: at 2.5 s")
+    assert replay_task(Task(bag, "bag")).differences[0] == note
+
+
 def test_discover_takes_a_folder_of_event_bags_and_each_motion_once(tmp_path):
-    """Two bags hold the motion, one of them not to its end, and one holds the rest before it."""
-    shipped = BAGS / "c3"
-    cut(shipped, tmp_path / "whole", 6.0, before=60.0, after=60.0)
-    cut(shipped, tmp_path / "part", 6.0, before=60.0, after=4.0)
-    cut(shipped, tmp_path / "rest", 0.5, before=0.5, after=0.1)
-    folder = tmp_path / "all"
+    """Two bags hold the motion, one of them not to its end; a third one is of the rest before."""
+    run, folder = recorded(tmp_path / "run"), tmp_path / "all"
+    cut(run, tmp_path / "part", 2.5, before=60.0, after=0.8)
+    cut(run, tmp_path / "whole", 2.5, before=60.0, after=60.0)
+    cut(run, tmp_path / "rest", 0.3, before=0.3, after=0.1)
     folder.mkdir()
     for number, name in enumerate(("part", "whole", "rest")):
         (tmp_path / name / "0001_request").rename(folder / f"{number:04d}_{name}")
     told = []
     (found,) = day_motions(folder, tell=told.append)
-    (wanted,) = day_motions(shipped)
+    (wanted,) = day_motions(run)
     assert found.motion.name == "0001_whole#1"
     assert np.array_equal(found.motion.msh, wanted.motion.msh)
     assert any(line.startswith("left out: ") and "0002_rest" in line for line in told)
-    assert recorded_model(folder) == recorded_model(shipped)
+    assert recorded_model(folder) == recorded_model(run)
 
 
 def test_a_folder_of_event_bags_without_a_motion_is_refused_in_one_line(tmp_path):
-    (bag,) = cut(BAGS / "c3", tmp_path / "rest", 0.5, before=0.5, after=0.1)
+    run = recorded(tmp_path / "run")
+    (bag,) = cut(run, tmp_path / "rest", 0.3, before=0.3, after=0.1)
     with pytest.raises((SloshBagError, SloshDiscoveryError), match=bag.name):
         day_motions(tmp_path / "rest")

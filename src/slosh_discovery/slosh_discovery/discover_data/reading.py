@@ -133,7 +133,7 @@ def _is_of_event(path: Path) -> bool:
 
 
 def _once(motions: Sequence[DayMotion]) -> list[DayMotion]:
-    """The motions without those that another bag of an event holds in the same or greater length."""
+    """The motions without those that another bag of an event holds, too, at least as long."""
     kept: list[DayMotion] = []
     for entry in sorted(motions, key=lambda entry: -_length(entry)):
         if entry.span_ns is None or not any(_overlap(entry, other) for other in kept):
