@@ -116,8 +116,7 @@ class EventRecorder:
         self._folder, self._per_cause, self._quota = folder, per_cause, quota
         self._clock, self._free = clock, free
         self._kept = _found(folder)
-        names = [_NAME.fullmatch(bag.folder.name) for bag in self._kept]
-        self._number = max((int(name[1]) for name in names if name), default=0)
+        self._number = max((_number(bag.folder) for bag in self._kept), default=0)
         self._open: list[_OpenBag] = []  # the last one may be open, the others are being finished
         self._refused: dict[str, str] = {}
         self._heard: Counter[str] = Counter()
@@ -220,7 +219,7 @@ class EventRecorder:
             self._interruptions += state.interruptions
             self._refused |= state.refused
             self._kept.append(KeptBag(bag.folder, frozenset(bag.causes), _size(bag.folder)))
-        self._kept.sort(key=lambda bag: bag.folder.name)
+        self._kept.sort(key=lambda bag: _number(bag.folder))
         self._tidy()
 
     def _tidy(self) -> None:
@@ -239,16 +238,27 @@ def _found(folder: Path) -> list[KeptBag]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        entries = sorted(folder.iterdir())
+        is_bag = any(folder.glob("*.mcap"))
     except OSError as error:
         raise SloshBagError(f"{folder}: {error.strerror}") from None
-    if any(entry.suffix == ".mcap" for entry in entries):
+    if is_bag:
         raise SloshBagError(f"{folder}: holds a recording; choose another folder for the events")
-    named = [(entry, _NAME.fullmatch(entry.name)) for entry in entries if entry.is_dir()]
-    ours = sorted((int(name[1]), entry, name[2]) for entry, name in named if name)
     return [
-        KeptBag(entry, _noted_causes(entry) | {cause}, _size(entry)) for _, entry, cause in ours
+        KeptBag(bag, _noted_causes(bag) | {bag.name.partition("_")[2]}, _size(bag))
+        for bag in event_bags(folder)
     ]
+
+
+def event_bags(folder: Path) -> list[Path]:
+    """The bags of events in a folder, the oldest first; those that were renamed are none."""
+    if not folder.is_dir():
+        return []
+    bags = [entry for entry in folder.iterdir() if entry.is_dir() and _NAME.fullmatch(entry.name)]
+    return sorted(bags, key=_number)
+
+
+def _number(bag: Path) -> int:
+    return int(bag.name.partition("_")[0])
 
 
 def _noted_causes(folder: Path) -> frozenset[str]:
