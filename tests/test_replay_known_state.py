@@ -130,7 +130,7 @@ def test_an_edited_counter_of_inputs_is_not_called_bit_for_bit(
     live._put = edited
     found = replay_bag(live.write(tmp_path / "bag")).verification
     told = (
-        f"{unchecked} not checked: after inputs that" if states else "samples_used goes on 1 tim"
+        f"{unchecked} not checked: after inputs that" if states else "samples_used increases 1 tim"
     )
     assert any(told in line for line in found.lines()), found.lines()
     assert found.exact == states

@@ -254,7 +254,7 @@ def page(rows: list[tuple[Mistake, Answer, str]]) -> str:
     """The table of all mistakes."""
     kinds = list(dict.fromkeys(mistake.kind for mistake, _, _ in rows))
     lines = [
-        "# Answers to mistakes", "",
+        "# Error messages", "",
         "Typical mistakes and the part of the answer that names the doubt or the remedy. "
         "*Right*: the right peak, or a warning with exit code 1. *Remedy*: one line with exit "
         "code 2. `tools/run python tools/stranger.py --docs` writes the page.", "",

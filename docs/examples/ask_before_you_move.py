@@ -93,7 +93,7 @@ accepted = carried(1.0).scaled(1.001 * fastest)
 print(f"{accepted.duration:.3f} s, {1e3 * answer.nonlinear.peak:.1f} mm, kept: {answer.kept}")
 
 # %% [markdown]
-# ## Two copies, half a period apart
+# ## Input shaping
 #
 # The waves of the two copies of the ZV filter ([others](shape.md)) nearly cancel.
 

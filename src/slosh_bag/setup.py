@@ -9,10 +9,10 @@ PACKAGE = "slosh_bag"
 
 
 class Develop(develop):
-    """Linked programs take Python from PATH, as setup.cfg has it for those that are not linked."""
+    """Makes linked programs take Python from PATH, as setup.cfg does for installed ones."""
 
     def install_wrapper_scripts(self, dist):
-        """Writes the programs."""
+        """Writes the program scripts."""
         from setuptools.command.develop import VersionlessRequirement
         from setuptools.command.easy_install import ScriptWriter
 

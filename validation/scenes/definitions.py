@@ -15,6 +15,9 @@ class Cup:
         eccentricity: of the outer wall against the bore (x, y), so that the wall's thickness
             differs around the cup.
         meniscus: height to which the liquid climbs at the wall.
+        profile: (r, z above the inner floor) of a body of revolution, from the floor's centre to
+            the rim; empty: a cylinder. `radius` is then that of the still surface.
+        container: of it, as a model file has it.
     """
 
     radius: float = 50.0
@@ -25,6 +28,8 @@ class Cup:
     index: float = 1.49
     eccentricity: tuple[float, float] = (0.0, 0.0)
     meniscus: float = 0.0
+    profile: tuple[tuple[float, float], ...] = ()
+    container: dict[str, float | str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

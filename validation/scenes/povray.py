@@ -13,9 +13,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from definitions import Camera, Colour, Scene
+from definitions import Camera, Colour, Cup, Scene
 from numpy.typing import NDArray
-from surface import Wave
+from surface import Surface
 
 FILM = 0.01  # mm
 RINGS, SECTORS = 40, 240
@@ -30,9 +30,9 @@ class RenderError(Exception):
     """POV-Ray did not deliver."""
 
 
-def surface_mesh(wave: Wave, top: float, meniscus: float = 0.0) -> str:
+def surface_mesh(wave: Surface, top: float, meniscus: float = 0.0) -> str:
     """A closed mesh (mm) of the space above the surface, which climbs at the wall, to `top`."""
-    radius = 1e3 * wave.radius
+    radius = 1e3 * wave.reach
     angles = np.arange(SECTORS) * 2 * math.pi / SECTORS
     near = 1 - np.geomspace(0.3, 12.0, 12 if meniscus else 0) / radius
     rings = np.append(np.union1d(np.linspace(0, 1, RINGS)[1:], near), MARGIN) * radius
@@ -124,19 +124,57 @@ def _camera(camera: Camera, size: tuple[int, int]) -> str:
 
 def _cup(scene: Scene, glass: str, liquid: str, liquid_top: str, drops: str) -> str:
     cup = scene.cup
-    outer, floor = cup.radius + cup.wall, -cup.fill
-    bore = f"cylinder {{ <0,0,{floor}>, <0,0,{cup.rim + 5}>, {cup.radius} }}"
+    bore, body, filled = _solids(cup)
     hollow = f"intersection {{ {bore} object {{ Above }} }}"
     if drops:
         hollow = f"difference {{ {hollow} {drops} }}"
-    depth = scene.cup.rim + 1
-    at = "{:.4f},{:.4f}".format(*cup.eccentricity)
     return (
-        f"difference {{ cylinder {{ <{at},{floor - cup.base}>, <{at},{cup.rim}>, {outer} }} "
-        f"{hollow} {glass} }}\n"
-        f"difference {{ cylinder {{ <0,0,{floor}>, <0,0,{depth}>, {cup.radius} {liquid} }} "
+        f"difference {{ {body} {hollow} {glass} }}\n"
+        f"difference {{ {filled % liquid} "
         f"object {{ Above translate <0,0,{-FILM}> {liquid_top} }} {_interior(scene)} }}\n"
     )
+
+
+def _solids(cup: Cup) -> tuple[str, str, str]:
+    """The bore up to above the rim, the whole cup, and the bore that takes a texture."""
+    floor, high, depth = -cup.fill, cup.rim + 5, cup.rim + 1
+    if not cup.profile:
+        at = "{:.4f},{:.4f}".format(*cup.eccentricity)
+        outer = cup.radius + cup.wall
+        return (
+            f"cylinder {{ <0,0,{floor}>, <0,0,{high}>, {cup.radius} }}",
+            f"cylinder {{ <{at},{floor - cup.base}>, <{at},{cup.rim}>, {outer} }}",
+            f"cylinder {{ <0,0,{floor}>, <0,0,{depth}>, {cup.radius} %s }}",
+        )
+    inner = np.array(cup.profile) + np.array([0.0, floor])
+    top = inner[-1, 0]
+    return (
+        _lathe(np.vstack([inner, [top, high], [0.0, high]])),
+        _lathe(outer_profile(inner, cup.wall, cup.base)),
+        _lathe(np.vstack([inner, [top, depth], [0.0, depth]]), "%s"),
+    )
+
+
+def outer_profile(inner: NDArray[np.float64], wall: float, base: float) -> NDArray[np.float64]:
+    """The outside of a profile (N, 2): its wall moved outwards by `wall`, down to a foot."""
+    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(inner, axis=0).T)))
+    fine = np.linspace(0.0, lengths[-1], 160)
+    inner = np.column_stack([np.interp(fine, lengths, column) for column in inner.T])
+    way = np.gradient(inner, axis=0)
+    normal = np.column_stack([way[:, 1], -way[:, 0]])
+    moved = inner + wall * normal / np.linalg.norm(normal, axis=1)[:, None]
+    upright = moved[way[:, 1] > 0.2 * np.abs(way[:, 0])]
+    bottom = inner[:, 1].min() - base
+    foot = [[0.0, bottom], [upright[0, 0], bottom]]
+    upright[-1, 1] = inner[-1, 1]
+    return np.vstack([foot, upright, [[0.0, inner[-1, 1]]]])
+
+
+def _lathe(points: NDArray[np.float64], texture: str = "") -> str:
+    """A solid about z of a profile that begins and ends at the axis."""
+    closed = np.vstack([points, points[:1]])
+    rows = ",".join(f"<{max(r, 0.0):.5f},{z:.5f}>" for r, z in closed)
+    return f"lathe {{ linear_spline {len(closed)}, {rows} rotate <90,0,0> {texture} }}"
 
 
 def _interior(scene: Scene) -> str:
@@ -327,7 +365,9 @@ def _surroundings(scene: Scene, shift: float) -> str:
     )
 
 
-def photo_text(scene: Scene, wave: Wave, size: tuple[int, int], shift: float, folder: Path) -> str:
+def photo_text(
+    scene: Scene, wave: Surface, size: tuple[int, int], shift: float, folder: Path
+) -> str:
     """The scene for a photograph."""
     liquid = scene.liquid
     look = (
@@ -354,7 +394,7 @@ def photo_text(scene: Scene, wave: Wave, size: tuple[int, int], shift: float, fo
     )
 
 
-def mask_text(scene: Scene, wave: Wave, size: tuple[int, int]) -> str:
+def mask_text(scene: Scene, wave: Surface, size: tuple[int, int]) -> str:
     """The scene for a mask: red liquid through the wall, green free surface, blue floor."""
     flat = "finish { ambient 0 diffuse 0 emission 1 }"
     floor = -scene.cup.fill + 0.02

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import clear
+import contours
 import cv2
 import liquids
 import numpy as np
@@ -24,21 +25,22 @@ from definitions import SCENES, Scene
 from numpy.typing import NDArray
 from optics import View
 from povray import Image
-from surface import MODE_2, Wave, natural_frequency
+from surface import MODE_2, Surface, Wave, natural_frequency
 from truth import frame_truth, header, mask_truth
 
 STILL = "calib.jpg"
 # Parts of the picture between which a rolling shutter's time steps.
 STRIPS = 8
 # Scenes as those of `sequences` and of `stills`, of any number.
-FURTHER = {"sequence": unkind.sequence, "still": unkind.still}
-NUMBERED = re.compile(r"(sequence|still)_([0-9]{2,6})")
+FURTHER = {"sequence": unkind.sequence, "still": unkind.still, "contour": contours.contour}
+NUMBERED = re.compile(r"(sequence|still|contour)_([0-9]{2,6})")
 GROUPS = {
     "all": list(SCENES.values()),
     "stills": unkind.stills(),
     "sequences": unkind.sequences(),
     "liquids": liquids.liquids(),
     "clear": clear.clear(),
+    "contours": contours.contours(),
 }
 
 
@@ -63,7 +65,7 @@ def view_of(scene: Scene) -> View:
     )
 
 
-def wave_at(scene: Scene, time: float, duration: float) -> Wave:
+def wave_at(scene: Scene, time: float, duration: float) -> Wave | contours.ContourWave:
     """The surface at `time` (s): still in the first frames, then the amplitude rises."""
     motion, radius = scene.motion, scene.cup.radius * 1e-3
     start = scene.still_frames / motion.frame_rate - 0.02 * duration
@@ -78,6 +80,8 @@ def wave_at(scene: Scene, time: float, duration: float) -> Wave:
         a1, phi = along, axis
     else:
         a1, phi = math.hypot(along, across), axis + math.atan2(across, along)
+    if scene.cup.profile:
+        return contours.contour_wave(scene, a1, phi)
     second = 2 * math.pi * natural_frequency(radius, scene.cup.fill * 1e-3, MODE_2) * time
     a2 = motion.second * size * math.cos(second)
     mean, double = (part * a1 * a1 / radius for part in motion.sharpening)
@@ -111,7 +115,7 @@ class Renderer:
         return (at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)), size
 
     def photograph(
-        self, surface: Callable[[float], Wave], times: list[float], shift: float
+        self, surface: Callable[[float], Surface], times: list[float], shift: float
     ) -> NDArray[np.uint8]:
         """The picture (BGR) that a camera takes.
 
@@ -132,7 +136,7 @@ class Renderer:
         noisy = image + spread * self._rng.standard_normal(image.shape)
         return povray.to_srgb(np.asarray(noisy, np.float64))[..., ::-1]
 
-    def _instant(self, surface: Callable[[float], Wave], time: float, shift: float) -> Image:
+    def _instant(self, surface: Callable[[float], Surface], time: float, shift: float) -> Image:
         """Linear light of one instant, or of one passage of a rolling shutter in strips."""
         readout, high = self._scene.photo.readout_s, self._size[1]
         if not readout:
@@ -145,11 +149,11 @@ class Renderer:
             image[first:end] = strip[first:end]
         return image
 
-    def _drawn(self, wave: Wave, shift: float, rows: tuple[int, int] | None) -> Image:
+    def _drawn(self, wave: Surface, shift: float, rows: tuple[int, int] | None) -> Image:
         text = povray.photo_text(self._scene, wave, self._size, shift, self._folder)
         return povray.run(text, self._size, self._folder, smooth=True, rows=rows)
 
-    def mask(self, wave: Wave) -> NDArray[np.uint8]:
+    def mask(self, wave: Surface) -> NDArray[np.uint8]:
         """Classes 0 nothing, 1 liquid through the wall, 2 free surface, 3 floor."""
         text = povray.mask_text(self._scene, wave, self._size)
         drawn = povray.run(text, self._size, self._folder, smooth=False)
@@ -163,13 +167,15 @@ def render(scene: Scene, out: Path, *, masks: bool = True) -> None:
     """Renders a scene into `out`; without masks it is not known what of the liquid is seen."""
     out.mkdir(parents=True, exist_ok=True)
     view = view_of(scene)
-    truth = header(scene, view)
+    contoured = bool(scene.cup.profile)
+    truth = contours.header(scene) if contoured else header(scene, view)
+    masks = masks and not contoured
     rate = scene.motion.frame_rate
     duration = scene.frames / rate
     quality = [cv2.IMWRITE_JPEG_QUALITY, scene.photo.quality]
     with tempfile.TemporaryDirectory() as temporary:
         renderer = Renderer(scene, Path(temporary))
-        still = Wave(view.radius)
+        still = contours.contour_wave(scene, 0.0, 0.0) if contoured else Wave(view.radius)
         cv2.imwrite(str(out / STILL), renderer.photograph(lambda _: still, [0.0], 0.0), quality)
         if masks:
             cv2.imwrite(str(out / "calib_mask.png"), renderer.mask(still))
@@ -185,6 +191,11 @@ def render(scene: Scene, out: Path, *, masks: bool = True) -> None:
             file, mask_file = f"frame_{index:03d}.jpg", f"mask_{index:03d}.png"
             cv2.imwrite(str(out / file), renderer.photograph(surface, instants, shift), quality)
             entry = {"index": index, "file": file, "mask": mask_file, "t": time}
+            if contoured:
+                assert isinstance(wave, contours.ContourWave)
+                truth["frames"].append(entry | contours.frame_truth(wave))
+                continue
+            assert isinstance(wave, Wave)
             entry |= frame_truth(view, wave)
             mask = renderer.mask(wave) if masks else np.zeros(view.size[::-1], np.uint8)
             if masks:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,17 @@ MODE_2 = 5.331442774
 MEAN_MODE = 3.831705970
 DOUBLE_MODE = 3.054236928
 GRAVITY = 9.81
+
+
+class Surface(Protocol):
+    """What is drawn of a surface."""
+
+    @property
+    def reach(self) -> float:
+        """Radius up to which it is drawn, m."""
+
+    def height(self, r: Array, azimuth: Array) -> Array:
+        """Surface height (m) at radius `r` (m) and `azimuth` (rad), broadcast."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +54,11 @@ class Wave:
     phi2: float = 0.0
     mean: float = 0.0
     double: float = 0.0
+
+    @property
+    def reach(self) -> float:
+        """Radius up to which the surface is drawn, m."""
+        return self.radius
 
     def height(self, r: Array, azimuth: Array) -> Array:
         """Surface height (m) at radius `r` (m) and `azimuth` (rad), broadcast."""

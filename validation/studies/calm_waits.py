@@ -18,7 +18,9 @@ from functools import partial
 
 import numpy as np
 import with_tools  # noqa: F401
+from camera_sequences import ROOT
 from observer_accuracy import CUP, STEP, Case, drawn, seen, stamp_of
+from result_tables import fill
 from tqdm import tqdm
 
 from slosh_base.types import Array
@@ -28,6 +30,7 @@ from slosh_estimator.sample import Sample
 from slosh_model.simulate import Inputs, simulate
 
 TOLERANCE, LENGTH, BEGIN = 1e-3, 60.0, 0.5
+PAGE = ROOT / "docs" / "observer.md"
 HEAD = ("camera", "stops", "false calms", "false at the first", "wait, median [s]",
         "needed, median [s]", "constant wait [s]", "ratio")  # fmt: skip
 
@@ -37,15 +40,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=500, help="stops with and without a camera")
     parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="seeds")
+    parser.add_argument("--docs", action="store_true", help="write the table of the page")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     arguments = parser.parse_args()
     seeds = range(arguments.half, 2 * arguments.runs, 2)
-    print("| " + " | ".join(HEAD) + " |")
-    print("|---" + "|--:" * (len(HEAD) - 1) + "|")
+    lines = ["| " + " | ".join(HEAD) + " |"]
+    lines.append("|---" + "|--:" * (len(HEAD) - 1) + "|")
     with multiprocessing.get_context("fork").Pool(arguments.workers) as pool:
         for camera in (True, False):
             found = pool.imap(partial(stop, camera), seeds, chunksize=4)
-            print(row(camera, np.array(list(tqdm(found, total=len(seeds), leave=False)))))
+            lines.append(row(camera, np.array(list(tqdm(found, total=len(seeds), leave=False)))))
+    text = "\n".join(lines)
+    print(text)
+    if arguments.docs:
+        fill(PAGE, "calm", text)
     return 0
 
 

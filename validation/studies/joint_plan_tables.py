@@ -2,8 +2,10 @@
 
     tools/run python -m pip install --no-deps -r requirements/robots.txt
     tools/run python validation/studies/joint_plan_tables.py ROWS.jsonl [--cases 70] [--docs]
+        [--antisloshing FOLDER]
 
-Random paths on which a UR5 or a Panda keeps a cup upright, or leans it by up to 15° on the way,
+Random paths on which a UR5, a Panda or a Comau Smart Six (whose description comes with the public
+AntiSloshing data) keeps a cup upright, or leans it by up to 15° on the way,
 in joints. Each plan is verified by other means: the joints' positions are differenced, the
 kinematics are Pinocchio's on the rows themselves, and the liquid is integrated on that. toppra
 gives the time that the joints' velocity, acceleration and torque limits alone allow: a bound from
@@ -51,7 +53,7 @@ TOLERANCE = 2e-3
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A robot: its description in example-robot-data, and where the cup is."""
+    """A robot: its description in example-robot-data or AntiSloshing, and where the cup is."""
 
     urdf: str
     link: str
@@ -60,6 +62,7 @@ class Machine:
     joints: tuple[str, ...]
 
 
+COMAU = "Comau"
 MACHINES = {
     "UR5": Machine(
         "ur_description/urdf/ur5_robot.urdf", "ee_link", "0.1 0 0", "0 0 0",
@@ -69,6 +72,10 @@ MACHINES = {
     "Panda": Machine(
         "panda_description/urdf/panda.urdf", "panda_hand", "0 0 0.1", "0 1.5707963 0",
         tuple(f"panda_joint{n}" for n in range(1, 8)),
+    ),
+    COMAU: Machine(
+        "comau_smartsix5.urdf", "axes_6", "0.1 0 0", "0 1.5707963 0",
+        tuple(f"q{n}_joint" for n in range(1, 7)),
     ),
 }  # fmt: skip
 
@@ -98,11 +105,20 @@ class Row:
         return self.machine, self.seed
 
 
-def description(machine: Machine) -> str:
-    """The URDF with a link `cup`, whose z axis is the cup's."""
-    files = metadata.files("example-robot-data") or []
-    (file,) = (one for one in files if str(one).endswith(f"robots/{machine.urdf}"))
-    text = file.read_text(encoding="utf-8")
+def description(machine: Machine, folder: Path | None = None) -> str:
+    """The URDF with a link `cup`, whose z axis is the cup's.
+
+    Args:
+        machine: the robot.
+        folder: that holds the file; None: it is one of example-robot-data.
+    """
+    if folder is None:
+        files = metadata.files("example-robot-data") or []
+        (file,) = (one for one in files if str(one).endswith(f"robots/{machine.urdf}"))
+        text = file.read_text(encoding="utf-8")
+    else:
+        own = (folder / machine.urdf).read_text(encoding="utf-8")
+        text = f"<robot name='own'>{own.partition('?>')[2] or own}</robot>"  # it has no root
     cup = (
         f'<link name="cup"/><joint name="cup_joint" type="fixed"><parent link="{machine.link}"/>'
         f'<child link="cup"/><origin xyz="{machine.place}" rpy="{machine.turn}"/></joint>'
@@ -229,10 +245,10 @@ def excess(arm: Arm, answer: Plan, limits: PlanLimits) -> float:
     return max(max(shares) - 1.0, float(outside))
 
 
-def measure(name: str, seed: int) -> Row:
-    """One case."""
+def measure(name: str, seed: int, folder: Path | None = None) -> Row:
+    """One case; `folder`: of the AntiSloshing data."""
     machine = MACHINES[name]
-    text = description(machine)
+    text = description(machine, folder if name == COMAU else None)
     arm = Arm(text, "cup", name)
     own = {joint: {"acceleration": ACCELERATION, "jerk": JERK} for joint in machine.joints}
     joint_limits = limits_of(arm, machine.joints, own)
@@ -287,15 +303,18 @@ def main() -> int:
     parser.add_argument("rows", type=Path, help="measured rows, JSON lines; grows")
     parser.add_argument("--cases", type=int, default=100, help="of each robot (default: 100)")
     parser.add_argument("--first", type=int, default=0, help="first seed (default: 0)")
+    parser.add_argument(
+        "--antisloshing", type=Path, help=f"folder with {MACHINES[COMAU].urdf}: the Comau, too"
+    )
     parser.add_argument("--docs", action="store_true", help=f"write the table into {PAGE.name}")
     given = parser.parse_args()
     lines = given.rows.read_text(encoding="utf-8").splitlines() if given.rows.exists() else []
     rows = {row.case: row for row in (Row(**json.loads(line)) for line in lines)}
     for seed in range(given.first, given.first + given.cases):
         for name in MACHINES:
-            if (name, seed) in rows:
+            if (name, seed) in rows or (name == COMAU and given.antisloshing is None):
                 continue
-            row = measure(name, seed)
+            row = measure(name, seed, given.antisloshing)
             rows[row.case] = row
             with given.rows.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(row)) + "\n")

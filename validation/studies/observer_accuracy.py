@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 import with_tools  # noqa: F401
+from camera_sequences import ROOT
+from result_tables import fill
 from scipy.stats import chi2, norm
 from tqdm import tqdm
 
@@ -38,6 +40,7 @@ MEMORY = 0.15
 """How long a lasting error of the camera lasts [s]."""
 NIS = float(chi2.ppf(0.95, POINTS) / chi2.ppf(norm.cdf(TUNING.innovation_gate), POINTS))
 """Innovation over its limit that 95 % keep."""
+PAGE = ROOT / "docs" / "observer.md"
 HEAD = (
     "case", "open loop RMS [mm]", "fused RMS [mm]", "ratio", "inside 1.96 σ [%]",
     "NIS inside 95 % [%]", "worst ratio",
@@ -104,15 +107,22 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=100, help="runs of each case")
     parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="seeds")
+    parser.add_argument("--docs", action="store_true", help="write the table of the page")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     arguments = parser.parse_args()
     seeds = range(arguments.half, 2 * arguments.runs, 2)
-    print("| " + " | ".join(HEAD) + " |")
-    print("|" + "---|" * len(HEAD))
+    lines = ["| " + " | ".join(HEAD) + " |"]
+    lines.append("|---" + "|--:" * (len(HEAD) - 1) + "|")
     with multiprocessing.get_context("fork").Pool(arguments.workers) as pool:
         for case in CASES:
             found = pool.imap(partial(run, case), seeds, chunksize=4)
-            print(row(case.name, np.array(list(tqdm(found, total=len(seeds), leave=False)))))
+            lines.append(
+                row(case.name, np.array(list(tqdm(found, total=len(seeds), leave=False))))
+            )
+    text = "\n".join(lines)
+    print(text)
+    if arguments.docs:
+        fill(PAGE, "accuracy", text)
     return 0
 
 

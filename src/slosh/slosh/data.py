@@ -1,4 +1,4 @@
-"""What is worked with: containers, models, motions and recordings."""
+"""The data types of the API: containers, models, motions and recordings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["Container", "Model", "Motion", "Recording"]
 
 
 class Motion(MotionTable):
-    """A container's motion, with the heights that were measured during it where there are any.
+    """A container's motion, with the measured heights if there are any.
 
     Args:
         t: (N,) time [s], strictly increasing.
@@ -60,12 +60,12 @@ class Motion(MotionTable):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """The motion in a motion table; see `slosh_bag.read_motion_table`."""
+        """Reads a motion table; see `slosh_bag.read_motion_table`."""
         table = read_motion_table(path)
         return cls(**{name: getattr(table, name) for name in MotionTable.__dataclass_fields__})
 
     def save(self, path: str | Path) -> None:
-        """Writes a motion table that `load` reads back to the same bits.
+        """Writes a motion table; `load` returns exactly the same values.
 
         Raises:
             OSError: the file cannot be written; what was there is as it was.
@@ -101,7 +101,7 @@ class Recording(BagReader):
         return f"Recording({self.path.name}: {len(counts)} topics, {sum(counts)} messages)"
 
     def to_pandas(self, topic: str) -> DataFrame:
-        """A topic's messages as a table: a column for each field, as `slosh export` writes them.
+        """Returns a topic's messages as a table with one column per field, as `slosh export` does.
 
         Args:
             topic: its name, or the last parts of it.

@@ -1,4 +1,4 @@
-"""What a recording tells of a model."""
+"""Compares models with recordings: replay, identification, discovery."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def replay(
     recording: BagReader | str | os.PathLike[str], model: ModelLike | None = None
 ) -> ReplayResult:
-    """The estimates of a recording once more, beside what was measured and recorded.
+    """Recomputes a recording's estimates and compares them with measured and recorded ones.
 
     >>> import slosh
     >>> slosh.replay("bags/c3")
@@ -51,7 +51,7 @@ def identify(
     *,
     holdout: DataLike | Several[DataLike] = (),
 ) -> Identification:
-    """A model's parameters from measured motions.
+    """Identifies a model's parameters from measured motions.
 
     >>> import slosh
     >>> slosh.identify("bags/c3", slosh.replay("bags/c3").model)
@@ -79,7 +79,7 @@ def discover(
     *,
     holdout: DataLike | Several[DataLike] = (),
 ) -> Finding:
-    """Which effect a model lacks to explain measured motions.
+    """Finds the effect that a model lacks to explain measured motions.
 
     >>> import slosh
     >>> slosh.discover("bags/c3", slosh.replay("bags/c3").model.linear())

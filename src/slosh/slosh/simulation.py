@@ -1,4 +1,4 @@
-"""What a motion will do, and which motion does what is wanted."""
+"""Predicts the liquid's response to a motion and plans motions that keep a limit."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def simulate(model: ModelLike, motion: MotionLike) -> Response:
-    """The liquid's heights during a motion, from rest.
+    """Computes the liquid's heights during a motion that begins at rest.
 
     >>> import slosh
     >>> slosh.simulate("cup/model.yaml", "move.csv")
@@ -65,13 +65,23 @@ def simulate(model: ModelLike, motion: MotionLike) -> Response:
 
 @overload
 def predict(
-    model: ModelLike, motions: Several[MotionLike], *, limit: float = ..., residual: float = ...
+    model: ModelLike,
+    motions: Several[MotionLike],
+    *,
+    limit: float = ...,
+    residual: float = ...,
+    rim_distance: float = ...,
 ) -> list[Prediction]: ...
 
 
 @overload
 def predict(
-    model: ModelLike, motions: MotionLike, *, limit: float = ..., residual: float = ...
+    model: ModelLike,
+    motions: MotionLike,
+    *,
+    limit: float = ...,
+    residual: float = ...,
+    rim_distance: float = ...,
 ) -> Prediction: ...
 
 
@@ -81,8 +91,9 @@ def predict(
     *,
     limit: float = math.inf,
     residual: float = math.inf,
+    rim_distance: float = 0.0,
 ) -> Prediction | list[Prediction]:
-    """How high the liquid will rise on a planned motion, and whether it keeps a limit.
+    """Predicts how high the liquid rises on a planned motion, and whether it keeps a limit.
 
     >>> import slosh
     >>> slosh.predict("cup/model.yaml", "move.csv", limit=0.02)
@@ -94,6 +105,7 @@ def predict(
             poses; or a list of these.
         limit: greatest height above the still level [m]; the rim, where it is lower, holds too.
         residual: greatest height after the motion's end [m].
+        rim_distance: least vertical distance to the rim, another way to limit the height [m].
 
     Returns:
         a prediction, or as many as there are motions in the list.
@@ -105,7 +117,7 @@ def predict(
     Warns:
         what looks wrong in a motion: gravity, units, axes.
     """
-    used, limits = the_model(model), HeightLimits(limit, residual)
+    used, limits = the_model(model), HeightLimits(limit, residual, rim_distance=rim_distance)
     if not isinstance(motions, list | tuple):
         one = _trajectory(motions, "motions")
         return predict_trajectories(used, one, limits=limits)[0]
@@ -122,7 +134,7 @@ def plan(
     acceleration: float = ACCELERATION,
     jerk: float = JERK,
 ) -> Plan:
-    """The fastest motion along a path, from rest to rest, that keeps the liquid below a limit.
+    """Finds the fastest rest-to-rest motion along a path that keeps the liquid below a limit.
 
     >>> import slosh
     >>> path = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]  # m

@@ -1,4 +1,4 @@
-"""Writes a bag: MCAP files, with the metadata.yaml that rosbag2 wants beside them."""
+"""Writes a bag: MCAP files and the metadata.yaml that rosbag2 needs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PROFILE = "ros2"
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """When a bag's next file begins; zeros: never.
+    """Size and duration at which the bag's next file begins; zeros: never.
 
     Attributes:
         size: a file that has become as large as this is followed by the next one [bytes].
@@ -43,7 +43,7 @@ class _Topic:
 
 
 class BagWriter:
-    """A bag that is being written; a context manager.
+    """A bag that is being written; use it as a context manager.
 
     The folder DIR gets DIR/<name of DIR>_0.mcap, ..._1.mcap and so on, each complete in itself,
     and DIR/metadata.yaml, which is up to date whenever a file begins or ends.
@@ -112,17 +112,17 @@ class BagWriter:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages by topic, with those that are not in a file yet."""
+        """Number of messages by topic, including those not yet in a file."""
         return self._counts.copy()  # in one step: another thread may ask
 
     @property
     def pending(self) -> int:
-        """Messages that are not in a file yet."""
+        """Number of messages that are not yet in a file."""
         return self._file.pending if self._file else 0
 
     @property
     def size(self) -> int:
-        """Bytes in all files of the bag."""
+        """Total size of the bag's files [bytes]."""
         return sum(file.size for file in self._ended) + (self._file.size if self._file else 0)
 
     def add_topic(
@@ -159,12 +159,12 @@ class BagWriter:
             self._register(self._file, name, topic)
 
     def note(self, name: str, value: str) -> None:
-        """Notes a fact about the whole bag; the files that end from now on hold it."""
+        """Stores a fact about the whole bag; every file that ends from now on contains it."""
         self._custom[name] = value
         self._has_news = True
 
     def forget_deleted(self) -> int:
-        """Leaves files alone that somebody has deleted; what follows goes into a new one.
+        """Leaves deleted files out of the bag; later messages go to a new file.
 
         Returns:
             messages that were in them and do not count any more; 0: all files are there.
@@ -223,7 +223,7 @@ class BagWriter:
                 self._save()
 
     def abandon(self) -> int:
-        """Ends a file that could not be written, as well as that is possible now.
+        """Ends a file that could not be written, as far as possible.
 
         What was written before is there; messages of the last chunk are not and do not count.
 
@@ -248,7 +248,7 @@ class BagWriter:
         return sum(lost.values())
 
     def resume(self) -> McapFile:
-        """Goes on in a new file.
+        """Continues in a new file.
 
         Raises:
             OSError: that is not possible yet.
@@ -293,14 +293,14 @@ class BagWriter:
         )
 
     def _finish_all(self) -> None:
-        """Finishes the abandoned files; one is tried again until there is room for its end."""
+        """Finishes the abandoned files; retries each until the disk has room for its end."""
         while self._unfinished:
             file = self._unfinished[0]
             file.finish(self._custom)
             del self._unfinished[0]
 
     def _register(self, file: McapFile, name: str, topic: _Topic) -> None:
-        """Each file describes all topics: it can be read without the others."""
+        """Registers a topic in a file; each file describes all topics, so it can be read alone."""
         kind = topic.message_type
         if kind not in self._schemas:
             schema = self._definitions.schema(kind)

@@ -1,4 +1,4 @@
-"""Message definitions: ROS 2 Jazzy's from rosbags, all others from the installed packages.
+"""Message definitions: those of ROS 2 Jazzy from rosbags, others from installed packages.
 
 Foreign bags bring their own, of a size that can be worked with. A definition that contains itself
 has no end, and forty types that each hold the one before twice have a million million fields: both
@@ -42,7 +42,7 @@ class Definitions:
         self.typestore: Typestore = get_typestore(Stores.ROS2_JAZZY)
 
     def text(self, message_type: str) -> str:
-        """The full definition with those of all types in it, as an MCAP 'ros2msg' schema has it.
+        """Returns the full definition with its nested types, as an MCAP 'ros2msg' schema.
 
         Raises:
             SloshBagError: no installed package defines the type, or its file cannot be read.
@@ -51,7 +51,7 @@ class Definitions:
         return str(self.typestore.generate_msgdef(message_type, ros_version=2)[0])
 
     def schema(self, message_type: str) -> tuple[str, bytes] | None:
-        """Encoding and content of the type's schema; None: its messages have none.
+        """Returns the encoding and the content of the type's schema; None: there is no schema.
 
         Raises:
             SloshBagError: as `text`.
@@ -59,7 +59,7 @@ class Definitions:
         return "ros2msg", self.text(message_type).encode()
 
     def hash(self, message_type: str) -> str:
-        """The type's RIHS01 hash; empty where it cannot be made, as of a type with wide strings.
+        """Returns the type's RIHS01 hash; empty if it cannot be computed (wide strings).
 
         Raises:
             SloshBagError: as `text`.
@@ -71,7 +71,7 @@ class Definitions:
             return ""
 
     def _require(self, message_type: str) -> None:
-        """Reads the type and those in it, and no other file: one that is broken harms no one."""
+        """Reads the type and its nested types only, so that a broken other file does no harm."""
         wanted, found = [message_type], dict[str, Any]()
         while wanted:
             name = wanted.pop()
@@ -85,7 +85,7 @@ class Definitions:
 
 
 def _read(message_type: str) -> dict[str, Any]:
-    """A type's constants and fields, from the file that its package installed."""
+    """Reads a type's constants and fields from its package's installed file."""
     package, name = message_type.split("/")[0], message_type.split("/")[-1]
     folder = find_interfaces(package)
     if folder is None:
@@ -105,13 +105,13 @@ def _read(message_type: str) -> dict[str, Any]:
 
 
 def find_interfaces(package: str) -> Path | None:
-    """Where a package's .msg files are installed; None: nowhere."""
+    """Returns the folder of a package's installed .msg files; None: not installed."""
     share = shared_folder(package)
     return share / "msg" if share is not None and (share / "msg").is_dir() else None
 
 
 def read_types(encoding: str, text: str, message_type: str) -> Types:
-    """The types of a definition: constants and fields by name.
+    """Parses a definition: constants and fields by type name.
 
     Args:
         encoding: one of ENCODINGS.
@@ -133,7 +133,7 @@ def read_types(encoding: str, text: str, message_type: str) -> Types:
 
 
 def parts_of(fields: list[tuple[str, Any]]) -> Iterator[tuple[str, int]]:
-    """The types of those fields that are messages, and how many of them the field has."""
+    """Returns the nested message types of fields, each with its number of elements."""
     for _, (kind, detail) in fields:
         count = detail[1] if kind == Nodetype.ARRAY else 1
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
@@ -143,7 +143,7 @@ def parts_of(fields: list[tuple[str, Any]]) -> Iterator[tuple[str, int]]:
 
 
 def _msg(text: str, message_type: str) -> Types:
-    """The types of a .msg file; rosbags takes a wide string for a message of that name."""
+    """Parses a .msg file; works around rosbags' handling of wide strings."""
     found: Types = get_types_from_msg(_WIDE.sub(r"\1", text), message_type)
     return {
         name: (constants, [(field, _with_wide(what)) for field, what in fields])
@@ -170,7 +170,7 @@ def _idl(text: str) -> Types:
 
 
 class _Measure:
-    """Values and levels of types, each counted once."""
+    """Counts the values and the nesting depth of types, each type once."""
 
     def __init__(self, types: Types) -> None:
         self._types = types

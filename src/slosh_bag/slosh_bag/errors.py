@@ -1,4 +1,4 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from slosh_base.files.errors import SloshFileError
 
 
 class SloshBagError(SloshFileError):
-    """A bag is not usable; the text is one line with the path."""
+    """A bag cannot be used; the text is one line with the path."""

@@ -1,4 +1,4 @@
-"""Reads bags: finished ones, and what a killed recorder or a cut file leaves of one."""
+"""Reads bags, including those left by a killed recorder or truncated."""
 
 from __future__ import annotations
 
@@ -124,11 +124,11 @@ class BagReader:
 
     @property
     def typestore(self) -> Typestore:
-        """The definitions by which messages are decoded: those of types that were decoded."""
+        """The definitions of all types decoded so far."""
         return self.types.learnt
 
     def typestore_of(self, message_type: str) -> Typestore:
-        """A store that knows a type, as the bag defines it.
+        """Returns a type store with the bag's definition of a type.
 
         Raises:
             SloshBagError: the bag, so far as it was read, has no such definition.
@@ -141,7 +141,7 @@ class BagReader:
     def columns(
         self, block: MessageBlock, names: Collection[str] | None = None
     ) -> dict[str, NDArray[Any]]:
-        """The values of a block as columns, as `ColumnReader.columns` gives them.
+        """Returns the values of a block as columns; see `ColumnReader.columns`.
 
         Raises:
             SloshBagError: a message is not of its type, or the type has no such field.
@@ -152,7 +152,7 @@ class BagReader:
             raise SloshBagError(f"{self.path}: {error}") from None
 
     def topics(self) -> dict[str, TopicInfo]:
-        """The topics and their numbers of messages; reads an unfinished file to its end.
+        """Returns the topics with their message counts; reads an unfinished file to its end.
 
         Raises:
             SloshBagError: as `messages`.
@@ -168,7 +168,7 @@ class BagReader:
         return found
 
     def metadata(self) -> dict[str, str]:
-        """The facts about the whole bag that its writer noted.
+        """Returns the facts about the whole bag that its writer stored.
 
         Raises:
             SloshBagError: they are damaged.
@@ -187,7 +187,7 @@ class BagReader:
         return facts
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """The messages, chunk by chunk in the order of the files, within a chunk topic by topic.
+        """Yields the messages chunk by chunk in file order, within a chunk topic by topic.
 
         Much faster than `messages`. In memory is one chunk at a time. A file whose chunks overlap
         in time or follow each other in another order is read in the order of the log times, in
@@ -205,7 +205,7 @@ class BagReader:
     def look_up(
         self, topics: Collection[str], windows: Collection[Window] | None = None
     ) -> Iterator[MessageBlock]:
-        """The messages of topics with few, or of some moments, as `blocks` gives them.
+        """Yields blocks as `blocks` does; fast for rare topics or short windows of time.
 
         By a file's index only the chunks that hold them are read. A file without an index that
         can be believed is read to its end.
@@ -258,7 +258,7 @@ class BagReader:
         return self._in_order[file]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """The messages, file by file, in the order of their log times within each.
+        """Yields the messages file by file, within each by log time.
 
         An unfinished or cut file gives its whole chunks, and a line in `warnings`.
 
@@ -285,7 +285,7 @@ class BagReader:
                 newest = max(newest, last)
 
     def decode(self, message: BagMessage) -> Any:
-        """The message as an object with the fields of its type.
+        """Decodes a message as an object with its type's fields.
 
         Raises:
             SloshBagError: its bytes are not those of such a message.
@@ -302,7 +302,7 @@ class BagReader:
             ) from None
 
     def survey(self, file: Path) -> Found:
-        """Topics and counts of one file: from its end where that can be believed.
+        """Returns topics and counts of one file, from its summary if that can be trusted.
 
         Raises:
             SloshBagError: as `messages`.
@@ -318,7 +318,7 @@ class BagReader:
         return walk.found
 
     def _merged(self, walk: McapWalk, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The messages of a file that is not in the order of the log times."""
+        """Yields the messages of a file that is not sorted by log time."""
         names: dict[int, tuple[str, str]] = {}
         for chunk, row in self._merged_rows(walk, topics):
             names = names or _names(walk.found, topics)
@@ -330,7 +330,7 @@ class BagReader:
     def _merged_rows(
         self, walk: McapWalk, topics: Collection[str] | None
     ) -> Iterator[tuple[Chunk, int]]:
-        """Chunks and rows in the order of the log times; reads the file twice."""
+        """Yields chunks and rows by log time; reads the file twice."""
         spans = []
         for chunk in walk.chunks():
             self._learn(chunk)
@@ -344,7 +344,7 @@ class BagReader:
         yield from in_log_order(walk.path, spans, select)
 
     def _told(self, summary: FileSummary) -> Found:
-        """What a summary that tells its topics says of its file."""
+        """Returns the contents of a file from its summary."""
         for schema in summary.schemas.values():
             self.types.add(schema)
         return Found(summary.schemas, summary.channels, summary.counts or {})
@@ -358,20 +358,20 @@ class BagReader:
 
 
 def messages_of(block: MessageBlock) -> Iterator[BagMessage]:
-    """The messages of a block one by one."""
+    """Yields the messages of a block one by one."""
     times = zip(block.log_ns.tolist(), block.publish_ns.tolist(), strict=True)
     for row, (log_ns, publish_ns) in enumerate(times):
         yield BagMessage(block.topic, block.message_type, log_ns, publish_ns, block.data(row))
 
 
 def _type_of(found: Found, number: int) -> str:
-    """A channel's message type; empty where it has no schema."""
+    """Returns a channel's message type; empty if it has no schema."""
     schema = found.schemas.get(found.channels[number].schema_id)
     return schema.name if schema else ""
 
 
 def _names(found: Found, topics: Collection[str] | None) -> dict[int, tuple[str, str]]:
-    """Topic and type of each wanted channel."""
+    """Returns topic and type of each wanted channel."""
     return {
         number: (channel.topic, _type_of(found, number))
         for number, channel in found.channels.items()
@@ -380,7 +380,7 @@ def _names(found: Found, topics: Collection[str] | None) -> dict[int, tuple[str,
 
 
 def stamp_ns(message: Any) -> int:
-    """The stamp of a decoded message's header [ns]."""
+    """Returns the stamp of a decoded message's header [ns]."""
     stamp = message.header.stamp
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 

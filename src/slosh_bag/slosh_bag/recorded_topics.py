@@ -1,4 +1,4 @@
-"""Which topics of a graph a recorder records, and why it leaves the others out.
+"""Selects the topics to record, with reasons for those left out.
 
 By default these are the topics of one cell: those of the table `slosh_msgs_py.topics` in its
 namespace, what its nodes read and publish under whatever names, and the shared topics, such as
@@ -34,7 +34,7 @@ _INPUTS = {row.type for row in topics.TOPICS if row.role is TopicRole.INPUT} - {
 
 @dataclass(frozen=True, slots=True)
 class TopicSelection:
-    """What is recorded of a graph.
+    """The selected topics of a graph.
 
     Attributes:
         recorded: type by topic.
@@ -48,7 +48,7 @@ class TopicSelection:
 
 
 class TopicChoice:
-    """Chooses the topics to record.
+    """Selects the topics to record.
 
     Args:
         namespace: of the cell.
@@ -73,11 +73,11 @@ class TopicChoice:
         self._used: set[str] = set()
 
     def wants(self, topic: str) -> bool:
-        """Whether it is recorded where it is published, if no other topic takes its place."""
+        """Whether a topic is to be recorded, unless another one replaces it."""
         return self._is_wanted(topic) and not self._is_excluded(topic)
 
     def has_one_publisher(self, topic: str, message_type: str) -> bool:
-        """Whether a second publisher on a topic is a fault."""
+        """Whether a topic must have only one publisher."""
         row = self._own.get(topic)
         if row is not None and row.type == message_type:
             return row.publishers is Publishers.ONE
@@ -90,7 +90,7 @@ class TopicChoice:
         publishers: Callable[[str], int],
         now: float,
     ) -> TopicSelection:
-        """What is to be recorded now; to be asked again when the graph changes.
+        """Returns the topics to record now; call it again when the graph changes.
 
         Args:
             graph: message type by topic.
@@ -137,7 +137,7 @@ class TopicChoice:
         publishers: Callable[[str], int],
         now: float,
     ) -> str:
-        """Why raw images are not recorded; empty: they are, or it is another topic."""
+        """Returns why raw images are not recorded; empty: they are, or it is another topic."""
         if self._raw_images or kind != RAW:
             return ""
         compressed = topic + COMPRESSED_ENDING

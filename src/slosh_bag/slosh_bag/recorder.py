@@ -1,4 +1,4 @@
-"""The recorder's core: takes messages at any rate, writes them from a thread of its own.
+"""The recorder's core: queues messages at any rate and writes them in its own thread.
 
 A chunk's compression and a busy disk stall for tens of milliseconds; a queue keeps that away from
 whoever receives the messages. Flushes follow a steady clock, not the messages' own times: those
@@ -111,12 +111,12 @@ class RecorderStatus:
 
     @property
     def lost(self) -> int:
-        """All messages that were sent and will not be in the bag."""
+        """Number of messages that were sent but will not be in the bag."""
         return self.unkept + self.missed
 
     @property
     def time_left(self) -> float:
-        """When the disk will be full at the present rate [s]; infinite where it is unknown."""
+        """Time until the disk is full at the present rate [s]; infinite if unknown."""
         return self.free / self.rate if self.rate > 0.0 else float("inf")
 
 
@@ -175,15 +175,15 @@ class Recorder:
 
     @property
     def path(self) -> Path:
-        """The newest file."""
+        """The newest file of the bag."""
         return self._writer.path
 
     def add_topic(self, name: str, message_type: str, qos: Qos) -> None:
-        """Announces a topic; its messages follow."""
+        """Announces a topic before its first message."""
         self._queue.append(_Topic(name, message_type, qos, self._clock()))
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Takes a message; a full queue loses it, which `status` tells.
+        """Adds a message; drops it if the queue is full, and `status` counts the loss.
 
         Args:
             topic: a topic that was announced.
@@ -203,11 +203,11 @@ class Recorder:
             self._wake.set()
 
     def note(self, name: str, value: str) -> None:
-        """Notes a fact of the bag, in the place of one of that name."""
+        """Stores a fact of the bag; replaces one of the same name."""
         self._notes[name] = value
 
     def miss(self, counts: Mapping[str, int]) -> None:
-        """Takes how many messages were sent and did not get here so far, by topic."""
+        """Sets the number of messages by topic that were sent but not received."""
         self._missed = dict(counts)
 
     def status(self) -> RecorderStatus:
@@ -235,13 +235,13 @@ class Recorder:
         )
 
     def close(self) -> None:
-        """Writes what waits and finishes the bag."""
+        """Writes the queued messages and finishes the bag."""
         self._ending = True
         self._wake.set()
         self._thread.join()
 
     def _oldest(self, now: float) -> float:
-        """When the oldest message arrived that is in no file; now: there is none."""
+        """Returns the arrival time of the oldest message not in a file; now if there is none."""
         for waiting in (self._open, self._queue):
             with contextlib.suppress(IndexError):  # the writer's thread takes them meanwhile
                 return waiting[0].arrived
@@ -260,7 +260,7 @@ class Recorder:
         self._end()
 
     def _work(self) -> None:
-        """Writes what waits, and flushes where it is time to."""
+        """Writes the queued messages, and flushes when it is due."""
         if self._failure:
             self._try_again()
         while self._queue and not self._failure:
@@ -306,14 +306,14 @@ class Recorder:
             self._open = []
 
     def _announce(self, topic: _Topic) -> None:
-        """A topic whose type nobody can describe is left out; all others are recorded."""
+        """Adds a topic to the bag; leaves it out if its type has no definition."""
         try:
             self._writer.add_topic(topic.name, topic.message_type, topic.qos)
         except (SloshBagError, TypesysError) as error:
             self._refused[topic.name] = " ".join(str(error).split())
 
     def _fail(self, error: Exception, also: list[_Message]) -> None:
-        """Ends the file; its last messages wait for the next one in front of all others."""
+        """Ends the file after an error; its last messages go first to the next file."""
         self._failed_path = self._writer.path
         # Where it failed after a split's end everything before is in a file already.
         again = self._open if self._writer.abandon() else []
@@ -330,7 +330,7 @@ class Recorder:
         self._failure = f"{self._failed_path}: {_reason(error)}"
 
     def _try_again(self) -> None:
-        """Goes on in a new file where there is room for what waits."""
+        """Continues in a new file if the disk has room for the queue."""
         now = self._clock()
         if now < self._retry_at:
             return
@@ -350,7 +350,7 @@ class Recorder:
             self._interruptions += 1
 
     def _end(self) -> None:
-        """Finishes the bag; what cannot be written even now is lost, and the bag says so."""
+        """Finishes the bag; messages that cannot be written are counted as lost."""
         self._look_for_deleted()
         with contextlib.suppress(OSError):
             self._reserve.unlink(missing_ok=True)
@@ -376,7 +376,7 @@ class Recorder:
             self._writer.note(name, value)
 
     def _look_for_deleted(self) -> None:
-        """Notices files that were deleted while the bag is being written."""
+        """Detects files deleted during the recording."""
         gone = self._writer.forget_deleted()
         if not gone:
             return

@@ -1,4 +1,4 @@
-"""Writes a finished bag of all that is whole in an unfinished or damaged one."""
+"""Recovers the intact messages of an unfinished or damaged bag."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Progress = Callable[[int], object]
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """Messages that were recovered, and the bytes that were left out.
+    """Result of a recovery: messages recovered and bytes left out.
 
     Attributes:
         bag: the new bag.
@@ -46,7 +46,7 @@ class Recovery:
 
 @dataclass(frozen=True, slots=True)
 class NotedQos(Qos):
-    """What publishers offered, as the damaged bag notes it.
+    """Publishers' QoS as stored in the damaged bag.
 
     Attributes:
         noted: the text in the channel.
@@ -55,7 +55,7 @@ class NotedQos(Qos):
     noted: str = ""
 
     def documents(self) -> list[dict[str, Any]]:
-        """The keys and values; none where the text does not tell."""
+        """Returns the profiles; none if the text cannot be parsed."""
         try:
             documents = parse_yaml(self.noted, "QoS profiles").value
         except YamlError:
@@ -64,12 +64,12 @@ class NotedQos(Qos):
         return documents if whole else []
 
     def text(self) -> str:
-        """The text as it was."""
+        """Returns the text unchanged."""
         return self.noted
 
 
 class NotedDefinitions(Definitions):
-    """Definitions and hashes as a bag has them; no installed package is asked.
+    """Definitions and hashes as stored in a bag, independent of installed packages.
 
     Args:
         types: of the bag; None: they are noted as they are found.
@@ -81,11 +81,11 @@ class NotedDefinitions(Definitions):
         self._hashes: dict[str, str] = {}
 
     def note_hash(self, message_type: str, channel: Channel) -> None:
-        """Notes the hash that a channel of a type carries."""
+        """Stores the type hash that a channel carries."""
         self._hashes.setdefault(message_type, channel.metadata.get("topic_type_hash", ""))
 
     def schema(self, message_type: str) -> tuple[str, bytes] | None:
-        """The definition in the bag, whatever its language.
+        """Returns the bag's definition of a type, in any schema language.
 
         Raises:
             SloshBagError: it has none, or several that differ.
@@ -96,7 +96,7 @@ class NotedDefinitions(Definitions):
         return schema.encoding, schema.data
 
     def hash(self, message_type: str) -> str:
-        """The hash in the bag; where it has none, the one of its definition."""
+        """Returns the type hash in the bag; if it has none, the hash of its definition."""
         if not self._hashes.get(message_type):
             try:
                 store = self.types.typestore(message_type)
@@ -107,7 +107,7 @@ class NotedDefinitions(Definitions):
 
 
 def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None) -> Recovery:
-    """Writes a new bag of all whole chunks of a bag that is unfinished or damaged.
+    """Writes a new bag with all intact chunks of an unfinished or damaged bag.
 
     Definitions, QoS profiles and facts are those of the bag itself.
 
@@ -141,7 +141,7 @@ def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None
 
 
 def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
-    """The facts about the bag, from those records that are whole, else from metadata.yaml."""
+    """Returns the bag's facts from intact records, else from metadata.yaml."""
     facts: dict[str, str] = {}
     for file in files:
         walk = McapWalk(file, lenient=True)
@@ -159,7 +159,7 @@ def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
 
 
 def _profile(file: Path) -> str:
-    """The profile in a file's header; where it cannot be read, that of ROS 2."""
+    """Returns the profile in a file's header; if unreadable, that of ROS 2."""
     try:
         with file.open("rb") as stream:
             reader = StreamReader(stream, skip_magic=False, emit_chunks=True)
@@ -171,7 +171,7 @@ def _profile(file: Path) -> str:
 
 @dataclass(slots=True)
 class _Copy:
-    """The new bag, and what it has not got."""
+    """The new bag, and the losses."""
 
     folder: Path
     facts: dict[str, str]
@@ -184,7 +184,7 @@ class _Copy:
         self.writer = BagWriter(self.folder, self.definitions, self.facts, profile=self.profile)
 
     def add(self, file: Path, progress: Progress) -> None:
-        """Copies what is whole in a file."""
+        """Copies the intact content of a file."""
         walk = McapWalk(file, lenient=True)
         topics: dict[int, str | None] = {}
         done = 0
@@ -204,7 +204,7 @@ class _Copy:
         self.tell(file, walk)
 
     def topic(self, file: Path, walk: McapWalk, number: int) -> str | None:
-        """Announces the topic of a channel; None: it cannot be written."""
+        """Announces the topic of a channel; returns None if it cannot be written."""
         channel = walk.found.channels[number]
         topic: str = channel.topic
         schema: Schema | None = walk.found.schemas.get(channel.schema_id)
@@ -232,7 +232,7 @@ class _Copy:
                 self.writer.write(topic, data, log_ns, publish_ns)
 
     def tell(self, file: Path, walk: McapWalk) -> None:
-        """Notes what a file has lost."""
+        """Notes the losses of a file."""
         found = walk.found
         for gap in found.gaps:
             span = ""

@@ -1,4 +1,4 @@
-"""Unpacks what a foreign file holds packed, and never more of it than is let in.
+"""Decompresses parts of foreign files, with a bound on the size.
 
 Some kilobytes of zeros packed are gigabytes unpacked. So what is let in is bounded first, and
 unpacking stops there.
@@ -21,7 +21,7 @@ Stored = bytes | memoryview
 
 
 class UnpackingError(SloshBagError):
-    """Bytes that cannot be unpacked; the text goes on after what they are, such as 'a chunk'."""
+    """Bytes cannot be decompressed; the text continues a phrase such as 'a chunk'."""
 
 
 def unpack(compression: str, stored: Stored, size: int | None = None) -> bytes:
@@ -82,7 +82,7 @@ def _zstd(stored: Stored, most: int) -> bytes:
 
 
 def _bz2(stored: Stored, most: int) -> bytes:
-    """All streams, one after the other, as some programs write them."""
+    """Decompresses all concatenated bzip2 streams."""
     parts, left, total = [], bytes(stored), 0
     while left and total <= most:
         unpacker = bz2.BZ2Decompressor()
@@ -95,14 +95,14 @@ def _bz2(stored: Stored, most: int) -> bytes:
 
 
 def _noted(compression: str, stored: Stored) -> int:
-    """The unpacked size that the packed bytes note; 0 or less: none."""
+    """Returns the unpacked size stated in the packed bytes; 0 or less: none."""
     if compression == "lz4":
         return int(lz4.frame.get_frame_info(stored)["content_size"])
     return zstandard.frame_content_size(stored) if compression == "zstd" else 0
 
 
 def _check_noted(noted: int, size: int | None) -> None:
-    """A damaged size must not become an allocation."""
+    """Refuses a stated size that is wrong or too large, before memory is allocated."""
     if noted > 0 and noted != (noted if size is None else size):
         raise UnpackingError("with a damaged size")
     if noted > MOST_UNPACKED:

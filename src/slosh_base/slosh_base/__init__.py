@@ -1,4 +1,4 @@
-"""What every package builds on: files and YAML (`files`), compiled code (`compiled`).
+"""The base of all packages: files and YAML (`files`), compiled code (`compiled`).
 
 Neither part imports the other; a recorder loads no compiler, a core no YAML.
 """

@@ -1,4 +1,4 @@
-"""Tuning numbers: what a measurement has set, each with its unit and its meaning.
+"""Tuning numbers with units and meanings; their values come from measurements.
 
 A room keeps them in its module `tuning` as one frozen dataclass, whose only instance is TUNING.
 Compiled functions need them under names of their own module, bound when it is imported.
@@ -13,7 +13,7 @@ Value = TypeVar("Value")
 
 
 def number(value: Value, unit: str, meaning: str) -> Value:
-    """A field of a room's tuning numbers.
+    """Makes a field of a package's tuning numbers.
 
     Args:
         value: a number, or a tuple of numbers that are moved together.

@@ -32,7 +32,7 @@ from slosh_bringup.processes import NodeProcess
 
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """The nodes, by the arguments; what is wrong with those ends the launch in one line."""
+    """Makes the nodes from the arguments; wrong arguments end the launch with one line."""
     given = {one.name: LaunchConfiguration(one.name).perform(context) for one in ARGUMENTS}
     told: list[str] = []
     cell = LaunchedCell(given, datetime.now(), told.append)
@@ -43,7 +43,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def node(cell: LaunchedCell, process: NodeProcess) -> Node:
-    """A node that is started again when it ends."""
+    """Makes a node that is restarted when it ends."""
 
     def ended(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
         if context.is_shutdown:
@@ -73,7 +73,7 @@ def node(cell: LaunchedCell, process: NodeProcess) -> Node:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declares the arguments, and starts the nodes."""
+    """Declares the arguments and starts the nodes."""
     arguments = [
         DeclareLaunchArgument(one.name, default_value=one.default, description=one.description)
         for one in ARGUMENTS

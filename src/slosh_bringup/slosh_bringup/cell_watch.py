@@ -1,4 +1,4 @@
-"""What the nodes of a running cell say of their health, and what of that is told."""
+"""Follows the nodes' diagnostics in a running cell and selects lines for the user."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 class NodeReport(NamedTuple):
-    """Diagnostics that one node reports of itself.
+    """The diagnostics that one node publishes about itself.
 
     Attributes:
         node: its name, without namespace.
@@ -33,7 +33,7 @@ class NodeReport(NamedTuple):
 
 
 class _Heard:
-    """What a node has said so far."""
+    """The last diagnostics of a node."""
 
     def __init__(self, now: float) -> None:
         self.at = now
@@ -42,7 +42,7 @@ class _Heard:
 
 
 class CellWatch:
-    """Takes reports and gives the lines that whoever watches the cell should read.
+    """Turns the nodes' diagnostics into lines for the user.
 
     A change of health is told once two reports in a row agree on it, whatever their numbers: what
     comes and goes within a second fills screens and helps nobody.
@@ -56,7 +56,7 @@ class CellWatch:
         self._heard = {node: _Heard(now) for node in nodes}
 
     def take(self, report: NodeReport, now: float) -> list[str]:
-        """Takes a report at a moment of the steady clock [s]; returns what is to be told."""
+        """Processes a node's report at a steady time [s]; returns the lines to print."""
         heard = self._heard.get(report.node)
         if heard is None:
             return []
@@ -71,15 +71,15 @@ class CellWatch:
         return [f"{report.node}: {report.sentence if kind else f'OK again: {report.sentence}'}"]
 
     def silences(self, now: float) -> dict[str, float]:
-        """For how long each node has said nothing [s]."""
+        """Returns the time since each node's last report [s]."""
         return {node: now - heard.at for node, heard in self._heard.items()}
 
     def unheard(self) -> dict[str, str]:
-        """Topic and type on which nodes hear nothing, though somebody publishes, by node."""
+        """Returns by node the topic and type whose messages do not reach it."""
         return {node: heard.unheard for node, heard in self._heard.items() if heard.unheard}
 
     def look(self, now: float) -> list[str]:
-        """Returns what is to be told of nodes that say nothing."""
+        """Returns lines about nodes that have stopped reporting."""
         lines = []
         for node, heard in self._heard.items():
             if not heard.silent and now - heard.at > SILENT:
@@ -89,7 +89,7 @@ class CellWatch:
 
 
 def reports(message: Any, namespace: str) -> Iterator[NodeReport]:
-    """What the nodes of a namespace say; a robot's other nodes speak on the same topic."""
+    """Yields the reports of the nodes in a namespace; other nodes share the topic."""
     prefix = f"{namespace.rstrip('/')}/"
     for status in message.status:
         name = status.name.removeprefix(prefix)
@@ -99,5 +99,5 @@ def reports(message: Any, namespace: str) -> Iterator[NodeReport]:
 
 
 def _number(level: bytes | int) -> int:
-    """A level as a number; rclpy has a byte as bytes, readers of bags as a number."""
+    """Returns a level as an int; rclpy gives bytes, bag readers a number."""
     return ord(level) if isinstance(level, bytes) else int(level)

@@ -1,4 +1,4 @@
-"""Compiles everything that the product runs compiled, so that nothing else has to wait for it.
+"""Compiles all compiled functions of the product in advance.
 
     python -m slosh_bringup.compiling
 
@@ -33,13 +33,13 @@ MODULES = (
 
 
 def import_all(modules: Iterable[str] = MODULES) -> None:
-    """Imports the modules, which makes their compiled functions known."""
+    """Imports the modules, which registers their compiled functions."""
     for name in modules:
         importlib.import_module(name)
 
 
 def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> str:
-    """Compiles or loads all functions; those that compute heights are checked.
+    """Compiles or loads all functions; checks those that compute heights.
 
     Args:
         tell: told before each of them.
@@ -61,7 +61,7 @@ def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> st
 
 
 def compile_missing() -> None:
-    """Compiles what the cache lacks, package by package, on all processors; says so in a line.
+    """Compiles uncached functions on all processors, by package; prints one line.
 
     The functions of a package share what they call: one process compiles that once.
 
@@ -93,14 +93,14 @@ def _compile(package: str) -> None:
 
 
 def _tell(step: CompileProgress) -> None:
-    """Shows on a terminal, in one line, what is compiled."""
+    """Shows on a terminal which function is being compiled."""
     if sys.stdout.isatty():
         shown = f"compiling {step.name}" if step.name and not step.cached else ""
         print(f"\r\033[K{shown}", end="", flush=True)
 
 
 def main() -> int:
-    """Compiles what is missing; returns the exit code."""
+    """Compiles missing functions; returns the exit code."""
     try:
         compile_missing()
         print(f"compiled code: {load_everything(_tell)}")

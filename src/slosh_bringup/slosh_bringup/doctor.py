@@ -1,4 +1,4 @@
-"""Looks at this machine: what works, what is missing, how to mend it."""
+"""Checks this machine's installation, and suggests fixes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ OWN_PACKAGES = (
 
 @dataclass(frozen=True, slots=True)
 class DoctorFinding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Attributes:
         name: what was looked at.
@@ -56,7 +56,7 @@ class DoctorFinding:
 
 
 def examine() -> Iterator[DoctorFinding]:
-    """Looks at everything, one finding after another."""
+    """Runs all checks; yields one finding at a time."""
     yield python_version()
     for check in (ros_source, discovery, interfaces, workspace):
         yield guarded(check)
@@ -75,7 +75,7 @@ def examine() -> Iterator[DoctorFinding]:
 
 
 def guarded(check: Callable[[], DoctorFinding]) -> DoctorFinding:
-    """A check's finding, or its failure as a finding."""
+    """Runs a check; turns an exception into a finding."""
     try:
         return check()
     except Exception as error:
@@ -88,7 +88,7 @@ def guarded(check: Callable[[], DoctorFinding]) -> DoctorFinding:
 
 
 def python_version() -> DoctorFinding:
-    """Python 3.11 or 3.12."""
+    """Checks the version of Python: 3.11 or 3.12."""
     ok = sys.version_info[:2] in ((3, 11), (3, 12))
     found = f"{platform.python_version()} at {sys.executable}"
     return DoctorFinding(
@@ -97,7 +97,7 @@ def python_version() -> DoctorFinding:
 
 
 def ros_source() -> DoctorFinding:
-    """Which ROS 2 is used."""
+    """Finds which ROS 2 is used."""
     rclpy = importlib.import_module("rclpy")
     path = Path(str(rclpy.__file__))
     kind = "installed" if path.is_relative_to(ROS) else "wheels"
@@ -105,20 +105,20 @@ def ros_source() -> DoctorFinding:
 
 
 def interfaces() -> DoctorFinding:
-    """The built message package."""
+    """Checks the built message package."""
     module = importlib.import_module("slosh_msgs.msg")
     return DoctorFinding("slosh_msgs", True, f"built, at {Path(str(module.__file__)).parent}")
 
 
 def workspace() -> DoctorFinding:
-    """The product's own packages."""
+    """Checks that the product's packages can be imported."""
     for name in OWN_PACKAGES:
         importlib.import_module(name)
     return DoctorFinding("workspace", True, f"{len(OWN_PACKAGES)} packages import")
 
 
 def discovery() -> DoctorFinding:
-    """Who can see this machine's topics."""
+    """Checks which hosts can see this machine's topics."""
     network = importlib.import_module("slosh_msgs_py.node.network")
     reach = network.network_environment(os.environ)[network.RANGE]
     who = "this machine only" if reach in network.ALONE else "every network: see docs/security.md"
@@ -127,7 +127,7 @@ def discovery() -> DoctorFinding:
 
 
 def library(module: str, name: str, minimum: str) -> DoctorFinding:
-    """A library's version against the lowest that is supported."""
+    """Compares a library's version with the lowest supported one."""
     try:
         imported = importlib.import_module(module)
     except ImportError as error:
@@ -138,7 +138,7 @@ def library(module: str, name: str, minimum: str) -> DoctorFinding:
 
 
 def numbers(version: str) -> tuple[int, ...]:
-    """The leading numbers of a version: '5.0.0.93' -> (5, 0, 0, 93)."""
+    """Returns the leading numbers of a version: '5.0.0.93' -> (5, 0, 0, 93)."""
     parts = []
     for word in version.split("."):
         if not word.isdigit():
@@ -148,13 +148,13 @@ def numbers(version: str) -> tuple[int, ...]:
 
 
 def compiled_code() -> DoctorFinding:
-    """All compiled functions, each that computes heights beside its own source."""
+    """Checks all compiled functions, and those that compute heights against their source."""
     compiling = importlib.import_module("slosh_bringup.compiling")
     return DoctorFinding("compiled code", True, compiling.load_everything())
 
 
 def message_exchange() -> DoctorFinding:
-    """A message of this product through the real middleware, in a process of its own."""
+    """Sends a message through the real middleware in a separate process."""
     command = [sys.executable, "-m", "slosh_bringup.nodes.loopback_node"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     ok = done.returncode == 0
@@ -168,7 +168,7 @@ def message_exchange() -> DoctorFinding:
 
 
 def shared_memory() -> DoctorFinding:
-    """Room for the image transport's shared-memory segments."""
+    """Checks the free space for the image transport's shared memory."""
     folder = Path("/dev/shm")
     if not folder.is_dir():
         return DoctorFinding(
@@ -186,7 +186,7 @@ def shared_memory() -> DoctorFinding:
 
 
 def disk() -> DoctorFinding:
-    """Room for bags in the current folder."""
+    """Checks the free space for bags in the current folder."""
     free = shutil.disk_usage(".").free
     found = f"{free / 2**30:.1f} GiB free here"
     return DoctorFinding(
@@ -195,7 +195,7 @@ def disk() -> DoctorFinding:
 
 
 def kinematics() -> DoctorFinding:
-    """Pinocchio, which the estimator's input `joints` needs."""
+    """Checks for Pinocchio, which the estimator's input `joints` needs."""
     there = importlib.util.find_spec("pinocchio") is not None
     remedy = "only for motions of joints: pip install -r requirements/joints.txt"
     return DoctorFinding(
@@ -204,6 +204,6 @@ def kinematics() -> DoctorFinding:
 
 
 def tool(name: str, remark: str) -> DoctorFinding:
-    """An optional program."""
+    """Checks for an optional program."""
     path = shutil.which(name)
     return DoctorFinding(name, path is not None, path or "not found", remark, required=False)

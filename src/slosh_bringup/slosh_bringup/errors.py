@@ -1,7 +1,7 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
 
 class SloshBringupError(ValueError):
-    """A command, a configuration or a node process is not usable; the text is one line."""
+    """A command, a configuration or a node process cannot be used; the text is one line."""

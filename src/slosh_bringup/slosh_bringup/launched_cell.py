@@ -1,4 +1,4 @@
-"""What `cell.launch.py` starts, from its arguments as text, and what it does when a node ends.
+"""Chooses the nodes of `cell.launch.py` from text arguments, and handles their ends.
 
 Nothing here knows `launch`, so that the command line tools of ROS are not needed to test it.
 """
@@ -41,7 +41,7 @@ from slosh_bringup.processes import (
 from slosh_bringup.watch import PORT
 from slosh_camera.calibrate.camera_file import read_any_calibration
 from slosh_estimator.inputs import JOINTS
-from slosh_model.model_text import read_model
+from slosh_model.tray import read_tray
 from slosh_msgs_py.topics import DRIVING
 
 SETTLED = 60.0
@@ -51,7 +51,7 @@ WITHOUT = ("watch",)
 
 
 class Argument(NamedTuple):
-    """A launch argument: name, default, one line."""
+    """A launch argument: name, default and description."""
 
     name: str
     default: str
@@ -79,7 +79,7 @@ ARGUMENTS = (
 
 
 class Restart(NamedTuple):
-    """A node that is started again: how, after which time [s], and a line that says so."""
+    """A node restart: the node, the delay [s] and a line to log."""
 
     process: NodeProcess
     delay: float
@@ -125,7 +125,7 @@ class LaunchedCell:
         self._first = {process.name: process for process in processes}
 
     def ended(self, name: str, code: int, now: float) -> Restart | None:
-        """What to do about a node that has ended while the launch goes on.
+        """Decides what to do about a node that has ended during the launch.
 
         Args:
             name: of the node.
@@ -166,7 +166,7 @@ class LaunchedCell:
         return text in ("true", "1")
 
     def _setup(self) -> CellSetup:
-        """The cell of the arguments; its files can be read."""
+        """Makes the cell's set-up from the arguments; its files must be readable."""
         default, given = default_setup(), self._given
         # As a cell file, so that both take the same and refuse the same.
         text = f"namespace: {json.dumps(given['namespace'])}\nremap:\n  {given['remap']}\n"
@@ -183,14 +183,14 @@ class LaunchedCell:
             namespace=namespace,
             remap=read_remap(source, namespace, source.value["remap"]),
         )
-        read_model(setup.model)
+        read_tray(setup.model)
         if "camera" not in self._absent:
             read_any_calibration(calibration)
         check_parameter_file(setup.parameters, namespace)
         return setup
 
     def _own(self, setup: CellSetup, bag: Path) -> list[NodeProcess]:
-        """Recorder, estimator, camera and monitor, without what is not wanted."""
+        """Returns recorder, estimator, camera and monitor, without disabled ones."""
         more: dict[str, dict[str, str]] = {}
         if self._given["input"]:
             more["estimator"] = {"input": self._given["input"]}
@@ -205,7 +205,7 @@ class LaunchedCell:
         ]
 
     def _services(self, setup: CellSetup) -> list[NodeProcess]:
-        """What answers and shows, as far as it is wanted."""
+        """Returns the enabled services and pages."""
         model = {"model": str(setup.model)}
         robot = self._robot()
         if self._given["input"] != JOINTS and (
@@ -225,14 +225,14 @@ class LaunchedCell:
         ]
 
     def _robot(self) -> dict[str, str]:
-        """What is said of the robot's description."""
+        """Returns the arguments of the robot's description."""
         found = {name: self._given[name] for name in ("urdf", "tool_frame") if self._given[name]}
         if "urdf" in found:
             found["urdf"] = str(Path(found["urdf"]).absolute())
         return found
 
     def _simulated(self, setup: CellSetup) -> NodeProcess:
-        """The simulated cell: its motion begins when those that are started are ready."""
+        """Returns the simulated cell; its motion begins when the other nodes are ready."""
         motion = self._given["motion"]
         if motion.endswith(TABLE_ENDINGS):
             motion = str(Path(motion).absolute())
@@ -250,17 +250,17 @@ class LaunchedCell:
 
 
 def package_of(process: NodeProcess) -> str:
-    """The package that installs a node's program, which has the node's name."""
+    """Returns the package that installs a node's program."""
     return NODES[process.name].partition(".")[0]
 
 
 def time_to_stop(process: NodeProcess) -> float:
-    """How long a node may take to end before it is told more firmly [s]."""
+    """Returns the time that a node has to end before it is killed [s]."""
     return STOP_TIMEOUT if process.name == LAST else 5.0
 
 
 def typed_parameters(process: NodeProcess) -> dict[str, Any]:
-    """A node's own parameters, with the types that it declares.
+    """Returns a node's own parameters with their declared types.
 
     Raises:
         SloshBringupError: a value is refused; one line.

@@ -1,4 +1,4 @@
-"""A model's measured error, from what replays and runs write."""
+"""Reads a model's measured error from result files of replays and runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LARGEST_FILE = 200_000_000
 
 
 def read_model_error(paths: Sequence[Path], model: str) -> ModelError:
-    """The largest MAE and ε of a model that some results tell.
+    """Returns the largest MAE and ε of a model in some results.
 
     Args:
         paths: NAME.json of `slosh replay -o`, or result.json of `slosh demo` or `slosh cell`.
@@ -50,7 +50,7 @@ def _document(path: Path) -> Any:
 
 
 def _accuracies(document: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Model's name and its figures, against the camera."""
+    """Yields model names and their figures against the camera."""
     if not isinstance(document, dict):
         return
     replay = document.get("replay")

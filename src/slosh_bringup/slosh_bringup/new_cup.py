@@ -1,4 +1,4 @@
-"""The first files of a cup of one's own: what is told of it, and the files' text."""
+"""Text of the first files of a user's new cup."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from slosh_model.effects.registry import find_effect
 from slosh_model.liquid import Liquid
 from slosh_model.model import EffectUse, Model
 
-MODEL, CELL, CAMERA = "model.yaml", "cell.yaml", "camera.yaml"
+MODEL, CELL, CAMERA, PROFILE = "model.yaml", "cell.yaml", "camera.yaml", "profile.csv"
+CURVED = 5
+"""Points of a profile from which on a smooth curve goes through them."""
 
 _LENGTHS = {"mm": 1e-3, "cm": 1e-2}
 
@@ -25,13 +27,15 @@ _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
-    """The files' texts by their names; commands in them name `folder` as it was given."""
+    """Returns the files' texts by name; commands in them use `folder` as given."""
     texts = {MODEL: _model(cup), CELL: _cell(cup, folder)}
+    if cup.profile:
+        texts[PROFILE] = "r,z\n" + "".join(f"{r!r},{z!r}\n" for r, z in cup.profile)
     return {**texts, CAMERA: _camera(cup, folder)} if cup.camera else texts
 
 
 def next_steps(cup: NewCup, folder: Path) -> list[str]:
-    """The commands that make the camera's calibration and start the cell, in their order."""
+    """Returns the commands that calibrate the camera and start the cell, in order."""
     names = ("ost.yaml", MODEL, CAMERA, CELL)
     lens, model, camera, cell = (_word(folder / name) for name in names)
     steps = [
@@ -46,7 +50,7 @@ def next_steps(cup: NewCup, folder: Path) -> list[str]:
 
 
 def _word(path: Path) -> str:
-    """A path as a shell takes it, in one line."""
+    """Quotes a path for the shell, in one line."""
     return shlex.quote(str(path)) if str(path).isprintable() else path.name
 
 
@@ -58,7 +62,7 @@ def _calibrate(cup: NewCup, lens: str, model: str) -> str:
 
 
 def _container(cup: NewCup, *, wall: bool) -> str:
-    """The container's keys, a line each."""
+    """Returns the container's keys, one line each."""
     words = {
         "radius": "inner radius [m]",
         "width": "inner width, along the container's x [m]",
@@ -67,9 +71,16 @@ def _container(cup: NewCup, *, wall: bool) -> str:
     rows = [(key, value, words.get(key, "inner [m]")) for key, value in cup.lengths.items()]
     rows.append(("fill_height", cup.fill_height, "of the liquid at rest, above the floor [m]"))
     lines = [f"  shape: {cup.shape}"]
+    if cup.profile:
+        lines.append(f"  profile: {PROFILE}  # inner wall from the floor's centre to the rim [m]")
+        lines.append(
+            f"  smooth: {'true' if cup.smooth else 'false'}  # a curve, or straight lines"
+        )
     lines += [f"  {key}: {value!r}  # {meaning}" for key, value, meaning in rows]
     rim = "of the rim, above the floor [m]: beyond it liquid spills"
-    if cup.rim_height is None:
+    if cup.rim_height is None and cup.by_contour and cup.model.container.rim_height:
+        pass  # the contour's end
+    elif cup.rim_height is None:
         lines.append(f"  # rim_height: 0.12  # {rim}")
     else:
         lines.append(f"  rim_height: {cup.rim_height!r}  # {rim}")
@@ -100,7 +111,7 @@ effects:
 
 
 def _effect(use: EffectUse) -> str:
-    """An effect's lines."""
+    """Returns an effect's lines in model.yaml."""
     lines = [f"  - name: {use.name}  # {find_effect(use.name).title}"]
     lines += [f"    {name}: {value!r}" for name, value in use.parameters.items()]
     return "\n".join(lines) + "\n"
@@ -131,7 +142,7 @@ namespace: {cup.namespace}
 
 
 def _drives(cup: NewCup) -> str:
-    """The lines of a cell file about the robot."""
+    """Returns the lines of a cell file about the robot."""
     if cup.urdf is None:
         return "# input: joints\n# urdf: robot.urdf\n# tool_frame: tool0\n"
     urdf, tool = json.dumps(str(cup.urdf.absolute())), json.dumps(cup.tool_frame)
@@ -158,7 +169,7 @@ container:
 
 @dataclass(frozen=True, slots=True)
 class QuantityKind:
-    """What a value of a kind can be.
+    """The allowed range and the units of a kind of quantity.
 
     Attributes:
         words: what it is, for people.
@@ -177,7 +188,7 @@ class QuantityKind:
     others: Mapping[str, float]
 
     def check(self, name: str, value: float) -> float:
-        """The value, where it can be one.
+        """Returns the value if it is in range; raises an error otherwise.
 
         Args:
             name: how the refusal calls it.
@@ -197,7 +208,7 @@ class QuantityKind:
         raise SloshBringupError(f"{told}: must be {self.least:g} to {self.most:g} {self.unit}")
 
     def _guess(self, value: float) -> str | None:
-        """The unit that the value is likely in."""
+        """Guesses the unit of a value that is out of range."""
         likely = [
             unit for unit, size in self.others.items() if self.least <= value * size <= self.most
         ]
@@ -234,7 +245,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
 
 @dataclass(frozen=True, slots=True)
 class NewCup:
-    """What the first files say.
+    """A new cup: the contents of its first files.
 
     Attributes:
         lengths: inner dimensions by their key in the files: `radius`, or `width` and `depth` [m].
@@ -248,6 +259,7 @@ class NewCup:
         by_contour: the shape of one that is neither cylinder nor rectangle; empty: it is.
         urdf: the robot's description, by whose joints the cup is moved; None: it is not.
         tool_frame: link of the robot that is the cup.
+        profile: (r, z) of a body of revolution by its points [m]; empty: another shape.
     """
 
     lengths: dict[str, float]
@@ -261,9 +273,10 @@ class NewCup:
     by_contour: str = ""
     urdf: Path | None = None
     tool_frame: str = ""
+    profile: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a rim below the liquid, and a namespace that is none."""
+        """Refuse a rim below the liquid, or an invalid namespace."""
         if self.rim_height is not None and self.rim_height <= self.fill_height:
             raise SloshBringupError(
                 f"rim_height = {self.rim_height:g} m: must lie above the liquid, whose "
@@ -276,28 +289,34 @@ class NewCup:
 
     @property
     def model(self) -> Model:
-        """The model that a new cup begins with."""
+        """Returns the initial model of the cup."""
         heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
         if self.by_contour:
             made: Any = SHAPES[self.by_contour]
-            return Model(made(**self.lengths, **heights), self.liquid).spatial()
+            points = {"profile": self.profile, "smooth": self.smooth} if self.profile else {}
+            return Model(made(**self.lengths, **points, **heights), self.liquid).spatial()
         return Model.from_cup(liquid=self.liquid, **cast(CupLengths, {**self.lengths, **heights}))
 
     @property
+    def smooth(self) -> bool:
+        """Whether a smooth curve goes through its points."""
+        return len(self.profile) >= CURVED
+
+    @property
     def is_round(self) -> bool:
-        """Whether it is a cylinder."""
+        """Whether the cup is a cylinder."""
         return "radius" in self.lengths and not self.by_contour
 
     @property
     def shape(self) -> str:
-        """As the files call it."""
+        """Name of the shape in the files."""
         if self.by_contour:
             return self.by_contour
         return "cylinder" if self.is_round else "rectangle"
 
 
 def lengths_of(shape: str) -> tuple[str, ...]:
-    """The lengths that a shape by its contour needs, beside its fill height.
+    """Returns the lengths that a contour shape needs besides its fill height.
 
     Raises:
         SloshBringupError: no such shape, or one whose contour takes more than lengths.

@@ -1,4 +1,4 @@
-"""Starts the nodes as processes and stops them again.
+"""Starts and stops the nodes as processes.
 
 The same job as a launch file, for machines without `launch` and for runs that end by themselves.
 A node that ends is started again, unless with EXIT_WRONG_INPUT: it refuses its configuration.
@@ -51,7 +51,7 @@ LONGEST_PAUSE = 30.0
 
 @dataclass(frozen=True, slots=True)
 class NodeProcess:
-    """How one node is started.
+    """Start settings of one node process.
 
     Attributes:
         name: one of NODES; also the ROS node's name.
@@ -66,7 +66,7 @@ class NodeProcess:
     remappings: Mapping[str, str] = field(default_factory=dict)
 
     def command(self, namespace: str) -> list[str]:
-        """The command line that starts the node."""
+        """Returns the command line that starts the node."""
         words = [sys.executable, "-m", NODES[self.name], "--ros-args"]
         words += ["-r", f"__ns:={namespace}", "-r", f"__node:={self.name}"]
         for path in self.parameter_files:
@@ -79,12 +79,12 @@ class NodeProcess:
 
 
 def _quoted(value: str) -> str:
-    """A parameter's value as ROS reads it, as YAML: a path may hold anything."""
+    """Quotes a parameter's value as YAML for ROS."""
     return value if _PLAIN.fullmatch(value) else json.dumps(value)
 
 
 class NodeEnd(NamedTuple):
-    """A node that has ended: its name, its exit code, and both in a line with its last words."""
+    """A node that has ended: its name, its exit code and a line with its last output."""
 
     name: str
     code: int
@@ -92,7 +92,7 @@ class NodeEnd(NamedTuple):
 
 
 def node_environment(domain_id: int | None = None) -> dict[str, str]:
-    """The environment of the nodes.
+    """Returns the environment variables of the nodes.
 
     They hear this machine only, unless more is asked for, and import nothing from the folder that
     they are started in.
@@ -105,7 +105,7 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
 
 
 def config_folder() -> Path:
-    """Where the installed package keeps its parameters, models and calibrations.
+    """Returns the installed folder of parameters, models and calibrations.
 
     Raises:
         SloshBringupError: it is not installed.
@@ -117,7 +117,7 @@ def config_folder() -> Path:
 
 
 class NodeGroup:
-    """Node processes that live and die together; a context manager.
+    """Node processes that start and stop together; use it as a context manager.
 
     They end with this process, too, where it is killed.
 
@@ -147,7 +147,7 @@ class NodeGroup:
             log.close()
 
     def start(self, process: NodeProcess) -> None:
-        """Starts a node; one that has run before goes on in its log."""
+        """Starts a node; a restarted one appends to its log."""
         inherited = self._lifelines.of_node(last=process.name == LAST)
         # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
         self._running[process.name] = subprocess.Popen(
@@ -160,7 +160,7 @@ class NodeGroup:
         )
 
     def _log(self, name: str) -> BinaryIO:
-        """Opens a node's log, to be written and read."""
+        """Opens a node's log for reading and writing."""
         self._log_folder.mkdir(parents=True, exist_ok=True)
         log = (self._log_folder / f"{name}.log").open("ab+")
         if name in self._logs:
@@ -169,14 +169,14 @@ class NodeGroup:
         return log
 
     def last_line(self, name: str) -> str:
-        """The last line that a node printed, also where its log was deleted."""
+        """Returns the last line that a node printed, even if its log file was deleted."""
         self._logs[name].seek(0)
         said = self._logs[name].read().decode(errors="replace")
         lines = [line for line in said.splitlines() if line.strip()]
         return lines[-1].strip() if lines else "no output"
 
     def ended(self) -> dict[str, int]:
-        """Nodes that have ended by themselves, with their exit codes."""
+        """Returns nodes that have ended by themselves, with their exit codes."""
         codes = {name: process.poll() for name, process in self._running.items()}
         return {name: code for name, code in codes.items() if code is not None}
 
@@ -185,7 +185,7 @@ class NodeGroup:
         return self._running[name].pid
 
     def kill(self, name: str) -> bool:
-        """Kills a node that does not listen; whether there was one to kill."""
+        """Kills an unresponsive node; returns whether it was running."""
         process = self._running.get(name)
         if process is None or process.poll() is not None:
             return False
@@ -193,7 +193,7 @@ class NodeGroup:
         return True
 
     def failed(self) -> NodeEnd | None:
-        """The first node that has ended and should not have; None: all is well."""
+        """Returns the first node that has ended unexpectedly; None: none."""
         for name, code in self.ended().items():
             if code != 0 or name not in ENDING:
                 log = self._log_folder / f"{name}.log"
@@ -204,17 +204,17 @@ class NodeGroup:
         return None
 
     def forget(self, name: str) -> None:
-        """Leaves a node alone that has ended."""
+        """Removes a node that has ended from the group."""
         self._running.pop(name).wait()
 
     def check(self) -> None:
-        """Raises SloshBringupError for the first node that has ended and should not have."""
+        """Raises SloshBringupError for the first node that has ended unexpectedly."""
         end = self.failed()
         if end is not None:
             raise SloshBringupError(end.text)
 
     def stop(self) -> dict[str, int]:
-        """Stops all nodes: the others together, then the recorder.
+        """Stops all nodes: first the others together, then the recorder.
 
         Returns:
             exit code by node; a node that had to be killed has -9.
@@ -226,7 +226,7 @@ class NodeGroup:
 
 
 def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str, int]:
-    """Asks processes to end as Ctrl-C does, and kills those that do not listen.
+    """Interrupts processes as Ctrl-C does, and kills those that do not end.
 
     Returns:
         exit code by name.
@@ -243,7 +243,7 @@ def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str
 
 
 def pause(recent: int) -> float:
-    """How long to wait before a node is started again [s]: twice as long each time.
+    """Returns the delay before a node is restarted [s]; it doubles each time.
 
     Args:
         recent: how often it has ended of late, this time included.
@@ -252,7 +252,7 @@ def pause(recent: int) -> float:
 
 
 def restarted(process: NodeProcess, ends: int) -> NodeProcess:
-    """How a node is started that has missed something of the motion.
+    """Returns the start settings of a restarted node, which has missed part of the motion.
 
     Args:
         process: how it was started first.

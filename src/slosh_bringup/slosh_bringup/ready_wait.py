@@ -1,4 +1,4 @@
-"""Who of a cell's nodes is not ready yet, why, and how long they are waited for."""
+"""Tracks which nodes of a cell are not ready, why, and how long to wait for them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _INCOMPLETE = "incomplete"
 
 
 class _Word(NamedTuple):
-    """What a node has said last: its state, its sentence, when it said so first and last [s]."""
+    """A node's last report: its state, its text, when it first and last sent them [s]."""
 
     state: str
     sentence: str
@@ -34,7 +34,7 @@ class _Word(NamedTuple):
 
 
 class ReadyWait:
-    """Takes the nodes' reports until all are ready.
+    """Processes the nodes' reports until all are ready.
 
     Args:
         nodes: names of those that must be ready. Others are waited for once they have been heard
@@ -53,7 +53,7 @@ class ReadyWait:
         self.unrecorded: tuple[str, ...] = ()
 
     def take(self, report: NodeReport, now: float) -> None:
-        """Takes a report at a moment of the steady clock [s]."""
+        """Processes a report at a steady time [s]."""
         state, said = report.facts.get(STATE, READY), report.sentence
         if RECORDED in report.facts and self._is_incomplete(report, now):
             state, said = (
@@ -66,7 +66,7 @@ class ReadyWait:
         self._words[report.node] = _Word(state, said, first, now)
 
     def _is_incomplete(self, recorder: NodeReport, now: float) -> bool:
-        """Whether it is worth waiting for settings that the recorder has not heard."""
+        """Whether to wait for settings that the recorder has not received."""
         recorded = recorder.facts[RECORDED].split(", ")
         self.unrecorded = tuple(
             node for node in TELLING if node in self._words and node not in recorded
@@ -77,7 +77,7 @@ class ReadyWait:
         return bool(self.unrecorded) and waited < RECORDING
 
     def missing(self) -> dict[str, str]:
-        """Why each node that is not ready is not."""
+        """Returns the reason for each node that is not ready."""
         return {
             node: word.sentence.removeprefix("not ready, ")
             for node, word in self._words.items()
@@ -85,7 +85,7 @@ class ReadyWait:
         }
 
     def given_up(self, now: float) -> str:
-        """Why there is no sense in waiting longer; empty: there is.
+        """Returns why waiting is pointless; empty: it is not.
 
         Args:
             now: steady time [s].
@@ -101,7 +101,7 @@ class ReadyWait:
 
 
 def sentence(missing: Mapping[str, str]) -> str:
-    """Who is waited for, and why; those of one reason together."""
+    """Lists the nodes that are not ready, grouped by reason."""
     together: dict[str, list[str]] = {}
     for node, why in missing.items():
         together.setdefault(why, []).append(node)

@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as the wish that a run ends well: nodes stopped, report written."""
+"""Handles SIGINT, SIGTERM and SIGHUP as requests to stop: nodes end, the report is written."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SAME_HANG_UP = 1.0  # s; a closed terminal is told by the kernel and again by t
 
 
 class StopRequest:
-    """Takes the signals while its context is open; they interrupt nothing, the run asks.
+    """Records the signals while its context is open, without interrupting the run.
 
     Attributes:
         reason: what asked for the end, as a user knows it; empty: nothing yet.
@@ -47,7 +47,7 @@ class StopRequest:
 
     @contextlib.contextmanager
     def finishing(self, leave: Callable[[], NoReturn]) -> Iterator[None]:
-        """While the report is made: who asks again means at once.
+        """While the report is made, makes a second request leave at once.
 
         An exception would not do: raised while a library loads compiled code, it is lost there
         or takes the process down with SIGSEGV (measured: 41 and 1 of 300 signals in the first
@@ -63,7 +63,7 @@ class StopRequest:
             self._leave = None
 
     def written_in_vain(self, error: OSError) -> None:
-        """Words could not be written: where nobody reads any more, that is a wish to end.
+        """Handles a failed write: if the reader is gone, it is a request to stop.
 
         Over ssh without a terminal there is no signal that tells it.
         """
@@ -86,7 +86,7 @@ class StopRequest:
 
 
 def forget_readers() -> None:
-    """Leads the standard streams whose terminal or reader has gone to nowhere.
+    """Redirects standard streams whose terminal or reader is gone to /dev/null.
 
     Writing to them fails from then on, and a run must not end by its last words.
     """

@@ -64,7 +64,7 @@ def test_flags_are_those_of_the_cores(capsys):
         assert names[message] == [flag.name for flag in kind]
     assert "BLIND" in names["SloshComparison"]
     said = explained("ambiguous", capsys)
-    assert said.startswith("AMBIGUOUS: flag of a measurement (FreeSurface)\nthe image alone does")
+    assert said.startswith("AMBIGUOUS: flag of a measurement (FreeSurface)\none image does")
 
 
 def test_alone_it_lists_everything(capsys):

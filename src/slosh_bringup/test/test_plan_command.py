@@ -236,3 +236,19 @@ def test_a_straight_path_needs_no_file(tmp_path, capsys):
     for wrong in (words[:2] + words[4:], [*words, str(tmp_path / "path.csv")]):
         assert main(wrong) == 2
         assert "give either a PATH or --straight" in capsys.readouterr().err
+
+
+def test_a_tray_is_planned_for_the_container_with_the_lowest_limit(tmp_path, capsys):
+    (tmp_path / "cup.yaml").write_text(MODEL)
+    cups = ("{name: a, model: cup.yaml}", "{name: b, model: cup.yaml, limit: 0.01}")
+    tray = tmp_path / "tray.yaml"
+    tray.write_text("containers:\n" + "".join(f"- {cup}\n" for cup in cups))
+    words = ["plan", str(tray), "--straight", "0.2", "--limit", "0.02", "--time-limit", "2"]
+    assert main(words) == 0
+    first, *_ = capsys.readouterr().out.splitlines()
+    assert first.startswith("planned for container b: a ")
+    assert first.endswith(" of 10 mm")
+    assert main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["container"] == "b"
+    assert found["peak"] <= found["height_limit"] == 0.01

@@ -162,3 +162,24 @@ def test_a_table_whose_accelerations_contradict_its_positions_is_refused(capsys,
         assert main(["predict", MODEL, str(table)]) == 2
         said = capsys.readouterr().err
         assert f"{table}: positions and accelerations contradict each other" in said
+
+
+def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
+    """Each by its own limit; a page shows one container, and says so."""
+    tray, motion = tmp_path / "tray.yaml", line(tmp_path / "a.csv", 2.0)
+    cups = [f"- {{name: {name}, model: {MODEL}, limit: {limit}}}\n" for name, limit in LIMITS]
+    tray.write_text("containers:\n" + "".join(cups))
+    assert main(["predict", str(tray), motion, "--json"]) == 1
+    (found,) = json.loads(capsys.readouterr().out)
+    assert (found["container"], found["height_limit"], found["kept"]) == ("low", 0.002, False)
+    assert list(found["containers"]) == ["high", "low"]
+    assert found["time_scale"] > 1.0
+    main(["predict", str(tray), motion])
+    assert "worst container low (high " in capsys.readouterr().out
+    assert main(["predict", str(tray), motion, "--page", str(tmp_path / "p.html")]) == 2
+    assert "give its model, no tray" in capsys.readouterr().err
+    assert main(["simulate", str(tray), motion, "-o", str(tmp_path / "o.csv")]) == 2
+    assert "a tray of containers" in capsys.readouterr().err
+
+
+LIMITS = (("high", 0.05), ("low", 0.002))

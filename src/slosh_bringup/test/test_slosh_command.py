@@ -101,6 +101,12 @@ def test_simulate_says_whether_the_motion_stays_within_bounds(capsys, motion, tm
     assert simulated(capsys, motion, "--limit", str(1.01 * peak))[0] == 0
     code, facts, _ = simulated(capsys, motion, "--limit", str(0.99 * peak))
     assert (code, facts["over_limit"]) == (1, True)
+    near = str(rim - 0.99 * peak)
+    code, facts, _ = simulated(capsys, motion, "--rim-distance", near)
+    assert (code, facts["over_rim"], facts["over_rim_distance"]) == (1, False, True)
+    assert facts["wall"]["distance_to_rim"] == pytest.approx(rim - peak)
+    assert main(["simulate", MODEL, str(motion), "-o", "/dev/null", "--rim-distance", "1"]) == 2
+    assert "the distance of the still liquid" in capsys.readouterr().err
     wild = scaled(motion, tmp_path / "wild.csv", 6.0)
     code, facts, _ = simulated(capsys, wild)
     assert not facts["within_validity"]

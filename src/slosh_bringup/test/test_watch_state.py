@@ -7,13 +7,16 @@ import pytest
 from slosh_bringup.cell_watch import ERROR, OK, NodeReport
 from slosh_bringup.watch.recording import first_happening
 from slosh_bringup.watch.state import (
+    CalmNews,
     Compared,
     Estimated,
+    Fused,
     LimitNews,
     Surface,
     WatchState,
 )
 from slosh_bringup.watch.verdict import CellVerdict, judge
+from slosh_model import Cylinder
 
 SECOND = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND
@@ -76,7 +79,7 @@ class TestFrames:
         assert [row[0] for row in found["rows"]] == pytest.approx(
             [step / 60.0 for step in range(5)], abs=1e-4
         )
-        assert found["rows"][0][1:] == [0.004, 0.005]
+        assert found["rows"][0][1:3] == [0.004, 0.005]
         assert found["now"]["measured"] == 0.004
         assert found["verdict"] == "safe"
         assert frame(state, 0.2)["rows"] == []
@@ -88,9 +91,21 @@ class TestFrames:
         assert len(frame(state, 0.1)["rows"]) == 1  # a comparison holds it
         state.take_estimate(Estimated(START_NS + 2 * SECOND, 0.007, 0.3), 2.0)
         found = frame(state, 2.0)
-        assert found["rows"] == [[2.0, None, 0.007]]
+        assert found["rows"] == [[2.0, None, 0.007, None, None, None]]
         assert (found["now"]["measured"], found["now"]["estimated"]) == (None, 0.007)
         assert found["verdict"] == "blind"
+
+    def test_the_container_is_drawn_and_both_sides_are_told_how_far_the_rim_is(self):
+        state = WatchState()
+        state.take_comparison(compared(0.0), 0.0)
+        assert "to_rim" not in frame(state, 0.0)["now"]
+        # The camera alone: nothing of the estimator's model is known.
+        state = WatchState()
+        state.take_container(Cylinder(0.04, 0.06, rim_height=0.07))
+        state.take_comparison(compared(0.0, measured=0.012, estimated=0.005), 0.0)
+        found = frame(state, 0.0)
+        assert found["now"]["to_rim"] == {"measured": -0.002, "estimated": 0.005}
+        assert found["container"]["outline"] == [[0.0, -0.06], [0.04, -0.06], [0.04, 0.01]]
 
     def test_a_late_camera_does_not_begin_a_new_drawing_a_played_loop_does(self):
         state = WatchState()
@@ -101,7 +116,19 @@ class TestFrames:
         state.take_comparison(compared(0.0), 0.2)
         found = frame(state, 0.2)
         assert found["drawing"] == drawing + 1
-        assert found["rows"] == [[0.0, 0.004, 0.005]]
+        assert found["rows"] == [[0.0, 0.004, 0.005, None, None, None]]
+
+    def test_the_fused_height_is_drawn_with_its_band_and_calm_is_shown_while_it_is_said(self):
+        state = WatchState()
+        state.take_fused(Fused(START_NS - 5_000_000, 0.003, 0.0005))
+        state.take_comparison(compared(0.0), 0.0)
+        state.take_calm(CalmNews(False, 2, 0.004, 0.001, 3.5), 0.0)
+        found = frame(state, 0.1)
+        assert found["rows"][0][3:] == [0.003, 0.002, 0.004]
+        assert found["calm"]["wait"] == 3.5
+        assert frame(state, 100.0)["calm"] == {}
+        state.take_comparison(compared(1.0), 1.0)
+        assert frame(state, 1.0)["rows"][0][3:] == [None, None, None]
 
     def test_an_excess_is_shown_until_it_ends_or_the_monitor_starts_anew(self):
         state = WatchState()

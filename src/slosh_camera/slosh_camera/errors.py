@@ -1,5 +1,5 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 
 class SloshCameraError(ValueError):
-    """A calibration, image or setting that cannot be used; the message says what and where."""
+    """A calibration, an image or a setting cannot be used; the message says what and where."""

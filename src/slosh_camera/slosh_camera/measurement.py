@@ -1,4 +1,4 @@
-"""What the detector says about one image."""
+"""Result of detecting the free surface in one image."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAN = float("nan")
 
 
 class Flag(IntFlag):
-    """What limits a measurement; the values are those of slosh_msgs/FreeSurface."""
+    """Limitations of a measurement; the values are those of slosh_msgs/FreeSurface."""
 
     NONE = 0
     SATURATED = 1
@@ -31,7 +31,11 @@ class Flag(IntFlag):
 
 
 class PeakSide(IntEnum):
-    """The wall, seen from the camera, that carries the peak; values of slosh_msgs/FreeSurface."""
+    """Wall part, seen from the camera, with the peak; values of slosh_msgs/FreeSurface.
+
+    >>> PeakSide(2).name
+    'REAR'
+    """
 
     UNKNOWN = 0
     FRONT = 1
@@ -49,6 +53,9 @@ def _no_pixels() -> Array:
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
     """Free surface in one image; heights are above the still level, NaN is unknown.
+
+    >>> Flag.TOO_DARK in Measurement(stamp_ns=0).flagged(Flag.TOO_DARK).flags
+    True
 
     Attributes:
         stamp_ns: moment of exposure [ns].
@@ -101,10 +108,14 @@ class Measurement:
     flags: Flag = Flag.NONE
 
     def flagged(self, flag: Flag) -> Self:
-        """The same measurement with one more remark."""
+        """Returns the measurement with one more flag."""
         return replace(self, flags=self.flags | flag)
 
 
 def bad_image(stamp_ns: int) -> Measurement:
-    """Measurement that stands for an image that could not be decoded."""
+    """Makes the measurement of an image that could not be decoded.
+
+    >>> bad_image(stamp_ns=0).flags == Flag.BAD_IMAGE
+    True
+    """
     return Measurement(stamp_ns=stamp_ns, flags=Flag.BAD_IMAGE)

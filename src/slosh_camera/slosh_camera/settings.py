@@ -1,4 +1,4 @@
-"""What a user may set about the detection."""
+"""User settings of the detection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_camera.errors import SloshCameraError
 
 
 class LiquidContrast(Enum):
-    """How the liquid looks against its background."""
+    """Contrast of the liquid to its background."""
 
     ANY = "any"
     DARKER = "darker"
@@ -20,13 +20,16 @@ class LiquidContrast(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RegionOfInterest:
-    """Rectangle of the image in which the container is looked for [px].
+    """Rectangle of the image in which the container is searched [px].
 
     Attributes:
         x_offset: leftmost column.
         y_offset: uppermost row.
         width: number of columns.
         height: number of rows.
+
+    >>> RegionOfInterest(x_offset=100, y_offset=50, width=400, height=300).width  # px
+    400
     """
 
     x_offset: int
@@ -46,6 +49,9 @@ class RegionOfInterest:
 @dataclass(frozen=True, slots=True)
 class DetectionSettings:
     """Settings of the detector; grey levels are those of an 8-bit image.
+
+    >>> DetectionSettings(liquid=LiquidContrast.DARKER).min_contrast  # grey levels
+    12.0
 
     Attributes:
         liquid: how the liquid looks against its background; what looks otherwise is not taken

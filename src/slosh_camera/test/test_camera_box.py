@@ -109,7 +109,7 @@ def test_a_reader_of_cylinders_says_what_it_needs():
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [
-        ("shape: rectangle", "shape: sphere", "container.shape"),
+        ("shape: rectangle", "shape: heart", "container.shape"),
         ("shape: rectangle", "shape: 3", "container.shape"),
         ("shape: rectangle", "shape: [rectangle]", "container.shape"),
         ("shape: rectangle, ", "", "container.width"),

@@ -1,5 +1,7 @@
 """The camera node over DDS: heights from raw and compressed images, and a life after bad ones."""
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -14,11 +16,12 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_camera.errors import SloshCameraError
-from slosh_camera.measurement import Flag
-from slosh_camera.nodes.camera_node import CameraNode, Complaints
+from slosh_camera.measurement import Flag, Measurement
+from slosh_camera.nodes.camera_node import CameraNode, Complaints, surface_message
 from slosh_camera.nodes.newest_image import FrameGaps
-from slosh_msgs.msg import FreeSurface
+from slosh_msgs.msg import ContainerChange, FreeSurface
 from slosh_msgs_py import images, qos, topics
+from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.errors import SloshMessageError
 from slosh_msgs_py.stamps import to_nanoseconds
 from slosh_testing.graph import Graph
@@ -142,6 +145,12 @@ def test_a_raw_image_is_measured(make_rig, picture, monkeypatch, encoding, execu
     assert answer.sh_right == pytest.approx(HEIGHT, abs=1e-3)
     assert answer.sh_left == pytest.approx(-HEIGHT, abs=1e-3)
     assert len(answer.profile_height) == len(answer.profile_azimuth) > 100
+
+
+def test_the_distance_to_the_rim_is_told_where_it_is_known():
+    found = Measurement(0, msh=0.012)
+    assert surface_message(found, "container", 0.05).distance_to_rim == pytest.approx(0.038)
+    assert math.isnan(surface_message(found, "container", None).distance_to_rim)
 
 
 def test_a_driver_that_speaks_of_another_lens_is_told(make_rig, picture):
@@ -384,3 +393,52 @@ def test_pauses_and_clocks_that_jump_are_no_loss(jump):
         stamp += step
         gaps.add(stamp)
     assert gaps.missing == 0
+
+
+def container(scene, stamp_ns, rise=0.0, **fields):
+    """What the estimator tells of a cup like the calibrated one, filled higher by `rise`."""
+    fill = scene.fill_height + rise
+    text = f"container: {{shape: cylinder, radius: {scene.radius}, fill_height: {fill}}}"
+    told = {"present": True, "model": text, "fill_height": fill, **fields}
+    return filled(ContainerChange, stamp_ns=stamp_ns, **told)
+
+
+def test_heights_are_above_the_level_of_the_fill_that_is_told(make_rig, make_scene):
+    scene = make_scene(camera_height=0.08)
+    rig = make_rig()
+    rig.start()
+    changes = rig.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    refilled = scene.draw(HEIGHT, 0.0, level=0.008)
+    answer = rig.measure(images.image_message(refilled, "mono8", SECOND, "camera_optical"))
+    assert answer.msh == pytest.approx(HEIGHT + 0.008, abs=1e-3)
+    changes.publish(container(scene, 2 * SECOND, 0.008))
+    rig.until(lambda: rig.nodes[-1]._looking._next_ns == 2 * SECOND)
+    before = rig.measure(images.image_message(refilled, "mono8", 2 * SECOND, "camera_optical"))
+    after = rig.measure(images.image_message(refilled, "mono8", 2 * SECOND + 1, "camera_optical"))
+    assert before.msh == pytest.approx(HEIGHT + 0.008, abs=1e-3)
+    assert after.msh == pytest.approx(HEIGHT, abs=5e-4)
+    changes.publish(container(scene, 3 * SECOND, present=False))
+    rig.until(lambda: rig.nodes[-1]._looking._next_ns == 3 * SECOND)
+    empty = rig.measure(images.image_message(refilled, "mono8", 4 * SECOND, "camera_optical"))
+    assert empty.flags == Flag.NOT_FOUND
+    status, _ = rig.report(lambda status, values: "gripper is empty" in status.message)
+    assert status.level == DiagnosticStatus.OK
+
+
+@pytest.mark.parametrize(
+    "text", ["container: 7", "container: {shape: cylinder, radius: 0.6, fill_height: 0.07}"]
+)
+def test_a_container_that_cannot_be_measured_is_said_so(make_rig, make_scene, picture, text):
+    rig = make_rig()
+    rig.start()
+    changes = rig.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    changes.publish(container(make_scene(camera_height=0.08), SECOND, model=text))
+    rig.until(lambda: rig.nodes[-1]._looking._next_ns == SECOND)
+    answer = rig.measure(images.image_message(picture, "mono8", 2 * SECOND, "camera_optical"))
+    assert answer.flags == Flag.NOT_FOUND
+    status, _ = rig.report(lambda status, values: "cannot be measured" in status.message)
+    assert status.level == DiagnosticStatus.ERROR
+    changes.publish(container(make_scene(camera_height=0.08), 3 * SECOND))
+    rig.until(lambda: rig.nodes[-1]._looking._next_ns == 3 * SECOND)
+    answer = rig.measure(images.image_message(picture, "mono8", 4 * SECOND, "camera_optical"))
+    assert answer.msh == pytest.approx(HEIGHT, abs=5e-4)

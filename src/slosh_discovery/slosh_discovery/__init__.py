@@ -1,1 +1,1 @@
-"""From recordings to findings: which effect a model of sloshing lacks."""
+"""Finds which effect a sloshing model lacks, from recordings."""

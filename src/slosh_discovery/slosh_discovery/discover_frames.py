@@ -1,4 +1,4 @@
-"""Camera images of the moments at which a discovery's base model is worst."""
+"""Camera images at the times of the base model's largest residuals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST = 3
 def worst_frames(
     data: Iterable[Path], worst: Sequence[WorstMoment], pictures: Pictures
 ) -> tuple[Frame, ...]:
-    """Images with the detected line of the worst moments; none where the bags hold none.
+    """Returns images with the detected line at the worst times; none if not recorded.
 
     Args:
         data: bags, and folders of them; a motion's name tells which bag it is of.
@@ -53,7 +53,7 @@ def worst_frames(
 
 
 def _bags(data: Iterable[Path]) -> dict[str, Path]:
-    """Bags by name; of those that share one, none: a motion would not tell which."""
+    """Returns bags by name, without those that share a name."""
     paths = [path for top in data for path in (top, *(top.iterdir() if top.is_dir() else ()))]
     bags = [path for path in paths if path.suffix == ".mcap" or _is_bag(path)]
     inside = {path for path in bags if path.parent in bags}
@@ -69,7 +69,7 @@ def _is_bag(path: Path) -> bool:
 def _pictures(
     bag: Path, moments: Mapping[str, WorstMoment], pictures: Pictures
 ) -> Mapping[str, tuple[bytes, float]]:
-    """Images with their line drawn in, as JPEG, and their heights [m], by letter."""
+    """Returns images with their line as JPEG, and their heights [m], by letter."""
     try:
         recording = read_recording(bag, *sources_of(bag), lambda line: None)
     except SloshBagError:

@@ -1,4 +1,4 @@
-"""Measured files and a model to a finding, and the finding to files."""
+"""Runs a discovery from files to files."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class DiscoveryRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedDiscovery:
-    """What a discovery starts from.
+    """Prepared data of a discovery.
 
     Attributes:
         base: the model that came in.
@@ -96,7 +96,7 @@ MANY, MOST = 100_000, 500_000
 
 
 def check_size(motions: Sequence[MeasuredMotion], tell: Tell) -> None:
-    """Tells that a search will take long.
+    """Warns that a search will take long.
 
     Raises:
         SloshDiscoveryError: longer than anybody waits.
@@ -152,7 +152,7 @@ def prepare(request: DiscoveryRequest, tell: Tell) -> PreparedDiscovery:
 def make_report(
     request: DiscoveryRequest, prepared: PreparedDiscovery, finding: Finding, pictures: Pictures
 ) -> DiscoveryReport:
-    """What the page and the text show of a finding.
+    """Makes the page's and the text's contents from a finding.
 
     Args:
         request: what was asked.
@@ -176,7 +176,7 @@ def make_report(
 
 
 def write_results(folder: Path, report: DiscoveryReport) -> str:
-    """Writes model, document, page and the separating motions; returns the document's text.
+    """Writes model, document, page and separating motions; returns the document's text.
 
     Raises:
         OSError: a file cannot be written.
@@ -193,7 +193,7 @@ def write_results(folder: Path, report: DiscoveryReport) -> str:
 
 
 def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> None:
-    """Refuses files that stand for two things.
+    """Refuses files that are given for two purposes.
 
     Args:
         data, holdout: what is read.
@@ -216,7 +216,7 @@ def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> 
 
 
 def recorded_model(bag: Path) -> Model:
-    """The model that a bag's estimator ran last; of a folder of bags that of the last one.
+    """Returns the last model that a bag's estimator used; of a folder that of its last bag.
 
     Raises:
         SloshDiscoveryError: the bag does not tell.
@@ -233,7 +233,7 @@ def recorded_model(bag: Path) -> Model:
 
 
 def part(motions: Motions) -> tuple[Motions, Motions]:
-    """The motions of the fit and every third one of each group, held out."""
+    """Splits motions in fitted ones and every third of each group, held out."""
     met: Counter[str | None] = Counter()
     parts: tuple[list[MeasuredMotion], list[MeasuredMotion]] = [], []
     for motion in motions:
@@ -243,7 +243,7 @@ def part(motions: Motions) -> tuple[Motions, Motions]:
 
 
 def check_apart(fit: Motions, holdout: Motions) -> None:
-    """Refuses a held-out motion that the fit would see.
+    """Refuses a held-out motion that is also fitted.
 
     Raises:
         SloshDiscoveryError: the same measurements are in both.
@@ -258,7 +258,7 @@ def check_apart(fit: Motions, holdout: Motions) -> None:
 
 
 def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
-    """The same motions, those of one name numbered."""
+    """Numbers motions that share a name."""
     counts = Counter(motion.name for motion in (*fit, *holdout))
     met: Counter[str] = Counter()
     named = []
@@ -271,7 +271,7 @@ def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
 
 
 def next_commands(request: DiscoveryRequest, finding: Finding) -> tuple[Command, ...]:
-    """What to type after a discovery."""
+    """Returns the commands to run after a discovery."""
     models = {
         f" of a rig as in {name}": request.output / GROUP_MODEL.format(name)
         for name in finding.group_models
@@ -309,7 +309,7 @@ def next_commands(request: DiscoveryRequest, finding: Finding) -> tuple[Command,
 
 
 def recorded_cell(data: Sequence[Path]) -> str:
-    """Namespace of the cell that the first bag of the data recorded.
+    """Returns the namespace of the cell in the first bag of the data.
 
     Args:
         data: bags, motion tables, folders of these.
@@ -324,7 +324,7 @@ def recorded_cell(data: Sequence[Path]) -> str:
 
 
 def _use(request: DiscoveryRequest, model: Path) -> list[Command]:
-    """How to see the found model at work on the first bag and on the first table."""
+    """Returns commands that apply the found model to the first bag and the first table."""
     found = []
     given = [path for path in request.data if path.exists()]
     files = [file for path in given for file in files_at(path)]
@@ -353,7 +353,7 @@ def read_all(
     groups: Mapping[str, tuple[str, ...]] | None = None,
     tables: TableOptions = FOUND_OUT,
 ) -> Motions:
-    """The motions of several files; from bags first those in which the estimate was off most.
+    """Reads the motions of several files; for bags those with the largest live error first.
 
     Raises:
         SloshDiscoveryError: there are groups, and a motion belongs to none or to several.
@@ -370,7 +370,7 @@ def read_all(
 
 
 def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
-    """Warns of motions whose tilt the model does not feel; the largest tilt is named."""
+    """Warns of motions whose tilt the model ignores; names the largest tilt."""
     tilts = {one.name: unfelt_tilt(base, attitude_of(one.inputs)) for one in motions}
     tilted = max(motions, key=lambda one: tilts[one.name], default=None)
     text = "" if tilted is None else ignored_text(base, attitude_of(tilted.inputs))
@@ -381,7 +381,7 @@ def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
 def grouped(
     motion: MeasuredMotion, path: Path, groups: Mapping[str, tuple[str, ...]]
 ) -> MeasuredMotion:
-    """The motion in its group: a pattern matches its name, or the path that it was read from.
+    """Returns the motion in its group, if a pattern matches its name or path.
 
     Raises:
         SloshDiscoveryError: there are groups, and it belongs to none or to several.
@@ -403,7 +403,7 @@ def grouped(
 
 
 def _print(motion: MeasuredMotion) -> tuple[bytes, bytes]:
-    """What tells a motion's measurements from another's."""
+    """Returns a key of a motion's measurements."""
     return motion.t.tobytes(), motion.heights.tobytes()
 
 

@@ -1,7 +1,7 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
 
 class SloshDiscoveryError(ValueError):
-    """Data from which the asked-for answer cannot be computed; the text is one line."""
+    """The data do not allow the requested computation; the text is one line."""

@@ -1,4 +1,4 @@
-"""Measured files and a model to an identification, and the identification to files."""
+"""Runs an identification from files to files."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class IdentificationRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedIdentification:
-    """What an identification starts from.
+    """Prepared data of an identification.
 
     Attributes:
         base: the model that came in.
@@ -90,7 +90,7 @@ class PreparedIdentification:
 
 
 def prepare(request: IdentificationRequest, tell: Tell) -> PreparedIdentification:
-    """Reads the model, the motions and what is shown beside them.
+    """Reads the model, the motions and the earlier results for comparison.
 
     Args:
         request: what is asked.
@@ -117,7 +117,7 @@ def prepare(request: IdentificationRequest, tell: Tell) -> PreparedIdentificatio
 
 
 def read_beside(folder: Path) -> Beside:
-    """An earlier identification's first mode.
+    """Reads the first mode of an earlier identification.
 
     Args:
         folder: with its `model.yaml` and `identification.json`.
@@ -144,7 +144,7 @@ def read_beside(folder: Path) -> Beside:
 def make_report(
     request: IdentificationRequest, prepared: PreparedIdentification, found: Identification
 ) -> IdentificationReport:
-    """What the page and the text show of an identification."""
+    """Makes the page's and the text's contents from an identification."""
     count, held = len(prepared.fit), len(prepared.holdout)
     source = "the recorded model" if request.model is None else str(request.model)
     return IdentificationReport(
@@ -163,7 +163,7 @@ def make_report(
 
 
 def point_files(labels: Sequence[str]) -> tuple[str, ...]:
-    """Names of the files of operating points' models: of their labels, each its own."""
+    """Returns unique file names of the operating points' models, from their labels."""
     plain = [re.sub(r"[^A-Za-z0-9._-]+", "_", label.removesuffix(" 1/min")) for label in labels]
     return tuple(
         POINT_MODEL.format(name if plain.count(name) == 1 else f"{name}_{number}")
@@ -172,7 +172,7 @@ def point_files(labels: Sequence[str]) -> tuple[str, ...]:
 
 
 def write_results(folder: Path, report: IdentificationReport) -> str:
-    """Writes models, document, page and motions that would help; returns the document's text.
+    """Writes models, document, page and helpful motions; returns the document's text.
 
     Raises:
         OSError: a file cannot be written.

@@ -1,4 +1,4 @@
-"""Motions whose input is faulty are left out before physics is blamed for it."""
+"""Excludes motions with faulty inputs before any physical explanation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Motions = tuple[MeasuredMotion, ...]
 
 
 def sound(motions: Sequence[MeasuredMotion]) -> tuple[Motions, tuple[str, ...]]:
-    """The motions whose inputs have no fault, and why others are left out, a sentence each."""
+    """Returns the motions with faultless inputs, and one sentence for each other."""
     kept, told = [], []
     for motion in motions:
         faults = find_input_faults(motion.inputs.t, motion.inputs.acceleration)
@@ -23,13 +23,13 @@ def sound(motions: Sequence[MeasuredMotion]) -> tuple[Motions, tuple[str, ...]]:
 
 
 def sound_fit(motions: Sequence[MeasuredMotion]) -> tuple[Motions, tuple[str, ...]]:
-    """The same of the motions of a fit.
+    """Returns the faultless motions of a fit, and one sentence for each other.
 
     Raises:
         SloshDiscoveryError: all of them have faulty inputs; the text tells the first one's.
     """
     kept, told = sound(motions)
     if motions and not kept:
-        count = f" (and {len(told) - 1} more likewise)" if len(told) > 1 else ""
+        count = f" (and {len(told) - 1} more like this)" if len(told) > 1 else ""
         raise SloshDiscoveryError(f"no motion with a sound input: {told[0]}{count}")
     return kept, told

@@ -151,8 +151,8 @@ def test_another_container_is_asked_for_and_no_effect_is_named(base):
     finding = discover([seen(BASE, seed) for seed in range(2)], base)
     assert (finding.verdict, finding.effects) == (Verdict.UNEXPLAINED, ())
     (remark,) = finding.remarks
-    assert remark.startswith("Is this the container? The liquid swings at ")
-    seen_hz = float(remark.split(" swings at ")[1].split(" Hz")[0])
+    assert remark.startswith("Is this the right container? The liquid oscillates at ")
+    seen_hz = float(remark.split(" oscillates at ")[1].split(" Hz")[0])
     truth = BASE.mode_constants()[0].natural_frequency / (2.0 * np.pi)
     assert seen_hz == pytest.approx(truth, rel=0.03)
     assert finding.proposal is None

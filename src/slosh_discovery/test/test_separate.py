@@ -63,7 +63,7 @@ def test_a_gain_on_the_input_against_one_on_the_height():
     second = MODEL.with_effect("height_scale", gain=1.15)
     found = separating_motion(first, second, PRESENT, LIMIT)
     assert found.names == ("accel_gain", "height_scale")
-    assert "nonlinear twins" in found.description
+    assert "nonlinear variants" in found.description
     assert found.present_difference < 1e-6
     assert difference(first, second, found.inputs) < 1e-6  # the linear ones are the same
     twins = [model.spatial().nonlinear() for model in (first, second)]
@@ -77,7 +77,7 @@ def test_a_tilt_against_an_offset():
     second = MODEL.with_effect("height_offset", offset=0.001)
     found = separating_motion(first, second, PRESENT, LIMIT)
     assert found.difference > max(1e-3, 1.5 * found.present_difference)
-    assert "twins" not in found.description
+    assert "variants" not in found.description
 
 
 @pytest.mark.long

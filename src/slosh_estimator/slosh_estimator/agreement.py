@@ -1,4 +1,4 @@
-"""How well the model agrees with the camera, motion by motion.
+"""Agreement of model and camera, motion by motion.
 
 A motion in which measured and estimated heights differ by more than the camera's noise explains
 is one that the model does not describe: it is worth a discovery. One in which the waves' azimuths
@@ -34,7 +34,7 @@ FEW = 16
 
 
 class MotionAgreement(NamedTuple):
-    """How a motion's measured and estimated heights agree.
+    """Agreement of measured and estimated heights in a motion.
 
     Attributes:
         start_ns, end_ns: first and last moment of moving [ns].
@@ -64,12 +64,12 @@ class MotionAgreement(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """Whether the heights differ by more than noise explains, or the azimuths."""
+        """Whether the heights differ by more than noise, or the azimuths disagree."""
         return self.rms > self.explained or self.is_turned
 
     @property
     def sentence(self) -> str:
-        """What to do about a disagreement, in one line; of both the azimuth comes first."""
+        """Describes how to resolve a disagreement, in one line; the azimuth comes first."""
         if self.offset is not None and self.is_turned:
             return self.offset.sentence
         return (
@@ -80,7 +80,7 @@ class MotionAgreement(NamedTuple):
 
 
 class MotionWatch:
-    """Takes accelerations and pairs of heights in the order of their stamps.
+    """Collects accelerations and pairs of heights in the order of their stamps.
 
     Args:
         limit: disagreement that is watched [m]; NaN or infinite: none.
@@ -90,6 +90,10 @@ class MotionWatch:
         disagreeing: those of them that disagree.
         last: the newest of them; None: none.
         clocks: how the heights' clock differs from the estimates'.
+
+    >>> watch = MotionWatch(limit=0.01)  # m
+    >>> watch.finished
+    0
     """
 
     def __init__(self, limit: float = NAN) -> None:
@@ -106,13 +110,13 @@ class MotionWatch:
         self._news: list[MotionAgreement] = []
 
     def watch(self, limit: float) -> None:
-        """Judges the next motions by another limit of the disagreement [m]."""
+        """Sets the limit of the disagreement for the next motions [m]."""
         self._least = TUNING.agreement_share * limit if math.isfinite(limit) else 0.0
         self._presence.watch(limit)
 
     @property
     def warning(self) -> str:
-        """How the two sides disagree, in one line; empty: they do not, as far as is known.
+        """Describes the disagreement in one line; empty: none known.
 
         It stands from the judgement that found it until a motion agrees.
         """
@@ -123,14 +127,14 @@ class MotionWatch:
         return self._presence.warning or standing
 
     def reset(self) -> None:
-        """Starts anew, without a motion."""
+        """Resets the object, without a motion."""
         self.finished = self.disagreeing = 0
         self.last = self._standing = None
         self._presence.reset()
         self.forget()
 
     def forget(self) -> None:
-        """Drops the motion under way: its stamps mean nothing any more."""
+        """Drops the current motion, since its stamps are no longer valid."""
         self._moving = MotionFinder()
         self.clocks, self._origin = ClockDriftWatch(), None
         self._pairs.clear()
@@ -138,17 +142,17 @@ class MotionWatch:
         self._presence.forget()
 
     def take_finished(self) -> list[MotionAgreement]:
-        """The motions that were judged since the last call."""
+        """Returns the motions judged since the last call."""
         news, self._news = self._news, []
         return news
 
     def add_acceleration(self, stamp_ns: int, acceleration: Vector) -> None:
-        """Takes what drives the model: rising stamps [ns], gravity excluded [m/s²]."""
+        """Adds the model's input: increasing stamps [ns], gravity excluded [m/s²]."""
         self._moving.add_one(stamp_ns, acceleration)
         self._look(stamp_ns)
 
     def add_accelerations(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
-        """Takes many: stamps (N,) [ns] and accelerations (N, 3) [m/s²]; as one by one."""
+        """Adds many: stamps (N,) [ns] and accelerations (N, 3) [m/s²]; the same as one by one."""
         if len(stamps) <= FEW:
             for stamp, row in zip(stamps.tolist(), accelerations.tolist(), strict=True):
                 self.add_acceleration(stamp, tuple(row))
@@ -170,7 +174,7 @@ class MotionWatch:
         estimated: float,
         waves: tuple[complex, complex, float] = (complex(NAN, NAN), complex(NAN, NAN), NAN),
     ) -> None:
-        """Takes heights of one moment [m]; the standard deviation may be NaN.
+        """Adds heights of one time [m]; the standard deviation may be NaN.
 
         Args:
             stamp_ns: [ns].
@@ -197,7 +201,7 @@ class MotionWatch:
                 self._standing = found
 
     def _look(self, stamp_ns: int) -> None:
-        """Judges the first motion once it is over, or lasts too long."""
+        """Judges the first motion when it is over or too long."""
         if not self._moving.spans:
             return
         motion = self._moving.spans[0]
@@ -237,7 +241,7 @@ class MotionWatch:
         )
 
     def _agreement(self, motion: MotionSpan) -> MotionAgreement | None:
-        """How the pairs of a motion agree; None: there are too few."""
+        """Returns the agreement of a motion's pairs; None: too few."""
         until = motion.end_ns + AFTER_NS
         seen = [pair for pair in self._pairs if motion.start_ns <= pair.stamp_ns <= until]
         if not seen:

@@ -1,4 +1,4 @@
-"""Streams of timed values, such as the joints of several drivers, brought to the same moments.
+"""Aligns streams of timed values, such as joints of several drivers, in time.
 
 The moments are those of the slowest stream that moves: nothing is made up between its values. The
 others are interpolated linearly there; what has not moved yet is held. Where all come in one
@@ -23,7 +23,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 class AlignedStreams(Generic[Key]):
-    """Takes values of streams, gives rows of all of them.
+    """Collects values of streams and returns rows of all of them.
 
     Args:
         mix: interpolates.
@@ -37,16 +37,16 @@ class AlignedStreams(Generic[Key]):
 
     @property
     def keys(self) -> Set[Key]:
-        """The streams that have come."""
+        """Keys of the received streams."""
         return self._streams.keys()
 
     @property
     def moved(self) -> bool:
-        """Whether anything has moved."""
+        """Whether any value has changed."""
         return any(stream.moved for stream in self._streams.values())
 
     def silent(self) -> tuple[Key, float] | None:
-        """The stream that is farthest behind the others, and by how much [s]; None: none is."""
+        """Returns the stream with the largest delay, and the delay [s]; None: none."""
         if not self._streams:
             return None
         key, stream = min(self._streams.items(), key=lambda item: item[1].newest_ns)
@@ -55,12 +55,12 @@ class AlignedStreams(Generic[Key]):
         return (key, behind * SECONDS_PER_NS) if stream.moved and late else None
 
     def forget(self) -> None:
-        """Forgets all."""
+        """Clears all streams."""
         self._streams.clear()
         self._leader = None
 
     def add(self, key: Key, stamp_ns: int, values: Values) -> None:
-        """Takes a stream's values at a stamp [ns]; one that comes too late is left out."""
+        """Adds a stream's values at a stamp [ns]; ignores late ones."""
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = _Stream(values)
@@ -70,7 +70,7 @@ class AlignedStreams(Generic[Key]):
         stream.take(stamp_ns, values)
 
     def rows(self) -> list[tuple[int, dict[Key, Values]]]:
-        """Stamps [ns] and the values of all streams then, as far as they are complete now."""
+        """Returns stamps [ns] and the values of all streams, as far as complete."""
         if not self._is_complete():
             return []
         leader = self._choose()
@@ -90,7 +90,7 @@ class AlignedStreams(Generic[Key]):
         return found
 
     def _choose(self) -> _Stream:
-        """The slowest stream of those that have moved; of all before anything has."""
+        """Returns the slowest stream of those that have moved, or of all."""
         streams = list(self._streams.values())
         moving = [stream for stream in streams if stream.moved] or streams
         slowest = max(moving, key=lambda stream: stream.interval_ns)
@@ -119,7 +119,7 @@ class _Stream:
         self._kept: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
 
     def take(self, stamp_ns: int, values: Values) -> None:
-        """Takes values; those of a stamp that has been are left out."""
+        """Adds values; ignores repeated stamps."""
         if stamp_ns <= self.newest_ns:
             return
         if self._kept:
@@ -134,7 +134,7 @@ class _Stream:
             self.moved = any(abs(one - first) > TUNING.moved for one, first in pairs)
 
     def at(self, stamp_ns: int, mix: Mix) -> Values:
-        """The values at a stamp; the newest ones behind all, empty before the first."""
+        """Interpolates the values at a stamp; empty before the first, newest after the last."""
         after = self._kept[-1]
         if stamp_ns >= after[0]:
             return after[1]

@@ -1,4 +1,4 @@
-"""Whether the measured wave goes in the direction in which the model expects it.
+"""Compares the directions of the measured and the expected wave.
 
 A sensor or a camera that is turned about the container's axis gives the right heights on the wrong
 side. A wave is compared as a vector, height times the direction of the highest place: that vector
@@ -24,7 +24,7 @@ _NO_DIRECTION = UNUSABLE | SATURATED | int(SurfaceFlag.AMBIGUOUS)
 
 
 class WaveOffset(NamedTuple):
-    """How the measured wave is turned against the estimated one.
+    """Angle from the estimated to the measured wave.
 
     Attributes:
         turn: measured minus estimated azimuth [rad], in (-pi, pi].
@@ -38,7 +38,7 @@ class WaveOffset(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """Whether the turn is large and certain."""
+        """Whether the angle is large and significant."""
         return (
             abs(self.turn) >= TUNING.least_turn
             and abs(self.turn) > TUNING.turn_noise * self.stddev
@@ -46,7 +46,7 @@ class WaveOffset(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What is wrong and what to check, in one line."""
+        """Describes the fault and the remedy, in one line."""
         late = (
             ""
             if math.isnan(self.delay)
@@ -63,7 +63,7 @@ class WaveOffset(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """The fields of FreeSurface that tell a wave's direction: (N,) each, or numbers."""
+    """The fields of FreeSurface with a wave's direction: (N,) each, or numbers."""
 
     msh: Array
     azimuth: Array
@@ -75,9 +75,14 @@ class Surfaces(NamedTuple):
     slope_angle: Array
     flags: NDArray[np.int64]
 
+    @property
+    def levels(self) -> Array:
+        """(N,) mean height at the left and right edge [m]."""
+        return 0.5 * (np.asarray(self.sh_left) + np.asarray(self.sh_right))
+
 
 def measured_waves(surfaces: Surfaces) -> tuple[Waves, Array]:
-    """The waves that a camera has measured, as vectors.
+    """Returns the waves that a camera has measured, as vectors.
 
     The fitted surface tells the direction, since the camera sees part of the wall only; without a
     fit the highest point that is seen does, unless part of the line is hidden. A side view tells
@@ -107,7 +112,7 @@ def measured_waves(surfaces: Surfaces) -> tuple[Waves, Array]:
 def wave_offset(
     seconds: Array, measured: Waves, expected: Waves, axis: Array, noise: float
 ) -> WaveOffset | None:
-    """By how much the measured wave of a motion is turned against the expected one.
+    """Computes the angle between the measured and the expected wave of a motion.
 
     The turn is that of the least-squares rotation between the two, its error that of a jackknife
     over stretches of time. It is zero where a time offset explains the waves as well.
@@ -142,7 +147,7 @@ def wave_offset(
 
 
 def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None:
-    """The turn between two waves of which the second may come a little late."""
+    """Returns the angle between two waves, of which the second may be delayed."""
     # A rotary wave that comes late looks turned; a planar one half a period late, by 180 degrees.
     reach = round(TUNING.offset_far / TUNING.offset_step)
     lags = np.arange(-reach, reach + 1) * TUNING.offset_step
@@ -169,7 +174,7 @@ def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None
 
 
 def _products(seconds: Array, measured: Waves, expected: Waves, lag: float) -> tuple[Waves, float]:
-    """Scalar products by stretch of time, and the product of the energies, at one time offset."""
+    """Returns products of two series per section, and of their energies, at a time offset."""
     moments = seconds - lag
     after = np.clip(np.searchsorted(seconds, moments), 1, len(seconds) - 1)
     inside = (moments >= seconds[0]) & (moments <= seconds[-1])

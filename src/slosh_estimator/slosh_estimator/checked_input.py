@@ -1,4 +1,4 @@
-"""What all inputs share: the check of what they claim to be."""
+"""Base of all inputs: the plausibility check."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_metrics.input_checks.input_checks import Check
 
 
 class CheckedInput:
-    """An input with its check.
+    """An input with its plausibility check.
 
     Args:
         check: of its samples.
@@ -28,23 +28,23 @@ class CheckedInput:
 
     @property
     def doubt(self) -> Doubt | None:
-        """What is wrong with the input now; None: nothing is known to be."""
+        """Describes the input's current fault; None: none known."""
         return self.check.doubt if self.flags else None
 
     def remark(self) -> str | None:
-        """What is worth a look; None: nothing."""
+        """Returns a remark about the settings; None: none."""
         return None
 
     def refusal(self) -> str | None:
-        """Why samples were refused by their frame; None: none was."""
+        """Returns why samples were refused by their frame; None: none was."""
         return None
 
     def checked_memory(self, stamp_ns: int) -> list[float]:
-        """The check's part of a memory, behind the sample of this stamp [ns]."""
+        """Returns the check's part of the state after the sample of this stamp [ns]."""
         return self.check.memory(stamp_ns) if self._remembers else []
 
     def take_up_check(self, stamp_ns: int, memory: Sequence[float]) -> Sequence[float]:
-        """Takes the check's part from the end of a memory; returns the rest."""
+        """Restores the check's part from the end of a state; returns the rest."""
         count = self.check.MEMORY
         if not self._remembers or len(memory) < count:
             return memory

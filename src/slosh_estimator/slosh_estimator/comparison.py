@@ -1,8 +1,9 @@
-"""What the monitor holds against each other, and what comes of it."""
+"""Values that the monitor compares, and the result."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -11,7 +12,11 @@ from slosh_estimator.tuning import TUNING
 
 
 class Condition(IntEnum):
-    """State of the monitor; the values of SloshComparison.msg."""
+    """State of the monitor; the values of SloshComparison.msg.
+
+    >>> Condition.WARN < Condition.ERROR
+    True
+    """
 
     OK = 0
     WARN = 1
@@ -21,7 +26,7 @@ class Condition(IntEnum):
 
 
 class Expected(NamedTuple):
-    """What a sensor is expected to measure.
+    """Expected measurement of a sensor.
 
     Attributes:
         linear, nonlinear: heights as it reads them [m].
@@ -35,7 +40,7 @@ class Expected(NamedTuple):
     wave: complex = complex(math.nan, math.nan)
 
     def towards(self, other: Expected, share: float) -> Expected:
-        """What lies between this and another, at a share of the way in [0, 1]."""
+        """Interpolates towards another value, by a fraction in [0, 1]."""
         return Expected(
             self.linear + share * (other.linear - self.linear),
             self.nonlinear + share * (other.nonlinear - self.nonlinear),
@@ -45,7 +50,7 @@ class Expected(NamedTuple):
 
 
 class EstimatePoint(NamedTuple):
-    """An estimate as the monitor keeps it.
+    """An estimate in the monitor's buffer.
 
     Attributes:
         stamp_ns: [ns].
@@ -56,6 +61,7 @@ class EstimatePoint(NamedTuple):
             None: the heights themselves.
         delay_ns: by how much a measurement comes late [ns].
         azimuth: of the nonlinear height [rad]; NaN: unknown.
+        tray: nonlinear height of each container of a tray [m]; empty: there is none.
     """
 
     stamp_ns: int
@@ -66,10 +72,11 @@ class EstimatePoint(NamedTuple):
     reading: tuple[float, float] | None = None
     delay_ns: int = 0
     azimuth: float = math.nan
+    tray: Sequence[float] = ()
 
     @property
     def expected(self) -> Expected:
-        """What a measurement of its moment is compared with."""
+        """Returns the expected measurement at this time."""
         linear, nonlinear = self.reading or (self.linear, self.nonlinear)
         wave = complex(
             self.nonlinear * math.cos(self.azimuth), self.nonlinear * math.sin(self.azimuth)
@@ -86,6 +93,7 @@ class MeasuredPoint(NamedTuple):
         flags: of FreeSurface.msg.
         wave: the wave as a vector [m], and
         axis: the image plane's right, of side views [rad]; see `azimuth.measured_waves`.
+        level: mean height at the left and right edge [m]; NaN: unknown.
     """
 
     stamp_ns: int
@@ -94,21 +102,22 @@ class MeasuredPoint(NamedTuple):
     flags: int = 0
     wave: complex = complex(math.nan, math.nan)
     axis: float = math.nan
+    level: float = math.nan
 
 
 class Waiting(NamedTuple):
-    """A measurement that waits for its estimate since it arrived [ns]."""
+    """A measurement that waits for its estimate since its arrival [ns]."""
 
     point: MeasuredPoint
     arrival_ns: int
 
     def is_over(self, now_ns: int) -> bool:
-        """Whether it has waited long enough for one who is silent; a clock may be set back."""
+        """Whether the measurement has waited too long, or the clock was set back."""
         return not 0 <= now_ns - self.arrival_ns < TUNING.patience_ns
 
 
 class Comparison(NamedTuple):
-    """Measured against estimated at one moment; the fields of SloshComparison.msg."""
+    """Measured and estimated height at one time; the fields of SloshComparison.msg."""
 
     stamp_ns: int
     measured: float

@@ -1,7 +1,7 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
 
 class SloshEstimatorError(ValueError):
-    """A setting, a file or a sample is not usable; the text is one line."""
+    """A setting, a file or a sample cannot be used; the text is one line."""

@@ -1,4 +1,4 @@
-"""The compiled work on one input sample: both models, their heights, the validity of the motion.
+"""Compiled processing of one sample: both models, heights, validity of the motion.
 
 One sample of a running cell and a million of a recording go through the same compiled function, so
 that a replay gives the bits that the live node gave.
@@ -57,7 +57,7 @@ CHECKS = np.dtype(
         ("planar_jerk", np.float64),
         ("acceleration", np.float64),
         ("jerk", np.float64),
-        ("freeboard", np.float64),  # height of the rim above the still surface [m]
+        ("rim", np.float64),  # height at the wall at which the highest place is at the rim [m]
         # Where the linear model is the only one: height beyond which it fails [m]; else infinite.
         ("linear_height", np.float64),
         ("runaway", np.float64),  # a mass farther out is no liquid any more [m]
@@ -77,13 +77,13 @@ MOVING_CHECKS = CHECKS.fields["slow"][1] // np.dtype(np.float64).itemsize  # typ
 
 
 def new_checks() -> NDArray[np.float64]:
-    """The flat array of CHECKS, all zeros."""
+    """Returns the flat array of CHECKS, all zeros."""
     return np.zeros(1, dtype=CHECKS).view(np.float64)
 
 
 @compiled
 def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: ignore[no-untyped-def]
-    """Advances one model and writes its answers; False where it has left the physical range."""
+    """Advances one model and writes its results; False: outside the physical range."""
     column = ANSWERS * which
     runs, modes = records(store)
     run = runs[0]
@@ -124,7 +124,7 @@ def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: i
 
 @compiled
 def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyped-def]
-    """Jerk [m/s³] and flags of the motion (DL22, §4.2)."""
+    """Returns jerk [m/s³] and validity flags of the motion (DL22, §4.2)."""
     ax, ay, az = acceleration
     slow = checks["slow"]
     if first:
@@ -144,7 +144,7 @@ def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyp
         flags |= _ACCELERATION_LIMIT
     if jerk > checks["jerk"]:
         flags |= _JERK_LIMIT
-    if height > checks["freeboard"]:
+    if height > checks["rim"]:
         flags |= _ABOVE_RIM
     if checks["linear_height"] < math.inf:
         flags |= _LINEAR_ONLY
@@ -176,7 +176,7 @@ def _take(linear, nonlinear, store, dt, acceleration, yaw, pose, first, row):  #
 def step(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, row, poses, dt, ax, ay, az, yaw, first
 ):
-    """Takes one sample.
+    """Processes one sample.
 
     Args:
         linear, nonlinear: each model's store, as `slosh_model.layout` has it; changed.
@@ -201,7 +201,7 @@ def step(  # type: ignore[no-untyped-def]
 def steps(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, rows, poses, intervals, accelerations, yaws
 ):
-    """`step` over samples that follow each other without a break.
+    """Runs `step` for consecutive samples without gaps.
 
     Args:
         linear, nonlinear, checks: as in `step`.

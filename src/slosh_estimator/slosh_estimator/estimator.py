@@ -1,4 +1,4 @@
-"""The estimator's core: samples in, the linear and the nonlinear model's heights out."""
+"""The estimator's core: computes heights of the linear and nonlinear model from samples."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ from slosh_estimator.self_test import check_model
 from slosh_estimator.state import EstimatorState
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, validity_limits
+from slosh_model.constants import GRAVITY
 from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
 from slosh_model.indices import POSE_COUNT
@@ -43,11 +44,15 @@ _DIVERGED = int(EstimateFlag.DIVERGED)
 _DOUBTFUL = int(EstimateFlag.INPUT_DOUBTFUL)
 _TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
 _LONG_AGO = -(2**62)
+_NO_CONTAINER = int(EstimateFlag.NO_CONTAINER)
+_OF_THE_INPUT = int(
+    EstimateFlag.INPUT_DOUBTFUL | EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_TOO_SLOW
+)
 _UPRIGHT = np.empty((0, POSE_COUNT))
 
 
 class ModelState(NamedTuple):
-    """One model's answer [m, rad, m/s], in the container's axes but for the modal state.
+    """One model's result [m, rad, m/s], in container axes except the modal state.
 
     Attributes:
         msh, azimuth: maximum sloshing height and where it is.
@@ -66,7 +71,7 @@ class ModelState(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Both models' answers to one sample.
+    """Both models' results for one sample.
 
     Attributes:
         sample: the input.
@@ -83,7 +88,7 @@ class Estimate(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Both models' answers to N samples, as columns.
+    """Both models' results for N samples, as columns.
 
     Attributes:
         stamps: (N,) [ns].
@@ -107,12 +112,19 @@ class Estimates(NamedTuple):
 
     @property
     def as_read(self) -> Array:
-        """(N, 2) what a sensor reads of the MSH of L and of NL [m]."""
+        """(N, 2) MSH of L and NL as a sensor measures it [m]."""
         return self.heights[:, :, 0] if self.readings is None else self.readings
 
 
 class Estimator:
-    """Runs a model's L and NL twin side by side.
+    """Runs the L and the NL variant of a model in parallel.
+
+    >>> from slosh_model import Model
+    >>> estimator = Estimator(Model.from_cup(diameter=0.08, fill_height=0.06))
+    >>> estimator.names
+    ('3D-L', '3D-NL')
+    >>> estimator.update(Sample(stamp_ns=0, ax=0.0, ay=0.0, az=0.0, restarted=True)).nonlinear.msh
+    0.0
 
     The container counts as at rest, with still liquid, when the first sample comes. After a gap,
     and after a reset or another model in the middle of a motion, the liquid's state is unknown:
@@ -126,22 +138,31 @@ class Estimator:
     Attributes:
         model: that runs.
         divergences: how often a model left the physical range.
+        empty: whether there is no container: the answers are NaN and carry NO_CONTAINER.
     """
 
     def __init__(self, model: Model, *, at_rest: bool = True) -> None:
         self.divergences = 0
+        self.empty = False
         self._load(model)
         self._start(at_rest=at_rest)
 
-    def load_model(self, model: Model) -> None:
+    def load_model(self, model: Model, *, fresh: bool = False, empty: bool = False) -> None:
         """Replaces the model; it starts from rest with the next sample, as after `reset`.
+
+        Args:
+            model: the new one.
+            fresh: whether other liquid comes with it, which is still where the container does not
+                accelerate, whatever the liquid before it did.
+            empty: whether there is no container from now on.
 
         Raises:
             SloshModelError: the compiled code does not do what the model's equations say.
         """
-        at_rest = self._is_still()
+        at_rest = self._is_unmoved() if fresh else self._is_still()
         self._load(model)
         self._start(at_rest=at_rest)
+        self.empty = empty
 
     def _load(self, model: Model) -> None:
         check_model(model)
@@ -167,7 +188,7 @@ class Estimator:
         self._settling_ns = round(TUNING.settled / rate * 1e9) if rate > 1e-6 else 2**62
 
     def reset(self) -> None:
-        """Back to rest; the next sample counts as the first.
+        """Resets to rest; the next sample counts as the first.
 
         Where the liquid moves, or is not known to be still, it does not do so from now on because
         the model does: the estimates carry the flag SETTLING until it is known again.
@@ -183,7 +204,7 @@ class Estimator:
         self._at_rest = at_rest
 
     def reading_delay(self, stamp_ns: int) -> float:
-        """By how much the measurement of a moment comes late, by the model [s].
+        """Returns the modelled delay of a measurement at a stamp [s].
 
         A clock that drifts does so from the first sample on, and anew after a reset.
         """
@@ -191,12 +212,12 @@ class Estimator:
         return self._reading_clock.delay(since / 1e9)
 
     def reading_delays(self, stamps: Integers) -> Array:
-        """`reading_delay` of many moments: (N,) [s] of (N,) stamps [ns]."""
+        """Returns the modelled delays (N,) [s] of stamps (N,) [ns]."""
         first = stamps if self._first_ns is None else self._first_ns
         return self._reading_clock.delay(np.maximum(stamps - first, 0) / 1e9)
 
     def state(self) -> EstimatorState | None:
-        """Where it stands; None: before the first sample."""
+        """Returns the complete state; None: before the first sample."""
         if self._last is None or self._first_ns is None:
             return None
         return EstimatorState(
@@ -205,7 +226,7 @@ class Estimator:
         )  # fmt: skip
 
     def take_up(self, state: EstimatorState) -> None:
-        """Goes on from where another estimator with this model stood.
+        """Restores the state of another estimator with this model.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.
@@ -226,8 +247,16 @@ class Estimator:
         self._last, self._first_ns = state.sample, state.first_ns
         self._settled_ns = state.settled_ns
 
+    def _is_unmoved(self) -> bool:
+        """Whether the container's acceleration lifts no liquid by more than STILL."""
+        last = self._last
+        if last is None:
+            return self._at_rest
+        reach = max(self.model.container.reaches)
+        return math.hypot(last.ax, last.ay) * reach / GRAVITY < TUNING.still
+
     def _is_still(self) -> bool:
-        """Whether the liquid is known to be nearer than STILL to where it would rest now."""
+        """Whether the liquid is known to be within STILL of its rest position."""
         last = self._last
         if last is None:
             return self._at_rest
@@ -252,8 +281,11 @@ class Estimator:
         return self._linear.model.name, self._nonlinear.model.name
 
     def update(self, sample: Sample) -> Estimate:
-        """Takes a sample and returns both models' answers to it."""
+        """Processes a sample and returns both models' results."""
         flags = self._take(sample)
+        if self.empty:
+            flags = flags & _OF_THE_INPUT | _NO_CONTAINER
+            self._row[:JERK] = self._row[READINGS:] = math.nan
         row: list[float] = self._row.tolist()
         middle = ROW + MODAL * self._modes
         msh, azimuth, sh_x, sh_y = row[:ANSWERS]
@@ -263,7 +295,7 @@ class Estimator:
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
     def update_many(self, samples: Samples) -> Estimates:
-        """Takes N samples; the bits that `update` gives, in a small part of the time."""
+        """Processes N samples; the same results as `update`, but much faster."""
         count = len(samples.stamps)
         batch = _Batch(np.empty((count, len(self._row))), np.zeros(count, dtype=np.int64))
         breaks = np.flatnonzero(samples.restarted).tolist()
@@ -276,6 +308,9 @@ class Estimator:
                 following = bisect_right(breaks, at)
                 end = breaks[following] if following < len(breaks) else count
                 at = self._take_unbroken(batch, samples, at, end)
+        if self.empty:
+            batch.flags[:] = batch.flags & _OF_THE_INPUT | _NO_CONTAINER
+            batch.rows[:, :JERK] = batch.rows[:, READINGS:] = math.nan
         heights = batch.rows[:, :JERK].reshape(-1, 2, ANSWERS)
         modal = batch.rows[:, ROW:].reshape(count, 2, self._modes, MODAL)
         return Estimates(
@@ -284,7 +319,7 @@ class Estimator:
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
-        """Takes a sample; the answers are in the row afterwards. Returns the flags."""
+        """Processes a sample; stores the results in the row and returns the flags."""
         flags = 0
         last = self._last
         if sample.restarted and last is not None:
@@ -304,7 +339,7 @@ class Estimator:
         return flags | self._limits(sample)
 
     def _take_unbroken(self, batch: _Batch, samples: Samples, start: int, end: int) -> int:
-        """Takes samples that continue the one before; returns the index of the next one."""
+        """Processes consecutive samples without gaps; returns the index of the next one."""
         part = slice(start, end)
         stamps = samples.stamps[part]
         last = stamps[0] if self._last is None else self._last.stamp_ns
@@ -349,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Starts anew from rest with the sample that led out of the range; returns the flag."""
+        """Restarts from rest at the sample that left the range; returns the flag."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
@@ -359,7 +394,7 @@ class Estimator:
         return _DIVERGED
 
     def _limits(self, sample: Sample) -> int:
-        """What limits the answers in the row, apart from what has just happened."""
+        """Returns the flags that limit the results, besides new events."""
         flags = int(self._row.item(FLAGS))
         if sample.stamp_ns < self._settled_ns:
             flags |= _SETTLING
@@ -377,7 +412,7 @@ class Estimator:
 
 
 def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
-    """How far the liquid is from another state: the highest wave that may come of it [m]."""
+    """Returns the distance to another state: the highest wave that it may cause [m]."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
     slower = modes["natural_frequency"] * np.minimum(modes["frequency_ratio"], 1.0)
@@ -386,7 +421,7 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
 
 
 class _Batch(NamedTuple):
-    """The places of the answers of `update_many`."""
+    """Storage of the results of `update_many`."""
 
     rows: Array
     flags: Integers

@@ -1,4 +1,4 @@
-"""How a sensor is mounted, by fixed transforms (/tf_static)."""
+"""Sensor mounting from fixed transforms (/tf_static)."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ _HERE: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
 class FixedFrames:
-    """Frames that stand still in each other."""
+    """Frames with constant relative poses."""
 
     def __init__(self) -> None:
         self._parents: dict[str, Transform] = {}
 
     def take(self, transforms: Iterable[Transform]) -> None:
-        """Takes transforms that hold for all time."""
+        """Adds constant transforms."""
         for one in transforms:
             self._parents[one.child.lstrip("/")] = one
 
     @property
     def links(self) -> list[Transform]:
-        """All that was taken."""
+        """All added transforms."""
         return list(self._parents.values())
 
     def pose(self, frame: str, of: str) -> Pose | None:
-        """Where a frame stands in another one.
+        """Returns the pose of a frame relative to another one.
 
         Args:
             frame: in which.
@@ -48,7 +48,7 @@ class FixedFrames:
         return position, (x, y, z, w)
 
     def mounting(self, container: str, sensor: str) -> SensorTransform | None:
-        """How a sensor is mounted on the container; None: it is not known."""
+        """Returns the sensor's mounting on the container; None: unknown."""
         found = self.pose(container, sensor)
         if found is None:
             return None
@@ -56,7 +56,7 @@ class FixedFrames:
         return SensorTransform(*_rpy(turn), (-x, -y, -z))
 
     def _to_root(self, frame: str) -> tuple[str, Pose]:
-        """The frame at the top of the tree, and where this one stands in it."""
+        """Returns the root frame of the tree, and this frame's pose in it."""
         pose, seen = _HERE, {frame}
         while frame in self._parents:
             link = self._parents[frame]
@@ -76,7 +76,7 @@ def _inverse(pose: Pose) -> Pose:
 
 
 def _rpy(quaternion: Quaternion) -> Vector:
-    """Roll, pitch and yaw about fixed axes [rad] of a quaternion of length 1."""
+    """Converts a unit quaternion to roll, pitch and yaw about fixed axes [rad]."""
     x, y, z, w = quaternion
     sine = 2.0 * (w * y - z * x)
     if abs(sine) > 1.0 - 1e-12:  # upright: roll and yaw turn about one axis

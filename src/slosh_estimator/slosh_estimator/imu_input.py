@@ -29,7 +29,7 @@ from slosh_model.constants import GRAVITY
 
 
 class ImuInput(CheckedInput):
-    """Takes specific forces and angular velocities.
+    """Converts specific forces and angular velocities to samples.
 
     Args:
         settings: limits of the gate.
@@ -57,7 +57,7 @@ class ImuInput(CheckedInput):
     def update(
         self, stamp_ns: int, force: Vector, rate: Vector | None, now_ns: int | None = None
     ) -> Sample | None:
-        """The sample, or None where it is dropped.
+        """Returns the sample, or None if it is dropped.
 
         Args:
             stamp_ns: the moment [ns].
@@ -98,13 +98,13 @@ class ImuInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """What the next samples depend on, beside the last one's stamp."""
+        """Returns the state on which the next samples depend, besides the last stamp."""
         mean = math.nan if self._mean_force is None else self._mean_force
         own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
         return [*own, *self.sampling.memory, *self.checked_memory(self._stamp_ns)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Goes on behind the message that another reader used last, with its memory.
+        """Restores the state of another reader after its last message.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -118,7 +118,7 @@ class ImuInput(CheckedInput):
         self.sampling.take_up(sampling)
 
     def warning(self) -> str | None:
-        """What the user should mend; None: nothing."""
+        """Returns a warning with a remedy; None: none."""
         if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
             return "the sensor reports no angular velocity: its lever arm is not accounted for"
         return None
@@ -129,7 +129,7 @@ class ImuInput(CheckedInput):
         return mean is not None and not TUNING.too_light <= mean <= TUNING.too_heavy
 
     def _angular_acceleration(self, omega: Vector, dt: float) -> Vector:
-        """From the low-passed angular velocity [rad/s²]."""
+        """Returns the angular acceleration from the low-passed angular velocity [rad/s²]."""
         blend = dt / (TUNING.angular_filter + dt)
         slow = self._slow_rate
         change = (omega[0] - slow[0], omega[1] - slow[1], omega[2] - slow[2])
@@ -142,7 +142,7 @@ class ImuInput(CheckedInput):
         return change[0] * inverse, change[1] * inverse, change[2] * inverse
 
     def _force_at_origin(self, force: Vector, omega: Vector, change: Vector) -> Vector:
-        """Specific force at the container's origin."""
+        """Returns the specific force at the container's origin."""
         turn = cross(change, self._to_origin)
         swing = cross(omega, cross(omega, self._to_origin))
         return (

@@ -1,10 +1,12 @@
-"""What drives the models, and how it is read: the same live and in a replay."""
+"""Inputs of the models, and how they are read: the same live and in a replay."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from slosh_estimator.accel_input import AccelInput
 from slosh_estimator.fixed_frames import FixedFrames
@@ -17,6 +19,7 @@ from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
 from slosh_estimator.transform_poses import TransformPoses
 from slosh_estimator.velocity_input import VelocityInput
+from slosh_metrics.mounting.verdict import Expected
 from slosh_msgs_py.topics import DRIVING
 
 ACCEL, IMU, POSE = "accel", "imu", "pose"
@@ -53,7 +56,7 @@ PoseSource = JointPoses | TransformPoses
 
 
 class InputSettings(NamedTuple):
-    """How the input is read.
+    """Settings of the input.
 
     Attributes:
         kind: one of MESSAGE_TYPES; None: the first of them that is there.
@@ -92,7 +95,7 @@ class InputSettings(NamedTuple):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
-        """The settings that an estimator node's parameters mean.
+        """Makes the settings from an estimator node's parameters.
 
         Args:
             parameters: by name; those of a node of old have no `max_jump`: it set nothing aside.
@@ -125,7 +128,7 @@ class InputSettings(NamedTuple):
     def mounted(
         self, kind: str, frame: str, fixed: FixedFrames, *, moving: bool = False
     ) -> dict[str, Any] | None:
-        """The parameters that transforms give for an input in a frame.
+        """Returns the mounting parameters that transforms give for an input frame.
 
         Args:
             kind: of the input.
@@ -153,7 +156,7 @@ class InputSettings(NamedTuple):
         return {"sensor_rotation": turn, "sensor_to_origin": list(mount.to_origin), **own}
 
     def with_mounting(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """The same with parameters as `mounted` gives them."""
+        """Returns the settings with parameters of `mounted`."""
         if CHAINED in parameters:
             return self._replace(chained=True)
         if BASE in parameters:
@@ -164,8 +167,25 @@ class InputSettings(NamedTuple):
         transform = SensorTransform(roll, pitch, yaw, (x, y, z))
         return self._replace(transform=transform, frames=(world, self.frames[1]))
 
+    def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
+        """What a sensor is said to be, for a comparison with a motion.
+
+        Args:
+            kind: IMU or ACCEL.
+            frame: of its messages.
+
+        Returns:
+            and whether its axes are the world's.
+        """
+        world, container = self.frames
+        # A frame that fixed transforms place on the container took the name of the world's.
+        in_world = kind == ACCEL and frame == world and not any(self.transform.to_origin)
+        arm = not in_world and (kind == IMU or frame != container)
+        rotation, place = np.array(self.transform.matrix), np.array(self.transform.to_origin)
+        return Expected(rotation, place, kind == IMU, arm), in_world
+
     def poses(self, kind: str) -> PoseSource | None:
-        """What turns messages of a kind into poses; None: they are poses, or need none.
+        """Makes the converter from messages of a kind to poses; None: not needed.
 
         Raises:
             SloshEstimatorError: the robot's description does not fit.
@@ -180,7 +200,7 @@ class InputSettings(NamedTuple):
         return None
 
     def reader(self, kind: str) -> AnyInput:
-        """What turns messages of a kind into samples."""
+        """Makes the reader that converts messages of a kind to samples."""
         found = self._reader(kind)
         if isinstance(self.pose_window, int):
             found.sampling.mute()
@@ -207,7 +227,7 @@ class InputSettings(NamedTuple):
 
 
 def _base(told: Sequence[Any] | None) -> Base | None:
-    """The base that a node's settings tell: its name, position and quaternion."""
+    """Parses the base in a node's settings: its name, position and quaternion."""
     if told is None:
         return None
     frame, px, py, pz, x, y, z, w = told
@@ -215,7 +235,7 @@ def _base(told: Sequence[Any] | None) -> Base | None:
 
 
 class WantedInput(NamedTuple):
-    """What somebody says of the input of a recording, in place of what it tells itself.
+    """User's choice of a recording's input, which overrides the recorded settings.
 
     Attributes:
         kind: one of MESSAGE_TYPES; None: as recorded.
@@ -228,7 +248,7 @@ class WantedInput(NamedTuple):
     tool_frame: str = ""
 
     def over(self, recorded: InputSettings) -> InputSettings:
-        """How the input is read."""
+        """Returns recorded settings with the user's choice applied."""
         return recorded._replace(
             kind=self.kind or recorded.kind,
             urdf=self.urdf or recorded.urdf,

@@ -22,7 +22,7 @@ _Layout = tuple[tuple[str, ...], tuple[int, ...]]
 
 
 class JointPoses:
-    """Turns joint states into poses.
+    """Converts joint states to poses.
 
     Args:
         robot: that carries the container.
@@ -50,7 +50,7 @@ class JointPoses:
         positions: Sequence[float],
         velocities: Sequence[float] = (),
     ) -> list[TimedPose]:
-        """The poses that a state makes known, in order; mostly one.
+        """Returns the poses that a state completes, in order; usually one.
 
         Args:
             stamp_ns: the moment [ns].
@@ -85,7 +85,7 @@ class JointPoses:
         ]
 
     def trouble(self) -> str:
-        """Why there are no poses, or wrong ones, in a line; empty: not known."""
+        """Returns in one line why poses are missing or wrong; empty: unknown."""
         missing = [joint for joint in self._robot.carrying if joint not in self._owners]
         if missing and self._states >= TUNING.first_states:
             came = ", ".join(self._seen) or "no joint"
@@ -100,11 +100,11 @@ class JointPoses:
 
     @property
     def groups(self) -> int:
-        """How many publishers tell joints, as far as the names beside each other show."""
+        """Number of publishers of joints, by the sets of names."""
         return len(self._layouts)
 
     def facts(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Returns facts for the diagnostics."""
         return {"joints": ", ".join(self._robot.carrying), **self.velocities.facts()}
 
     def _posed(self, stamp_ns: int, positions: dict[str, float]) -> TimedPose:
@@ -115,7 +115,7 @@ class JointPoses:
         return len(self._owners) == len(self._robot.carrying) and known <= self._streams.keys
 
     def _layout(self, names: tuple[str, ...]) -> _Layout:
-        """Learns which of the names matter; a joint is of the publisher that told it first."""
+        """Selects the needed joints; a joint belongs to its first publisher."""
         self._seen.update(dict.fromkeys(names))
         joints = tuple(name for name in self._robot.carrying if name in names)
         taken = [j for j in joints if self._owners.get(j, joints) != joints]
@@ -123,8 +123,8 @@ class JointPoses:
             self._owners.update(dict.fromkeys(joints, joints))
         elif taken:
             self._twice = (
-                f"joint {taken[0]} comes in joint states with different names beside it: "
-                "those that came first are used"
+                f"joint {taken[0]} is in joint states with different sets of joints: those "
+                "received first are used"
             )
             joints = ()
         else:
@@ -136,7 +136,7 @@ class JointPoses:
 
 
 def _between(one: Values, other: Values, share: float) -> Values:
-    """Between two positions of joints; an angle that wraps at ±π goes on."""
+    """Interpolates joint positions; angles wrap at ±π."""
     found = []
     for a, b in zip(one, other, strict=True):
         step = b - a

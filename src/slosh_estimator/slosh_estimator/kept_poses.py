@@ -30,21 +30,21 @@ class KeptPoses:
 
     @property
     def newest_ns(self) -> int:
-        """Stamp of the newest one [ns]."""
+        """Stamp of the newest pose [ns]."""
         return int(self._all_stamps[self._size - 1])
 
     @property
     def newest_position(self) -> Vector:
-        """Position of the newest one [m]."""
+        """Position of the newest pose [m]."""
         x, y, z = self._all_values[self._size - 1, :3].tolist()
         return x, y, z
 
     def clear(self) -> None:
-        """Forgets all."""
+        """Removes all poses."""
         self._resize(0)
 
     def append(self, stamp_ns: int, values: tuple[float, ...]) -> None:
-        """Takes one more."""
+        """Adds a pose."""
         if self._size == len(self._all_stamps):
             self._all_stamps = np.concatenate([self._all_stamps, self._all_stamps])
             self._all_values = np.concatenate([self._all_values, self._all_values])
@@ -52,7 +52,7 @@ class KeptPoses:
         self._resize(self._size + 1)
 
     def forget(self, count: int) -> int:
-        """Drops the oldest ones; returns how many."""
+        """Drops the oldest poses; returns how many."""
         if count <= 0:
             return 0
         rest = self._size - count
@@ -62,13 +62,13 @@ class KeptPoses:
         return count
 
     def rows(self, first: int) -> list[float]:
-        """From one on: stamp before the newest one's [ns], position, quaternion; in a row."""
+        """Returns poses from one on as a flat list: relative stamp [ns], position, quaternion."""
         back = (self.stamps[first:] - self.stamps[-1:]).astype(np.float64)
         table: list[float] = np.column_stack([back, self.values[first:]]).ravel().tolist()
         return table
 
     def fill(self, newest_ns: int, rows: Sequence[float]) -> None:
-        """Takes what `rows` of others gave, with the stamp of their newest one [ns]."""
+        """Restores poses from `rows`, with the stamp of the newest one [ns]."""
         self.clear()
         for back, *values in np.reshape(rows, (-1, NUMBERS + 1)).tolist():
             self.append(newest_ns + round(back), tuple(values))

@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 
 from slosh_estimator.errors import SloshEstimatorError
 
+LIMIT = "limit"
+"""Name of a limit that was set."""
+
 
 class Source(IntEnum):
-    """What exceeds a limit; the values of LimitEvent.msg."""
+    """Quantity that exceeds a limit; the values of LimitEvent.msg."""
 
     MEASURED = 0
     ESTIMATED = 1
@@ -23,7 +26,7 @@ class Source(IntEnum):
 
 
 class Kind(IntEnum):
-    """Start or end of an excess; the values of LimitEvent.msg."""
+    """Start or end of a limit violation; the values of LimitEvent.msg."""
 
     START = 0
     END = 1
@@ -31,7 +34,7 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A limit was crossed, or is no longer exceeded.
+    """A limit was exceeded, or the violation has ended.
 
     Attributes:
         stamp_ns: moment of the crossing or the return [ns].
@@ -56,7 +59,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """How an excess ends.
+    """Settings for the end of a limit violation.
 
     Attributes:
         release: share of the limit below which the value must fall.
@@ -77,32 +80,32 @@ class Hysteresis:
 
 
 class LimitChange(NamedTuple):
-    """A limit [m] and its hysteresis that hold for later moments than this one [ns].
+    """A limit [m] and its hysteresis, valid after a stamp [ns].
 
-    `at_rim`: whether the limit is the container's rim.
+    `name`: what it is: LIMIT, or that the container's rim limits.
     """
 
     stamp_ns: int
     limit: float
     hysteresis: Hysteresis
-    at_rim: bool = False
+    name: str = LIMIT
 
 
 class LimitTracker:
-    """Watches one quantity against one limit.
+    """Monitors one quantity against one limit.
 
     Args:
         source: the quantity.
         limit: [m]; NaN or infinite: nothing is watched.
         hysteresis: how an excess ends.
-        at_rim: whether the limit is the container's rim.
+        name: what the limit is: LIMIT, or that the container's rim limits.
     """
 
     def __init__(
-        self, source: Source, limit: float, hysteresis: Hysteresis, at_rim: bool = False
+        self, source: Source, limit: float, hysteresis: Hysteresis, name: str = LIMIT
     ) -> None:
         self.source = source
-        self.at_rim = at_rim
+        self._name = name
         self.limit = _watched(limit)
         self.active = False
         self.identifier = 0
@@ -112,7 +115,7 @@ class LimitTracker:
         self._below_since_ns: int | None = None
 
     def update(self, stamp_ns: int, value: float) -> Event | None:
-        """Takes a value [m]; returns the event that it causes. NaN changes nothing."""
+        """Adds a value [m]; returns the event it causes. NaN changes nothing."""
         if math.isnan(value):
             return None
         if not self.active:
@@ -129,38 +132,43 @@ class LimitTracker:
         return self.close(self._below_since_ns, "back below the limit")
 
     def change(
-        self, stamp_ns: int, limit: float, hysteresis: Hysteresis, at_rim: bool = False
+        self, stamp_ns: int, limit: float, hysteresis: Hysteresis, name: str = LIMIT
     ) -> Event | None:
-        """Judges the next values by another limit; an excess of the old limit ends.
+        """Sets a new limit for the next values; ends a violation of the old limit.
 
         Args:
             stamp_ns: the last moment that was judged by the old limit [ns].
-            limit, hysteresis, at_rim: as above.
+            limit, hysteresis, name: as above.
 
         Returns:
             the end of the excess; None: there was none, or the limit is the same.
         """
         limit, self._hysteresis = _watched(limit), hysteresis
         if limit == self.limit:
-            self.at_rim = at_rim
+            self._name = name
             return None
         event = self.close(max(stamp_ns, self._peak_ns), f"limit changed to {1e3 * limit:.1f} mm")
-        self.limit, self.at_rim = limit, at_rim
+        self.limit, self._name = limit, name
         return event
+
+    @property
+    def at_rim(self) -> bool:
+        """Whether the container's rim is the limit, or a distance to it."""
+        return self._name != LIMIT
 
     @property
     def limit_text(self) -> str:
         """What limits the quantity, with its value."""
-        return f"{'rim' if self.at_rim else 'limit'} {1e3 * self.limit:.1f} mm"
+        return f"{self._name} {1e3 * self.limit:.1f} mm"
 
     def ignores(self, values: Iterable[float]) -> bool:
-        """Whether values [m] that come next change nothing."""
+        """Whether subsequent values [m] would change nothing."""
         return not self.active and not any(value > self.limit for value in values)
 
     def can_matter(
         self, stamps: NDArray[np.int64], values: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Which of the values that come next can change anything; the others may be left out.
+        """Returns which subsequent values can cause a change; the others may be skipped.
 
         Args:
             stamps: (N,) increasing [ns].
@@ -189,11 +197,11 @@ class LimitTracker:
 
     @property
     def release_level(self) -> float:
-        """Value below which an excess ends [m]."""
+        """Value below which a violation ends [m]."""
         return self._hysteresis.release * self.limit
 
     def close(self, stamp_ns: int, reason: str) -> Event | None:
-        """Ends an excess; None where there is none."""
+        """Ends a violation; returns None if there is none."""
         if not self.active:
             return None
         self.active = False
@@ -221,5 +229,5 @@ class LimitTracker:
 
 
 def _watched(limit: float) -> float:
-    """The limit, infinite where nothing is watched [m]."""
+    """Returns the limit, infinite if not monitored [m]."""
     return limit if math.isfinite(limit) else math.inf

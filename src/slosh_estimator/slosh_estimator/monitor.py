@@ -1,4 +1,4 @@
-"""The monitor's core: compares measured with estimated heights and watches limits.
+"""The monitor's core: compares measured with estimated heights and checks limits.
 
 Stamps say when something happened, arrival times say whether a side still speaks. Both are whole
 nanoseconds and arguments; the two clocks may differ.
@@ -22,6 +22,7 @@ from slosh_estimator.comparison import (
     MeasuredPoint,
     Waiting,
 )
+from slosh_estimator.level_watch import LevelWatch
 from slosh_estimator.limits import Event, LimitChange, LimitTracker, Source
 from slosh_estimator.monitor_settings import MonitorSettings
 from slosh_estimator.repeated_heights import RepeatedHeights
@@ -37,21 +38,30 @@ from slosh_estimator.sight import (
     obstacle,
 )
 from slosh_estimator.stray_heights import StrayHeights
+from slosh_estimator.tray_watch import TrayWatch
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
 from slosh_metrics.metrics import RunningAccuracy
+from slosh_model.tray import Tray
 
 NAN = float("nan")
 MAXIMUM_WAITING = 1000
 """Measurements that wait for an estimate; the oldest goes when there are more."""
 _NEVER = 2**63
 _TOO_SLOW = int(EstimateFlag.INPUT_TOO_SLOW)
+_NO_CONTAINER = int(EstimateFlag.NO_CONTAINER)
 HEARTBEAT = 3
 """After so many looks at the clock without a comparison one says what holds."""
 
 
 class Monitor:
-    """Takes estimates and measurements as they come, and gives comparisons and events.
+    """Compares estimates with measurements as they arrive, and checks limits.
+
+    >>> monitor = Monitor(MonitorSettings(measured_limit=0.02))  # m
+    >>> monitor.add_measurement(MeasuredPoint(stamp_ns=10, msh=0.012), arrival_ns=10)
+    []
+    >>> len(monitor.add_estimate(EstimatePoint(10, linear=0.014, nonlinear=0.011), arrival_ns=10))
+    1
 
     A measurement waits until an estimate of the moment that it shows, or a later one, has come, or
     until the estimator has long been silent. It is compared with what the model expects a sensor
@@ -64,7 +74,12 @@ class Monitor:
     Without a camera, by its settings, the estimate alone is watched, and each look at the clock
     gives a comparison of it with nothing.
 
+    While the estimates say that the gripper is empty nothing is watched, and nothing is missed.
+
     Attributes:
+        tray: the limits of a tray's containers, of the first of which the estimates are; None:
+            there is none.
+        level: whether the camera sees the level that the fill height tells.
         motions: how well motion by motion agrees, where the estimates' acceleration is known.
         obstruction: why nothing that comes can be believed, as the user of this object knows;
             empty: no reason is known.
@@ -87,19 +102,20 @@ class Monitor:
         self._started_at: int | None = None
         self._last_measured = self._last_estimate_msh = NAN
         self._measured_stamp = 0
-        self._sight = Sight(settings.timeout)
+        self.tray: TrayWatch | None = None
+        self._sight, self.level = Sight(settings.timeout), LevelWatch()
         self._pictures, self._strays = RepeatedHeights(), StrayHeights()
         self._met = False  # a measurement was compared since the last look at the clock
         self._silent_looks = 0
         self.obstruction = self.standstill = ""
         self._trackers = {
-            source: LimitTracker(source, limit, settings.hysteresis, settings.at_rim(source))
+            source: LimitTracker(source, limit, settings.hysteresis, settings.limit_name(source))
             for source, limit in settings.limits.items()
         }
         self._changes: dict[Source, deque[LimitChange]] = {source: deque() for source in Source}
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int | None = None) -> int:
-        """Watches other limits from a moment of the data on.
+        """Changes the limits from a stamp on.
 
         Values up to that moment are judged by the old limits, later ones by the new limits,
         whenever they arrive. The other settings apply at once.
@@ -115,21 +131,33 @@ class Monitor:
             stamp_ns = self._newest_stamp()
         self.settings = settings
         self._sight.timeout = settings.timeout
+        self.level.forget()
+        if self.tray is not None:
+            self._events += self.tray.change_settings(settings, stamp_ns)
         self.motions.watch(settings.disagreement_limit)
         for source, limit in settings.limits.items():
             self._changes[source].append(
-                LimitChange(stamp_ns, limit, settings.hysteresis, settings.at_rim(source))
+                LimitChange(stamp_ns, limit, settings.hysteresis, settings.limit_name(source))
             )
         return stamp_ns
 
+    def carry(self, tray: Tray) -> None:
+        """Watches the containers of a tray, each by its own limit."""
+        self.tray = TrayWatch(tray, self.settings, self._next_excess)
+
+    def add_tray(self, stamp_ns: int, heights: Sequence[float]) -> None:
+        """Takes the height of each container of the tray that is carried [m]."""
+        if self.tray is not None:
+            self._events += self.tray.update(stamp_ns, heights)
+
     def reset_accuracy(self) -> None:
-        """Starts MAE and ε, and the count of motions, anew."""
+        """Resets MAE, ε and the count of motions."""
         self.linear.reset()
         self.nonlinear.reset()
         self.motions.reset()
 
     def add_estimate(self, point: EstimatePoint, arrival_ns: int) -> list[Comparison]:
-        """Takes an estimate; returns the comparisons for which it was awaited."""
+        """Adds an estimate; returns the comparisons that it completes."""
         self._estimated_at = arrival_ns
         estimates = self._estimates
         if estimates and point.stamp_ns <= estimates[-1].stamp_ns:
@@ -140,14 +168,20 @@ class Monitor:
         estimates.append(point)
         self._drop_old(point.stamp_ns)
         self._last_estimate_msh = point.nonlinear
-        self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        if self.tray is None:
+            self._track(Source.ESTIMATED, point.stamp_ns, point.nonlinear)
+        elif point.tray:
+            self.add_tray(point.stamp_ns, point.tray)
+        if self.vacant:
+            for source in Source:
+                self._close(source, point.stamp_ns, "no container")
         found = list(self._ready(arrival_ns)) if self._waiting else []
         if point.acceleration is not None:
             self.motions.add_acceleration(point.stamp_ns, point.acceleration)
         return found
 
     def add_estimates(self, points: Sequence[EstimatePoint]) -> list[Comparison]:
-        """Takes estimates of increasing stamps that arrive at these; as one by one, but faster."""
+        """Adds estimates with increasing stamps; the same as one by one, but faster."""
         found: list[Comparison] = []
         for index, point in enumerate(points):
             if self._is_quiet(points, index):
@@ -164,7 +198,7 @@ class Monitor:
         return found
 
     def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
-        """Takes a measurement; returns the comparisons that are possible now.
+        """Adds a measurement; returns the comparisons that it makes possible.
 
         Without a camera, by the settings, it is not looked at.
         """
@@ -175,7 +209,8 @@ class Monitor:
         height = point.msh if usable else NAN
         point = point._replace(msh=height)
         self._last_measured, self._measured_stamp = height, point.stamp_ns
-        self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
+        if not self.vacant:
+            self._track(Source.MEASURED, point.stamp_ns, self._bounded(point))
         self._waiting.append(Waiting(point, arrival_ns))
         if len(self._waiting) > MAXIMUM_WAITING:
             self._waiting.popleft()
@@ -183,7 +218,7 @@ class Monitor:
         return list(self._ready(arrival_ns))
 
     def check(self, now_ns: int) -> list[Comparison]:
-        """Looks at the clock, several times within the timeout.
+        """Checks timeouts; call it several times within the timeout.
 
         Returns:
             where a side is silent, or no measurement has met an estimate since the last look:
@@ -218,32 +253,34 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """Nothing follows: the comparisons of what still waits for an estimator that is silent."""
+        """Returns the comparisons of measurements that still wait for a silent estimator."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))
         return found
 
     def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
-        """Whether the camera and whether the estimator is silent."""
+        """Returns whether the camera and whether the estimator is silent."""
         measured = self.settings.camera and self._stale(self._measured_at, now_ns)
         return measured, self._stale(self._estimated_at, now_ns)
 
     def can_matter(
         self, stamps: NDArray[np.int64], heights: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Which estimates can matter for their limit; see `LimitTracker.can_matter`."""
-        if self._changes[Source.ESTIMATED]:
+        """Returns which estimates can cause a limit event; see `LimitTracker.can_matter`."""
+        if self.tray is not None or self._changes[Source.ESTIMATED]:
             return np.ones(len(stamps), dtype=bool)
         return self._trackers[Source.ESTIMATED].can_matter(stamps, heights)
 
     def take_events(self) -> list[Event]:
-        """The events since the last call."""
+        """Returns the events since the last call."""
         events, self._events = self._events, []
         return events
 
     def blindness(self, now_ns: int) -> str:
-        """Why nothing could be compared for too long, though both sides speak; empty: it could."""
+        """Returns why nothing could be compared for too long; empty: it could."""
+        if self.vacant:
+            return ""
         if self.standstill or self.obstruction:
             return self.standstill or self.obstruction
         blindness = self._sight.blindness(now_ns)
@@ -252,24 +289,28 @@ class Monitor:
         return clocks_apart(self._measured_stamp, self._estimates[-1].stamp_ns) or blindness
 
     def condition(self, now_ns: int) -> Condition:
-        """The state: an exceeded limit weighs most, then a silent side, then blindness."""
-        if any(tracker.active for tracker in self._trackers.values()):
+        """Returns the state: limit violation first, then silent side, then missing comparisons."""
+        tray = self.tray
+        if any(tracker.active for tracker in self._trackers.values()) or (tray and tray.active):
             return Condition.ERROR
         if any(self.silent_sides(now_ns)):
             return Condition.STALE
         if self.blindness(now_ns):
             return Condition.BLIND
+        if self.vacant:
+            return Condition.OK
         share = self.settings.warn_share
         near = (
             self._last_measured > share * self._trackers[Source.MEASURED].limit
             or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
         )
-        warned = near or self.too_slow or self.motions.warning
+        near = near or (tray is not None and tray.share > share)
+        warned = near or self.too_slow or self.motions.warning or self.level.text
         return Condition.WARN if warned else Condition.OK
 
     @property
     def at_rim(self) -> str:
-        """That the liquid is above the rim, in words; empty: it is not, as far as is known."""
+        """Describes liquid above the rim; empty: not known to be."""
         above = [
             tracker.limit_text
             for tracker in self._trackers.values()
@@ -278,8 +319,13 @@ class Monitor:
         return f"the liquid is above the {above[0]}" if above else ""
 
     @property
+    def vacant(self) -> bool:
+        """Whether the gripper is empty, as the newest estimate says."""
+        return bool(self._estimates) and self._estimates[-1].flags & _NO_CONTAINER != 0
+
+    @property
     def too_slow(self) -> bool:
-        """Whether the estimator's input does not carry a sloshing mode."""
+        """Whether the input's rate is too low for a sloshing mode."""
         return bool(self._estimates) and self._estimates[-1].flags & _TOO_SLOW != 0
 
     def _is_out(self, now_ns: int) -> bool:
@@ -287,14 +333,14 @@ class Monitor:
         return any(self.silent_sides(now_ns)) or bool(self.blindness(now_ns))
 
     def _alone(self, now_ns: int) -> Comparison:
-        """The newest estimate, where there is no camera by choice."""
+        """Returns the newest estimate as a comparison if there is no camera by choice."""
         newest = self._estimates[-1]
         self._sight.look(now_ns, estimate_obstacle(newest.nonlinear, newest.flags))
         missing = MeasuredPoint(newest.stamp_ns, NAN)
         return self._compare(missing, newest.expected, now_ns, image=False)
 
     def _unmeasured(self, estimate: EstimatePoint | None, now_ns: int) -> Comparison:
-        """What holds at a moment at which no measurement is compared."""
+        """Makes a comparison without measurement."""
         newest = self._estimates[-1].stamp_ns if self._estimates else 0
         stamp_ns = estimate.stamp_ns if estimate else max(self._measured_stamp, newest)
         return self._compare(
@@ -316,10 +362,14 @@ class Monitor:
         return max(newest, default=0)
 
     def _is_quiet(self, points: Sequence[EstimatePoint], first: int) -> bool:
-        """True where the estimates from the first on complete no comparison and cause no event."""
+        """Whether the estimates from the first on complete no comparison and cause no event."""
         if self._waiting or self._changes[Source.ESTIMATED] or not self._estimates:
             return False
+        if self.tray is not None:
+            return False
         follow = points[first].stamp_ns > self._estimates[-1].stamp_ns
+        if points[-1].flags & _NO_CONTAINER and any(t.active for t in self._trackers.values()):
+            return False
         heights = (point.nonlinear for point in points[first:])
         return follow and self._trackers[Source.ESTIMATED].ignores(heights)
 
@@ -330,7 +380,7 @@ class Monitor:
             self._estimates.popleft()
 
     def _newest_stamp(self) -> int:
-        """The newest stamp of both sides; a measurement of another clock does not count [ns]."""
+        """Returns the newest stamp of both sides; ignores a measurement on another clock [ns]."""
         measured = self._measured_stamp
         if not self._estimates:
             return measured
@@ -338,7 +388,7 @@ class Monitor:
         return estimated if clocks_apart(measured, estimated) else max(measured, estimated)
 
     def _change_limit(self, source: Source, stamp_ns: int) -> None:
-        """Takes over the limits that hold at this moment."""
+        """Applies the limits that are valid at a stamp."""
         changes = self._changes[source]
         while changes and changes[0].stamp_ns < stamp_ns:
             event = self._trackers[source].change(*changes.popleft())
@@ -349,25 +399,30 @@ class Monitor:
         self._change_limit(source, stamp_ns)
         tracker = self._trackers[source]
         if not tracker.active and value > tracker.limit:
-            self._excesses += 1
-            tracker.identifier = self._excesses
+            tracker.identifier = self._next_excess()
         event = tracker.update(stamp_ns, value)
         if event is not None:
             self._events.append(event)
 
+    def _next_excess(self) -> int:
+        self._excesses += 1
+        return self._excesses
+
     def _close(self, source: Source, stamp_ns: int, reason: str) -> None:
+        if source is Source.ESTIMATED and self.tray is not None:
+            self._events += self.tray.close(stamp_ns, reason)
         event = self._trackers[source].close(stamp_ns, reason)
         if event is not None:
             self._events.append(event)
 
     def _bounded(self, point: MeasuredPoint) -> float:
-        """The height for the limit; NaN where a lower bound cannot tell that an excess ends."""
+        """Returns the height for the limit; NaN: a lower bound below the release level."""
         self._change_limit(Source.MEASURED, point.stamp_ns)
         low = point.msh <= self._trackers[Source.MEASURED].release_level
         return NAN if point.flags & SATURATED and low else point.msh
 
     def _forget(self, stamp_ns: int) -> None:
-        """Ends everything that hangs on stamps, at the newest of them."""
+        """Drops everything that depends on stamps, at the newest one."""
         self._estimates.clear()
         self._waiting.clear()
         self.motions.forget()
@@ -376,7 +431,7 @@ class Monitor:
             self._change_limit(source, _NEVER)
 
     def _ready(self, now_ns: int) -> Iterator[Comparison]:
-        """Comparisons of the waiting measurements that the estimates have reached."""
+        """Returns comparisons of waiting measurements that the estimates have reached."""
         if not self._estimates:
             return
         delay = self._estimates[-1].delay_ns
@@ -393,12 +448,12 @@ class Monitor:
             yield self._compare(point, estimate, now_ns)
 
     def _without_estimate(self, now_ns: int) -> Comparison:
-        """The comparison of the measurement that has waited longest."""
+        """Returns the comparison of the longest waiting measurement, without an estimate."""
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 
     def _interpolated(self, seen_ns: int) -> Expected | None:
-        """The reading that is stamped so, linear between its neighbours; None: not in the buffer.
+        """Interpolates the expected measurement at a stamp; None: not in the buffer.
 
         Each estimate's reading comes late by its own delay, which a drifting clock lets grow.
         """
@@ -433,6 +488,7 @@ class Monitor:
                 measured = measured._replace(flags=measured.flags | FROZEN)
             if self._strays.look(measured, expected):
                 measured = measured._replace(flags=measured.flags | AMBIGUOUS)
+            self.level.look(measured, expected)
             found = obstacle(measured.msh, measured.flags, nonlinear, flags)
             self._sight.look(now_ns, found)
             if not found:
@@ -461,7 +517,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Takes a pair into MAE and ε; a lower bound only where it lies above the estimate."""
+        """Adds a pair to MAE and ε; a lower bound only if it is above the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):
@@ -480,5 +536,5 @@ class Monitor:
 
 
 def _seen_ns(point: EstimatePoint) -> int:
-    """The stamp of a measurement of what was estimated [ns]."""
+    """Returns the stamp of a measurement of an estimate [ns]."""
     return point.stamp_ns + point.delay_ns

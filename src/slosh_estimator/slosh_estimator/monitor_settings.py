@@ -1,4 +1,4 @@
-"""What the monitor watches: limits, and how long it is patient."""
+"""Settings of the monitor: limits and timeouts."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ from typing import Any
 import numpy as np
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.limits import Hysteresis, Source
+from slosh_estimator.limits import LIMIT, Hysteresis, Source
+from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.wall import rim_name
 
-RIM = "rim"
-"""Name of the rim's height among the recorded settings of the monitor."""
+HEIGHT_LIMITS = ("measured_limit", "estimated_limit")
+"""Names of the limits that a container's own limit takes the place of."""
+RIM, RIM_DISTANCE = "rim", "rim_distance"
+"""Names among the recorded settings of the monitor: of the height that the rim allows, and of the
+distance that is kept to it."""
 
 
 @dataclass(frozen=True, slots=True)
 class MonitorSettings:
-    """What the monitor watches.
+    """Limits and timeouts of the monitor.
+
+    >>> MonitorSettings(measured_limit=0.02).limits[Source.MEASURED]  # m
+    0.02
 
     Attributes:
         measured_limit, estimated_limit, disagreement_limit: [m]; NaN: not watched.
@@ -29,8 +37,9 @@ class MonitorSettings:
         buffer: how far back estimates are kept [s].
         max_gap: widest pair of estimates between which is interpolated [s].
         camera: whether there is one; without, the estimate alone is watched.
-        rim: height of the container's rim above the still level [m]; where it is lower than a
-            limit of the height, it holds instead. NaN: not known.
+        rim: height at which the liquid comes as near to the container's rim as it may [m]; where
+            it is lower than a limit of the height, it holds instead. NaN: not known.
+        rim_distance: that least vertical distance to the rim [m]; 0: the rim itself.
 
     Raises:
         SloshEstimatorError: a value does not fit.
@@ -46,10 +55,11 @@ class MonitorSettings:
     max_gap: float = 0.05
     camera: bool = True
     rim: float = math.nan
+    rim_distance: float = 0.0
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
-        """The settings that a monitor node's parameters, by name, mean.
+        """Makes the settings from a monitor node's parameters.
 
         Raises:
             KeyError: one is missing.
@@ -67,21 +77,23 @@ class MonitorSettings:
             camera=parameters.get("camera", True),
             # It is no parameter of the node, which learns it of the estimator's model.
             rim=parameters.get(RIM, math.nan),
+            rim_distance=parameters.get(RIM_DISTANCE, 0.0),
         )
 
     @classmethod
     def from_told(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
         """The limits among parameters that anybody may have told; others are not watched."""
-        names = ("measured_limit", "estimated_limit", "disagreement_limit", RIM)
+        names = ("measured_limit", "estimated_limit", "disagreement_limit", RIM, RIM_DISTANCE)
         values = [parameters.get(name) for name in names]
-        measured, estimated, apart, rim = (
+        measured, estimated, apart, rim, distance = (
             float(value) if isinstance(value, int | float) else math.nan for value in values
         )
-        return cls(measured, estimated, apart, rim=rim)
+        distance = distance if distance > 0.0 else 0.0
+        return cls(measured, estimated, apart, rim=rim, rim_distance=distance)
 
     @property
     def limits(self) -> dict[Source, float]:
-        """The limit of each quantity that is watched, no height's above the rim [m]."""
+        """Returns the limit of each monitored quantity; heights are limited by the rim [m]."""
         return {
             # `fmin`: a limit that is not watched, and a rim that is not known, are NaN.
             Source.MEASURED: float(np.fmin(self.measured_limit, self.rim)),
@@ -90,20 +102,40 @@ class MonitorSettings:
         }
 
     def at_rim(self, source: Source) -> bool:
-        """Whether the rim limits a quantity, being lower than its limit."""
+        """Whether the rim, being lower than the limit, limits a quantity."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
         return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
 
     def limit_name(self, source: Source) -> str:
-        """What limits a quantity: its limit or the rim."""
-        return "rim" if self.at_rim(source) else "limit"
+        """What limits a quantity: its limit, the rim or a distance to it."""
+        return rim_name(self.rim_distance) if self.at_rim(source) else LIMIT
 
     def under_rim(self, model: Model) -> MonitorSettings:
-        """The same with the rim of a model's container."""
-        freeboard = model.container.freeboard
-        return replace(self, rim=math.nan if freeboard is None else freeboard)
+        """The same with the rim of a model's container.
+
+        Raises:
+            SloshModelError: a distance to the rim that its still liquid does not keep, or one to
+                a rim that is not known.
+        """
+        rim = model.container.height_below_rim(self.rim_distance)
+        return replace(self, rim=math.nan if rim is None else rim)
+
+    def near_rim(self, model: Model) -> tuple[float, str]:
+        """The height that the rim of a model's container allows [m], NaN: any; and a complaint.
+
+        Where the distance to the rim cannot be kept, the complaint says why, and the rim itself
+        holds. It is empty otherwise.
+        """
+        try:
+            return self.under_rim(model).rim, ""
+        except SloshModelError as error:
+            return replace(self, rim_distance=0.0).under_rim(model).rim, f"rim_distance: {error}"
 
     def __post_init__(self) -> None:
         for name in ("timeout", "buffer", "max_gap", "warn_share"):
             if not getattr(self, name) > 0.0:
                 raise SloshEstimatorError(f"{name} = {getattr(self, name)!r} must be positive")
+        if not 0.0 <= self.rim_distance < math.inf:
+            raise SloshEstimatorError(
+                f"rim_distance = {self.rim_distance!r} m must not be negative"
+            )

@@ -1,4 +1,4 @@
-"""How a sensor or a tool is mounted on the container."""
+"""Mounting of a sensor or a tool on the container."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class Base(NamedTuple):
-    """A frame that stands still in the world.
+    """A frame with a constant pose in the world.
 
     Attributes:
         frame: its name.
@@ -26,7 +26,7 @@ class Base(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SensorTransform:
-    """Where the sensor, or the frame whose pose is published, sits.
+    """Position and orientation of the sensor, or of the frame with a published pose.
 
     Attributes:
         roll, pitch, yaw: rotation container ← sensor, fixed axes [rad].
@@ -47,17 +47,17 @@ class SensorTransform:
 
     @property
     def matrix(self) -> Matrix:
-        """Container ← sensor."""
+        """Rotation matrix container ← sensor."""
         return matrix_from_rpy(self.roll, self.pitch, self.yaw)
 
     @property
     def turns(self) -> bool:
-        """Whether the sensor's axes are not the container's."""
+        """Whether the sensor's axes differ from the container's."""
         return (self.roll, self.pitch, self.yaw) != (0.0, 0.0, 0.0)
 
 
 class ToolPose:
-    """Turns the poses of a tool into those of the container it carries.
+    """Converts poses of a tool to those of the container it carries.
 
     Args:
         transform: of the tool's frame.
@@ -69,7 +69,7 @@ class ToolPose:
         self._to_origin = transform.to_origin
 
     def container(self, position: Vector, quaternion: Quaternion) -> tuple[Vector, Quaternion]:
-        """Position [m] and attitude (x, y, z, w, of the same length) of the container.
+        """Returns position [m] and attitude (x, y, z, w, same norm) of the container.
 
         Args:
             position: of the tool in the world [m].
@@ -98,7 +98,7 @@ class ToolPose:
 def composed(
     outer: tuple[Vector, Quaternion], inner: tuple[Vector, Quaternion]
 ) -> tuple[Vector, Quaternion]:
-    """The pose of what stands at `inner` in a frame that stands at `outer`.
+    """Composes two poses: `inner` relative to a frame at `outer`.
 
     Args:
         outer, inner: position [m] and quaternion x, y, z, w, of any length but zero.
@@ -120,7 +120,7 @@ def composed(
 
 
 def rotated(quaternion: Quaternion, vector: Vector) -> Vector:
-    """A vector in the axes of a frame, from its components in those that stand at an attitude.
+    """Rotates a vector by an attitude.
 
     Args:
         quaternion: x, y, z, w, of any length but zero.
@@ -131,7 +131,7 @@ def rotated(quaternion: Quaternion, vector: Vector) -> Vector:
 
 
 def sensor_from_container(transform: SensorTransform) -> Quaternion:
-    """Sensor ← container, the conjugate of Rz(yaw) Ry(pitch) Rx(roll), as x, y, z, w."""
+    """Returns sensor ← container, the conjugate of Rz(yaw) Ry(pitch) Rx(roll): x, y, z, w."""
     cr, sr = math.cos(0.5 * transform.roll), math.sin(0.5 * transform.roll)
     cp, sp = math.cos(0.5 * transform.pitch), math.sin(0.5 * transform.pitch)
     cy, sy = math.cos(0.5 * transform.yaw), math.sin(0.5 * transform.yaw)

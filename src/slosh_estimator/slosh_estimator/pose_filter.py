@@ -1,4 +1,4 @@
-"""The filter that differentiates poses twice: polynomials fitted to a sliding window.
+"""Differentiates poses twice by polynomials fitted to a sliding window.
 
 At each pose a polynomial of degree 5 is fitted to the poses around it (least squares; Savitzky and
 Golay's filter, for samples at any spacing), of degree 4 where there are only 5 or 6 of them. Its
@@ -34,7 +34,7 @@ CUBIC, LINEAR = 4, 2
 
 
 class PoseFilter(NamedTuple):
-    """A window, and how finely it is read.
+    """A window, and its number of output samples.
 
     Attributes:
         fastest: highest natural frequency [rad/s].
@@ -50,7 +50,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def of(cls, modes: Modes, window: float, order: int = 2) -> PoseFilter:
-        """The filter for some modes.
+        """Makes the filter for some modes.
 
         Args:
             modes: to be carried; none: of a small cup.
@@ -63,7 +63,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def smoothing(cls, modes: Modes, delay: float, order: int = 2) -> PoseFilter:
-        """The filter with a delay: the polynomial of the lowest degree that carries the modes.
+        """Makes a delayed filter: the lowest polynomial degree that passes the modes.
 
         A higher degree carries them over a longer window, which averages more noise.
 
@@ -79,7 +79,7 @@ class PoseFilter(NamedTuple):
         return plain._replace(most=(CUBIC if order == 2 else LINEAR) + 2 * higher)
 
     def terms(self, count: int) -> int:
-        """Terms of the polynomial that is fitted to so many values."""
+        """Returns the number of polynomial terms for a number of values."""
         if self.most and count > self.most + 1:
             return self.most
         if self.order == 1:
@@ -87,17 +87,17 @@ class PoseFilter(NamedTuple):
         return _QUINTIC if count > 2 * FEWEST + 2 else _QUARTIC
 
     def side(self, interval: float) -> int:
-        """Poses on each side of the centre, at an interval [s]."""
+        """Returns the number of poses on each side of the centre, at an interval [s]."""
         # A pose stands for half an interval on both sides.
         return min(max(math.floor(self.reach / interval - 0.5), FEWEST), MOST)
 
     def parts(self, spacing: float) -> int:
-        """Into how many samples, an odd number, a pose's share of the time [s] is divided."""
+        """Returns the odd number of output samples per pose interval [s]."""
         needed = min(math.ceil(self.fastest * spacing / TUNING.phase_step), _MOST_PARTS)
         return needed + 1 - needed % 2
 
     def gain(self, frequency: float, interval: float) -> float:
-        """What passes of a wave, the straight lines between the samples included.
+        """Returns the amplitude response to a wave, including linear interpolation.
 
         Args:
             frequency: of the wave [rad/s].
@@ -123,7 +123,7 @@ class PoseFilter(NamedTuple):
 
 @compiled
 def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
-    """Coefficients (3, terms) of the polynomials in tau/scale, about the centre's value.
+    """Fits polynomial coefficients (3, terms) in tau/scale, about the centre's value.
 
     The centre is where tau is 0.
     """
@@ -147,7 +147,7 @@ def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
 
 @compiled
 def _reach(tau: Any) -> float:
-    """The longest time from the centre [s]; it keeps the normal equations well conditioned."""
+    """Returns the longest time from the centre [s]; used for good conditioning."""
     reach = 0.0
     for one in tau:
         reach = max(reach, abs(one))
@@ -156,7 +156,7 @@ def _reach(tau: Any) -> float:
 
 @compiled
 def _change(row: Any, x: float) -> float:
-    """How far a polynomial has gone from its centre at x."""
+    """Returns a polynomial's difference from its centre at x."""
     total = 0.0
     for k in range(len(row) - 1, 0, -1):
         total = (total + row[k]) * x
@@ -165,7 +165,7 @@ def _change(row: Any, x: float) -> float:
 
 @compiled
 def _even(tau: Any, interval: float, out: Any) -> None:
-    """The moments of a clock that ticks evenly and fits times best, in steps of about an interval.
+    """Fits a uniform clock to times, with steps of about an interval.
 
     They count from the one that belongs to the centre; the last place receives that one's own.
     """
@@ -189,7 +189,7 @@ def _even(tau: Any, interval: float, out: Any) -> None:
 
 @compiled
 def _misfit(tau: Any, positions: Any, terms: int) -> float:
-    """Sum of the squares by which polynomials miss positions [m²]."""
+    """Returns the sum of squared residuals of polynomials fitted to positions [m²]."""
     scale = _reach(tau)
     rows = _fit(tau, scale, positions, terms)
     centre = positions[np.argmin(np.abs(tau))]
@@ -203,7 +203,7 @@ def _misfit(tau: Any, positions: Any, terms: int) -> float:
 
 @compiled
 def _slope(row: Any, x: float) -> Any:
-    """A polynomial's first derivative at x."""
+    """Returns a polynomial's first derivative at x."""
     total = 0.0
     for k in range(len(row) - 1, 1, -1):
         total = (total + k * row[k]) * x
@@ -212,7 +212,7 @@ def _slope(row: Any, x: float) -> Any:
 
 @compiled
 def _half_curvature(row: Any, x: float) -> Any:
-    """Half of a polynomial's second derivative at x."""
+    """Returns half of a polynomial's second derivative at x."""
     if x == 0.0:
         return row[2]
     total = 0.0
@@ -223,7 +223,7 @@ def _half_curvature(row: Any, x: float) -> Any:
 
 @entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2, int64, float64))
 def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> Any:
-    """Second derivative of the least-squares polynomial.
+    """Returns the second derivative of the least-squares polynomial.
 
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
@@ -246,7 +246,7 @@ def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> An
 
 @entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2, int64, float64))
 def first_derivative(tau: Any, velocities: Any, terms: int, offset: float) -> Any:
-    """First derivative of the least-squares polynomial.
+    """Returns the first derivative of the least-squares polynomial.
 
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
@@ -267,7 +267,7 @@ def first_derivative(tau: Any, velocities: Any, terms: int, offset: float) -> An
 
 @entry_point(UniTuple(float64, 3)(CHANGED_1, GIVEN_2, GIVEN_1, int64, float64))
 def even_times(ticks: Any, positions: Any, tau: Any, first: int, interval: float) -> Any:
-    """The ticks of an even clock that fits stamps best, and whether poses lie on them.
+    """Fits a uniform clock to stamps, and checks whether poses agree with it.
 
     Args:
         ticks: (N,) receives when a window's poses were taken, from the centre's tick [s].
@@ -291,7 +291,7 @@ def even_times(ticks: Any, positions: Any, tau: Any, first: int, interval: float
 
 @compiled
 def _product(p: Any, q: Any) -> Any:
-    """The product of two quaternions."""
+    """Returns the product of two quaternions."""
     px, py, pz, pw = p
     qx, qy, qz, qw = q
     return (
@@ -304,7 +304,7 @@ def _product(p: Any, q: Any) -> Any:
 
 @compiled
 def _turned(attitude: Any, px: float, py: float, pz: float) -> Any:
-    """An attitude that turns on by a rotation vector in its own axes."""
+    """Rotates an attitude by a rotation vector in its own axes."""
     angle = math.sqrt(px * px + py * py + pz * pz)
     factor = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
     return _product(attitude, (factor * px, factor * py, factor * pz, math.cos(0.5 * angle)))
@@ -312,7 +312,7 @@ def _turned(attitude: Any, px: float, py: float, pz: float) -> Any:
 
 @compiled
 def _off_frame(px: float, py: float, pz: float, ux: float, uy: float, uz: float) -> Any:
-    """A derivative u of a rotation vector p as a turning in the turned axes, to first order."""
+    """Converts the derivative u of a rotation vector p to body axes, to first order."""
     return (
         ux - 0.5 * (py * uz - pz * uy),
         uy - 0.5 * (pz * ux - px * uz),
@@ -322,7 +322,7 @@ def _off_frame(px: float, py: float, pz: float, ux: float, uy: float, uz: float)
 
 @entry_point(UniTuple(float64, 10)(GIVEN_1, GIVEN_2, int64, float64))
 def turning(tau: Any, attitudes: Any, terms: int, offset: float) -> Any:
-    """How a container stands and turns; see `slosh_estimator.sample.Pose`.
+    """Returns a container's attitude and rotation; see `slosh_estimator.sample.Pose`.
 
     The rotations φ that lead from the centre's attitude to the others are differentiated, in the
     container's axes: at φ = 0 their derivatives are the angular velocity and acceleration.

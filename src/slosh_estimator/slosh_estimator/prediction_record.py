@@ -1,4 +1,4 @@
-"""What became of predictions: predicted against measured peaks, motion by motion.
+"""Outcomes of predictions: predicted and measured peaks of each motion.
 
 Times are whole nanoseconds. A prediction belongs to the motion that begins when it said, or, where
 it said nothing, to the next one.
@@ -20,7 +20,7 @@ MOST_WAITING = 16
 
 
 class Announced(NamedTuple):
-    """A prediction, as MotionPrediction.msg has it: stamps [ns], duration [s], peak [m]."""
+    """A prediction as in MotionPrediction.msg: stamps [ns], duration [s], peak [m]."""
 
     id: int
     stamp_ns: int
@@ -30,12 +30,12 @@ class Announced(NamedTuple):
 
     @property
     def expected_ns(self) -> int:
-        """The earliest that its motion can have begun [ns]."""
+        """Earliest possible start of the motion [ns]."""
         return (self.start_ns or self.stamp_ns) - TUNING.early_ns
 
     @property
     def latest_ns(self) -> int:
-        """The latest [ns]."""
+        """Latest possible start of the motion [ns]."""
         if not self.start_ns:
             return self.stamp_ns + LONGEST_WAIT_NS
         return self.start_ns + round(
@@ -44,7 +44,7 @@ class Announced(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Predicted against measured; the fields of PredictionOutcome.msg."""
+    """Predicted and measured peak; the fields of PredictionOutcome.msg."""
 
     stamp_ns: int
     id: int
@@ -62,7 +62,7 @@ class Outcome(NamedTuple):
 
 
 class PredictionRecord:
-    """Takes predictions and motions as they come; keeps how well the first told the second.
+    """Collects predictions and motions; records the accuracy of predictions.
 
     Attributes:
         count: predictions whose motion was measured.
@@ -74,7 +74,7 @@ class PredictionRecord:
         self.reset()
 
     def reset(self) -> None:
-        """Starts the record anew; what is announced stays so."""
+        """Resets the record; pending predictions are kept."""
         self.count = 0
         self.last: Outcome | None = None
         self._absolute = self._relative = 0.0
@@ -91,7 +91,7 @@ class PredictionRecord:
         return self._relative / self.count if self.count else NAN
 
     def announce(self, prediction: Announced) -> None:
-        """Takes a prediction; one without a finite peak is passed over.
+        """Adds a prediction; ignores one without a finite peak.
 
         Of those that do not say when their motion begins the newest counts.
         """
@@ -103,7 +103,7 @@ class PredictionRecord:
         self._waiting.append(prediction)
 
     def judge(self, motion: MotionAgreement) -> Outcome | None:
-        """What became of the prediction of a motion; None: there was none."""
+        """Returns the outcome of a motion's prediction; None: there was none."""
         there = [
             one for one in self._waiting if one.expected_ns <= motion.start_ns <= one.latest_ns
         ]

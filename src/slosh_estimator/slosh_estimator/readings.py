@@ -1,4 +1,4 @@
-"""Puts estimates together with what a sensor is expected to read of them.
+"""Joins estimates with the expected sensor measurements.
 
 A model with effects on the measurement answers twice: with the liquid's heights, by which limits
 are watched, and with what the camera should read of them, by which the two are compared. They come
@@ -20,7 +20,7 @@ PATIENCE = 100
 
 
 class Reading(NamedTuple):
-    """What a sensor reads: stamp of the estimate [ns], of L and of NL [m], delay [ns]."""
+    """Expected measurement: estimate's stamp [ns], heights of L and NL [m], delay [ns]."""
 
     stamp_ns: int
     linear: float
@@ -30,13 +30,13 @@ class Reading(NamedTuple):
 
 @lru_cache(maxsize=64)
 def has_readings(model_name: str) -> bool:
-    """Whether a model of that name tells what a sensor reads; see `Model.name`."""
+    """Whether a model with that name predicts the sensor's measurement; see `Model.name`."""
     named = [EFFECTS[name] for name in model_name.split("+")[1:] if name in EFFECTS]
     return any(effect.reading is not None or effect.delay is not None for effect in named)
 
 
 class ReadingJoiner:
-    """Takes estimates and readings as they come; gives the estimates, complete and in order.
+    """Joins estimates and expected measurements; returns complete estimates in order.
 
     Attributes:
         lost: estimates whose readings did not come: nothing can be compared with them.
@@ -48,7 +48,7 @@ class ReadingJoiner:
         self._readings: deque[Reading] = deque(maxlen=PATIENCE)
 
     def add_estimate(self, point: EstimatePoint, model_name: str) -> list[EstimatePoint]:
-        """Takes an estimate of a model; returns those that are complete now."""
+        """Adds an estimate of a model; returns the estimates that are complete."""
         awaits = has_readings(model_name)
         if not awaits and not self._waiting:
             return [point]
@@ -56,7 +56,7 @@ class ReadingJoiner:
         return self._complete()
 
     def add_reading(self, reading: Reading) -> list[EstimatePoint]:
-        """Takes a reading; returns the estimates that are complete now."""
+        """Adds an expected measurement; returns the estimates that are complete."""
         self._readings.append(reading)
         return self._complete()
 
@@ -74,7 +74,7 @@ class ReadingJoiner:
         return found
 
     def _read(self, point: EstimatePoint) -> EstimatePoint | None:
-        """The estimate with its reading, NaN where that was lost; None: it may still come."""
+        """Returns the estimate with its measurement, NaN if lost; None: it may still arrive."""
         readings = self._readings
         for reading in readings:
             if reading.stamp_ns == point.stamp_ns:

@@ -1,4 +1,4 @@
-"""The robot that carries the container: its URDF and forward kinematics, by Pinocchio."""
+"""The robot that carries the container: URDF and forward kinematics by Pinocchio."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def available() -> bool:
 
 
 class Mimic(NamedTuple):
-    """That a joint follows another one: multiplier · position + offset [rad or m]."""
+    """Relation of a joint that follows another: multiplier · position + offset [rad or m]."""
 
     joint: str
     multiplier: float = 1.0
@@ -96,7 +96,7 @@ class Robot:
         self._world = self._fixed(world, error) if world in links else None
 
     def pose(self, positions: Mapping[str, float]) -> tuple[Vector, Quaternion]:
-        """Position [m] and attitude (x, y, z, w) of the link in the world.
+        """Returns position [m] and attitude (x, y, z, w) of the link in the world.
 
         Args:
             positions: of at least the joints that carry it [rad or m].
@@ -142,7 +142,7 @@ class Robot:
         )
 
     def _fixed(self, world: str, error: Callable[[str], ValueError]) -> Any:
-        """World ← root, where the world is a link; None: it is the root."""
+        """Returns the transform world ← root if the world is a link; None: it is the root."""
         frame = self._model.frames[self._model.getFrameId(world)]
         if frame.parentJoint:
             raise error(f"{self._name}: link {world!r} moves, so it cannot be the world")
@@ -151,7 +151,7 @@ class Robot:
 
 
 class Mover(NamedTuple):
-    """A joint of the description.
+    """A movable joint of the description.
 
     Attributes:
         joint: whose position it follows, its own or that of one that it mimics: its own position
@@ -171,7 +171,7 @@ class Mover(NamedTuple):
     high: float
 
     def put(self, q: Any, position: float) -> float:
-        """Writes its position into a configuration; returns it."""
+        """Writes the joint's position to a configuration; returns it."""
         value = self.multiplier * position + self.offset
         if self.turns:
             q[self.at], q[self.at + 1] = math.cos(value), math.sin(value)
@@ -181,7 +181,7 @@ class Mover(NamedTuple):
 
 
 def read_urdf(path: str | Path) -> str:
-    """The text of a robot description: URDF, or xacro where that package is there.
+    """Reads a robot description: URDF, or xacro if it is installed.
 
     Raises:
         SloshEstimatorError: the file cannot be read; one line with what to do.
@@ -195,7 +195,7 @@ def read_urdf(path: str | Path) -> str:
     if importlib.util.find_spec("xacro") is None:
         raise SloshEstimatorError(
             f"{path}: is xacro, and the package xacro is not installed; run "
-            f"`xacro {path} > robot.urdf` where it is, and give robot.urdf"
+            f"`xacro {path} > robot.urdf` on a machine that has it, and give robot.urdf"
         )
     try:
         return str(importlib.import_module("xacro").process_file(str(path)).toxml())
@@ -205,7 +205,7 @@ def read_urdf(path: str | Path) -> str:
 
 
 def _whole(urdf: str) -> str:
-    """A description with its root element, which files that others include do not have.
+    """Adds the root element that included description files lack.
 
     Raises:
         ValueError: it is none.
@@ -220,7 +220,7 @@ def _whole(urdf: str) -> str:
 
 
 def _mimics(urdf: str) -> dict[str, Mimic]:
-    """What each joint mimics, by its name."""
+    """Returns the mimic relation of each joint by name."""
     found = {}
     for joint in ElementTree.fromstring(urdf).iter("joint"):
         mimic = joint.find("mimic")

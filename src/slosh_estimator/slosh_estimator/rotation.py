@@ -1,4 +1,4 @@
-"""Rotations of single vectors in plain floats; NumPy's overhead would dominate here."""
+"""Rotates single vectors with plain floats, which is faster than NumPy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 
 def matrix_from_rpy(roll: float, pitch: float, yaw: float) -> Matrix:
-    """Rz(yaw) Ry(pitch) Rx(roll), REP-103's fixed-axis angles [rad]."""
+    """Returns Rz(yaw) Ry(pitch) Rx(roll) for REP-103's fixed-axis angles [rad]."""
     cr, sr = math.cos(roll), math.sin(roll)
     cp, sp = math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)
@@ -21,7 +21,7 @@ def matrix_from_rpy(roll: float, pitch: float, yaw: float) -> Matrix:
 
 
 def rotate(matrix: Matrix, v: Vector) -> Vector:
-    """The matrix times the vector."""
+    """Returns the product of a matrix and a vector."""
     a, b, c = matrix
     return (
         a[0] * v[0] + a[1] * v[1] + a[2] * v[2],
@@ -31,7 +31,7 @@ def rotate(matrix: Matrix, v: Vector) -> Vector:
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """The vector product."""
+    """Returns the cross product."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -40,7 +40,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
-    """Twist of a rotation about z [rad], in (-π, π]: its swing-twist decomposition's second part.
+    """Returns the twist about z of a quaternion's swing-twist decomposition [rad], in (-π, π].
 
     x and y belong to the swing and do not matter.
     """

@@ -1,4 +1,4 @@
-"""Input samples of the estimator, however they were measured."""
+"""Input samples of the estimator, independent of the sensor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ its angular velocity [rad/s] and its angular acceleration [rad/s²] in its own a
 
 
 class Sample(NamedTuple):
-    """What drives the models at one moment.
+    """Input of the models at one time.
 
     A named tuple, because a thousand are made each second.
 
@@ -67,7 +67,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
-        """The columns of single samples."""
+        """Makes columns from single samples."""
         values = np.array([sample[1:5] for sample in samples], dtype=np.float64).reshape(-1, 4)
         return cls(
             np.array([sample.stamp_ns for sample in samples], dtype=np.int64),
@@ -80,7 +80,7 @@ class Samples(NamedTuple):
         )
 
     def one(self, index: int) -> Sample:
-        """A single one of them."""
+        """Returns a single sample."""
         ax, ay, az = self.accelerations[index].tolist()
         return Sample(
             int(self.stamps[index]), ax, ay, az, float(self.yaws[index]),

@@ -1,4 +1,4 @@
-"""How often an input comes, and how much of the sloshing modes it carries at that rate.
+"""Measures an input's rate, and the share of the sloshing modes that it carries.
 
 Between two samples the models take the acceleration as a straight line. Of a wave of frequency ω,
 sampled every T, this leaves sinc²(ωT/2): at 30 Hz 0.96 of a first mode of 3.4 Hz. What an input
@@ -39,7 +39,7 @@ _FASTEST, _STEP = 1000, 5
 
 
 def modes_of(model: Model) -> Modes:
-    """The modes of a model that its input must carry, along both axes."""
+    """Returns a model's modes that its input must carry, along both axes."""
     found = {
         (mode.number, mode.along(axis).natural_frequency)
         for mode in model.mode_constants()
@@ -49,7 +49,7 @@ def modes_of(model: Model) -> Modes:
 
 
 def interpolation_gain(frequency: float, interval: float) -> float:
-    """What a straight line between samples leaves of a wave.
+    """Returns the amplitude of a wave after linear interpolation between samples.
 
     Args:
         frequency: of the wave [rad/s].
@@ -60,7 +60,7 @@ def interpolation_gain(frequency: float, interval: float) -> float:
 
 
 class Sampling:
-    """Measures the rate of an input, and judges whether it carries the modes.
+    """Measures the rate of an input and checks whether it carries the modes.
 
     The interval is the median by time: half of the time lies in intervals that are no longer. So
     jitter, single lost samples and messages that come in bursts do not move it much. All numbers
@@ -88,16 +88,16 @@ class Sampling:
         self._gapped = self._muted = False
 
     def mute(self) -> None:
-        """Judges nothing, as before there was a judgement: for recordings of old."""
+        """Disables the check, for old recordings."""
         self._muted = True
 
     def carry(self, modes: Modes) -> None:
-        """Is told the modes of the model in use."""
+        """Sets the modes of the model in use."""
         self.modes = modes
         self._judge()
 
     def take(self, interval_ns: int, *, restarted: bool) -> None:
-        """Takes the time between two samples that are used.
+        """Adds the interval between two used samples.
 
         Args:
             interval_ns: the time [ns]; 0: there is none.
@@ -116,7 +116,7 @@ class Sampling:
         block.clear()
 
     def take_many(self, intervals: Integers, restarted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """`take` for samples that follow each other.
+        """Adds the intervals of consecutive samples; see `take`.
 
         Args:
             intervals: (N,) from the sample before to each [ns]; not positive: there is none.
@@ -150,12 +150,12 @@ class Sampling:
 
     @property
     def memory(self) -> list[float]:
-        """What the next judgements depend on."""
+        """Returns the state on which the next checks depend."""
         unused = [math.nan] * (BLOCK - len(self._block))
         return [float(self.interval_ns), float(self._gapped), *map(float, self._block), *unused]
 
     def take_up(self, memory: Sequence[float]) -> None:
-        """Goes on with the memory of another; an empty one, of old, knows nothing."""
+        """Restores a state; an empty one of an old recording is unknown."""
         self.interval_ns = round(memory[0]) if memory else 0
         self._gapped = bool(memory) and memory[1] != 0.0
         self._block = [round(interval) for interval in memory[2:] if interval > 0.0]
@@ -163,18 +163,18 @@ class Sampling:
 
     @property
     def seconds(self) -> float:
-        """The interval [s]; 0: not known yet."""
+        """Returns the interval [s]; 0: unknown yet."""
         return self.interval_ns * SECONDS_PER_NS
 
     def gains(self) -> dict[int, float]:
-        """The gain at each mode by its number, the least of both axes; empty: not known yet."""
+        """Returns the gain of each mode by number, the lower of both axes; empty: unknown yet."""
         found: dict[int, float] = {}
         for number, frequency in self.modes if self.interval_ns else ():
             found[number] = min(found.get(number, math.inf), self._gain(frequency, self.seconds))
         return found
 
     def sentence(self) -> str:
-        """Which mode is not carried and what helps; empty: all are."""
+        """Names a mode that is not carried, with a remedy; empty: all are carried."""
         if not self.slow:
             return ""
         number, frequency, gain = next(self._lost(self.seconds))
@@ -200,14 +200,14 @@ class Sampling:
             self.slow = bool(self.interval_ns) and not self._carries(1.0 / self.seconds)
 
     def _lost(self, interval: float) -> Iterator[tuple[int, float, float]]:
-        """Number, frequency and gain of the modes that are not carried at an interval [s]."""
+        """Yields number, frequency and gain of modes that are not carried at an interval [s]."""
         for number, frequency in self.modes:
             gain = self._gain(frequency, interval)
             if not TUNING.carried[0] <= gain <= TUNING.carried[1]:
                 yield number, frequency, gain
 
     def _sufficient_rate(self) -> int | None:
-        """The lowest round rate that carries all modes [Hz]; None: no rate does."""
+        """Returns the lowest round rate that carries all modes [Hz]; None: none does."""
         rates = range(math.ceil(1.0 / self.seconds / _STEP) * _STEP, _FASTEST + 1, _STEP)
         # What a rate carries, a higher one carries too.
         found = bisect_left(rates, True, key=self._carries)
@@ -218,7 +218,7 @@ class Sampling:
 
 
 def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
-    """That samples come too rarely to be linked with each other; empty: they do not.
+    """Reports samples that are too rare to be connected; empty: they are not.
 
     Args:
         gate: that judged them.
@@ -236,7 +236,7 @@ def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
 
 
 def _typical(intervals: Integers) -> Integers:
-    """The medians by time (M,) of blocks of intervals (M, N)."""
+    """Returns the time-weighted medians (M,) of blocks of intervals (M, N)."""
     rising = np.sort(intervals, axis=1)
     elapsed = np.cumsum(rising, axis=1)
     middle = np.argmax(2 * elapsed >= elapsed[:, -1:], axis=1)

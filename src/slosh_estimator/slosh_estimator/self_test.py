@@ -1,4 +1,4 @@
-"""The estimator's compiled code beside a plain Python evaluation; see slosh_model.self_test."""
+"""Compares the estimator's compiled code with plain Python; see slosh_model.self_test."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slosh_model.simulate import store_of
 
 
 def check_model(model: Model) -> None:
-    """Runs a model over the reference motion, compiled and not.
+    """Runs a model over the reference motion, with compiled and with plain code.
 
     Raises:
         SloshModelError: they differ; one line that says what to do.

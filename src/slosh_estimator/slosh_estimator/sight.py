@@ -1,4 +1,4 @@
-"""What the monitor could compare, and why not where it could not.
+"""Tracks whether the monitor can compare heights, and the reason if it cannot.
 
 Two sides that speak are not enough: a covered lens, a clock that is wrong, an estimate from an
 unknown state give messages all the time, and nothing that could be believed. Sight is only what a
@@ -22,7 +22,7 @@ from slosh_estimator.validity import EstimateFlag
 
 
 class SurfaceFlag(IntFlag):
-    """What limits a measured height, as far as it matters here; the values of FreeSurface.msg."""
+    """Relevant limitations of a measured height; the values of FreeSurface.msg."""
 
     SATURATED = 1
     OCCLUDED = 16
@@ -47,8 +47,10 @@ _MEASURED = {
     SurfaceFlag.FROZEN: "the camera repeats the same image, or a few of them (FROZEN)",
 }
 _ESTIMATED = {
+    EstimateFlag.NO_CONTAINER: "the gripper is empty (NO_CONTAINER)",
     EstimateFlag.INPUT_CONTESTED: "several publishers send the estimator's input",
     EstimateFlag.INPUT_DOUBTFUL: "the estimator's input is not plausible",
+    EstimateFlag.INPUT_CONTRADICTED: "a second source contradicts the estimator's input",
     EstimateFlag.DIVERGED: "the model has left the physical range (DIVERGED)",
     EstimateFlag.AFTER_GAP: "the estimator's input had a gap (AFTER_GAP)",
     EstimateFlag.SETTLING: "the estimator has not converged to the liquid's state yet (SETTLING)",
@@ -60,7 +62,7 @@ not what it is said to be."""
 
 
 def obstacle(measured: float, measured_flags: int, estimate: float, estimate_flags: int) -> str:
-    """Why a measurement and an estimate cannot be compared; empty: they can.
+    """Returns why a measurement and an estimate cannot be compared; empty: they can.
 
     Args:
         measured, estimate: heights [m]; NaN: unknown.
@@ -76,7 +78,7 @@ def obstacle(measured: float, measured_flags: int, estimate: float, estimate_fla
 
 
 def estimate_obstacle(estimate: float, estimate_flags: int) -> str:
-    """Why an estimate [m] says nothing of the liquid, by its flags; empty: it does."""
+    """Returns why an estimate [m] is unusable, by its flags; empty: it is usable."""
     for bit, reason in _ESTIMATED.items():
         if estimate_flags & int(bit):
             return reason
@@ -86,7 +88,7 @@ def estimate_obstacle(estimate: float, estimate_flags: int) -> str:
 def judged(
     measured: Array, measured_flags: Integers, estimated: Array, sound: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Which pairs of heights say something about the model; NaN says nothing anyway.
+    """Returns which pairs of heights are usable for the accuracy; NaN is not.
 
     The monitor's MAE and ε, the table of a run and a replay's all count these and no others. A
     saturated measurement is a lower bound: it counts only where it lies above the estimate.
@@ -103,7 +105,7 @@ def judged(
 
 
 def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
-    """That the two sides' newest stamps [ns] are of two clocks; empty: they may be of one."""
+    """Reports newest stamps [ns] on different clocks; empty: they may share one."""
     apart = (measured_ns - estimated_ns) * SECONDS_PER_NS
     if abs(apart) <= TUNING.clocks_apart:
         return ""
@@ -115,7 +117,7 @@ def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
 
 
 class ClockWatch:
-    """Notices a simulated clock that does not move: nothing falls silent by such a clock."""
+    """Detects a simulated clock that does not advance, by which no timeout would occur."""
 
     def __init__(self) -> None:
         self._clock_ns: int | None = None
@@ -123,7 +125,7 @@ class ClockWatch:
         self._began_ns = 0
 
     def look(self, steady_ns: int, clock_ns: int) -> str:
-        """Whether the clock moves, in a line; empty: it does. To be asked some times a second.
+        """Reports a stopped clock in one line; empty: it advances. Call it several times a second.
 
         Args:
             steady_ns: elapsed time [ns].
@@ -144,7 +146,7 @@ class ClockWatch:
 
 
 class Sight:
-    """Remembers when something was compared last.
+    """Stores the time of the last comparison.
 
     Args:
         timeout: after so long without it the monitor is blind [s]; it may be changed.
@@ -156,13 +158,13 @@ class Sight:
         self._reason = ""
 
     def look(self, now_ns: int, obstacle: str) -> None:
-        """Takes an attempt to compare: at this moment [ns], with this obstacle or none."""
+        """Notes an attempt to compare at a time [ns], with the reason if it failed."""
         if not obstacle or self._since_ns is None:
             self._since_ns = now_ns
         self._reason = obstacle
 
     def blindness(self, now_ns: int) -> str:
-        """Why nothing could be compared for too long; empty: it could."""
+        """Returns why nothing could be compared for too long; empty: it could."""
         if self._since_ns is None:
             self._since_ns = now_ns
         seconds = (now_ns - self._since_ns) * SECONDS_PER_NS

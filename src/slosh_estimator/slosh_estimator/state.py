@@ -1,4 +1,4 @@
-"""All that an estimator's next answers depend on."""
+"""The complete state of an estimator."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_estimator.sample import Sample
 
 
 def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[float]:
-    """What a reader of the input is given to remember.
+    """Checks the saved state for a reader of the input.
 
     Args:
         memory: all of it.
@@ -29,7 +29,7 @@ def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[f
 
 
 class EstimatorState(NamedTuple):
-    """Where an estimator stands behind a sample; one that takes it up goes on with the same bits.
+    """State of an estimator after a sample; restoring it gives exactly the same results.
 
     Attributes:
         sample: the last one.

@@ -1,4 +1,4 @@
-"""Whether one image shows what neither the estimate nor the images around it explain.
+"""Detects single images that neither the estimate nor neighbouring images explain.
 
 An old picture, or one torn between two moments, is measured as well as any other, and its height
 is wrong. How far measured and estimated height differ changes from image to image no faster than
@@ -16,14 +16,14 @@ from slosh_estimator.tuning import TUNING
 
 
 class StrayHeights:
-    """Takes both sides of moments in their order."""
+    """Detects outliers from measured and expected heights in order."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[int, float]] = deque(maxlen=TUNING.stray_kept)
         self._strays = 0
 
     def look(self, measured: MeasuredPoint, expected: Expected) -> bool:
-        """Whether the newest measurement is a stray one."""
+        """Whether the newest measurement is an outlier."""
         off = measured.msh - expected.nonlinear
         if not math.isfinite(off):
             return False

@@ -1,4 +1,4 @@
-"""A pose and its moment: what joints, transforms and trackers become before the filter."""
+"""A pose with its stamp, as derived from joints, transforms and trackers."""
 
 from __future__ import annotations
 

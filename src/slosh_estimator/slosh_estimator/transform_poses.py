@@ -1,4 +1,4 @@
-"""Poses of the container out of a tree of transforms (tf2_msgs/TFMessage).
+"""Poses of the container from a tree of transforms (tf2_msgs/TFMessage).
 
 The chain from the world to the container is found as the transforms come; what is fixed is kept,
 what moves is brought to the moments of its slowest link (`slosh_estimator.aligned`).
@@ -17,7 +17,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class Transform(NamedTuple):
-    """Parent ← child at a stamp.
+    """Transform parent ← child at a stamp.
 
     Attributes:
         parent, child: names of the frames.
@@ -34,7 +34,7 @@ class Transform(NamedTuple):
 
 
 class TransformPoses:
-    """Finds poses of one frame in another.
+    """Computes poses of one frame relative to another.
 
     Args:
         world, container: names of the frames.
@@ -51,7 +51,7 @@ class TransformPoses:
         self._newest_ns = 0
 
     def take(self, transforms: Iterable[Transform], *, fixed: bool = False) -> list[TimedPose]:
-        """The poses that transforms make known, in order.
+        """Returns the poses that transforms complete, in order.
 
         Args:
             transforms: of one message.
@@ -74,7 +74,7 @@ class TransformPoses:
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
     def trouble(self) -> str:
-        """Why there are no poses, or wrong ones, in a line; empty: not known."""
+        """Returns in one line why poses are missing or wrong; empty: unknown."""
         if self._count < TUNING.first_states:
             return ""
         if not self._chain:
@@ -95,7 +95,7 @@ class TransformPoses:
         return ""
 
     def facts(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Returns facts for the diagnostics."""
         chain = (self._world, *reversed(self._chain)) if self._chain else ("none",)
         return {"chain of transforms": " → ".join(chain)}
 
@@ -105,7 +105,7 @@ class TransformPoses:
         return f"hangs on {self._path(self._container)[-1]!r}"
 
     def _path(self, frame: str) -> list[str]:
-        """The frame and those it hangs on, up to the root."""
+        """Returns the frame and its ancestors up to the root."""
         found = [frame]
         while found[-1] in self._parents and self._parents[found[-1]] not in found:
             found.append(self._parents[found[-1]])
@@ -138,7 +138,7 @@ class TransformPoses:
 
 
 def _between(one: Values, other: Values, share: float) -> Values:
-    """Between two transforms: position and quaternion, which stays short of its length."""
+    """Interpolates two transforms: position, and quaternion without normalisation."""
     same = sum(a * b for a, b in zip(one[3:], other[3:], strict=True)) >= 0.0
     signed = other if same else (*other[:3], *(-q for q in other[3:]))
     return tuple(a + share * (b - a) for a, b in zip(one, signed, strict=True))

@@ -1,4 +1,4 @@
-"""The tuning numbers of inputs, estimator and monitor."""
+"""Tuning numbers of inputs, estimator and monitor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_model.constants import GRAVITY
 
 @dataclass(frozen=True, slots=True)
 class EstimatorTuning:
-    """What is assumed about sensors, trackers, cameras and liquids.
+    """Assumptions about sensors, trackers, cameras and liquids.
 
     Checked on the simulated cell's recordings by `slosh replay bags --check`. The unit
     "σ" is the sensor's standard deviation.
@@ -49,8 +49,8 @@ class EstimatorTuning:
     silent_ns: int = number(SECOND, "ns", "time that a stream may be behind the others")
     silent_intervals: float = number(3.0, "1", "the same in its own intervals, in addition")
     # joint_poses.py, transform_poses.py
-    first_states: int = number(50, "1", "messages after which what is missing is told")
-    still_ns: int = number(30 * SECOND, "ns", "time after which a chain that stands is told")
+    first_states: int = number(50, "1", "messages after which missing inputs are reported")
+    still_ns: int = number(30 * SECOND, "ns", "time after which a resting chain is reported")
     beyond_limits: float = number(1.0, "rad, m", "distance to a joint's limits that is no error")
     # joint_velocities.py
     stretch_ns: int = number(SECOND // 5, "ns", "time over which velocities are compared")
@@ -72,7 +72,14 @@ class EstimatorTuning:
     # sight.py
     highest: float = number(10.0, "m", "largest height that is believed")
     clocks_apart: float = number(2.0, "s", "distance of stamps at which two clocks differ")
-    clock_stands: float = number(0.8, "s", "time without a step after which a clock stands")
+    clock_stands: float = number(0.8, "s", "time without a step after which a clock has stopped")
+    # estimator_node.py
+    tray_ns: int = number(SECOND // 200, "ns", "shortest time between two estimates of a tray")
+    # level_watch.py
+    level_window_ns: int = number(SECOND, "ns", "time at rest over which a level is seen")
+    level_least: int = number(5, "1", "fewest images of it")
+    level_noise: float = number(3.0, "σ", "difference of a level that is off")
+    least_level: float = number(5e-4, "m", "the same at least: what a calibration leaves")
     # prediction_record.py
     early_ns: int = number(SECOND // 2, "ns", "time by which a motion may begin early")
     late: float = number(1.0, "s", "time by which it may begin late")
@@ -82,9 +89,9 @@ class EstimatorTuning:
     told_ns: int = number(2 * SECOND, "ns", "time after its end when a motion is judged")
     longest_ns: int = number(60 * SECOND, "ns", "time after which a motion is judged in any case")
     least_compared: int = number(20, "1", "fewest compared images of a judgement")
-    agreement_noise: float = number(3.0, "σ", "error that noise explains")
-    share_of_peak: float = number(0.02, "1", "error that calibration explains, of the peak")
-    agreement_share: float = number(0.05, "1", "error that does not matter, of the watched limit")
+    agreement_noise: float = number(3.0, "σ", "error due to noise")
+    share_of_peak: float = number(0.02, "1", "error due to calibration, as part of the peak")
+    agreement_share: float = number(0.05, "1", "negligible error, as part of the watched limit")
     # azimuth.py
     least_turn: float = number(math.radians(20.0), "rad", "least error of the azimuth")
     turn_noise: float = number(3.0, "σ", "the same in its own standard deviation")
@@ -113,10 +120,10 @@ class EstimatorTuning:
     stray_kept: int = number(12, "1", "number of images that are compared")
     stray_least: int = number(6, "1", "fewest images that determine the usual change")
     stray_pause_ns: int = number(SECOND // 5, "ns", "pause after which any change is possible")
-    jump: float = number(2e-3, "m", "least change of a stray height")
+    jump: float = number(2e-3, "m", "least change of an outlier")
     jump_times: float = number(2.0, "1", "the same in units of the largest change")
     jump_noise: float = number(8.0, "σ", "the same in units of the noise")
-    lasting: int = number(2, "1", "number of jumps that are no stray")
+    lasting: int = number(2, "1", "number of jumps that are no outliers")
     # wave_presence.py
     judged_ns: int = number(2 * SECOND, "ns", "interval of judgements")
     presence_longest_ns: int = number(10 * SECOND, "ns", "longest time that is judged together")
@@ -128,6 +135,9 @@ class EstimatorTuning:
     sustained: float = number(0.97, "1", "part of the last size at which a wave only decays")
     # observer/observer.py
     fused_ns: int = number(SECOND // 100, "ns", "time between two fused states")
+    observer_state_ns: int = number(
+        SECOND, "ns", "time between two recorded states of the observer"
+    )
     ahead_ns: int = number(SECOND, "ns", "time by which a measurement may be ahead of the input")
     usual_stddev: float = number(5e-4, "m", "standard deviation of a height that states none")
     least_stddev: float = number(1e-4, "m", "least standard deviation of a height")

@@ -1,4 +1,4 @@
-"""What limits an estimate."""
+"""Limitations of an estimate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_model.model import Model
 
 
 class EstimateFlag(IntFlag):
-    """What limits an estimate; the values of SloshEstimate.msg."""
+    """Limitations of an estimate; the values of SloshEstimate.msg."""
 
     NONE = 0
     PLANARITY_LOST = 1
@@ -25,23 +25,25 @@ class EstimateFlag(IntFlag):
     INPUT_TOO_SLOW = 512
     LINEAR_ONLY = 1024
     BEYOND_LINEAR = 2048
+    INPUT_CONTRADICTED = 4096
+    NO_CONTAINER = 8192
 
 
 def validity_limits(model: Model) -> dict[str, float]:
     """What the motion is judged by (DL22, §4.2), by its name in `estimate_kernel.CHECKS`."""
-    limits, freeboard = model.limits, model.container.freeboard
+    limits, rim = model.limits, model.container.height_below_rim()
     return {
         "planar_acceleration": limits.planar_acceleration,
         "planar_jerk": limits.planar_jerk,
         "acceleration": limits.acceleration,
         "jerk": limits.jerk,
         "linear_height": model.container.linear_height,
-        "freeboard": math.inf if freeboard is None else freeboard,
+        "rim": math.inf if rim is None else rim,
     }
 
 
 def attitude_warning(model: Model, kind: str) -> str:
-    """Why effects of a model do nothing with an input, in one line; empty: all act.
+    """Reports effects without influence for an input, in one line; empty: all act.
 
     Args:
         model: the model.

@@ -31,7 +31,7 @@ _OWN = 8
 
 
 class Twist(NamedTuple):
-    """How a frame moves.
+    """Velocity of a frame.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -49,7 +49,7 @@ class Twist(NamedTuple):
 
 
 class VelocityInput(PoseInput):
-    """Takes velocities.
+    """Converts velocities to samples.
 
     Args:
         settings: limits of the gate.
@@ -85,7 +85,7 @@ class VelocityInput(PoseInput):
         self._last_ns = 0
 
     def update_twist(self, twist: Twist, now_ns: int | None = None) -> list[Sample]:
-        """The samples that a velocity makes known; see `PoseInput.update`.
+        """Returns the samples that a velocity completes; see `PoseInput.update`.
 
         Args:
             twist: in the world's axes where its frame is the world's, else in the moving frame's.
@@ -106,11 +106,11 @@ class VelocityInput(PoseInput):
 
     @property
     def memory(self) -> list[float]:
-        """What the next samples depend on, beside the last one's stamp."""
+        """Returns the state on which the next samples depend, besides the last stamp."""
         return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Goes on behind the message that another reader used last, with its memory.
+        """Restores the state of another reader after its last message.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -126,7 +126,7 @@ class VelocityInput(PoseInput):
         super().take_up(stamp_ns, memory[_OWN:])
 
     def _integrated(self, stamp_ns: int, rate: float) -> Quaternion:
-        """The attitude of what stays upright and turns about z."""
+        """Integrates the attitude of an upright frame that rotates about z."""
         seconds = (stamp_ns - self._last_ns) * SECONDS_PER_NS
         if 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS and math.isfinite(rate):
             self._yaw += 0.5 * seconds * (self._rate + rate)
@@ -134,7 +134,7 @@ class VelocityInput(PoseInput):
         return 0.0, 0.0, math.sin(0.5 * self._yaw), math.cos(0.5 * self._yaw)
 
     def _place_of(self, stamp_ns: int, vector: Vector) -> Vector:
-        """The place by the velocities so far, for the check; it drifts."""
+        """Integrates the velocities to a position for the check; it drifts."""
         seconds = (stamp_ns - self._last_ns) * SECONDS_PER_NS
         if 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
             x, y, z = (
@@ -146,5 +146,5 @@ class VelocityInput(PoseInput):
         return self._place
 
     def _jumped(self, stamp_ns: int, position: Vector) -> bool:
-        """A velocity that jumps is an acceleration, which the estimate shows."""
+        """Returns False: a velocity jump is an acceleration, which the estimate shows."""
         return False

@@ -1,4 +1,4 @@
-"""Whether a wave that one side shows is there on the other side, too.
+"""Detects a wave that only one of both sides shows.
 
 A dead accelerometer moves nothing: no motion begins for the model, and what the camera sees of the
 liquid is compared with nothing. Here it is the liquid that moves, on either side, and time that
@@ -22,7 +22,7 @@ NAN = float("nan")
 
 
 class Pair(NamedTuple):
-    """Both sides at one moment.
+    """Measured and estimated height at one time.
 
     Attributes:
         stamp_ns: [ns].
@@ -41,7 +41,7 @@ class Pair(NamedTuple):
 
 
 class PresenceWatch:
-    """Takes pairs in the order of their stamps.
+    """Checks whether measurement and estimate both show a wave, from ordered pairs.
 
     Args:
         limit: disagreement that is watched [m]; NaN or infinite: none.
@@ -57,21 +57,21 @@ class PresenceWatch:
         self._before = (math.inf, math.inf)
 
     def watch(self, limit: float) -> None:
-        """Judges by another limit of the disagreement [m]."""
+        """Sets the limit of the disagreement [m]."""
         self._least = TUNING.presence_share * limit if math.isfinite(limit) else TUNING.least_wave
 
     def reset(self) -> None:
-        """Starts anew, without a judgement."""
+        """Resets the judgement."""
         self.warning = ""
         self.forget()
 
     def forget(self) -> None:
-        """Drops what has come since the last judgement."""
+        """Drops the pairs since the last judgement."""
         self._pairs.clear()
         self._before = (math.inf, math.inf)
 
     def add(self, pair: Pair) -> None:
-        """Takes a pair of finite heights."""
+        """Adds a pair of finite heights."""
         if (
             self._pairs
             and not 0 <= pair.stamp_ns - self._pairs[0].stamp_ns <= TUNING.presence_longest_ns
@@ -110,7 +110,7 @@ class PresenceWatch:
 
 
 def in_view(expected: Waves, axis: Array) -> Waves:
-    """Of expected waves what a camera can see: of side views the component in the image plane.
+    """Projects expected waves to the camera's visible direction (image plane of a side view).
 
     Args:
         expected: (N,) vectors of the waves [m].
@@ -132,11 +132,11 @@ def _not_expected(measured: Array, estimated: Array, *, none: bool) -> str:
 
 
 def _crest(heights: Array) -> float:
-    """Height of the crests [mm]; single spikes do not count."""
+    """Returns the height of the crests without single spikes [mm]."""
     return 1e3 * float(np.quantile(heights, 0.95))
 
 
 def _size(values: NDArray[Any]) -> float:
-    """How far heights, or vectors, lie from their middle [m]: the median, which no spike moves."""
+    """Returns the median distance of heights or vectors from their median [m]."""
     middle = np.median(values.real) + 1j * np.median(values.imag)
     return float(np.median(np.abs(values - middle)))

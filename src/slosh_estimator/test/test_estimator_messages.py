@@ -30,7 +30,7 @@ def estimate(model: Model) -> Estimate:
 def test_the_first_message_holds_the_modal_state() -> None:
     """A tilted cup's liquid does not rest at zero, not even in the first sample."""
     first, message = Estimator(TILTED).update(Sample(0, 0.0, 0.0, 0.0, 0.0, True)), SloshEstimate()
-    fill(message, first)
+    fill(message, first, TILTED.container.wall)
     assert any(first.linear.modal)
     assert modal(message) == first.linear.modal
 
@@ -39,6 +39,6 @@ def test_a_model_with_another_number_of_modes_is_taken_up_at_once() -> None:
     message = SloshEstimate()
     for model in (TILTED, TILTED.with_effect("second_mode"), TILTED):
         one = estimate(model)
-        fill(message, one)
+        fill(message, one, model.container.wall)
         assert modal(message) == one.linear.modal
         assert list(message.nonlinear.modal_velocity[:2]) == one.nonlinear.modal[2:4]

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Header
@@ -108,6 +109,10 @@ def test_accelerations_in_estimates_out_and_faults_counted(start: Callable[..., 
     assert (last.linear.model, last.nonlinear.model) == ("3D-L", "3D-NL")
     assert (last.samples_used, last.samples_dropped) == (21, 3)
     assert last.linear.sh_x < 0.0
+    assert last.surface_height == last.nonlinear.msh == last.height_along_wall
+    assert last.distance_to_rim == pytest.approx(0.03 - last.nonlinear.msh)
+    assert last.distance_along_wall == pytest.approx(last.distance_to_rim)
+    assert last.contact_radius == 0.05
     assert last.linear.msh > last.nonlinear.msh > 0.0
     assert list(last.acceleration) == [2.0, 0.0, 0.0]
     assert len(last.linear.modal_position) == len(last.linear.modal_velocity) == 2
@@ -239,7 +244,8 @@ def test_the_monitor_learns_the_rim_of_the_estimator_and_holds_the_liquid_to_it(
     start: Callable[..., Cell],
 ) -> None:
     cell = start()
-    cell.add(MonitorNode())
+    monitor = MonitorNode()
+    cell.add(monitor)
     events = cell.listen(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
     told = cell.listen(NodeSettings, topics.SETTINGS, qos.EVENT)
     reports = cell.listen(DiagnosticArray, "/diagnostics")
@@ -262,6 +268,14 @@ def test_the_monitor_learns_the_rim_of_the_estimator_and_holds_the_liquid_to_it(
     assert "(rim 10.0 mm" in events[0].description
     cell.until(
         lambda: spills() and any("above the rim 10.0 mm" in r.status[0].message for r in reports)
+    )
+    (answer,) = monitor.set_parameters([Parameter("rim_distance", value=0.004)])
+    assert answer.successful
+    cell.until(lambda: spills() and any("rim: 0.00599" in one.document for one in told))
+    cell.until(lambda: spills() and "rim limit 6.0 mm" in events[-1].description)
+    monitor.set_parameters([Parameter("rim_distance", value=0.04)])
+    cell.until(
+        lambda: spills() and any("rim_distance: the dist" in r.status[0].message for r in reports)
     )
 
 

@@ -144,7 +144,7 @@ def test_a_joint_of_two_publishers_is_told_and_read_once():
     poses = JointPoses(Robot(RAIL_URDF, "cup", "world"))
     poses.take(BEGIN, JOINTS, [0.0] * 4)
     assert poses.take(BEGIN + MS, ("elbow", "jaw"), [1.0, 0.0]) == []
-    assert "joint elbow comes in joint states with different names beside it" in poses.trouble()
+    assert "joint elbow is in joint states with different sets of joints" in poses.trouble()
 
 
 def test_a_joint_that_mimics_another_moves_with_it():

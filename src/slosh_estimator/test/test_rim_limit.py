@@ -5,6 +5,7 @@ import math
 import pytest
 
 from slosh_estimator.comparison import Condition, EstimatePoint, MeasuredPoint
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.limits import Kind, Source
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
@@ -49,3 +50,27 @@ def test_a_rim_that_becomes_known_holds_for_what_follows_and_for_further_changes
     }  # fmt: skip
     told = MonitorSettings.from_parameters({**recorded, "rim": 0.015})
     assert told.limits[Source.ESTIMATED] == 0.015
+
+
+def test_a_distance_to_the_rim_is_a_limit_and_is_named() -> None:
+    settings = MonitorSettings(0.03, 0.03, rim_distance=0.004).under_rim(CUP)
+    monitor = fed(Monitor(settings), [0.0, 0.010, 0.012])
+    found = monitor.take_events()
+    assert [event.limit for event in found] == pytest.approx([0.011, 0.011])
+    assert all("(rim limit 11.0 mm" in event.description for event in found)
+    assert settings.limit_name(Source.MEASURED) == "rim limit"
+    lower = MonitorSettings(0.01, 0.01, rim_distance=0.004).under_rim(CUP)
+    assert lower.limits[Source.MEASURED] == 0.01
+    assert lower.limit_name(Source.MEASURED) == "limit"
+
+
+def test_where_a_distance_cannot_be_kept_the_rim_holds_and_the_complaint_says_why() -> None:
+    rim, complaint = MonitorSettings(rim_distance=0.02).near_rim(CUP)
+    assert rim == pytest.approx(0.015)
+    assert "must be 0 … 0.015 m" in complaint
+    rim, complaint = MonitorSettings(rim_distance=0.02).near_rim(Model(Cylinder(0.05, 0.07)))
+    assert math.isnan(rim)
+    assert "the rim is not known" in complaint
+    assert MonitorSettings().near_rim(CUP) == (pytest.approx(0.015), "")
+    with pytest.raises(SloshEstimatorError, match=r"rim_distance = -0\.01 m"):
+        MonitorSettings(rim_distance=-0.01)

@@ -1,1 +1,1 @@
-"""Figures and checks of signals: MAE and ε, clock alignment, motion spans, checks of an input."""
+"""Metrics and checks of signals: MAE, ε, clock alignment, motion spans, input checks."""

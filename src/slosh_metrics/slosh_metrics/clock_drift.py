@@ -1,4 +1,4 @@
-"""Offset and drift of the heights' clock against the model's.
+"""Estimates offset and drift of the heights' clock relative to the model's.
 
 One least squares lays a stretch of measured heights over the model's, with offset, drift and the
 heights' scale free. Within a single motion a drift looks like a frequency of the liquid that is
@@ -24,7 +24,7 @@ from slosh_metrics.tuning import TUNING
 
 @dataclass(frozen=True, slots=True)
 class ClockDrift:
-    """By how much one clock gains on another, within one motion.
+    """Drift of one clock against another within one motion.
 
     Attributes:
         rate: what the measured clock gains per second of the model's [1].
@@ -38,7 +38,7 @@ class ClockDrift:
 
     @property
     def seen(self) -> bool:
-        """Whether it is surely there, and more than a model's own errors look like."""
+        """Whether the drift is significant and larger than the effect of model errors."""
         size = abs(self.rate)
         return (
             size > TUNING.drift_surely * self.stddev
@@ -47,13 +47,13 @@ class ClockDrift:
         )
 
     def text(self) -> str:
-        """What it is, in one line."""
+        """Describes the drift in one line."""
         told = drift_text(self.rate, self.stddev)
         return f"{told}; or the liquid's frequency is not the model's: compare further motions"
 
 
 class ClockLine(NamedTuple):
-    """How the offset between two clocks grows over several motions.
+    """Linear growth of the offset between two clocks over several motions.
 
     Attributes:
         offset: measured clock minus model clock, at the newest motion [s].
@@ -73,7 +73,7 @@ class ClockLine(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        """Whether the offset surely grows."""
+        """Whether the offset grows significantly."""
         if self.freedom < TUNING.least_motions - 2:
             return False
         surely = TUNING.drift_surely * (1.0 + TUNING.few / self.freedom)
@@ -82,7 +82,7 @@ class ClockLine(NamedTuple):
 
     @property
     def is_apart(self) -> bool:
-        """Whether the clocks surely differ, as more than one motion tells."""
+        """Whether the clocks differ significantly, by more than one motion."""
         size = abs(self.offset)
         return (
             self.freedom >= 0
@@ -92,7 +92,7 @@ class ClockLine(NamedTuple):
 
 
 def drift_text(rate: float, stddev: float) -> str:
-    """What a drift is and what helps, in one line."""
+    """Describes a drift and its remedy in one line."""
     which = "fast" if rate > 0.0 else "slow"
     return (
         f"the heights' clock runs {1e6 * abs(rate):.0f} ± {1e6 * stddev:.0f} ppm {which}: "
@@ -101,7 +101,7 @@ def drift_text(rate: float, stddev: float) -> str:
 
 
 class ClockDriftWatch:
-    """Follows how the heights' clock differs from the estimates', motion by motion.
+    """Tracks the difference of the heights' and the estimates' clock over motions.
 
     Attributes:
         line: of the motions so far; None: no motion tells an offset.
@@ -115,7 +115,7 @@ class ClockDriftWatch:
     def add(
         self, t: Array, measured: Array, estimated: Array, motion: tuple[float, float]
     ) -> None:
-        """Takes a motion.
+        """Adds a motion.
 
         Args:
             t: (N,) moments, also before and behind the motion, from one origin for all [s].
@@ -149,7 +149,7 @@ class ClockDriftWatch:
 
     @property
     def within(self) -> ClockDrift | None:
-        """The drift within the best known motion, as long as too few motions tell it.
+        """Returns the drift within the most accurate motion, while there are few motions.
 
         None: none is seen, or the offsets of the motions contradict it.
         """
@@ -168,11 +168,11 @@ class ClockDriftWatch:
 
     @property
     def is_sure(self) -> bool:
-        """Whether offset or drift explain a disagreement, rather than the model."""
+        """Whether clock offset or drift explain a disagreement, rather than the model."""
         return self.line is not None and (self.line.drifts or self.line.is_apart)
 
     def text(self) -> str:
-        """What is to be said of the clocks, in one line; empty: nothing is known to be wrong."""
+        """Describes the clocks' fault in one line; empty: none known."""
         line = self.line
         if line is None:
             return ""
@@ -190,7 +190,7 @@ class ClockDriftWatch:
         )
 
     def facts(self) -> dict[str, str]:
-        """Offset [ms] and drift [ppm] with their standard deviations, where they are sure."""
+        """Returns offset [ms] and drift [ppm] with standard deviations, if significant."""
         found: dict[str, str] = {}
         line = self.line
         if line is None:
@@ -207,7 +207,7 @@ class ClockDriftWatch:
         return found
 
     def _foretold(self, t: float) -> float:
-        """The offset at a moment, as the motions before tell it [s]."""
+        """Predicts the offset at a time from earlier motions [s]."""
         if self.line is None:
             return 0.0
         rate = self.line.rate if self.line.drifts else 0.0
@@ -215,7 +215,7 @@ class ClockDriftWatch:
 
 
 def _line(points: Array) -> ClockLine:
-    """The line through offsets: (N, 3) moment, offset and its standard deviation [s]."""
+    """Fits a line to offsets: (N, 3) time, offset and standard deviation [s]."""
     t, offset, stddev = points.T
     weight = 1.0 / (stddev**2 + TUNING.model_error**2)
     since = t - t[-1]
@@ -240,7 +240,7 @@ def _line(points: Array) -> ClockLine:
 def estimate_clock_drift(
     t: Array, height: Array, model_t: Array, model: Array, offset: float
 ) -> ClockDrift:
-    """Drift of the measured clock against the model's, by least squares about an offset.
+    """Estimates the drift of the measured clock by least squares about an offset.
 
     Offset, drift and the heights' scale are fitted together, so that a wrong scale is none.
 

@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshMetricsError(ValueError):
-    """Series that cannot be compared; the text is one line."""
+    """The series cannot be compared; the text is one line."""

@@ -1,4 +1,4 @@
-"""How well a model's heights agree with measured ones.
+"""Metrics of the agreement of a model's heights with measured ones.
 
 The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit,
 and leaves out the moments at which one of them is not finite.
@@ -17,7 +17,10 @@ NAN = float("nan")
 
 
 def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """ε: relative error of the maximum (DL22, eq. (32)), as a fraction; positive: overestimated.
+    """Returns ε: relative error of the maximum (DL22, eq. (32)); positive: overestimated.
+
+    >>> round(peak_error(measured=[0.0, 0.010, 0.004], model=[0.0, 0.011, 0.005]), 3)
+    0.1
 
     Raises:
         SloshMetricsError: the series do not match or share no finite moment.
@@ -26,7 +29,10 @@ def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """MAE: mean absolute error (DL22, eq. (33)), in the series' unit.
+    """Returns MAE: mean absolute error (DL22, eq. (33)), in the series' unit.
+
+    >>> round(mean_absolute_error(measured=[0.0, 0.010, 0.004], model=[0.0, 0.011, 0.006]), 6)
+    0.001
 
     Raises:
         SloshMetricsError: the series do not match or share no finite moment.
@@ -35,7 +41,10 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Root mean square of the difference; TM20's SEOE where the series hold all repetitions.
+    """Returns the root mean square difference; TM20's SEOE if the series hold all repetitions.
+
+    >>> round(rms_error(measured=[0.003, 0.010], model=[0.003, 0.012]), 6)
+    0.001414
 
     Raises:
         SloshMetricsError: the series do not match or share no finite moment.
@@ -44,7 +53,11 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
-    """SEOE (TM20, §2.4): root mean square deviation over all repetitions and samples.
+    """Returns SEOE (TM20, §2.4): rms deviation over all repetitions and samples.
+
+    >>> repetitions = [[0.010, 0.004], [0.012, 0.004]]
+    >>> round(standard_error_of_estimate(repetitions, model=[0.011, 0.004]), 6)
+    0.000707
 
     Args:
         measured: (J,) samples, or (K, J) of K repetitions.
@@ -64,14 +77,23 @@ def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def relative_peak_error(measured_peak: float, model_peak: float) -> float:
-    """(model - measured) / measured; NaN without a positive measured peak."""
+    """Returns (model - measured) / measured; NaN without a positive measured peak.
+
+    >>> round(relative_peak_error(measured_peak=0.010, model_peak=0.011), 3)
+    0.1
+    """
     if not measured_peak > 0.0:
         return NAN
     return (model_peak - measured_peak) / measured_peak
 
 
 class RunningAccuracy:
-    """ε, MAE and root mean square of a stream: the functions above are these over one series.
+    """ε, MAE and rms of a stream; the functions above evaluate one series with it.
+
+    >>> accuracy = RunningAccuracy()
+    >>> accuracy.update(0.010, 0.011)
+    >>> accuracy.count, round(accuracy.sigma, 6)
+    (1, 0.001)
 
     Attributes:
         count: pairs that were taken.
@@ -83,21 +105,21 @@ class RunningAccuracy:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets all pairs."""
+        """Resets the statistics."""
         self.count = 0
         self._absolute_sum = self._squared_sum = 0.0
         self._measured_peak = -math.inf
         self._model_peak = -math.inf
 
     def update(self, measured: float, model: float) -> None:
-        """Takes one pair; one that is not finite is left out."""
+        """Adds one pair; ignores one that is not finite."""
         if not (math.isfinite(measured) and math.isfinite(model)):
             return
         difference = abs(measured - model)
         self._take(1, difference, difference * difference, measured, model)
 
     def update_many(self, measured: NDArray[np.float64], model: NDArray[np.float64]) -> None:
-        """Takes pairs (N,); those that are not finite are left out."""
+        """Adds pairs (N,); ignores those that are not finite."""
         both = np.isfinite(measured) & np.isfinite(model)
         if not both.any():
             return

@@ -1,4 +1,4 @@
-"""When a container moves: one meaning for the live monitor, a replay and a discovery.
+"""Time spans of a container's motion, the same live, in a replay and in a discovery.
 
 It lies beside alignment and metrics, since it says over which stretch heights are compared, and in
 the lowest package that all three import: nothing below slosh_report asks when a motion begins.
@@ -33,14 +33,14 @@ _NOTHING = (0.0,) * 5
 
 
 class MotionSpan(NamedTuple):
-    """A motion, from the start of its first to the end of its last moving bin [ns]."""
+    """A motion: start of its first and end of its last moving bin [ns]."""
 
     start_ns: int
     end_ns: int
 
 
 class MotionFinder:
-    """Takes accelerations in the order of their stamps and tells the motions so far."""
+    """Finds motions from accelerations in the order of their stamps."""
 
     def __init__(self) -> None:
         self._spans: list[MotionSpan] = []
@@ -53,11 +53,11 @@ class MotionFinder:
 
     @property
     def spans(self) -> list[MotionSpan]:
-        """The motions; the last may still go on, and does not know of the bin being filled."""
+        """The motions; the last one may continue, and excludes the current bin."""
         return self._spans
 
     def add(self, stamps: Integers, accelerations: Array, turning: Array | None = None) -> None:
-        """Takes samples.
+        """Adds samples.
 
         Args:
             stamps: (N,) increasing [ns].
@@ -80,20 +80,20 @@ class MotionFinder:
             self._take(number, total, count)
 
     def add_one(self, stamp_ns: int, acceleration: tuple[float, float, float]) -> None:
-        """Takes a sample [m/s²], as `add` but faster; one that is not finite is left out."""
+        """Adds a sample [m/s²]; the same as `add`, but faster; ignores one that is not finite."""
         if math.isfinite(sum(acceleration)):
             self._take(stamp_ns // BIN_NS, acceleration, 1)
 
     def finish(self) -> None:
-        """Takes what is left; no samples follow."""
+        """Processes the remaining samples at the end."""
         self._close_bin()
 
     def forget_first(self) -> None:
-        """Drops the first motion; if it still goes on, what follows is another one."""
+        """Drops the first motion; if it continues, the rest is another motion."""
         del self._spans[0]
 
     def number_at(self, stamps: Integers) -> NDArray[np.int32]:
-        """Which motion each moment belongs to, AFTER_NS after its end included; -1: none.
+        """Returns the motion of each stamp, including AFTER_NS after its end; -1: none.
 
         Args:
             stamps: (N,) [ns].
@@ -129,7 +129,7 @@ class MotionFinder:
         self._follow_rest(resting)
 
     def _follow_rest(self, resting: Vector | None) -> None:
-        """Takes a constant as that of a rest, where it is one.
+        """Uses a constant as the base acceleration if it is one of rest.
 
         Args:
             resting: the constant where it can be no acceleration; None: it may be one [m/s²].
@@ -153,7 +153,7 @@ class MotionFinder:
         self._finder.adopt(constant)
 
     def _grown(self) -> tuple[int, list[MotionSpan]]:
-        """From which place on the bin that is being filled changes the motions, and to what."""
+        """Returns how the current bin changes the motions: the first changed index, and spans."""
         count = len(self._spans)
         if not self._moves():
             return count, []
@@ -163,7 +163,7 @@ class MotionFinder:
         return count, [MotionSpan(start, end)]
 
     def _moves(self) -> bool:
-        """Whether the container moves in the bin that is being filled."""
+        """Whether the container moves in the current bin."""
         count, base = self._count, self._base
         away = [self._sums[axis] - count * base[axis] for axis in range(3)]
         return math.hypot(*away) > MOVING * count or self._turns()
@@ -175,7 +175,7 @@ class MotionFinder:
 def motion_spans(
     stamps: Integers, accelerations: Array, turning: Array | None = None
 ) -> list[MotionSpan]:
-    """The motions of a whole series; the arguments are those of `MotionFinder.add`."""
+    """Returns the motions of a whole series; arguments as for `MotionFinder.add`."""
     finder = MotionFinder()
     finder.add(stamps, accelerations, turning)
     finder.finish()

@@ -1,4 +1,4 @@
-"""How far a measured free surface is from a straight line, and how much of it is left in a dwell.
+"""Deviation of a measured free surface from a straight line, and its rest in a dwell.
 
 The indices of TM20 of profiles η(x, t) over a container's width. x is measured from its middle, η
 from the still level; a frame is one row of a profile.
@@ -16,7 +16,7 @@ from slosh_metrics.errors import SloshMetricsError
 
 
 def line_slopes(x: ArrayLike, eta: ArrayLike) -> Array:
-    """Slope θ of the line θ·x that is nearest to each frame (TM20, eqs. (11), (12)).
+    """Returns the slope θ of the line θ·x closest to each frame (TM20, eqs. (11), (12)).
 
     The squares' sum is a parabola in θ: its lowest point needs no iteration.
 
@@ -39,7 +39,7 @@ def line_slopes(x: ArrayLike, eta: ArrayLike) -> Array:
 
 
 def line_approximation_error(x: ArrayLike, eta: ArrayLike) -> float:
-    """ε̄: root mean square distance of a motion's frames from their lines [m] (TM20, eq. (13)).
+    """Returns ε̄: rms distance of a motion's frames from their lines [m] (TM20, eq. (13)).
 
     The printed equation has lost its root: only with it is ε̄ the length that its limit is.
 
@@ -59,7 +59,7 @@ def line_approximation_error(x: ArrayLike, eta: ArrayLike) -> float:
 
 
 def effective_height(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
-    """η_eff: effective height of the surface over a dwell [m] (TM20, eq. (17)).
+    """Returns η_eff: effective height of the surface over a dwell [m] (TM20, eq. (17)).
 
     Args:
         t: (J,) times of the frames, from the dwell's start to its end [s].
@@ -75,7 +75,7 @@ def effective_height(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
 def effective_difference(
     t: ArrayLike, x: ArrayLike, measured: ArrayLike, slopes: ArrayLike
 ) -> float:
-    """Δη: effective distance of measured surfaces from lines over a dwell [m].
+    """Returns Δη: effective distance of measured surfaces from lines over a dwell [m].
 
     With the lines that are nearest to the frames it is Δη_appr (TM20, eq. (18)), with those of a
     simulation Δη_simul (19).
@@ -109,7 +109,7 @@ def effective_difference(
 
 
 def _mean_square(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
-    """Mean of η² over time and width by the trapezoidal rule [m²]."""
+    """Returns the mean of η² over time and width by the trapezoidal rule [m²]."""
     places, frames = _profile(x, eta)
     times = np.asarray(t, dtype=np.float64)
     if times.shape != frames.shape[:1]:
@@ -124,7 +124,7 @@ def _mean_square(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
 
 
 def _mean_over(t: Array, values: Array) -> Array:
-    """Mean over the first axis by the trapezoidal rule."""
+    """Returns the mean over the first axis by the trapezoidal rule."""
     mean: Array = 0.5 * np.diff(t) @ (values[1:] + values[:-1]) / (t[-1] - t[0])
     return mean
 

@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class MetricsTuning:
-    """What distinguishes a motion from rest, a fault from a motion, and an offset from a drift.
+    """Tuning numbers of motion detection, input checks and clock drift.
 
     Checked by the tests of the package on simulated inputs with and without each fault. The unit
     "σ" is a standard deviation of the noise.
@@ -60,7 +60,7 @@ class MetricsTuning:
     top_speed: float = number(5.0, "m/s", "largest change of speed in a motion")
     # input_checks/input_faults.py
     least_samples: int = number(16, "1", "fewest samples that can show a fault")
-    fault_moving: float = number(0.15, "m/s²", "acceleration below which a fault does not matter")
+    fault_moving: float = number(0.15, "m/s²", "acceleration below which a fault is negligible")
     flat_samples: int = number(4, "1", "fewest equal samples of a clipped top")
     beside: int = number(4, "1", "samples beside it that extrapolate the clipped part")
     cap: float = number(0.05, "1", "part of the range by which that exceeds the top")

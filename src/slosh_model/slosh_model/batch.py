@@ -1,4 +1,4 @@
-"""Many models or motions at once: the answers of `simulate`, in a small part of the time."""
+"""Simulates many models or motions at once; the results of `simulate`, much faster."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _ZERO = np.zeros(1)
 
 
 class _Simulations(NamedTuple):
-    """What is simulated; each list has an entry for each simulation.
+    """A batch of simulations; each list has one entry per simulation.
 
     Lists, not an object for each: thousands of those would wake the garbage collector.
 
@@ -62,7 +62,7 @@ def wall_heights(
     max_step: float = MAXIMUM_STEP,
     threads: int | None = None,
 ) -> list[Array]:
-    """Wall heights of many simulations from one state, the bits of `simulate`.
+    """Computes wall heights of many simulations from one state; exactly as `simulate`.
 
     Fastest where many models have the same effects and the motions are about equally long.
 
@@ -142,14 +142,14 @@ def _check_start(simulations: _Simulations, state: State | None) -> None:
 
 
 def _store(model: Model, state: State | None, max_step: float) -> Array:
-    """A model before its first sample."""
+    """Returns the store of a model before its first sample."""
     simulator = Simulator(model, max_step=max_step)
     simulator.start(state, 0.0 if state is None else state.t)
     return simulator.store
 
 
 def _intervals(inputs: Iterable[Inputs]) -> Iterator[Array]:
-    """Of each motion; the same array where it has the times of the motion before."""
+    """Returns each motion's intervals; motions with equal times share an array."""
     t, intervals = np.empty(0), np.empty(0)
     for one in inputs:
         if one.t is not t and not (len(one.t) == len(t) and (one.t == t).all()):
@@ -159,12 +159,12 @@ def _intervals(inputs: Iterable[Inputs]) -> Iterator[Array]:
 
 
 def _counts(intervals: Array, max_step: float) -> Counts:
-    """How many sub-steps each of them takes."""
+    """Returns the number of sub-steps of each interval."""
     return np.ceil(intervals / max_step).astype(np.int64)
 
 
 def _pace(intervals: Array, max_step: float) -> bytes:
-    """What motions that take equal sub-steps have in common.
+    """Returns a key that is equal for motions with equal sub-steps.
 
     Where each input is one sub-step away, motions of any length and spacing are alike.
     """
@@ -173,7 +173,7 @@ def _pace(intervals: Array, max_step: float) -> bytes:
 
 
 def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[Block]:
-    """Simulations that are alike, at most `size` of them, the longest motion last.
+    """Groups similar simulations, at most `size` each, the longest motion last.
 
     Blocks of some size are filled up to whole vectors, which are faster, with the last one.
     """
@@ -196,7 +196,7 @@ def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[B
 
 
 def _rooms(shapes: Sequence[tuple[int, ...]]) -> list[Array]:
-    """Arrays of these shapes, not filled, one behind the other."""
+    """Allocates uninitialised arrays of these shapes in one block."""
     ends = [0, *accumulate(map(math.prod, shapes))]
     whole = np.empty(ends[-1])
     return [
@@ -208,7 +208,7 @@ def _rooms(shapes: Sequence[tuple[int, ...]]) -> list[Array]:
 def _run(
     simulations: _Simulations, block: Block, stores: Array, max_step: float, heights: Array
 ) -> None:
-    """Heights of a block's simulations."""
+    """Computes the heights of a block's simulations."""
     motions = [simulations.inputs[place] for place in block]
     intervals = [simulations.intervals[place] for place in block]
     if len(block) < FEWEST:
@@ -233,7 +233,7 @@ def _run(
 
 
 def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) -> None:
-    """Heights of the first inputs, one more than there are intervals; changes the store."""
+    """Computes the heights of the first inputs, intervals + 1; changes the store."""
     count = len(heights)
     before = _ZERO if count == 1 else np.concatenate((_ZERO, intervals))
     history = np.empty((count, len(divided(store)[1]), 4))
@@ -244,14 +244,14 @@ def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) 
 
 
 def _distinct(lanes: Sequence[T]) -> tuple[list[T], Counts]:
-    """The different objects among those of the lanes, and for each lane which is its own."""
+    """Returns the distinct objects of the lanes, and each lane's index among them."""
     rows: dict[int, int] = {}
     which = [rows.setdefault(id(one), len(rows)) for one in lanes]
     return [lanes[which.index(row)] for row in range(len(rows))], np.array(which)
 
 
 def _stacked(arrays: Sequence[Array], shape: tuple[int, ...], *, last: bool = True) -> Array:
-    """(K, …): each array, then its last row (or zeros) again and again up to the shape."""
+    """Stacks arrays to (K, …); repeats each last row (or zeros) to fill the shape."""
     padded = np.empty((len(arrays), *shape))
     for target, array in zip(padded, arrays, strict=True):
         count = len(array)

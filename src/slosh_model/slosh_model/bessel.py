@@ -1,4 +1,4 @@
-"""Roots of J₁′ and the free surface's radial shape."""
+"""Roots of J₁′, and the radial shape of the free surface."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_mode(n: int) -> None:
 
 @cache
 def bessel_derivative_root(n: int) -> float:
-    """The n-th positive root ξₙ of J₁′, n ≥ 1 (DL22, eq. (3)): 1.8412, 5.3314 and so on.
+    """Returns the n-th positive root ξₙ of J₁′, n ≥ 1 (DL22, eq. (3)): 1.8412, 5.3314, ….
 
     Raises:
         SloshModelError: n is not in 1 … MAXIMUM_MODE.
@@ -40,7 +40,7 @@ def bessel_derivative_root(n: int) -> float:
 
 
 def radial_shape(n: int, relative_radius: ArrayLike) -> NDArray[np.float64]:
-    """J₁(ξₙ r/R) / J₁(ξₙ), equal to 1 at the wall (DL22, eq. (19)).
+    """Returns J₁(ξₙ r/R) / J₁(ξₙ), which is 1 at the wall (DL22, eq. (19)).
 
     Args:
         n: mode.

@@ -1,4 +1,4 @@
-"""Checks of scalar quantities, shared by every value that has bounds."""
+"""Range checks of scalar quantities."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from slosh_model.errors import SloshModelError
 
 
 def mistaken_unit(value: float, unit: str, lower: float, upper: float) -> str:
-    """`; did you mean 65 mm, 0.065?` where a length in m was given in mm; else empty.
+    """Returns `; did you mean 65 mm, 0.065?` if a length in m looks like mm; else empty.
 
     Args:
         value: that is outside the bounds, in `unit`.

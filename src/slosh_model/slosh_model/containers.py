@@ -1,4 +1,4 @@
-"""Containers: their dimensions and what follows from them alone.
+"""Containers: their dimensions and derived quantities.
 
 A container is symmetric about its x and its y axis. Its antisymmetric waves n = 1, 2, … along an
 axis have the wave number ξₙ/R, with R from the axis to the wall. Each shape is a module of
@@ -25,6 +25,7 @@ from slosh_model.checks import within
 from slosh_model.constants import GRAVITY
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
+from slosh_model.wall import Wall
 
 if TYPE_CHECKING:
     from slosh_model.shapes.cylinder import Cylinder
@@ -71,7 +72,7 @@ class CupLengths(TypedDict):
 
 
 class Container(ABC):
-    """What the models need to know of a container.
+    """Interface of all containers for the models.
 
     A new shape is a subclass in a module of its own: defined, it can be named in model.yaml.
     Callers ask its methods; none asks for its class.
@@ -107,7 +108,7 @@ class Container(ABC):
 
     @staticmethod
     def of(**lengths: Unpack[CupLengths]) -> Cylinder | Rectangle:
-        """A container by its lengths.
+        """Makes a container from its lengths.
 
         Raises:
             SloshModelError: a length that is missing, too much, unknown or impossible.
@@ -144,7 +145,7 @@ class Container(ABC):
 
     @abstractmethod
     def root(self, n: int) -> float:
-        """ξₙ of the n-th antisymmetric mode.
+        """Returns ξₙ of the n-th antisymmetric mode.
 
         Raises:
             SloshModelError: n is not in 1 … MAXIMUM_MODE.
@@ -158,44 +159,44 @@ class Container(ABC):
     @property
     @abstractmethod
     def size(self) -> float:
-        """The dimension on which its waves depend most [m]."""
+        """The dimension with most influence on its waves [m]."""
 
     @property
     @abstractmethod
     def size_name(self) -> str:
-        """What `size` is, for people."""
+        """Name of the dimension `size`."""
 
     @property
     @abstractmethod
     def described(self) -> str:
-        """Its dimensions for people [mm]."""
+        """Text of its dimensions [mm]."""
 
     @abstractmethod
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """mₙ/m_F, the share of the liquid's mass that sloshes in mode n."""
+        """Returns mₙ/m_F, the share of the liquid's mass that sloshes in mode n."""
 
     @abstractmethod
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Wall height per displacement of a mode's mass where the surface is a plane [1]."""
+        """Returns the wall height per displacement of a mode's mass for a plane surface [1]."""
 
     @abstractmethod
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Wall height per displacement of a mode's mass where it has the mode's shape [1]."""
+        """Returns the wall height per displacement of a mode's mass for the mode's shape [1]."""
 
     @abstractmethod
     def widened(self, factor: float) -> Self:
-        """The same container with its horizontal dimensions larger by a factor."""
+        """Returns the container with horizontal dimensions scaled by a factor."""
 
     @abstractmethod
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ₁ from the viscosity ν [m²/s] where none was measured."""
+        """Returns ζ₁ estimated from the viscosity ν [m²/s]."""
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
-        """ζₙ from the viscosity ν [m²/s]; where nothing else is known that of the first mode."""
+        """Returns ζₙ from the viscosity ν [m²/s]; by default that of the first mode."""
         return self.damping_ratio(kinematic_viscosity)
 
     def mass_height(self, n: int, axis: int = X_AXIS) -> float:
-        """Height of a mode's mass above the still surface [m]: -(2R/ξ) tanh(ξh/2R).
+        """Returns the height of a mode's mass above the still surface [m]: -(2R/ξ) tanh(ξh/2R).
 
         Of vertical walls: Ibrahim 2005, ch. 5; Dodge 2000, ch. 3.
         """
@@ -203,16 +204,16 @@ class Container(ABC):
         return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
 
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
-        """A mode's largest height over the surface, relative to the wall's, and its place [m]."""
+        """Returns a mode's maximum height relative to the wall's, and its position [m]."""
         return 1.0, self.reaches[axis]
 
     @property
     def volume(self) -> float:
-        """Of the liquid [m³]; NaN: unknown."""
+        """Volume of the liquid [m³]; NaN: unknown."""
         return math.nan
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Places along x from the axis to the wall [m], and a mode's height there."""
+        """Returns positions along x from the axis to the wall [m], and a mode's height there."""
         places = np.linspace(0.0, self.reaches[X_AXIS], 41)
         if self.cornered:
             shape = np.sin(self.root(n) * places / places[-1])
@@ -221,27 +222,53 @@ class Container(ABC):
 
     @property
     def silhouette(self) -> Array:
-        """(N, 2) its wall's right half from the side, z from the still surface [m]."""
+        """Returns the wall's right half from the side (N, 2), z from the still surface [m]."""
         reach, rim = self.reaches[X_AXIS], self.rim_height or 1.3 * self.fill_height
         floor = -self.fill_height
         return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
 
-    def wall_facts(self, height: float) -> dict[str, float]:
-        """What a height [m] is on a wall that leans: `along_wall` and `contact_radius` [m].
+    @property
+    def wall(self) -> Wall:
+        """Its wall about the still level: what a height is on it, and how far from the rim."""
+        reaches = self.reaches
+        radius = reaches[X_AXIS] if self.section == ROUND else math.nan
+        return Wall.vertical(radius, self.freeboard)
 
-        With `crest_ratio` and `crest_place` [m] where the surface is highest inside. Empty for a
-        vertical wall.
+    def height_below_rim(self, distance: float = 0.0) -> float | None:
+        """Height at the wall at which the highest place is a distance below the rim [m].
+
+        Args:
+            distance: vertical [m]; 0: at the rim.
+
+        Returns:
+            the height; None: the rim is not known.
+
+        Raises:
+            SloshModelError: an impossible distance, or one of which the rim is not known or below
+                which the still liquid is not.
         """
-        return {}
+        if self.freeboard is None:
+            if distance == 0.0:
+                return None
+            raise SloshModelError(
+                f"a distance to the rim of {distance:g} m cannot be kept: the rim is not known; "
+                "give container.rim_height in the model"
+            )
+        if not 0.0 <= distance < self.freeboard:
+            raise SloshModelError(
+                f"the distance to the rim must be 0 … {self.freeboard:g} m, the distance of the "
+                f"still liquid; given {distance:g} m"
+            )
+        return self.wall.height_at(distance)
 
     @property
     def linear_height(self) -> float:
-        """Height from which its only model, the linear one, fails [m]; else infinite."""
+        """Height above which linear waves, the only model, are invalid [m]; else infinite."""
         return math.inf
 
     @property
     def digest(self) -> str:
-        """Of all that its modes depend on, where they travel with the model; else empty."""
+        """Digest of precomputed modes that are stored with the model; else empty."""
         return ""
 
     def __init_subclass__(cls) -> None:
@@ -249,7 +276,7 @@ class Container(ABC):
             _SHAPES[cls.shape] = cls
 
     def filled_to(self, fill_height: float, rim_height: float | None) -> Self:
-        """The same container with other heights of liquid and rim above the floor [m]."""
+        """Returns the container with other heights of liquid and rim above the floor [m]."""
         changed: Self = replace(cast(Any, self), fill_height=fill_height, rim_height=rim_height)
         return changed
 
@@ -259,7 +286,7 @@ class Container(ABC):
         return self.section == RECTANGULAR
 
     def msh(self, sh_x: Array, sh_y: Array) -> Array:
-        """Maximum sloshing height over the wall [m] (DL22, Table 2).
+        """Returns the maximum sloshing height over the wall [m] (DL22, Table 2).
 
         Args:
             sh_x, sh_y: heights on the wall at +x and +y, of equal shapes [m].
@@ -269,7 +296,7 @@ class Container(ABC):
         return np.hypot(sh_x, sh_y)
 
     def azimuth(self, sh_x: Array, sh_y: Array) -> Array:
-        """Azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26)).
+        """Returns the azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26)).
 
         In a rectangle that of its corner, or of a side's middle where all of it is as high.
         """
@@ -284,15 +311,15 @@ class Container(ABC):
         return None if self.rim_height is None else self.rim_height - self.fill_height
 
     def depth_factor(self, n: int, axis: int = X_AXIS) -> float:
-        """tanh(ξₙ h/R), the share of the deep-liquid frequency squared that this depth leaves."""
+        """Returns tanh(ξₙ h/R), the reduction of the squared frequency by finite depth."""
         return math.tanh(self.root(n) * self.fill_height / self.reaches[axis])
 
     def natural_frequency(self, n: int, axis: int = X_AXIS) -> float:
-        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20))."""
+        """Returns ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20))."""
         return math.sqrt(GRAVITY * self.root(n) / self.reaches[axis] * self.depth_factor(n, axis))
 
     def _check_heights(self) -> None:
-        """Raises SloshModelError: a height outside DIMENSIONS, or the rim not above the liquid."""
+        """Raises SloshModelError for a height outside DIMENSIONS, or a rim below the liquid."""
         within("container.fill_height", self.fill_height, "m", *DIMENSIONS)
         if self.rim_height is None:
             return

@@ -1,4 +1,4 @@
-"""How sure parameters are that were identified from measurements."""
+"""Covariance of parameters identified from measurements."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Covariance:
 
     @property
     def array(self) -> Array:
-        """(P, P), a copy."""
+        """The covariance as an array (P, P), a copy."""
         count = len(self.parameters)
         return np.array(self.matrix, dtype=np.float64).reshape(count, count)
 
@@ -68,7 +68,7 @@ class Covariance:
 
 
 def covariance_of(parameters: tuple[str, ...], matrix: Array) -> Covariance:
-    """A covariance of a computed matrix (P, P), whose rounding is evened out."""
+    """Makes a covariance from a computed matrix (P, P), which is symmetrised."""
     even = 0.5 * (matrix + matrix.T)
     return Covariance(parameters, tuple(tuple(row) for row in even.tolist()))
 

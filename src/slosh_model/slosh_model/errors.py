@@ -1,10 +1,10 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
 
 class SloshModelError(ValueError):
-    """A container, model or input is physically or formally impossible; the text is one line.
+    """A container, model or input is impossible or invalid; the text is one line.
 
     >>> from slosh_model import Cylinder, SloshModelError
     >>> try:
@@ -24,4 +24,4 @@ class SloshModelError(ValueError):
 
 
 class ModelFileError(SloshModelError):
-    """A model's file cannot be read; the text does not tell what stands in it."""
+    """A model file cannot be read; the text does not reveal its contents."""

@@ -1,4 +1,4 @@
-"""What results share in a notebook: one line that sums them up, tables, charts.
+"""Notebook support of results: one-line summary, tables, charts.
 
 pandas and matplotlib are loaded here alone, when somebody asks: a model and a node do without.
 """
@@ -24,18 +24,18 @@ UNITS = "units"
 
 
 def counted(number: int, what: str) -> str:
-    """For example "1 sample" or "12 samples"."""
+    """Formats a count, for example "1 sample" or "12 samples"."""
     return f"{number} {what}{'s' * (number != 1)}"
 
 
 def span(t: Array) -> str:
-    """For example "1500 samples, 0 … 1.499 s"."""
+    """Formats a time span, for example "1500 samples, 0 … 1.499 s"."""
     count = counted(len(t), "sample")
     return f"{count}, {t[0]:.6g} … {t[-1]:.6g} s" if len(t) else count
 
 
 def peak(t: Array, heights: Array, what: str) -> str:
-    """For example "highest 12.3 mm at 1.234 s"; where there is no number, that."""
+    """Formats the maximum, for example "highest 12.3 mm at 1.234 s"."""
     if not np.isfinite(heights).any():
         return f"no {what} height"
     top = int(np.nanargmax(heights))
@@ -43,7 +43,7 @@ def peak(t: Array, heights: Array, what: str) -> str:
 
 
 class Shown:
-    """What a result can show of itself: `to_xarray` of its table, its line and chart in a page.
+    """Base of results with `to_xarray` and an HTML summary for notebooks.
 
     What has a `plot` shows it, too.
     """
@@ -55,7 +55,7 @@ class Shown:
         def to_pandas(self) -> DataFrame: ...  # noqa: D102
 
     def to_xarray(self) -> Any:
-        """The table of `to_pandas` as an xarray Dataset, each variable with its unit.
+        """Returns the table of `to_pandas` as an xarray Dataset with units.
 
         Raises:
             ImportError: xarray or pandas is not installed.
@@ -68,7 +68,7 @@ class Shown:
         return dataset
 
     def _repr_html_(self) -> str:
-        """The line, and the chart where matplotlib draws it, as a notebook shows them."""
+        """Returns the summary and, with matplotlib, the chart as HTML."""
         line = f"<p><code>{escape(repr(self))}</code></p>"
         plot = getattr(self, "plot", None)
         try:
@@ -88,7 +88,7 @@ def _svg(figure: Any) -> str:
 def table(
     rows: Any, columns: Mapping[str, Any], index: str = "t", units: Mapping[str, str] | None = None
 ) -> DataFrame:
-    """A pandas table; its `attrs["units"]` tells units by column.
+    """Makes a pandas table; its `attrs["units"]` gives units by column.
 
     Args:
         rows: its index: the time [s], where nothing else is said.
@@ -107,7 +107,7 @@ def table(
 
 
 def height_axes(axes: Axes | None, title: str = "") -> Axes:
-    """Axes to draw heights [mm] over time [s] into.
+    """Returns axes for heights [mm] over time [s].
 
     Args:
         axes: matplotlib's; None: of a new figure.
@@ -126,7 +126,7 @@ def height_axes(axes: Axes | None, title: str = "") -> Axes:
 
 
 def needed(name: str, what: str) -> Any:
-    """An optional module.
+    """Imports an optional module.
 
     Raises:
         ImportError: its library is not installed; the line says how it is.

@@ -1,4 +1,4 @@
-"""Gaps in a sampled motion: one rule for whatever reads one."""
+"""Gaps in a sampled motion, by one rule for all readers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ sinc²(1/8) = 95 % of an acceleration at the liquid's frequency."""
 
 
 class Gap(NamedTuple):
-    """An interval in which a motion was not sampled.
+    """An interval without samples in a motion.
 
     Attributes:
         start: time of the sample before it [s].
@@ -38,7 +38,7 @@ class Gap(NamedTuple):
 
 
 def find_gaps(t: Array, model: Model) -> list[Gap]:
-    """The gaps between samples of a motion, in the order of time.
+    """Finds the gaps between samples of a motion, in order of time.
 
     Args:
         t: (N,) time, increasing [s].
@@ -54,7 +54,7 @@ def find_gaps(t: Array, model: Model) -> list[Gap]:
 
 
 def gap_text(t: Array, model: Model) -> str:
-    """What is said of a motion's gaps; empty: it has none."""
+    """Describes a motion's gaps; empty: none."""
     gaps = find_gaps(t, model)
     if not gaps:
         return ""

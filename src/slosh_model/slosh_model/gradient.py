@@ -1,4 +1,4 @@
-"""Gradients of the highest height by the acceleration samples, for optimisers of one's own.
+"""Gradients of the maximum height by the acceleration samples, for optimisers.
 
 The highest of the samples' heights is differentiated where it is attained: exact while that is one
 sample. Where two samples are equally high there is a kink, as of every maximum; what is told there
@@ -26,7 +26,7 @@ COVERED = (VERTICAL, CURVED)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightGradient:
-    """A height and how it changes with a motion.
+    """A height, and its gradient by a motion.
 
     Attributes:
         height: highest MSH of the samples, or its smooth maximum [m].
@@ -44,7 +44,14 @@ class HeightGradient:
 def peak_gradient(
     model: Model, inputs: Inputs, *, smoothing: float = 0.0, max_step: float = MAXIMUM_STEP
 ) -> HeightGradient:
-    """The highest height of a motion from rest, and its gradient by the acceleration samples.
+    """Computes the maximum height of a motion from rest, and its gradient by the acceleration.
+
+    >>> from slosh_model import Model
+    >>> t = np.linspace(0.0, 1.0, 201)
+    >>> move = Inputs(t, np.outer(np.sin(12.0 * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> found = peak_gradient(Model.from_cup(diameter=0.08, fill_height=0.06), move)
+    >>> round(found.height, 4), found.gradient.shape
+    (0.0077, (201, 3))
 
     By the adjoint of the simulation's own steps: in about the time of a few simulations, however
     many samples there are. Covered are the linear model and `vertical_acceleration`,
@@ -86,7 +93,7 @@ def peak_gradient(
 def pulled_back(
     model: Model, inputs: Inputs, weights: Array, max_step: float = MAXIMUM_STEP
 ) -> Array:
-    """(N, 3) gradient of Σ weights · heights by the acceleration samples [m per m/s²].
+    """Returns the gradient (N, 3) of Σ weights · heights by the acceleration [m per m/s²].
 
     Args:
         model: one that is covered; see `peak_gradient`.
@@ -110,7 +117,11 @@ def pulled_back(
 
 
 def check_covered(model: Model) -> None:
-    """Raises SloshModelError where an effect's derivative is not known."""
+    """Raises SloshModelError if an effect has no known derivative.
+
+    >>> from slosh_model import Model
+    >>> check_covered(Model.from_cup(diameter=0.08, fill_height=0.06))
+    """
     for hook in ("drive", "modulation", "term"):
         for effect, _ in model.uses(hook):
             if effect.name not in COVERED and not effect.needs_rotation:
@@ -121,7 +132,7 @@ def check_covered(model: Model) -> None:
 
 
 def _by_heights(response: Response) -> Array:
-    """(N, 2) derivative of the MSH by the heights at +x and +y; 0 where the liquid is at rest."""
+    """Returns the derivative (N, 2) of the MSH by the heights at +x and +y; 0 at rest."""
     heights = np.column_stack([response.sh_x, response.sh_y])
     if response.container is not None and response.container.cornered:
         return np.sign(heights)

@@ -1,4 +1,4 @@
-"""Where compiled code finds a quantity in the tuples and rows that it passes on.
+"""Indices of quantities in the tuples and rows of compiled code.
 
 Tuples, since the compiler keeps them in registers. What a later effect needs can be appended to
 one without a change to the others.

@@ -11,7 +11,7 @@ Times = NDArray[np.float64] | NDArray[np.int64]
 
 
 def columns_at(moments: Times, t: Times, columns: Array) -> Array:
-    """Columns at other moments; beyond the samples the end values stay.
+    """Interpolates columns at other times; constant beyond the ends.
 
     Args:
         moments: (M,) in any unit.

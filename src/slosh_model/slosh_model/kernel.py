@@ -1,4 +1,4 @@
-"""The compiled equations of motion and their integration; one kernel serves every model."""
+"""The compiled equations of motion and their integration, common to all models."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _TWO_PI = 2.0 * math.pi
 
 @compiled
 def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-    """q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15)), 2×2 in closed form."""
+    """Computes q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15))."""
     mode = all_modulations(mode, elapsed, parameters)
     omega, zeta = mode[FREQUENCY], mode[DAMPING]
     omega_y = omega * mode[FREQUENCY_RATIO]
@@ -63,7 +63,7 @@ def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no
 
 @compiled
 def between(u0, u1, share):  # type: ignore[no-untyped-def]
-    """The input at a share of the way from u0 to u1."""
+    """Interpolates the input at a fraction of the way from u0 to u1."""
     return (
         u0[0] + share * (u1[0] - u0[0]),
         u0[1] + share * (u1[1] - u0[1]),
@@ -74,7 +74,7 @@ def between(u0, u1, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignore[no-untyped-def]
-    """One classical Runge-Kutta step of one mode; u0, u1: the input at its two ends."""
+    """Makes a classical Runge-Kutta step of one mode; u0, u1: input at both ends."""
     x, y, vx, vy = q
     half = 0.5 * step
     middle = between(u0, u1, 0.5)
@@ -99,7 +99,7 @@ def runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignor
 
 @compiled
 def constants_of(mode):  # type: ignore[no-untyped-def]
-    """A mode's constants as the effects' hooks take them."""
+    """Returns a mode's constants for the effects' hooks."""
     return (
         mode["natural_frequency"], mode["damping_ratio"], mode["curvature"], mode["radius"],
         mode["height_gain"], mode["xi"], mode["fill_height"], mode["frequency_ratio"],
@@ -114,7 +114,7 @@ def _hold(run, inputs):  # type: ignore[no-untyped-def]
 
 @compiled
 def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
-    """Puts the liquid to where it rests while the container stands as in the first sample.
+    """Sets the liquid to its rest position in the pose of the first sample.
 
     That is the origin but for a container that is tilted. The container stands: whatever it does
     in the first sample begins there. By fixed-point iteration: each turn goes to where the linear
@@ -143,13 +143,13 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
 
 @compiled
 def unwrapped(angle, before):  # type: ignore[no-untyped-def]
-    """The same angle, less than half a turn from the one before [rad]."""
+    """Unwraps an angle: less than half a turn from the previous one [rad]."""
     return angle + _TWO_PI * math.floor((before - angle) / _TWO_PI + 0.5)
 
 
 @compiled
 def lightness(lift, az):  # type: ignore[no-untyped-def]
-    """Gravity relative to the vertical specific force that levels a surface; at most 2.
+    """Returns g / effective gravity of a plane surface; at most 2.
 
     Args:
         lift: 1 where the vertical acceleration acts, else 0.
@@ -160,7 +160,7 @@ def lightness(lift, az):  # type: ignore[no-untyped-def]
 
 @compiled
 def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-def]
-    """Integrates all modes from the held input to the new one, in place.
+    """Integrates all modes from the previous input to the new one, in place.
 
     Args:
         run: the model, a record of `layout.RUN`; changed.
@@ -209,7 +209,7 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
 
 @compiled
 def turned(height_x, height_y, angle):  # type: ignore[no-untyped-def]
-    """Heights along the modal axes, as heights at the container's +x and +y side."""
+    """Rotates heights from the modal axes to the container's axes."""
     if angle == 0.0:
         return height_x, height_y
     c, s = math.cos(angle), math.sin(angle)
@@ -218,7 +218,7 @@ def turned(height_x, height_y, angle):  # type: ignore[no-untyped-def]
 
 @compiled
 def pose_at(poses, i):  # type: ignore[no-untyped-def]
-    """A row of (N, POSE_COUNT) poses; of (0, POSE_COUNT) the upright one."""
+    """Returns a row of poses (N, POSE_COUNT); upright for (0, POSE_COUNT)."""
     if poses.shape[0] == 0:
         return UPRIGHT
     row = poses[i]
@@ -227,7 +227,7 @@ def pose_at(poses, i):  # type: ignore[no-untyped-def]
 
 @entry_point(Tuple((float64, float64))(CHANGED_1, float64, float64, float64, float64))
 def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
-    """`advance` by one input of a container that stands upright; returns its wall heights [m]."""
+    """Advances an upright container by one input; returns its wall heights [m]."""
     runs, modes = records(store)
     height_x, height_y, angle = advance(runs[0], modes, ax, ay, az, 0.0, UPRIGHT, dt)
     return turned(height_x, height_y, angle)
@@ -237,7 +237,7 @@ def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
 def advance_many(  # type: ignore[no-untyped-def]
     store, intervals, inputs, yaws, poses, history, heights
 ):
-    """`advance` over many inputs.
+    """Runs `advance` over many inputs.
 
     Args:
         store: the model, as `layout.records` divides it; changed.
@@ -263,13 +263,13 @@ def advance_many(  # type: ignore[no-untyped-def]
 
 @compiled
 def corner_height(height_x, height_y):  # type: ignore[no-untyped-def]
-    """The maximum over a wall with corners, of a plane [m]: it is at one of them."""
+    """Returns the maximum of a plane surface over a wall with corners [m]: at a corner."""
     return abs(height_x) + abs(height_y)
 
 
 @compiled
 def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-untyped-def]
-    """Where that is [rad]: the corner, or the middle of the side along which it is the same."""
+    """Returns the azimuth of that maximum [rad]: a corner, or the middle of a side."""
     x = 0.0 if height_x == 0.0 else math.copysign(radius_x, height_x)
     y = 0.0 if height_y == 0.0 else math.copysign(radius_y, height_y)
     return math.atan2(y, x)
@@ -284,7 +284,7 @@ def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-u
 def read_many(  # type: ignore[no-untyped-def]
     t, started, heights, azimuth, reaches, fill, cornered, parameters, memory, read
 ):
-    """What the sensor reads of the heights at one azimuth, or of their maximum.
+    """Computes the sensor's measurement at one azimuth, or of the maximum.
 
     Args:
         t: (N,) [s].

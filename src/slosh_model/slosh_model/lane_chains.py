@@ -1,4 +1,4 @@
-"""The hooks of all effects for many trajectories at once; see `chains` and `lane_rows`.
+"""Combines the hooks of all effects for many trajectories; see `chains`, `lane_rows`.
 
 One switch stands before a loop over the lanes, which the compiler turns into vector instructions
 where the effect's equation has them. `print(slosh_model.lane_chains.SOURCE)` shows the source.
@@ -30,7 +30,7 @@ def _tuple(first: int, count: int) -> str:
 
 
 def _reader(name: str, first: int, count: int) -> list[str]:
-    """A function for a lane's values of some rows.
+    """Generates a function that reads a lane's values of some rows.
 
     Every effect calls it, so that Numba infers the types of these lines once.
     """
@@ -38,13 +38,13 @@ def _reader(name: str, first: int, count: int) -> list[str]:
 
 
 def _writer(name: str, first: int, count: int, sign: str) -> list[str]:
-    """A function that sets, or adds to, a lane's values of some rows."""
+    """Generates a function that sets a lane's values of some rows, or adds to them."""
     rows = [f"    w[{first + row * LANES} + k] {sign} values[{row}]" for row in range(count)]
     return [f"def {name}(w, k, values):", *rows, ""]
 
 
 def _loop(effect: Effect, line: str) -> list[str]:
-    """Where the effect is on: a line with each lane's parameters."""
+    """Generates the loop over the lanes for an enabled effect."""
     slot = PARAMETERS + SLOTS[effect.name] * LANES
     return [
         f"    if w[{slot}] != 0.0:",

@@ -1,4 +1,4 @@
-"""The liquid."""
+"""Properties of the liquid."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ and 65 % of sucrose: pulp makes a juice thicker.
 
 
 def liquid_named(name: str) -> Liquid:
-    """A liquid of LIQUIDS.
+    """Returns a liquid of LIQUIDS.
 
     Raises:
         SloshModelError: there is none of that name.

@@ -1,4 +1,4 @@
-"""What a sensor reads of the heights that a model predicts."""
+"""Computes a sensor's measurement from the heights of a model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def measured_heights(
     azimuths: ArrayLike | None = None,
     rest: float | None = None,
 ) -> Array:
-    """The heights as a sensor reads them, with the model's effects on the measurement.
+    """Applies the model's measurement effects to heights.
 
     A delay is left out: it shifts the times at which the heights are read.
 
@@ -62,19 +62,24 @@ def measured_heights(
 
 @lru_cache(maxsize=64)
 def _read_with(model: Model) -> tuple[Array, float]:
-    """Effects' parameters and the fill height [m]; a fit reads many motions with one model."""
+    """Returns the effects' parameters and the fill height [m], cached by model."""
     parameters = effect_parameters(model)
     parameters.setflags(write=False)
     return parameters, model.mode_constants()[0].container.fill_height
 
 
 def remembers(model: Model) -> bool:
-    """Whether what is read at one moment depends on earlier ones."""
+    """Whether a measurement depends on earlier ones.
+
+    >>> from slosh_model import read_model
+    >>> remembers(read_model("cup/model.yaml"))
+    False
+    """
     return any(effect.reading_memory for effect, _ in model.uses("reading"))
 
 
 class ReadingClock(NamedTuple):
-    """The clock of the heights against that of the inputs.
+    """Offset and rate of the heights' clock relative to the inputs' clock.
 
     Attributes:
         offset: by how much a measurement comes late at the motion's start [s].
@@ -86,11 +91,11 @@ class ReadingClock(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether it is the inputs' clock."""
+        """Whether both clocks are equal."""
         return self.offset == 0.0 and self.rate == 0.0
 
     def delay(self, elapsed: Elapsed) -> Elapsed:
-        """By how much the measurement of a moment comes late [s].
+        """Returns the delay of a measurement [s].
 
         Args:
             elapsed: of the moment, or (N,) of moments, from the motion's start, on the inputs'
@@ -99,7 +104,7 @@ class ReadingClock(NamedTuple):
         return self.offset + self.rate * elapsed
 
     def moments(self, times: Array, start: float) -> Array:
-        """The moments on the inputs' clock at which the liquid was that is stamped so.
+        """Converts stamps of heights to times on the inputs' clock.
 
         Args:
             times: stamps of heights [s].
@@ -111,7 +116,12 @@ class ReadingClock(NamedTuple):
 
 
 def reading_clock(model: Model) -> ReadingClock:
-    """The clock of the heights that a model tells."""
+    """Returns the heights' clock of a model.
+
+    >>> from slosh_model import read_model
+    >>> reading_clock(read_model("cup/model.yaml")) == ReadingClock(0.0, 0.0)
+    True
+    """
     late = rate = 0.0
     for effect, parameters in model.uses("delay"):
         assert effect.delay is not None  # it was asked for
@@ -123,7 +133,7 @@ def reading_clock(model: Model) -> ReadingClock:
 def predicted_heights(
     model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
 ) -> Array:
-    """The heights that a sensor would read at given times, every effect included.
+    """Predicts the heights that a sensor measures at given times, with every effect.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs, predicted_heights, read_model
@@ -159,11 +169,15 @@ def predicted_heights(
 
 
 def with_moments(inputs: Inputs, moments: Array) -> Inputs:
-    """The same motion with further samples, interpolated as the integrator would.
+    """Returns the motion with additional samples, interpolated as in the integrator.
 
     Args:
         inputs: the motion.
         moments: (M,) not before its first sample [s]; after its last the values stay.
+
+    >>> inputs = Inputs(np.array([0.0, 1.0]), np.zeros((2, 3)))
+    >>> with_moments(inputs, np.array([0.5])).t.tolist()  # s
+    [0.0, 0.5, 1.0]
     """
     t = np.union1d(inputs.t, moments)
     return inputs if len(t) == len(inputs.t) else inputs.resampled(t)

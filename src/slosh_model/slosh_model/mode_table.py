@@ -1,4 +1,4 @@
-"""The modes of a model's container as a table: what moves, how fast, how high, how strongly."""
+"""Table of a container's modes: mass, frequency, position, gain."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ModeRow:
 
 
 def mode_table(model: Model, count: int) -> tuple[ModeRow, ...]:
-    """The first modes along x, and along y where that is another direction.
+    """Returns the first modes along x, and along y if it differs.
 
     Args:
         model: of which container, liquid, `damping_ratio` and `natural_frequency` count; its

@@ -60,7 +60,7 @@ class EffectUse:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Model:
-    """A model of sloshing; without effects the planar linear one (2D-L).
+    """A sloshing model; without effects it is the planar linear one (2D-L).
 
     >>> import slosh
     >>> slosh.Model.from_cup(diameter=0.08, fill_height=0.06, rim_height=0.11)
@@ -133,7 +133,7 @@ class Model:
 
     @classmethod
     def from_cup(cls, *, liquid: str | Liquid = "water", **lengths: Unpack[CupLengths]) -> Model:
-        """The model of a new cup, as `slosh new` writes it.
+        """Makes the model of a new cup, as `slosh new` does.
 
         Args:
             liquid: a name of LIQUIDS, or density and viscosity.
@@ -149,13 +149,13 @@ class Model:
 
     @classmethod
     def load(cls, path: str | Path) -> Model:
-        """The model in a `model.yaml`; see `read_model`."""
+        """Reads a `model.yaml`; see `read_model`."""
         from slosh_model.model_text import read_model  # it reads YAML, which a model does without
 
         return read_model(path)
 
     def save(self, path: str | Path) -> None:
-        """Writes a `model.yaml` that `load` reads back to an equal model.
+        """Writes a `model.yaml`; `load` returns an equal model.
 
         Raises:
             OSError: the file cannot be written; what was there is as it was.
@@ -173,12 +173,12 @@ class Model:
 
     @property
     def natural_frequency_hz(self) -> float:
-        """ω/2π of the first mode with every effect [Hz]."""
+        """ω/2π of the first mode with all effects [Hz]."""
         return self.mode_constants()[0].natural_frequency / math.tau
 
     @property
     def name(self) -> str:
-        """2D-L, 3D-L, 2D-NL or 3D-NL, with '+' and the names of further effects."""
+        """Name of the model: 2D-L, 3D-L, 2D-NL or 3D-NL, with '+' and further effects."""
         space = "3D" if self.has(VERTICAL) else "2D"
         nonlinear = self.container.nonlinear_effect
         surface = "NL" if self.has(nonlinear) else "L"
@@ -186,42 +186,42 @@ class Model:
         return "+".join([f"{space}-{surface}", *others])
 
     def has(self, effect: str) -> bool:
-        """True where the model includes the effect."""
+        """Whether the model includes the effect."""
         return any(use.name == effect for use in self.effects)
 
     def with_effect(self, effect: str, **parameters: float) -> Model:
-        """The model with the effect added, or with these parameters in place of its own."""
+        """Returns the model with the effect added or its parameters replaced."""
         return self.with_effects(EffectUse(effect, parameters))
 
     def with_effects(self, *uses: EffectUse) -> Model:
-        """The model with all of these added, or in place of its own of the same name."""
+        """Returns the model with effects added or replaced."""
         if not uses:
             return self
         acting = {use.name: use for use in (*self.effects, *uses)}
         return replace(self, effects=tuple(acting.values()))
 
     def without_effect(self, effect: str) -> Model:
-        """The model without the effect."""
+        """Returns the model without the effect."""
         return replace(self, effects=tuple(use for use in self.effects if use.name != effect))
 
     @property
     def acting(self) -> dict[str, Parameters]:
-        """Parameters of all that acts, by name: the container's own effects and those added."""
+        """Parameters of all active effects by name, including those of the container."""
         return {**self.container.built_in, **{use.name: use.parameters for use in self.effects}}
 
     def uses(self, hook: str) -> tuple[tuple[Effect, Parameters], ...]:
-        """The model's effects that have a hook, in the order in which they act."""
+        """Returns the model's effects with a hook, in the order of their action."""
         used = self.acting
         return tuple(
             (effect, used[effect.name]) for effect in BY_HOOK[hook] if effect.name in used
         )
 
     def linear(self) -> Model:
-        """The L twin: everything but the nonlinearity of the container's shape."""
+        """Returns the L variant: without the nonlinearity of the container's shape."""
         return self.without_effect(self.container.nonlinear_effect)
 
     def nonlinear(self) -> Model:
-        """The NL twin; its parameters as they stand, or the defaults.
+        """Returns the NL variant, with present or default parameters.
 
         The model itself where its container has none.
         """
@@ -229,19 +229,41 @@ class Model:
         return self if not nonlinear or self.has(nonlinear) else self.with_effect(nonlinear)
 
     def planar(self) -> Model:
-        """The 2D twin: everything but the vertical acceleration."""
+        """Returns the 2D variant: without vertical acceleration."""
         return self.without_effect(VERTICAL)
 
     def spatial(self) -> Model:
-        """The 3D twin."""
+        """Returns the 3D variant."""
         return self if self.has(VERTICAL) else self.with_effect(VERTICAL)
 
+    def filled_to(self, fill_height: float) -> Model:
+        """The same container with another fill height above its floor [m].
+
+        A measured frequency changes in the proportion of the container's own; what was identified
+        with the fill height before has no covariance any more.
+
+        Raises:
+            SloshModelError: the container cannot be filled so.
+        """
+        container = self.container.filled_to(fill_height, self.container.rim_height)
+        measured = self.natural_frequency
+        if measured is not None:
+            measured *= container.natural_frequency(1) / self.container.natural_frequency(1)
+        same = self.limits == self.container.validated
+        return replace(
+            self,
+            container=container,
+            natural_frequency=measured,
+            covariance=None,
+            limits=_OF_THE_SHAPE if same else self.limits,
+        )
+
     def feeling_gravity(self) -> Model:
-        """The model that feels gravity in a container that its attitude tilts."""
+        """Returns the model with gravity in a tilted container."""
         return self if self.has(TILT) else self.with_effect(TILT)
 
     def mode_constants(self) -> tuple[Mode, ...]:
-        """The modes after every effect that changes them."""
+        """Returns the modes after all effects that change them."""
         factor = self._frequency_factor()
         modes = tuple(
             Mode(n, self.container, self._damping(self.container, n), factor)
@@ -259,13 +281,13 @@ class Model:
         return modes
 
     def _damping(self, container: Container, number: int) -> float:
-        """ζ of a mode before any effect."""
+        """Returns ζ of a mode before any effect."""
         if self.damping_ratio is not None:
             return self.damping_ratio
         return container.mode_damping(self.liquid.kinematic_viscosity, number)
 
     def mode_frequency(self, number: int) -> float:
-        """ωₙ of any mode without effects [rad/s], in proportion to the first as measured."""
+        """Returns ωₙ of any mode without effects [rad/s], scaled as the measured first one."""
         return self._frequency_factor() * self.container.natural_frequency(number)
 
     def _frequency_factor(self) -> float:
@@ -276,7 +298,7 @@ class Model:
     def height_gains(
         self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS
     ) -> tuple[float, ...]:
-        """Wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2).
+        """Returns the wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2).
 
         Args:
             modes: what `mode_constants` gives; None: computed.
@@ -293,7 +315,7 @@ class Model:
         return tuple(gains)
 
     def static_height(self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS) -> float:
-        """Wall height per acceleration that follows the acceleration at once [s²].
+        """Returns the quasi-static wall height per acceleration [s²].
 
         A share of what the modes leave of R/g, the height of a surface that stands normal to
         gravity and a constant acceleration.

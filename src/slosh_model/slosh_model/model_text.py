@@ -1,4 +1,4 @@
-"""Reads and writes a `model.yaml` and its text."""
+"""Reads and writes a `model.yaml`, as a file or a text."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LONGEST = 64_000
 
 
 def parse_model(text: str, source: str = "model.yaml") -> Model:
-    """Reads a model.
+    """Parses a model.
 
     >>> from slosh_model import parse_model
     >>> text = "container: {shape: cylinder, radius: 0.04, fill_height: 0.06}"
@@ -61,7 +61,7 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
 
 
 def format_model(model: Model) -> str:
-    """The text of a `model.yaml` that `parse_model` reads back to an equal model.
+    """Formats a `model.yaml`; `parse_model` returns an equal model.
 
     >>> import slosh
     >>> from slosh_model import format_model
@@ -73,9 +73,9 @@ def format_model(model: Model) -> str:
     - {name: vertical_acceleration}
     - {name: surface_nonlinearity, alpha: 0.58}
     """
-    container, count = {"shape": model.container.shape}, model.modes
+    count = model.modes
     document: dict[str, Any] = {
-        "container": container | _container_fields(model.container),
+        "container": container_section(model.container),
         "liquid": _given_fields(model.liquid),
         "damping_ratio": AUTO if model.damping_ratio is None else model.damping_ratio,
     }
@@ -99,9 +99,9 @@ def format_model(model: Model) -> str:
     return format_yaml(document, sort_keys=False, default_flow_style=None)
 
 
-def _container_fields(container: Container) -> dict[str, Any]:
-    """Its dimensions; of points and other lists copies that YAML writes as such."""
-    found = {}
+def container_section(container: Container) -> dict[str, Any]:
+    """Its shape and dimensions; of points and other lists copies that YAML writes as such."""
+    found: dict[str, Any] = {"shape": container.shape}
     for item in _keys(type(container)):
         value = getattr(container, item.name)
         if value is not None and value is not False:
@@ -110,7 +110,7 @@ def _container_fields(container: Container) -> dict[str, Any]:
 
 
 def _keys(kind: Any) -> tuple[Any, ...]:
-    """The fields of a kind of container that a model file's container may have."""
+    """Returns the fields of a kind of container in a model file."""
     return tuple(item for item in fields(kind) if item.compare)
 
 
@@ -120,10 +120,14 @@ def _given_fields(value: Any) -> dict[str, float]:
 
 
 def _model(document: Mapping[str, Any], folder: Path) -> Model:
+    if "containers" in document:
+        raise SloshModelError(
+            "a tray of containers: here the model of one is wanted", ("containers",)
+        )
     _refuse_unknown(document, KEYS, ())
     if "container" not in document:
         raise SloshModelError("key 'container' is missing")
-    container = _container(_mapping(document["container"], ("container",)), folder)
+    container = parse_container(_mapping(document["container"], ("container",)), folder)
     container, modes = with_solved(container, document)
     limits = _mapping(document.get("limits", {}), ("limits",))
     return Model(
@@ -141,7 +145,7 @@ def _model(document: Mapping[str, Any], folder: Path) -> Model:
 
 
 def _auto(document: Mapping[str, Any], key: str) -> float | None:
-    """A number; None where the model works it out."""
+    """Returns a number; None: the model computes it."""
     value = document.get(key, AUTO)
     return None if value == AUTO else _number(value, (key,))
 
@@ -167,7 +171,16 @@ def _covariance(section: Any) -> Covariance | None:
     return Covariance(tuple(names), matrix)
 
 
-def _container(section: Mapping[str, Any], folder: Path) -> Container:
+def parse_container(section: Mapping[str, Any], folder: Path) -> Container:
+    """The container of a file's section.
+
+    Args:
+        section: its shape and dimensions.
+        folder: to which names of files in it are relative.
+
+    Raises:
+        SloshModelError: an unknown or missing key, or an impossible container.
+    """
     shape = section.get("shape", Cylinder.shape)
     kind = SHAPES.get(shape) if isinstance(shape, str) else None
     if kind is None:
@@ -192,7 +205,7 @@ def _container(section: Mapping[str, Any], folder: Path) -> Container:
 
 
 def _dimension(value: Any, item: Any, folder: Path) -> Any:
-    """A value of a container: a number, points or a flag, as its field says."""
+    """Parses a value of a container: a number, points or a flag."""
     path, kind = ("container", item.name), item.metadata.get("kind")
     if kind == "points":
         return points_of(value, path, folder)
@@ -226,7 +239,7 @@ def _effect(item: Any, path: KeyPath) -> EffectUse:
 
 
 def _numbers(kind: Any, section: Any, path: KeyPath, also: tuple[str, ...] = ()) -> Any:
-    """A dataclass of numbers from a mapping."""
+    """Parses a dataclass of numbers from a mapping."""
     mapping = _mapping(section, path)
     _refuse_unknown(mapping, tuple(item.name for item in fields(cast(Any, kind))), path, also)
     return kind(**{key: _number(value, (*path, key)) for key, value in mapping.items()})
@@ -259,7 +272,7 @@ def _refuse_unknown(
 
 
 def _number(value: Any, path: KeyPath) -> float:
-    """A finite number."""
+    """Returns a finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise _refusal(path, value, "must be a number, in SI units and without the unit")
     try:
@@ -282,7 +295,7 @@ def _refusal(path: KeyPath, value: Any, why: str) -> SloshModelError:
 
 
 def read_model(path: str | Path) -> Model:
-    """The model in a file.
+    """Reads a model file.
 
     >>> from slosh_model import read_model
     >>> read_model("cup/model.yaml")
@@ -302,9 +315,14 @@ def read_model(path: str | Path) -> Model:
 
 
 def write_model(path: str | Path, model: Model) -> None:
-    """Writes a model that `read_model` reads back to an equal one.
+    """Writes a model; `read_model` returns an equal one.
 
     Raises:
         OSError: the file cannot be written; what was there is as it was.
+
+    >>> model = read_model("cup/model.yaml")
+    >>> write_model("copy.yaml", model)
+    >>> read_model("copy.yaml") == model
+    True
     """
     write_text(Path(path), format_model(model))

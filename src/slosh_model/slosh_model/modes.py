@@ -30,7 +30,7 @@ class Mode:
     tension: float = 0.0
 
     def along(self, axis: int) -> Mode:
-        """The same mode along an axis."""
+        """Returns the mode along an axis."""
         return replace(self, axis=axis)
 
     @property
@@ -45,7 +45,7 @@ class Mode:
 
     @property
     def natural_frequency(self) -> float:
-        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20)), or as measured; with tension if any."""
+        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20)), or measured; with tension if any."""
         bond = self.tension * (self.xi / self.reach) ** 2 / GRAVITY
         return self.gravity_frequency * math.sqrt(1.0 + bond)
 
@@ -61,7 +61,7 @@ class Mode:
 
     @property
     def plane_gain(self) -> float:
-        """Wall height per displacement where the surface is a plane [1].
+        """Wall height per displacement for a plane surface [1].
 
         It goes with ω²: under a constant acceleration the surface stands where gravity puts it,
         whatever frequency was measured, as in TM20's pendulum, eq. (9).
@@ -70,5 +70,5 @@ class Mode:
 
     @property
     def curved_gain(self) -> float:
-        """Wall height per displacement where the surface has the mode's own shape [1]."""
+        """Wall height per displacement for the mode's own shape [1]."""
         return self.frequency_factor**2 * self.container.curved_gain(self.number, self.axis)

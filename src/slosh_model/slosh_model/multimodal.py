@@ -1,4 +1,4 @@
-"""Free surface of a swaying rectangular tank by potential flow: many modes, to a chosen order.
+"""Free surface of a swaying rectangular tank by potential flow, with many modes.
 
 What the lumped models are compared with: a surface that is no straight line, whose crests are
 sharper than its troughs. The velocity potential in the tank's frame is a sum of modes
@@ -35,7 +35,7 @@ energy, and is stable."""
 
 @dataclass(frozen=True, slots=True)
 class Tanks:
-    """Rectangular tanks that are simulated side by side.
+    """Rectangular tanks that are simulated together.
 
     Attributes:
         width: (L,) inner widths along the motion [m].
@@ -62,7 +62,7 @@ class Tanks:
         damping_ratio: ArrayLike = 0.0,
         surface_tension: float = 0.0,
     ) -> Tanks:
-        """One tank or several; what is given once holds for all."""
+        """Makes one tank or several; scalars hold for all."""
         given = (width, fill_height, damping_ratio)
         try:
             columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in given))
@@ -94,14 +94,14 @@ class FreeSurfaces:
     amplitudes: Array
 
     def profile(self, positions: ArrayLike) -> Array:
-        """Elevation [m] at positions across the width, −½ (one wall) … ½; (T, L, P)."""
+        """Returns the elevation [m] at positions across the width, −½ … ½ (walls); (T, L, P)."""
         at = np.asarray(positions, float) + 0.5
         order = np.arange(1, self.amplitudes.shape[2] + 1)
         return np.asarray(self.amplitudes @ np.cos(np.pi * np.outer(order, at)))
 
 
 class _Basis:
-    """Modes on a grid that is fine enough for their products up to the order."""
+    """Modes on a grid fine enough for their products up to the order."""
 
     def __init__(self, tanks: Tanks, modes: int, order: int) -> None:
         grid = 1 + math.ceil(modes * (order + 1) / 2)
@@ -119,11 +119,11 @@ class _Basis:
         self.lever = -4.0 * tanks.width[:, None] / (n * np.pi) ** 2 * (n % 2)
 
     def slope(self, amplitudes: Array) -> Array:
-        """Derivative along the width, on the grid."""
+        """Returns the derivative along the width on the grid."""
         return np.asarray(-(self.k * amplitudes) @ self.sine)
 
     def vertical(self, amplitudes: Array, times: int) -> Array:
-        """Derivative of so many times along z at the still level, on the grid."""
+        """Returns a derivative along z at the still level on the grid, `times` times."""
         rate = self.k**times * (self.tanh if times % 2 else 1.0)
         return np.asarray((rate * amplitudes) @ self.cosine)
 
@@ -139,7 +139,13 @@ def simulate_tanks(
     start: ArrayLike | None = None,
     may_break: bool = False,
 ) -> FreeSurfaces:
-    """Free surfaces of tanks that sway, from rest.
+    """Simulates the free surfaces of swaying tanks from rest.
+
+    >>> tank = Tanks.of(width=0.1, fill_height=0.06, damping_ratio=0.01)
+    >>> sway = 0.5 * np.sin(10.0 * np.linspace(0.0, 1.0, 201))[:, np.newaxis]  # m/s²
+    >>> surface = simulate_tanks(tank, sway, interval=0.005)
+    >>> surface.profile([-0.5, 0.5]).shape  # at both walls
+    (201, 1, 2)
 
     Args:
         tanks: L of them.
@@ -211,7 +217,7 @@ def _runge_kutta(
 
 
 def _rates(basis: _Basis, state: Array, sway: Array, lift: Array, order: int) -> Array:
-    """Rates of the amplitudes of η and ψ; terms beyond the order are left out throughout."""
+    """Returns the rates of the amplitudes of η and ψ, truncated at the order."""
     eta, psi = state
     gravity = (GRAVITY + lift)[:, None] + basis.tension
     linear = -gravity * eta - sway[:, None] * basis.lever - basis.damping * psi
@@ -233,7 +239,7 @@ def _rates(basis: _Basis, state: Array, sway: Array, lift: Array, order: int) ->
 
 
 def _vertical_velocities(basis: _Basis, eta: Array, psi: Array, order: int) -> list[Array]:
-    """W at the surface on the grid, by order 1…M."""
+    """Returns the vertical velocities at the surface on the grid, by order 1…M."""
     height = eta @ basis.cosine
     powers = [np.ones_like(height)]
     for k in range(1, order + 1):

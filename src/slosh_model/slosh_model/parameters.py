@@ -13,7 +13,7 @@ FILL_HEIGHT = "container.fill_height"
 
 
 def parameter_value(model: Model, name: str) -> float:
-    """A parameter as the model has it, by formula where it gives none.
+    """Returns a parameter of the model, computed by formula if not given.
 
     Raises:
         SloshModelError: the model has no such parameter.
@@ -32,7 +32,7 @@ def parameter_value(model: Model, name: str) -> float:
 
 
 def with_parameters(model: Model, values: Mapping[str, float]) -> Model:
-    """The model with these values of its parameters.
+    """Returns the model with given parameter values.
 
     Args:
         model: the model; an effect that it lacks is added, where all its parameters are given or

@@ -1,4 +1,4 @@
-"""How a container stands and turns, as the compiled kernel takes it."""
+"""Attitude and rotation of a container in the compiled kernel's form."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slosh_model.interpolation import columns_at
 def pose_rows(
     t: Array, attitude: Array | None, angular_velocity: Array | None
 ) -> tuple[Array, Array]:
-    """Yaw and pose of each sample.
+    """Returns yaw and pose of each sample.
 
     Args:
         t: (N,) time, strictly increasing [s].
@@ -44,7 +44,7 @@ def pose_rows(
 
 
 def integrated(t: Array, rate: Array) -> Array:
-    """Attitude (N, 4) from the angular velocity, each interval turned about its mean."""
+    """Integrates an angular velocity to attitudes (N, 4), using interval means."""
     rotation = scipy.spatial.transform.Rotation
     turns = rotation.from_rotvec(0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, np.newaxis])
     attitude = [rotation.identity()]
@@ -55,7 +55,7 @@ def integrated(t: Array, rate: Array) -> Array:
 
 
 def _rates(t: Array, quaternion: Array) -> Array:
-    """Angular velocity in the container's frame from the attitude, by central differences."""
+    """Returns the angular velocity in the container's frame by central differences."""
     if len(t) < 2:
         return np.zeros((len(t), 3))
     attitude = scipy.spatial.transform.Rotation.from_quat(quaternion)

@@ -1,4 +1,4 @@
-"""Compares compiled code with a plain Python evaluation of the same equations, in milliseconds.
+"""Compares compiled code with plain Python on the same equations, in milliseconds.
 
 Whatever a cache, a compiler or a processor has made of the kernel: the first time that a process
 loads a compiled function, it runs it beside its own source, with every effect, and does not work
@@ -35,7 +35,7 @@ REFERENCES = (Model(Cylinder(0.05, 0.07)), Model(Rectangle(0.07, 0.05, 0.06)))
 
 
 def compare(entry: EntryPoint, *arguments: Any) -> None:
-    """Calls a compiled function and the same as plain Python, on copies of the arguments.
+    """Runs a compiled function and its plain Python on copies of the arguments.
 
     Raises:
         SloshModelError: they return, or leave in the arguments, different numbers.
@@ -48,7 +48,7 @@ def compare(entry: EntryPoint, *arguments: Any) -> None:
 
 
 def reference_models() -> Iterator[Model]:
-    """Of each shape a model, and the same with every effect that acts on its liquid."""
+    """Yields a model of each shape, without and with every effect on its liquid."""
     for model in REFERENCES:
         every = model
         for effect in _effects("drive", "modulation", "term", "static_share"):
@@ -59,7 +59,7 @@ def reference_models() -> Iterator[Model]:
 
 
 def example_parameters(effect: Effect) -> dict[str, float]:
-    """Parameters with which an effect does something."""
+    """Returns parameters with which an effect has an influence."""
     values = {}
     for parameter in effect.parameters:
         lower, upper = parameter.plausible or (parameter.lower, parameter.upper)
@@ -70,7 +70,7 @@ def example_parameters(effect: Effect) -> dict[str, float]:
 
 @cache
 def reference_motion() -> Inputs:
-    """A short motion in which everything changes: acceleration, tilt, yaw, spacing."""
+    """Returns a short motion with varying acceleration, tilt, yaw and sample spacing."""
     rows = np.arange(SAMPLES)
     t = 0.003 * rows + 0.001 * np.sin(rows)
     acceleration = np.column_stack([2.0 * np.sin(40 * t), 1.5 - 30.0 * t, np.cos(50 * t) - 0.5])
@@ -148,7 +148,7 @@ batch_kernel.advance_block.check_with(_check_advance_block)
 
 
 def _outcome(function: Callable[..., Any], arguments: Sequence[Any]) -> list[Array]:
-    """What a function returns and what it leaves in its arguments."""
+    """Returns a function's result, and its arguments after the call."""
     given = [one.copy() if isinstance(one, np.ndarray) else one for one in arguments]
     with np.errstate(all="ignore"):
         returned = function(*given)

@@ -1,4 +1,4 @@
-"""Simulation of a model: a whole motion at once, or sample by sample, with the same bits.
+"""Simulates a model over a whole motion or sample by sample, with equal results.
 
 Between two input samples the acceleration is interpolated linearly (first-order hold) and the
 equations of motion are integrated by the classical Runge-Kutta method in equal sub-steps.
@@ -43,7 +43,7 @@ _MEMORY_COUNT = len(_REMEMBERED) + RUN["drive_memory"].shape[0]
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Inputs:
-    """The container's motion.
+    """The motion of the container.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs
@@ -101,7 +101,7 @@ class Inputs:
         return f"Inputs({span(self.t)}, {turning}, acceleration up to {strongest:.3g} m/s²)"
 
     def resampled(self, t: Array, acceleration: Array | None = None) -> Inputs:
-        """The motion at other moments, interpolated as the integrator would.
+        """Returns the motion at other times, interpolated as in the integrator.
 
         Attitude and rates come from the given samples: moments may lie too close to each other to
         differentiate between them.
@@ -126,7 +126,7 @@ class Inputs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Where a simulation stands; start the next one from it.
+    """State of a simulation, from which another one can start.
 
     >>> import numpy as np
     >>> from slosh_model import State
@@ -163,7 +163,7 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Response(Shown):
-    """The liquid's answer, one entry per input sample.
+    """Response of the liquid, one entry per input sample.
 
     >>> import slosh
     >>> response = slosh.simulate("cup/model.yaml", "move.csv")
@@ -208,7 +208,7 @@ class Response(Shown):
         return f"Response({span(self.t)}, {peak(self.t, self.msh, 'height')})"
 
     def to_pandas(self) -> DataFrame:
-        """A table of `msh`, `azimuth`, `sh_x` and `sh_y` [m, rad] by time.
+        """Returns a table of `msh`, `azimuth`, `sh_x` and `sh_y` [m, rad] by time.
 
         Raises:
             ImportError: pandas is not installed.
@@ -233,7 +233,7 @@ class Response(Shown):
 
 
 class Simulator:
-    """A model that runs sample by sample.
+    """Runs a model sample by sample.
 
     >>> import slosh
     >>> from slosh_model import Simulator
@@ -265,11 +265,11 @@ class Simulator:
         self._step = kernel.step.load()
 
     def reset(self) -> None:
-        """Back to rest; the next step's input starts anew."""
+        """Resets to rest; the next input counts as the first."""
         back_to_rest(self.store)
 
     def step(self, dt: float, ax: float, ay: float, az: float) -> tuple[float, float]:
-        """Takes an input sample of a container that stands upright.
+        """Adds an input sample of an upright container; returns the wall heights [m].
 
         Args:
             dt: time since the sample before [s], finite; without one it is ignored, and where it
@@ -285,7 +285,7 @@ class Simulator:
 
     @property
     def modal(self) -> Array:
-        """(modes, 4) x, y, vx, vy [m, m/s]."""
+        """(modes, 4) modal state x, y, vx, vy [m, m/s]."""
         return np.column_stack([self._modes[name] for name in MODAL])
 
     def run(self, inputs: Inputs, state: State | None = None) -> tuple[Response, State]:
@@ -313,7 +313,7 @@ class Simulator:
         return response, self._state(float(inputs.t[-1]))
 
     def start(self, state: State | None, start: float) -> None:
-        """Takes up a state, or rest, before a motion that starts at `start` [s].
+        """Sets a state, or rest, before a motion that starts at `start` [s].
 
         Raises:
             SloshModelError: another model's state, or one that does not lead to the start.
@@ -380,7 +380,7 @@ def simulate(
 
 
 def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
-    """A model before its first sample, as the kernel takes it; see `layout`.
+    """Returns the kernel's store of a model before its first sample; see `layout`.
 
     Raises:
         SloshModelError: max_step is not positive.
@@ -410,7 +410,7 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
 
 
 def effect_parameters(model: Model) -> Array:
-    """The kernel's switches and parameters for a model: (PARAMETER_COUNT,)."""
+    """Returns the kernel's switches and parameters of a model: (PARAMETER_COUNT,)."""
     flat = np.zeros(PARAMETER_COUNT)
     for name, values in model.acting.items():
         slot = SLOTS.get(name)
@@ -423,7 +423,7 @@ def effect_parameters(model: Model) -> Array:
 
 
 def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") -> Array:
-    """A read-only copy.
+    """Returns a read-only copy.
 
     Raises:
         SloshModelError: no numbers, another shape, or a value that is not finite.
@@ -444,7 +444,7 @@ def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") ->
 
 
 def _check_times(t: Array) -> None:
-    """Raises SloshModelError where time does not increase, or jumps."""
+    """Raises SloshModelError if time does not increase or has a gap."""
     intervals = np.diff(t)
     for wrong, what in (
         (intervals <= 0.0, "does not come after"),

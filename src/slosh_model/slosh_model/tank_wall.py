@@ -1,4 +1,4 @@
-"""The wall of a rectangular container, and the waves bound to its first modes there.
+"""The wall of a rectangular container, and the waves bound to its first modes.
 
 Places on the wall are (c, s), x and y in units of half the width and half the depth. The first
 modes are f = sin(πc/2) and g = sin(πs/2); their squares hold the modes (2, 0) and (0, 2), and
@@ -17,7 +17,7 @@ _PLACES = 32  # so many steps along a side, where the highest place is looked fo
 
 @compiled
 def place_on_wall(azimuth, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """(c, s) of the place on the wall in a direction from the axis.
+    """Returns the relative wall position (c, s) in a direction from the axis.
 
     Args:
         azimuth: the direction [rad].
@@ -30,7 +30,7 @@ def place_on_wall(azimuth, reach_x, reach_y):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance_double(memory, at, p, u, wave, fill, damping, dt):  # type: ignore[no-untyped-def]
-    """The mode with twice the wave number, which half of the first mode's square is."""
+    """Advances the bound mode with twice the wave number."""
     k, first = wave
     rate = 2.0 * k * math.tanh(2.0 * k * fill)
     rise = 0.5 * (2.0 * k * k - rate * first) * p * u
@@ -40,14 +40,14 @@ def _advance_double(memory, at, p, u, wave, fill, damping, dt):  # type: ignore[
 
 @compiled
 def _wave(reach, fill):  # type: ignore[no-untyped-def]
-    """Of the first mode along an axis: wave number k and K = k tanh kh [1/m]."""
+    """Returns wave number k and K = k tanh kh of the first mode along an axis [1/m]."""
     k = 0.5 * math.pi / reach
     return k, k * math.tanh(k * fill)
 
 
 @compiled
 def advance_tank(memory, at, place, moved, reaches, fill, damping, dt):  # type: ignore[no-untyped-def]
-    """Takes the modes (2, 0), (0, 2) and (1, 1) over an interval, from rest at zeros.
+    """Advances the modes (2, 0), (0, 2) and (1, 1) over an interval.
 
     Args:
         memory: elevation and potential of each, one behind the other from `at` on; changed.
@@ -76,14 +76,14 @@ def advance_tank(memory, at, place, moved, reaches, fill, damping, dt):  # type:
 
 @compiled
 def bound_height(double_x, double_y, product, c, s):  # type: ignore[no-untyped-def]
-    """Height of the bound modes at a place on the wall [m], each given by its own at a corner."""
+    """Returns the height of the bound modes at a wall position [m], from corner values."""
     f, g = math.sin(0.5 * math.pi * c), math.sin(0.5 * math.pi * s)
     return double_x * (2.0 * f * f - 1.0) + double_y * (2.0 * g * g - 1.0) + product * f * g
 
 
 @compiled
 def highest_on_wall(x, y, double_x, double_y, product):  # type: ignore[no-untyped-def]
-    """The maximum over the wall [m], of a plane and the bound modes.
+    """Returns the maximum over the wall [m] of a plane and the bound modes.
 
     Looked for at `_PLACES` steps along each side: at most 0.5 % of a bound mode is lost.
     """

@@ -1,4 +1,4 @@
-"""Whether the attitude of a motion tilts its container, and whether a model feels that."""
+"""Tilt of a container in a motion, and whether a model includes its effect."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ FELT = math.radians(0.5)
 
 
 class Turning(Protocol):
-    """A motion that may tell how its container is turned."""
+    """A motion that may contain the container's attitude."""
 
     @property
     def t(self) -> Array:
-        """(N,) rising [s]."""
+        """(N,) increasing times [s]."""
 
     @property
     def attitude(self) -> Array | None:
@@ -28,11 +28,11 @@ class Turning(Protocol):
 
     @property
     def angular_velocity(self) -> Array | None:
-        """(N, 3) in the container's frame [rad/s]; None: not given."""
+        """(N, 3) angular velocity in the container's frame [rad/s]; None: not given."""
 
 
 def attitude_of(motion: Turning) -> Array | None:
-    """The attitude in which the models see a motion: (N, 4) quaternion, world ← container.
+    """Returns the attitude that the models use: (N, 4) quaternion, world ← container.
 
     Without a given one its angular velocity is integrated from upright; None: it stays upright.
     """
@@ -56,18 +56,18 @@ def largest_tilt(attitude: Array | None) -> float:
 
 
 def unfelt_tilt(model: Model, attitude: Array | None) -> float:
-    """Largest tilt of a motion that a model does not feel [rad]; 0: it feels it, or none is."""
+    """Returns the largest tilt that a model ignores [rad]; 0: none."""
     tilt = 0.0 if model.has(TILT) else largest_tilt(attitude)
     return tilt if tilt > FELT else 0.0
 
 
 def feeling(model: Model, attitude: Array | None) -> Model:
-    """The model that answers a motion: it feels gravity where the motion tilts the container."""
+    """Returns the model for a motion: with gravity if the motion tilts the container."""
     return model.feeling_gravity() if unfelt_tilt(model, attitude) else model
 
 
 def added_text(model: Model, attitude: Array | None) -> str:
-    """What `feeling` did, in one line; empty: nothing."""
+    """Describes what `feeling` added, in one line; empty: nothing."""
     tilt = unfelt_tilt(model, attitude)
     if not tilt:
         return ""
@@ -75,7 +75,7 @@ def added_text(model: Model, attitude: Array | None) -> str:
 
 
 def ignored_text(model: Model, attitude: Array | None) -> str:
-    """What is wrong where the model is used as it is, in one line; empty: nothing."""
+    """Warns of a tilt that the model ignores, in one line; empty: none."""
     tilt = unfelt_tilt(model, attitude)
     if not tilt:
         return ""

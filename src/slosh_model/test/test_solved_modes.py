@@ -285,15 +285,44 @@ def test_a_bulb_is_highest_inside():
     assert ratio > 1.05
     assert place < 0.9 * bulb.size
     assert bowl.crest(1) == (pytest.approx(1.0, abs=1e-9), pytest.approx(bowl.size))
-    assert bulb.wall_facts(0.001)["crest_ratio"] == ratio
+    wall = bulb.wall
+    assert wall.crest_inside
+    assert wall.place(0.01).surface_height == pytest.approx(0.01 * ratio)
+    assert wall.place(wall.height_at(0.002)).distance_to_rim == pytest.approx(0.002)
+    assert not bowl.wall.crest_inside
 
 
 def test_a_height_on_a_leaning_wall():
-    facts = CUP.wall_facts(0.009)
+    place = CUP.wall.place(0.009)
     lean = math.hypot(0.012, 0.09) / 0.09
-    assert facts["along_wall"] == pytest.approx(0.009 * lean, rel=1e-9)
-    assert facts["contact_radius"] == pytest.approx(0.036 + 0.009 * 0.012 / 0.09, rel=1e-9)
-    assert math.isnan(CUP.wall_facts(0.05)["along_wall"])  # beyond the rim
+    assert place.height_along_wall == pytest.approx(0.009 * lean, rel=1e-9)
+    assert place.contact_radius == pytest.approx(0.036 + 0.009 * 0.012 / 0.09, rel=1e-9)
+    assert place.distance_to_rim == pytest.approx(0.021, rel=1e-9)
+    assert place.distance_along_wall == pytest.approx(0.021 * lean, rel=1e-9)
+    beyond = CUP.wall.place(0.05)
+    assert math.isnan(beyond.height_along_wall)
+    assert beyond.distance_to_rim == pytest.approx(-0.02)
+    lower = CUP.wall.place(-0.009)
+    assert lower.height_along_wall == pytest.approx(-0.009 * lean, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "container", [Cylinder(0.04, 0.06, 0.11), Rectangle(0.2, 0.1, 0.03, 0.08), CUP]
+)
+def test_a_limit_is_a_height_or_a_distance_to_the_rim(container):
+    free = container.freeboard
+    assert container.height_below_rim() == pytest.approx(free)
+    assert container.height_below_rim(0.01) == pytest.approx(free - 0.01)
+    with pytest.raises(SloshModelError, match="the distance of the still liquid"):
+        container.height_below_rim(free)
+
+
+def test_a_distance_to_an_unknown_rim_is_refused():
+    unknown = Cylinder(0.04, 0.06)
+    assert unknown.height_below_rim() is None
+    assert math.isnan(unknown.wall.place(0.01).distance_to_rim)
+    with pytest.raises(SloshModelError, match="rim is not known"):
+        unknown.height_below_rim(0.01)
 
 
 # ---- dynamics
@@ -382,14 +411,38 @@ def test_a_shape_by_one_class():
     ("name", "instead"),
     [
         ("surface_nonlinearity", "its models are linear"),
-        ("fill_level", "change container.fill_height"),
         ("bound_modes", "leave the effect out"),
         ("surface_tension", "give natural_frequency"),
     ],
 )
 def test_effects_that_need_a_cylinder_are_refused(name, instead):
     with pytest.raises(SloshModelError, match=f"{name}' is not for a frustum: {instead}"):
-        Model(CUP).with_effect(name, **({"delta": 0.001} if name == "fill_level" else {}))
+        Model(CUP).with_effect(name)
+
+
+@pytest.mark.parametrize(
+    "container",
+    [
+        HEXAGON,
+        pytest.param(CUP, marks=pytest.mark.long),
+        pytest.param(Sphere(radius=R, fill_height=1.2 * R), marks=pytest.mark.long),
+    ],
+)
+def test_modes_of_a_fill_height_near_by_are_interpolated(container):
+    for delta in (-0.011, 0.004):
+        filled = container.filled_to(container.fill_height + delta, None)
+        exact = solved_modes(replace(filled, table=None), 3)
+        for n in (1, 2, 3):
+            one, other = filled.numbers(n), exact[n - 1]
+            assert one.natural_frequency == pytest.approx(other.natural_frequency, rel=2e-4)
+            assert one.height_per_displacement == pytest.approx(
+                other.height_per_displacement, rel=2e-3
+            )
+        changed = Model(container).with_effect("fill_level", delta=delta)
+        constants = changed.mode_constants()[0]
+        assert constants.natural_frequency == pytest.approx(exact[0].natural_frequency, rel=2e-4)
+    same = container.filled_to(container.fill_height, None)
+    assert same.natural_frequency(1) == container.natural_frequency(1)
 
 
 def test_nothing_linear_is_called_nonlinear():
@@ -424,7 +477,7 @@ def test_a_model_file_holds_the_modes(container, monkeypatch):
 
 def test_modes_of_another_fill_height_are_refused():
     text = format_model(Model(CUP)).replace("fill_height: 0.06", "fill_height: 0.05")
-    with pytest.raises(SloshModelError, match=r"modes_of = .* of another container, its dimens"):
+    with pytest.raises(SloshModelError, match=r"modes_of = .* belong to other dimensions"):
         parse_model(text)
 
 

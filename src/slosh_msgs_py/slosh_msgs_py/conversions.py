@@ -1,4 +1,4 @@
-"""Messages filled by field names, each field of exactly the type that it declares.
+"""Fills messages by field names, with exactly the declared types.
 
 rclpy does not check field types by default: a NumPy float or an int in a float64 field goes out as
 garbage.
@@ -25,7 +25,7 @@ Message = TypeVar("Message")
 
 
 def filled(message_type: type[Message], /, **fields: Any) -> Message:
-    """A message of a type, with the fields that are given.
+    """Makes a message of a type with the given fields.
 
     Args:
         message_type: the message's class.
@@ -67,7 +67,7 @@ def _set(message: Any, name: str, content: Any, types: dict[str, str]) -> None:
 
 
 def _plain(kind: str, content: Any) -> Any:
-    """A value of exactly the Python type that the message's field declares."""
+    """Converts a value to exactly the Python type of the message's field."""
     if kind.startswith("sequence<"):
         return array.array(_TYPECODES[kind[9:-1]], _numbers(kind, content).tolist())
     if kind.endswith("]"):
@@ -84,7 +84,7 @@ def _plain(kind: str, content: Any) -> Any:
 
 
 def _numbers(kind: str, content: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Finite numbers that a float32 would carry as infinity are refused."""
+    """Returns an array of numbers; refuses finite numbers that overflow a float32."""
     numbers = np.asarray(content, dtype=np.float64)
     if "float" in kind and np.any(np.isfinite(numbers) & (np.abs(numbers) > _FLOAT32)):
         raise ValueError("not in the range of float32")
@@ -92,7 +92,7 @@ def _numbers(kind: str, content: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def _integer(kind: str, content: Any) -> int:
-    """A whole number within the range of 'uint8' … 'int64'; rclpy would wrap another around."""
+    """Returns an integer in the range of 'uint8' … 'int64'; rclpy would wrap it."""
     number = int(content)
     bits = int(kind.lstrip("uint"))
     low, high = (0, 2**bits) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1))
@@ -102,7 +102,7 @@ def _integer(kind: str, content: Any) -> int:
 
 
 def find_type(name: str) -> Any:
-    """The class of a message type, e.g. 'std_msgs/msg/Header'.
+    """Returns the class of a message type, e.g. 'std_msgs/msg/Header'.
 
     Raises:
         AttributeError, ImportError, ValueError: it is not installed here, or is no such name.

@@ -1,7 +1,7 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
 
 class SloshMessageError(ValueError):
-    """A message or a parameter holds what it must not; the text is one line."""
+    """A message or a parameter has an invalid value; the text is one line."""

@@ -1,4 +1,4 @@
-"""Image messages to and from NumPy, without copying where it can be avoided."""
+"""Converts image messages to and from NumPy, without copies where possible."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
 
 
 def image_message(pixels: NDArray[np.uint8], encoding: str, stamp_ns: int, frame_id: str) -> Image:
-    """An Image message.
+    """Makes an Image message.
 
     Args:
         pixels: (height, width) for mono8, (height, width, 3) for bgr8 and rgb8.
@@ -50,7 +50,7 @@ def image_message(pixels: NDArray[np.uint8], encoding: str, stamp_ns: int, frame
 
 
 def compressed_message(data: bytes, kind: str, stamp_ns: int, frame_id: str) -> CompressedImage:
-    """A CompressedImage message; kind is 'jpeg' or 'png'."""
+    """Makes a CompressedImage message; kind is 'jpeg' or 'png'."""
     message = CompressedImage(format=kind, data=array.array("B", data))
     message.header.stamp = to_time(stamp_ns)
     message.header.frame_id = frame_id
@@ -58,5 +58,5 @@ def compressed_message(data: bytes, kind: str, stamp_ns: int, frame_id: str) -> 
 
 
 def image_bytes(message: Any) -> NDArray[np.uint8]:
-    """The data of an Image or CompressedImage as a flat array that shares the message's memory."""
+    """Returns the data of an image message as a flat array that shares its memory."""
     return np.frombuffer(message.data, dtype=np.uint8)

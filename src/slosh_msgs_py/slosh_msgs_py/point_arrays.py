@@ -38,7 +38,7 @@ _pointer.restype, _pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes
 
 
 class _Sequence(ctypes.Structure):
-    """A sequence or a string of rosidl's C interface."""
+    """A sequence or a string in rosidl's C interface."""
 
     _fields_ = (("data", ctypes.c_void_p), ("size", ctypes.c_size_t), ("room", ctypes.c_size_t))
 
@@ -79,7 +79,7 @@ class PointArrays:
 
 
 def _first_values(sequences: NDArray[Any], kind: Any) -> Array | None:
-    """(N, W) of numbers all, of structures of numbers the first."""
+    """Returns (N, W): all numbers, or the first element of structures."""
     sizes = sequences["size"]
     if not len(sizes) or not sizes.all():
         return None
@@ -92,7 +92,7 @@ def _first_values(sequences: NDArray[Any], kind: Any) -> Array | None:
 
 
 def arrays_of(points: PointArrays | Sequence[Any], most: int) -> PointArrays:
-    """The points of a trajectory, also where they are messages; see `PointArrays`."""
+    """Returns the points of a trajectory as arrays; see `PointArrays`."""
     if isinstance(points, PointArrays):
         return points
     # A MultiDOF point, where there is one, tells the type; otherwise both are empty.
@@ -105,14 +105,14 @@ def arrays_of(points: PointArrays | Sequence[Any], most: int) -> PointArrays:
 
 
 def unpacked(data: bytes, message_type: Any, most: int) -> Any:
-    """The trajectory of serialised bytes; its points are PointArrays."""
+    """Deserialises a trajectory; its points are PointArrays."""
     return deserialize_message(data, with_point_arrays(message_type, ((),), most))
 
 
 def service_with_point_arrays(
     service_type: Any, paths: tuple[tuple[str, ...], ...], most: int
 ) -> Any:
-    """A service type in whose requests the points of trajectories are PointArrays.
+    """Makes a service type whose requests hold trajectory points as PointArrays.
 
     Args:
         service_type: the service.
@@ -127,7 +127,7 @@ def service_with_point_arrays(
 def action_with_point_arrays(
     action_type: Any, paths: tuple[tuple[str, ...], ...], most: int
 ) -> Any:
-    """An action type in whose goals the points of trajectories are PointArrays.
+    """Makes an action type whose goals hold trajectory points as PointArrays.
 
     Args:
         action_type: the action.
@@ -141,13 +141,13 @@ def action_with_point_arrays(
 
 
 def _variant(given: Any, **changed: Any) -> Any:
-    """The same class with other attributes."""
+    """Makes a subclass with changed attributes."""
     return type(given)(given.__name__, (given,), changed)
 
 
 @cache
 def with_point_arrays(message_type: Any, paths: tuple[tuple[str, ...], ...], most: int) -> Any:
-    """A message type that rclpy takes with PointArrays as the points of its trajectories.
+    """Makes a message type that rclpy fills with PointArrays for trajectory points.
 
     Args:
         message_type: the type.
@@ -193,7 +193,7 @@ def with_point_arrays(message_type: Any, paths: tuple[tuple[str, ...], ...], mos
 
 
 def _place_of(message_type: Any, path: tuple[str, ...]) -> tuple[int, Any]:
-    """Offset of a trajectory's points in a message [bytes], and their type."""
+    """Returns the offset of a trajectory's points in a message [bytes], and their type."""
     offset = 0
     for name in (*path, "points"):
         offset += getattr(_structure(message_type), name).offset
@@ -204,14 +204,14 @@ def _place_of(message_type: Any, path: tuple[str, ...]) -> tuple[int, Any]:
 
 
 def _class_of(kind: Any) -> Any:
-    """The message class of a namespaced type; of `Plan_Goal`, an action's, it is `Plan.Goal`."""
+    """Returns the message class of a namespaced type; `Plan_Goal` is `Plan.Goal`."""
     module = importlib.import_module(".".join(kind.namespaces))
     return reduce(getattr, kind.name.split("_"), module)
 
 
 @cache
 def _structure(message_type: Any) -> type[ctypes.Structure]:
-    """A message's structure in rosidl's C interface."""
+    """Makes a message's structure in rosidl's C interface."""
     names = message_type.get_fields_and_field_types()
     fields = [
         (name, _kind(slot)) for name, slot in zip(names, message_type.SLOT_TYPES, strict=True)

@@ -1,4 +1,4 @@
-"""Message times as whole nanoseconds."""
+"""Converts message times to whole nanoseconds and back."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ MAXIMUM = (2**31 - 1) * SECOND
 
 
 def to_nanoseconds(stamp: Time | Duration) -> int:
-    """Nanoseconds of a Time or Duration message."""
+    """Converts a Time or Duration message to nanoseconds."""
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 def to_time(nanoseconds: int) -> Time:
-    """A Time message.
+    """Makes a Time message.
 
     Raises:
         SloshMessageError: the value does not fit: negative, or after the year 2038.
@@ -28,7 +28,7 @@ def to_time(nanoseconds: int) -> Time:
 
 
 def to_duration(nanoseconds: int) -> Duration:
-    """A Duration message.
+    """Makes a Duration message.
 
     Raises:
         SloshMessageError: the value does not fit.

@@ -1,4 +1,4 @@
-"""The topics, services and actions of a cell: one table, from which all other lists are derived.
+"""The table of a cell's topics, services and actions, from which all lists derive.
 
 Names are relative to the cell's namespace; a name with a slash in front belongs to the whole
 graph. A new topic is one row of TOPICS, and a constant where code names it.
@@ -29,8 +29,13 @@ EXPECTED_READING: Final = "expected_reading"
 """Of models with effects on the measurement, beside each estimate."""
 ESTIMATOR_STATE: Final = "estimator_state"
 """What the estimator's next answers depend on, some times a second."""
+CONTAINER: Final = "container"
+"""What the gripper holds; latched."""
+TRAY_ESTIMATE: Final = "tray_estimate"
+"""Of a cell with several containers, beside the first one's estimates."""
 FUSED_ESTIMATE: Final = "fused_estimate"
 """The liquid's state by model and measured heights together."""
+OBSERVER_STATE: Final = "observer_state"
 CALM: Final = "calm"
 IS_CALM: Final = "is_calm"
 """The same as `calm`, as a plain Bool."""
@@ -59,6 +64,7 @@ PREDICT: Final = "predict"
 PLAN: Final = "plan"
 PLAN_MOTION: Final = "plan_motion"
 """The action: what `plan` does, with feedback and an end at any time."""
+CHANGE_CONTAINER: Final = "change_container"
 LOAD_MODEL: Final = "load_model"
 RESET: Final = "reset"
 MONITOR_RESET: Final = f"monitor/{RESET}"
@@ -67,18 +73,18 @@ KEEP: Final = "recorder/keep"
 
 
 class TopicRole(Enum):
-    """Who publishes a topic, and why."""
+    """Publisher and purpose of a topic."""
 
-    INPUT = "the robot, its planner or its camera: what the cell's nodes read"
-    ANSWER = "the cell's nodes: what they compute"
-    SETTING = "the cell's nodes: what they work with"
+    INPUT = "the robot, its planner or its camera: inputs of the cell's nodes"
+    ANSWER = "the cell's nodes: their results"
+    SETTING = "the cell's nodes: their settings"
     SIMULATION = "the simulated cell, in addition to the inputs"
     TABLE = "no node; only in bags made from motion tables"
     SHARED = "the whole graph"
 
 
 class Publishers(Enum):
-    """How many nodes of one cell may publish a topic at the same time."""
+    """Number of nodes of one cell that may publish a topic at the same time."""
 
     ONE = 1
     MANY = 2
@@ -112,7 +118,7 @@ class Topic(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """Whether it belongs to the whole graph, not to a cell."""
+        """Whether the topic belongs to the whole graph rather than to a cell."""
         return self.name.startswith("/")
 
 
@@ -150,7 +156,10 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
+    Topic(CONTAINER, "slosh_msgs/msg/ContainerChange", _ANSWER, latched=True),
+    Topic(TRAY_ESTIMATE, "slosh_msgs/msg/TrayEstimate", _ANSWER, remappable=True),
     Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
+    Topic(OBSERVER_STATE, "slosh_msgs/msg/ObserverState", _ANSWER),
     Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),
     Topic(IS_CALM, "std_msgs/msg/Bool", _ANSWER, remappable=True, latched=True),
     Topic(COMPARISON, "slosh_msgs/msg/SloshComparison", _ANSWER, remappable=True, page=True),
@@ -179,6 +188,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", _INPUT, remappable=True, latched=True),
 )  # fmt: skip
 SERVICES: tuple[Service, ...] = (
+    Service(CHANGE_CONTAINER, "slosh_msgs/srv/ChangeContainer", remappable=True),
     Service(LOAD_MODEL, "slosh_msgs/srv/LoadModel", remappable=True),
     Service(RESET, "std_srvs/srv/Trigger", remappable=True),
     Service(MONITOR_RESET, "std_srvs/srv/Trigger", remappable=True),
@@ -195,7 +205,7 @@ DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 
 
 class CellName(NamedTuple):
-    """A topic's full name as that of a cell's own topic.
+    """A full topic name resolved to a cell's own topic.
 
     Attributes:
         namespace: of the cell; empty: the root.
@@ -220,7 +230,7 @@ class CellName(NamedTuple):
 
 
 def is_input(topic: str, message_type: str = "") -> bool:
-    """Whether a robot, its planner or its camera publishes a topic, in whatever namespace.
+    """Whether the robot, its planner or its camera publishes a topic, in any namespace.
 
     Args:
         topic: its full name.
@@ -233,7 +243,7 @@ def is_input(topic: str, message_type: str = "") -> bool:
 
 
 def cell_name(topic: str, message_type: str = "") -> CellName | None:
-    """A full name as that of a cell's own topic, in whatever namespace.
+    """Resolves a full name to a cell's own topic, in any namespace.
 
     Args:
         topic: the full name.

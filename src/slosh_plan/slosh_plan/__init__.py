@@ -1,4 +1,4 @@
-"""Asks before the robot moves: how high the liquid will rise, and how fast it may go.
+"""Predicts heights before the robot moves, and plans motions that keep a limit.
 
 Pure outside `nodes` and `tables`: no ROS, no files, no clock. SI units throughout.
 """

@@ -1,4 +1,4 @@
-"""What looks wrong in a planned motion: gravity, units, attitude."""
+"""Plausibility checks of a planned motion: gravity, units, attitude."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ FAST = 20.0
 
 
 def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
-    """What looks wrong in a motion, one sentence each; empty: nothing does."""
+    """Returns what looks wrong in a motion, one sentence each; empty: nothing."""
     return motion_doubts(motion.t, motion.acceleration, motion.attitude, motion.position)
 
 
 def path_doubts(path: Waypoints) -> tuple[InputDoubt, ...]:
-    """What looks wrong in a path, one sentence each; empty: nothing does."""
+    """Returns what looks wrong in a path, one sentence each; empty: nothing."""
     length = float(np.linalg.norm(np.diff(path.position, axis=0), axis=1).sum())
     lasts = float(path.t[-1] - path.t[0])
     if length <= FAR and length <= FAST * lasts:

@@ -1,10 +1,10 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
 
 class SloshPlanError(ValueError):
-    """A motion or a limit that cannot be used; the text is one line.
+    """A motion or a limit cannot be used; the text is one line.
 
     >>> from slosh_plan import HeightLimits, SloshPlanError
     >>> try:

@@ -1,4 +1,4 @@
-"""Heights of many motions at once, and what of them matters."""
+"""Heights of many motions at once, and their extremes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PERIODS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Extremes:
-    """What of a motion's heights matters.
+    """Extremes of a motion's heights.
 
     Attributes:
         peak: greatest MSH [m]; infinite where the model has left its range.
@@ -41,12 +41,12 @@ class Extremes:
 
 
 def first_period(model: Model) -> float:
-    """Period of the first mode [s]."""
+    """Returns the period of the first mode [s]."""
     return 2.0 * math.pi / model.mode_constants()[0].natural_frequency
 
 
 def usual_horizon(model: Model) -> float:
-    """How long a prediction looks beyond a motion's end [s]."""
+    """Returns the default horizon of a prediction beyond a motion's end [s]."""
     return PERIODS * first_period(model)
 
 
@@ -58,7 +58,7 @@ def all_extremes(
     *,
     max_step: float = MAXIMUM_STEP,
 ) -> list[Extremes]:
-    """Extremes of many motions.
+    """Computes the extremes of many motions.
 
     Args:
         model: the model.
@@ -84,7 +84,7 @@ def all_extremes(
 def _heights(
     model: Model, inputs: Sequence[Inputs], modal: Array | None, max_step: float
 ) -> list[Array]:
-    """(N, 2) of each; those that begin at the same time go together."""
+    """Computes heights (N, 2) of each motion; equal start times are simulated together."""
     groups: dict[float, list[int]] = {}
     for place, motion in enumerate(inputs):
         t = 0.0 if modal is None else float(motion.t[0])
@@ -99,7 +99,7 @@ def _heights(
 
 
 def msh_of(container: Container, heights: Array) -> Array:
-    """(N,) MSH of heights (N, 2) at +x and +y [m]."""
+    """Returns the MSH (N,) of heights (N, 2) at +x and +y [m]."""
     return container.msh(heights[:, 0], heights[:, 1])
 
 

@@ -1,4 +1,4 @@
-"""Motions of a robot's joints as motions of the container, by the robot's URDF and Pinocchio."""
+"""Converts joint motions to container motions by the robot's URDF and Pinocchio."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ JUMP = 1.5 * np.pi
 
 
 class Arm(Robot):
-    """A robot that carries the container, and whose motions are planned.
+    """A robot that carries the container, for planning.
 
     Args:
         urdf: text of its description.
@@ -44,7 +44,7 @@ class Arm(Robot):
         acceleration: Array | None = None,
         name: str = "trajectory",
     ) -> Trajectory:
-        """The container's motion as the joints move.
+        """Returns the container's motion for a joint motion.
 
         Between the points joints move by splines, as a joint trajectory controller has them: of
         the fifth degree with velocities and accelerations, of the third with velocities, and with
@@ -79,7 +79,7 @@ class Arm(Robot):
         return self._moved(moments, joints, states, name)
 
     def wrapping(self, joints: Sequence[str], position: Array) -> list[str]:
-        """Joints whose angle wraps at ±π: it jumps by about 2π between two points.
+        """Returns joints whose angle wraps at ±π: jumps by about 2π between two points.
 
         A joint without stops turns by less than half a turn from point to point; the angle of
         one with stops may be reported in -π … π, too.
@@ -92,11 +92,11 @@ class Arm(Robot):
         return [name for k, name in enumerate(joints) if (joined[:, k] != position[:, k]).any()]
 
     def known(self, joints: Sequence[str]) -> list[bool]:
-        """Which of the joints the robot has; a description may lack those of its gripper."""
+        """Returns which joints the robot has; a description may lack those of its gripper."""
         return [self._model.existJointName(name) for name in joints]
 
     def check_joints(self, joints: Sequence[str], name: str) -> None:
-        """Raises SloshPlanError where a joint carrying the container is missing, or appears twice.
+        """Raises SloshPlanError if a joint carrying the container is missing or repeated.
 
         Args:
             joints: names of the columns; those that the robot does not have are passed over.
@@ -108,7 +108,7 @@ class Arm(Robot):
                 raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
 
     def limits(self, joints: Sequence[str]) -> dict[str, Array]:
-        """The description's own limits of joints: `lower`, `upper`, `velocity`, `torque`.
+        """Returns the description's joint limits: `lower`, `upper`, `velocity`, `torque`.
 
         (J,) each [rad or m, per second, N m or N]; infinite where there is none. Torques count
         where the description has masses.
@@ -134,7 +134,7 @@ class Arm(Robot):
         return found
 
     def poses(self, joints: Sequence[str], position: Array) -> tuple[Array, Array]:
-        """Where the container is: (N, 3) [m] and (N, 4) quaternions x, y, z, w of one sign.
+        """Returns the container's poses: (N, 3) [m] and (N, 4) quaternions x, y, z, w.
 
         Args:
             joints: (J,) names of the columns; those that the robot does not have do not matter.
@@ -154,7 +154,7 @@ class Arm(Robot):
     def torque_terms(
         self, joints: Sequence[str], position: Array, slope: Array, bend: Array
     ) -> Array:
-        """(N, 3, J) what torques are made of along a path: τ = α s̈ + β ṡ² + γ [N m or N].
+        """Returns (N, 3, J) torque terms along a path: τ = α s̈ + β ṡ² + γ [N m or N].
 
         Newton and Euler's equations; the liquid's and the container's masses count where the
         description holds them.
@@ -183,7 +183,7 @@ class Arm(Robot):
         return found
 
     def _configurations(self, joints: Sequence[str], position: Array) -> Iterator[Array]:
-        """The robot's whole configuration for each row; other joints rest at 0."""
+        """Yields the robot's configuration of each row; other joints rest at 0."""
         model = self._model
         places = [
             (column, model.joints[model.getJointId(name)])
@@ -203,12 +203,12 @@ class Arm(Robot):
             yield q
 
     def _columns(self, joints: Sequence[str]) -> list[tuple[Mover, int]]:
-        """The joints that carry the container, each with the column that moves it."""
+        """Returns the joints that carry the container, each with its column."""
         own = list(joints)
         return [(mover, own.index(mover.joint)) for mover in self._movers if mover.joint in own]
 
     def joined(self, joints: Sequence[str], position: Array) -> Array:
-        """(N, J) the same positions, angles that wrap joined."""
+        """Returns the positions (N, J) with wrapped angles unwrapped."""
         joined = position.copy()
         for place, name in enumerate(joints):
             joint = (
@@ -242,7 +242,7 @@ class Arm(Robot):
     def _moved(
         self, t: Array, joints: Sequence[str], states: Sequence[Array], name: str
     ) -> Trajectory:
-        """The frame's motion, with exact derivatives."""
+        """Computes the frame's motion with exact derivatives."""
         pin, model = self._pin, self._model
         data, columns = model.createData(), self._columns(joints)
         found = np.empty((len(t), 13))
@@ -280,7 +280,7 @@ def _checked(
 
 
 def joint_curve(t: Array, columns: Sequence[Array], name: str) -> Any:
-    """The joints' positions over time [s], with derivatives, as a controller joins points.
+    """Interpolates joint positions over time [s], with derivatives, as a controller does.
 
     Args:
         t: (N,) [s].

@@ -1,4 +1,4 @@
-"""What a motion must keep."""
+"""Limits of a motion."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from slosh_model.checks import mistaken_unit
+from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
+from slosh_model.wall import rim_name
 from slosh_plan.errors import SloshPlanError
 
 HIGHEST = 1.0
@@ -25,14 +27,17 @@ class HeightLimits:
     Attributes:
         height: of the maximum over the wall, at any time [m]; infinite: none.
         residual: of the same after the motion's end [m]; infinite: none.
-        at_rim: whether the limit of the height is the container's rim.
+        rim_distance: least vertical distance of the liquid to the container's rim, which is
+            another way to limit the height [m]; 0: the rim itself.
+        at_rim: whether the limit of the height is the rim, or that distance to it.
 
     Raises:
-        SloshPlanError: a limit that is not positive, or higher than HIGHEST.
+        SloshPlanError: a limit that is not positive, or higher than HIGHEST; a negative distance.
     """
 
     height: float = math.inf
     residual: float = math.inf
+    rim_distance: float = field(default=0.0, kw_only=True)
     at_rim: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -43,20 +48,33 @@ class HeightLimits:
                 raise SloshPlanError(
                     f"{name} limit = {value!r} m must lie above 0 and up to {HIGHEST:g} m{meant}"
                 )
+        if not 0.0 <= self.rim_distance <= HIGHEST:
+            meant = mistaken_unit(self.rim_distance, "m", 0.0, HIGHEST)
+            raise SloshPlanError(
+                f"rim distance = {self.rim_distance!r} m must be 0 … {HIGHEST:g} m{meant}"
+            )
 
     def under_rim(self, model: Model) -> Self:
-        """The same, with the container's rim as the limit of the height where it is lower."""
-        freeboard = model.container.freeboard
-        if freeboard is None or freeboard >= self.height:
+        """The same, with the rim, or the distance to it, as the limit where that is lower.
+
+        Raises:
+            SloshPlanError: a distance that the still liquid does not keep, or to a rim that is
+                not known.
+        """
+        try:
+            bound = model.container.height_below_rim(self.rim_distance)
+        except SloshModelError as error:
+            raise SloshPlanError(str(error)) from None
+        if bound is None or bound >= self.height:
             return self
-        return replace(self, height=freeboard, at_rim=True)
+        return replace(self, height=bound, at_rim=True)
 
     @property
     def height_name(self) -> str:
         """What limits the height, in words."""
-        return "rim" if self.at_rim else "limit"
+        return rim_name(self.rim_distance) if self.at_rim else "limit"
 
     @property
     def given(self) -> bool:
         """Whether any limit of the height is given."""
-        return min(self.height, self.residual) < math.inf
+        return min(self.height, self.residual) < math.inf or self.rim_distance > 0.0

@@ -1,10 +1,10 @@
-"""How high the liquid rises on candidate motions, and how sure that is."""
+"""Predicts heights of candidate motions with uncertainty."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ COVERAGE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """How well the model did so far; MAE and ε as the monitor and `slosh replay` tell them.
+    """Accuracy of the model so far: MAE and ε of the monitor or `slosh replay`.
 
     >>> from slosh_plan import ModelError
     >>> ModelError(sigma=2e-4, epsilon=0.01)
@@ -54,7 +54,7 @@ class ModelError:
             raise SloshPlanError(f"epsilon = {self.epsilon!r} must lie in -1 … 10")
 
     def half_width(self, standard: float, height: float) -> float:
-        """Half of a height's interval, about 95 % [m].
+        """Returns half the width of a height's interval, about 95 % [m].
 
         Args:
             standard: the height's standard error by the model's parameters [m].
@@ -64,7 +64,7 @@ class ModelError:
         return math.sqrt((COVERAGE * standard) ** 2 + (COVERAGE * self.sigma) ** 2 + share**2)
 
     def highest(self, limit: float) -> float:
-        """Height whose interval, by MAE and ε alone, ends at a limit [m].
+        """Returns the height whose interval, by MAE and ε alone, ends at a limit [m].
 
         Raises:
             SloshPlanError: the error leaves nothing of the limit.
@@ -82,7 +82,7 @@ class ModelError:
 
 @dataclass(frozen=True, slots=True)
 class ModelAnswer:
-    """What one model predicts of a motion.
+    """One model's prediction of a motion.
 
     Attributes:
         model: its name.
@@ -104,7 +104,7 @@ class ModelAnswer:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Prediction:
-    """What is predicted of a motion.
+    """Prediction of a motion.
 
     >>> import slosh
     >>> found = slosh.predict("cup/model.yaml", "move.csv", limit=0.02)
@@ -120,6 +120,8 @@ class Prediction:
         residual_upper: upper end of the residual's interval [m].
         limits: what is to be kept: as asked for, and the container's rim where it is lower.
         flags: where the motion leaves what the models were validated for.
+        distance_to_rim: vertical, left by the highest place of the surface, by the interval's
+            upper end [m]; below 0: it is above the rim; NaN: the rim is not known.
     """
 
     name: str
@@ -131,6 +133,7 @@ class Prediction:
     residual_upper: float
     limits: HeightLimits
     flags: MotionFlag
+    distance_to_rim: float = math.nan
 
     def __repr__(self) -> str:
         answer = self.nonlinear
@@ -142,23 +145,23 @@ class Prediction:
 
     @property
     def excess(self) -> float:
-        """By how much the interval's upper end exceeds the limit of the height [m]; 0: not."""
+        """Excess of the interval's upper end over the height limit [m]; 0: none."""
         return max(self.upper - self.limits.height, 0.0)
 
     @property
     def residual_excess(self) -> float:
-        """The same of the residual."""
+        """Excess of the residual's upper end over its limit [m]; 0: none."""
         return max(self.residual_upper - self.limits.residual, 0.0)
 
     @property
     def margin(self) -> float:
-        """What the model's error takes of the limit [m]; 0 where the model has no answer."""
+        """Part of the limit needed for the model's error [m]; 0: no solution."""
         finite = math.isfinite(self.upper)
         return self.upper - self.nonlinear.peak if finite else 0.0
 
     @property
     def kept(self) -> bool:
-        """Whether both limits are kept, by the whole interval."""
+        """Whether both limits are kept by the whole interval."""
         return self.excess == 0.0 and self.residual_excess == 0.0
 
 
@@ -171,7 +174,7 @@ def predict(
     horizon: float | None = None,
     error: ModelError | None = None,
 ) -> list[Prediction]:
-    """Predicts motions, one or thousands.
+    """Predicts one or many motions.
 
     The interval holds the model's parameters, where it has their covariance, and its measured
     error: half of it is √((2 s)² + (2 MAE)² + (ε · peak)²) with the standard error s of the peak,
@@ -244,19 +247,21 @@ def _predicted(
             for a, b in zip(*pair, strict=True)
         ]
     quiet = SETTLED if limits.residual == math.inf else limits.residual
-    found = []
+    found, wall = [], model.container.wall
     for one, low, high, variances in zip(given, flat, curved, spread, strict=True):
         answers = (
             _answer(linear, low, quiet, horizon),
             _answer(nonlinear, high, quiet, horizon),
         )
         flags = motion_flags(model, one, high.peak)
-        found.append(_prediction(one, answers, np.sqrt(variances), limits, error, flags))
+        told = _prediction(one, answers, np.sqrt(variances), limits, error, flags)
+        left = float(wall.place(told.upper).distance_to_rim)
+        found.append(replace(told, distance_to_rim=left))
     return found
 
 
 def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:
-    """Refuses motions with gaps, across which a line is no motion.
+    """Refuses motions with gaps, across which interpolation is invalid.
 
     Raises:
         SloshPlanError: the line names the motion, and the longest gap's time and length.
@@ -267,10 +272,14 @@ def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:
 
 
 def checked_horizon(model: Model, horizon: float | None) -> float:
-    """The horizon [s], the usual one for None.
+    """Returns the horizon [s], by default the usual one.
 
     Raises:
         SloshPlanError: an impossible one.
+
+    >>> from slosh_model import read_model
+    >>> checked_horizon(read_model("cup/model.yaml"), 2.5)  # s
+    2.5
     """
     if horizon is None:
         return min(usual_horizon(model), LONGEST_HORIZON)
@@ -282,7 +291,7 @@ def checked_horizon(model: Model, horizon: float | None) -> float:
 
 
 def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -> None:
-    """Raises SloshPlanError where the liquid stands above the limit before the motion begins."""
+    """Raises SloshPlanError if the liquid exceeds the limit before the motion begins."""
     if state is None:
         return
     nonlinear = model.nonlinear()
@@ -297,13 +306,13 @@ def check_start(model: Model, state: LiquidState | None, limits: HeightLimits) -
     height = float(model.container.msh(np.asarray(x), np.asarray(y)))
     if height > limits.height:
         raise SloshPlanError(
-            f"the liquid stands {1e3 * height:.1f} mm high before the motion begins, above the "
+            f"the liquid's height is {1e3 * height:.1f} mm before the motion begins, above the "
             f"limit of {1e3 * limits.height:g} mm; wait until it has settled"
         )
 
 
 def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Model]]:
-    """The model to either side along each principal axis of its parameters' covariance.
+    """Returns models displaced along each principal axis of the parameters' covariance.
 
     Args:
         model: the model; without a covariance there are none.
@@ -311,6 +320,10 @@ def principal_variants(model: Model, width: float = 1.0) -> list[tuple[Model, Mo
 
     Raises:
         SloshPlanError: the covariance is of parameters that the model cannot take.
+
+    >>> from slosh_model import read_model
+    >>> principal_variants(read_model("cup/model.yaml"))  # no covariance
+    []
     """
     covariance = model.covariance
     if covariance is None:
@@ -347,7 +360,7 @@ def _answer(model: Model, found: Extremes, quiet: float, horizon: float) -> Mode
 
 
 def _settling(model: Model, found: Extremes, quiet: float, horizon: float) -> float:
-    """From the height in the horizon's last period, which decays with the first mode."""
+    """Extrapolates the settling time from the last period by the first mode's decay."""
     if found.residual <= quiet:
         return 0.0
     if not math.isfinite(found.last):

@@ -1,4 +1,4 @@
-"""Reads a robot: its description (URDF), and the limits of its joints."""
+"""Reads a robot's description (URDF) and joint limits."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from slosh_plan.planning.waypoints import JointWaypoints
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CarryingRobot:
-    """A robot that carries the container, and what its user says of its joints' limits.
+    """A robot that carries the container, with the user's joint limits.
 
     Attributes:
         arm: the robot.
@@ -40,7 +40,7 @@ class CarryingRobot:
         name: str,
         stopped: Callable[[], bool] = never,
     ) -> Path:
-        """The path of a container as the joints move.
+        """Makes the container's path for joint waypoints.
 
         Raises:
             SloshPlanError, StoppedError: as `joint_path`.
@@ -55,7 +55,7 @@ class CarryingRobot:
 def read_robot(
     urdf: str | FilePath, tool_frame: str, joint_limits: str | FilePath = ""
 ) -> CarryingRobot | None:
-    """The robot of some files; None: none is named.
+    """Reads the robot's files; None: none is named.
 
     Args:
         urdf: its description; empty: none.
@@ -72,7 +72,7 @@ def read_robot(
 
 
 def read_arm(path: str | FilePath, tool_frame: str) -> Arm:
-    """The robot in a URDF file.
+    """Reads the robot in a URDF file.
 
     Args:
         path: the file.

@@ -1,4 +1,4 @@
-"""How fast a motion may be run: which uniform time scales keep the limits.
+"""Finds which uniform time scales of a motion keep the limits.
 
 Which do is not monotone: a motion whose residual is limited may be safe, unsafe and safe again as
 it slows down, as its spectrum's zeros pass the liquid's frequency. So the whole range is looked
@@ -40,7 +40,7 @@ COUNT = TUNING.scales
 
 @dataclass(frozen=True, slots=True)
 class SafeScales:
-    """Which time scales keep the limits.
+    """Time scales that keep the limits.
 
     >>> import numpy as np
     >>> from slosh_model import read_model
@@ -69,14 +69,14 @@ class SafeScales:
 
     @property
     def safe_from(self) -> float:
-        """The smallest safe scale beyond which every slower one is safe; NaN: there is none."""
+        """Smallest scale above which all slower ones are safe; NaN: none."""
         if self.intervals and self.intervals[-1][1] == self.slowest:
             return self.intervals[-1][0]
         return math.nan
 
     @property
     def islands(self) -> tuple[tuple[float, float], ...]:
-        """Safe intervals that are faster, with unsafe ones between."""
+        """Faster safe intervals, separated by unsafe ones."""
         end = len(self.intervals) - (not math.isnan(self.safe_from))
         return self.intervals[:end]
 
@@ -92,7 +92,7 @@ def safe_scales(
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Finds the time scales at which a motion keeps the limits, by the NL model.
+    """Finds the time scales at which a motion keeps the limits with the NL model.
 
     >>> import numpy as np
     >>> from slosh_model import read_model
@@ -148,13 +148,13 @@ def safe_scales(
 
 @dataclass(slots=True, eq=False)
 class _Budget:
-    """How many samples may be simulated, and how many were."""
+    """Maximum and used number of simulated samples."""
 
     most: float
     used: int = 0
 
     def take(self, samples: Array) -> None:
-        """Raises SloshPlanError where these do not fit in any more."""
+        """Raises SloshPlanError if the samples exceed the budget."""
         self.used += int(samples.sum())
         if self.used > self.most:
             raise SloshPlanError(
@@ -166,7 +166,7 @@ class _Budget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scan:
-    """What is looked at, and how."""
+    """Settings of the scan."""
 
     model: Model
     trajectory: Trajectory
@@ -176,7 +176,7 @@ class _Scan:
     budget: _Budget
 
     def looked_at(self, scales: Array) -> Bools:
-        """Whether each is safe: coarsely, and in full where that leaves a doubt."""
+        """Returns whether each scale is safe: coarsely, or fully if that is doubtful."""
         found = self._coarse(scales)
         safe = np.array([self._keeps(one) for one in found])
         doubtful = np.flatnonzero([self._doubtful(one) for one in found])
@@ -185,7 +185,7 @@ class _Scan:
         return safe
 
     def exact(self, scales: Array) -> Bools:
-        """Whether each is safe, every sample simulated."""
+        """Returns whether each scale is safe, with every sample simulated."""
         found: list[Extremes] = []
         for batch in self._batches(scales, PEAK_SPACING, len(self.trajectory.t)):
             motions = [self.trajectory.scaled(float(scale)) for scale in batch]
@@ -242,7 +242,7 @@ class _Scan:
 def _refined(
     exact: Callable[[Array], Bools], scales: Array, safe: Bools
 ) -> tuple[tuple[float, float], ...]:
-    """Intervals of the safe scales, whose edges are the outermost that were found safe."""
+    """Returns intervals of safe scales with refined edges."""
     edges = np.flatnonzero(safe[1:] != safe[:-1])
     low, high = scales[edges], scales[edges + 1]
     rising = safe[edges + 1]
@@ -265,7 +265,7 @@ def _refined(
 
 
 def _fastest(model: Model, trajectory: Trajectory) -> float:
-    """The scale at which the motion reaches what the model was validated for."""
+    """Returns the scale at which the motion reaches the model's validity limits."""
     acceleration, jerk = greatest(trajectory)
     reached = max(
         math.sqrt(acceleration / model.limits.acceleration), (jerk / model.limits.jerk) ** (1 / 3)
@@ -274,7 +274,7 @@ def _fastest(model: Model, trajectory: Trajectory) -> float:
 
 
 def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float | None:
-    """The scale from which the linear bound proves all safe; None: it tells nothing.
+    """Returns the scale above which the linear bound proves safety; None: no bound.
 
     It does not where gravity or the container's turning drives the liquid: those do not fade with
     1/scale².
@@ -299,7 +299,7 @@ def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float 
 
 
 class Averaged:
-    """A motion whose accelerations are averaged about each of fewer samples.
+    """A motion with accelerations averaged to fewer samples.
 
     The averages keep what moves the liquid, the acceleration's integral, also of noise and jumps.
 
@@ -315,7 +315,7 @@ class Averaged:
         self._made: dict[int, Trajectory] = {}
 
     def scaled(self, factor: float, spacing: float) -> Trajectory:
-        """The motion run `factor` times as slowly, in samples at most `spacing` apart [s].
+        """Returns the motion slowed by `factor`, with samples at most `spacing` apart [s].
 
         As it is where it has no more samples than that. Those between two powers of two are of one
         grid.
@@ -336,7 +336,7 @@ class Averaged:
         return Trajectory(moments, change / (2.0 * half), name=self._trajectory.name)
 
     def _speed_at(self, moments: Array) -> Array:
-        """Integral of the linearly interpolated acceleration; it stays beyond the ends."""
+        """Integrates the linearly interpolated acceleration; constant beyond the ends."""
         t, acceleration = self._trajectory.t, self._trajectory.acceleration
         inside = np.clip(moments, t[0], t[-1])
         left = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)

@@ -1,4 +1,4 @@
-"""How the liquid stands when a motion begins."""
+"""Initial state of the liquid when a motion begins."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class LiquidState:
 
 
 def begun(model: Model, modal: Array | None, t: float) -> State | None:
-    """A model's state as a motion starts at time t [s]; None: at rest.
+    """Makes a model's state at the start t of a motion [s]; None: at rest.
 
     Raises:
         SloshPlanError: the state of another model.

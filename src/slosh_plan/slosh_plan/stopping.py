@@ -1,4 +1,4 @@
-"""The quickest stop of a moving container that keeps the liquid below a limit.
+"""Finds the quickest stop of a moving container that keeps the liquid below a limit.
 
 Of a family of laws: the velocity is the cubic that leads from the present velocity and
 acceleration to rest, and two bumps along the present direction that brake earlier or later. Ever
@@ -65,7 +65,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """How the container moves now."""
+    """Present motion of the container."""
 
     velocity: Array
     acceleration: Array
@@ -79,7 +79,7 @@ class _Moving:
         return self.velocity / self.speed
 
     def law(self, duration: float, bumps: tuple[float, float], t: Array) -> tuple[Array, Array]:
-        """(N, 3) velocity [m/s] and acceleration [m/s²] at times t from now (N,) [s]."""
+        """Returns velocity [m/s] and acceleration [m/s²], (N, 3) each, at times t from now [s]."""
         u = t / duration
         rest, half = 1.0 - u, 1.0 - 2.0 * u
         early, late = bumps
@@ -106,7 +106,13 @@ def safe_stop(
     acceleration: ArrayLike = (0.0, 0.0, 0.0),
     state: LiquidState | None = None,
 ) -> Stop:
-    """The quickest stop of the family that keeps the limits, of an upright container.
+    """Finds the quickest stop of the family within the limits, for an upright container.
+
+    >>> from slosh_model import Model
+    >>> cup = Model.from_cup(diameter=0.08, fill_height=0.06)
+    >>> stop = safe_stop(cup, velocity=[0.3, 0.0, 0.0], limits=PlanLimits(0.010, 0.005))
+    >>> stop.peak <= 0.010 and stop.residual <= 0.005
+    True
 
     Args:
         model: the model; its NL twin decides.
@@ -178,7 +184,7 @@ def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
 
 
 def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple[float, float]]:
-    """Bumps whose law keeps acceleration and jerk, as far as some rows tell, and its direction."""
+    """Yields the law's parameters that keep acceleration and jerk, on a coarse grid."""
     t = np.linspace(0.0, duration, TUNING.stop_rows)
     plain, early, late = (
         moving.law(duration, pair, t) for pair in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
@@ -234,7 +240,7 @@ def _heights(
 
 
 def _excess(found: Extremes, limits: PlanLimits) -> float:
-    """By how much of itself the worse of both limits is exceeded; not above 0: they are kept."""
+    """Returns the larger relative excess of both limits; at most 0: kept."""
     return max(found.peak / limits.height, found.residual / limits.residual) - 1.0
 
 

@@ -36,7 +36,7 @@ _WIDTHS = {"acceleration": "xyz", "attitude": "xyzw", "angular_velocity": "xyz",
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """A motion of the container, from rest; between samples the acceleration is linear.
+    """A motion of the container from rest; the acceleration is piecewise linear.
 
     >>> import numpy as np
     >>> from slosh_plan import Trajectory
@@ -86,7 +86,7 @@ class Trajectory:
         attitude: ArrayLike | None = None,
         name: str = "trajectory",
     ) -> Trajectory:
-        """The motion through poses, from rest to rest.
+        """Makes the rest-to-rest motion through poses.
 
         The positions are joined by the cubic spline that rests at both ends: its acceleration is
         continuous and linear between the poses, which is what the simulation takes; nothing is
@@ -125,16 +125,16 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample [s]."""
+        """Duration from the first to the last sample [s]."""
         return float(self.t[-1] - self.t[0])
 
     @property
     def turns(self) -> bool:
-        """Whether the container's attitude is part of the motion."""
+        """Whether the motion includes the container's attitude."""
         return self.attitude is not None or self.angular_velocity is not None
 
     def scaled(self, factor: float) -> Trajectory:
-        """The same path, run `factor` times as slowly.
+        """Returns the motion along the same path, slowed by `factor`.
 
         Positions and attitudes stay, times are stretched: ẍ goes with 1/factor², ω with 1/factor.
         Differentiating the stretched positions gives the same accelerations.
@@ -159,7 +159,7 @@ class Trajectory:
         return other
 
     def after_rest(self, seconds: float) -> Trajectory:
-        """The same, after the container has rested for a while [s].
+        """Returns the motion after a rest of some duration [s].
 
         Raises:
             SloshPlanError: it gets too long.
@@ -182,7 +182,7 @@ class Trajectory:
         )  # fmt: skip
 
     def inputs(self, horizon: float = 0.0, spacing: float = PEAK_SPACING) -> Inputs:
-        """As the simulation takes it, and the container at rest for `horizon` after it [s].
+        """Returns the inputs for the simulation, with rest for `horizon` after the motion [s].
 
         Args:
             horizon: how long it rests.
@@ -301,7 +301,11 @@ def _check_sizes(trajectory: Trajectory) -> None:
 
 
 def dense(t: Array, spacing: float) -> Array:
-    """The times, and more between those that are farther apart."""
+    """Inserts times where the spacing is too large.
+
+    >>> dense(np.array([0.0, 0.5, 1.5]), spacing=0.5).tolist()  # s
+    [0.0, 0.5, 1.0, 1.5]
+    """
     counts = np.maximum(np.ceil(np.diff(t) / spacing - 1e-3).astype(int), 1)
     if counts.max() == 1:
         return t

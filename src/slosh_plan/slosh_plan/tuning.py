@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class PlanTuning:
-    """How finely motions are searched, sampled and checked.
+    """Tuning numbers for the search, sampling and checks of motions.
 
     Checked by `validation/studies/plan_tables.py` and `validation/studies/joint_plan_tables.py`:
     times against the known laws, and no limit exceeded.

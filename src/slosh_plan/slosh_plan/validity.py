@@ -1,4 +1,4 @@
-"""Where a motion leaves what the models were validated for."""
+"""Checks a motion against the models' range of validity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JERK_TIME = 0.02
 
 
 class MotionFlag(IntFlag):
-    """What limits a prediction; the values of SloshEstimate.msg."""
+    """Limitations of a prediction; the values of SloshEstimate.msg."""
 
     NONE = 0
     PLANARITY_LOST = 1
@@ -30,7 +30,7 @@ class MotionFlag(IntFlag):
 
 def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFlag:
     """Flags of a motion on which the liquid rises to `peak` [m]."""
-    limits, freeboard = model.limits, model.container.freeboard
+    limits, rim = model.limits, model.container.height_below_rim()
     acceleration, jerk = greatest(trajectory)
     flags = MotionFlag.NONE
     if acceleration > limits.planar_acceleration or jerk > limits.planar_jerk:
@@ -39,7 +39,7 @@ def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFla
         flags |= MotionFlag.ACCELERATION_LIMIT
     if jerk > limits.jerk:
         flags |= MotionFlag.JERK_LIMIT
-    if freeboard is not None and peak > freeboard:
+    if rim is not None and peak > rim:
         flags |= MotionFlag.ABOVE_RIM
     if np.isfinite(model.container.linear_height):
         flags |= MotionFlag.LINEAR_ONLY
@@ -51,7 +51,7 @@ def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFla
 
 
 def greatest(motion: Trajectory | Inputs) -> tuple[float, float]:
-    """Greatest ‖a‖ [m/s²] and greatest change of it over JERK_TIME [m/s³] of a motion."""
+    """Returns the greatest ‖a‖ [m/s²] and its greatest change over JERK_TIME [m/s³]."""
     t, acceleration = motion.t, motion.acceleration
     before = columns_at(t - JERK_TIME, t, acceleration)
     jerk = np.linalg.norm(acceleration - before, axis=1) / JERK_TIME

@@ -180,7 +180,7 @@ def test_what_the_service_cannot_give_in_its_time_is_refused(
     monkeypatch.setattr(planner_node, "MOST_ROWS", 100)
     answer = cell.ask(request(time_limit=0.5))
     assert not answer.success
-    assert "gives back 100 points, one per millisecond" in answer.message
+    assert "returns 100 points, one per millisecond" in answer.message
     assert "the action plan_motion" in answer.message
 
 
@@ -278,7 +278,7 @@ def test_liquid_above_the_limit_is_waited_for(cell: Cell) -> None:
         cell.until(lambda: time.monotonic() - told_now > 0.2)
         return cell.ask(request(from_estimate=True, time_limit=0.2))
 
-    assert "mm high before the motion begins" in told(0.05).message
+    assert "mm before the motion begins" in told(0.05).message
     assert "the liquid moves: from its state now" in told(0.004).message
     assert told(0.0).success
     cell.probe.destroy_timer(timer)

@@ -24,9 +24,16 @@ from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.robot import available
 from slosh_model.model_text import parse_model
 from slosh_model.motion_profiles import quintic
-from slosh_msgs.msg import FusedEstimate, MotionPrediction, PredictionOutcome, SloshEstimate
+from slosh_msgs.msg import (
+    ContainerChange,
+    FusedEstimate,
+    MotionPrediction,
+    PredictionOutcome,
+    SloshEstimate,
+)
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.node.diagnostics import WARN
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_plan import HeightLimits, LiquidState, Trajectory, predict, safe_scales
@@ -405,3 +412,28 @@ def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
         read_arm(tmp_path / "no.urdf", "")
     with pytest.raises(SloshEstimatorError, match="No such file"):
         read_arm(tmp_path / "no.urdf", "cup")
+
+
+def test_it_predicts_for_what_the_gripper_holds(cell: Cell) -> None:
+    """An empty gripper is refused; what the estimator says at its start is the own model again."""
+    mug = "container: {shape: cylinder, radius: 0.04, fill_height: 0.05}"
+    changes = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    (own,) = predict(MODEL, motion(), limits=HeightLimits())
+    (other,) = predict(parse_model(mug), motion(), limits=HeightLimits())
+    held = cell.predictor._container
+
+    def told(present: bool, model: str = "", limit: float = math.nan) -> None:
+        changes.publish(filled(ContainerChange, present=present, model=model, limit=limit))
+        expected = parse_model(model) if model else MODEL
+        cell.until(lambda: (held.held.empty, held.held.model) == (not present, expected))
+
+    told(True, mug, 0.004)
+    assert cell.ask().peak_nonlinear == other.nonlinear.peak
+    assert cell.predictor._limits().height == 0.004
+    told(False, mug)
+    answer = cell.ask()
+    assert not answer.success
+    assert "gripper is empty" in answer.message
+    told(True)
+    assert cell.ask().peak_nonlinear == own.nonlinear.peak
+    assert cell.predictor._limits().height == 0.012

@@ -48,6 +48,30 @@ def test_a_plan_stays_below_the_rim(low_cup):
     assert answer.limits.at_rim
 
 
+def test_a_distance_to_the_rim_is_the_limit_that_it_leaves(low_cup, line):
+    motion, asked = line(0.5), HeightLimits(0.5, rim_distance=0.005)
+    (found,) = predict(low_cup, motion, limits=asked)
+    (same,) = predict(low_cup, motion, limits=HeightLimits(RIM - 0.005))
+    assert found.excess == pytest.approx(same.excess)
+    assert found.limits.height_name == "rim limit"
+    assert found.distance_to_rim == pytest.approx(RIM - found.upper)
+    path = path_through(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]))
+    answer = plan(low_cup, path, PlanLimits(rim_distance=0.005), time_limit=3.0)
+    assert answer.found.peak <= RIM - 0.005
+    assert answer.limits.residual == answer.limits.height
+    assert answer.distance_to_rim == pytest.approx(RIM - answer.found.peak)
+
+
+def test_a_distance_that_cannot_be_kept_is_refused(cup, low_cup, line):
+    with pytest.raises(SloshPlanError, match="the distance of the still liquid"):
+        predict(low_cup, line(0.5), limits=HeightLimits(rim_distance=0.025))
+    unknown = replace(cup, container=replace(cup.container, rim_height=None))
+    with pytest.raises(SloshPlanError, match="the rim is not known"):
+        predict(unknown, line(0.5), limits=HeightLimits(rim_distance=0.025))
+    with pytest.raises(SloshPlanError, match="did you mean 5 mm"):
+        HeightLimits(rim_distance=5.0)
+
+
 def test_a_margin_larger_than_the_room_below_the_rim_is_refused(low_cup):
     path = path_through(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]))
     with pytest.raises((SloshPlanError, NoSafeMotionError), match="20 mm"):

@@ -1,4 +1,4 @@
-"""Replays recordings: what they hold, the cores run again, the results compared."""
+"""Replays recordings: reads them, runs the cores again, compares the results."""
 
 from typing import TYPE_CHECKING
 

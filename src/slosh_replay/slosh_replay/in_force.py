@@ -1,4 +1,4 @@
-"""What a cell works with: limits, topics, model and calibration, as its nodes tell it."""
+"""Effective settings of a cell: limits, topics, model and calibration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_model.model import Model
 from slosh_model.model_text import parse_model
 from slosh_msgs_py import topics
 from slosh_replay.recorded_run import RecordedRun
-from slosh_replay.recording.settings import NodeStart, after, last_of_each
+from slosh_replay.recording.settings import NodeStart, after, last_of_each, tray_of
 
 _FIELDS = ("parameters", "topics", "files", "code", "arithmetic")
 
@@ -28,7 +28,7 @@ Starts = Mapping[str, NodeStart]
 
 
 def last_starts(run: RecordedRun) -> dict[str, NodeStart]:
-    """What the nodes of a recorded cell worked with; empty where the bag does not tell.
+    """Returns the last settings of a recorded cell's nodes; empty if not recorded.
 
     Raises:
         SloshBagError: the bag or what a node says in it cannot be read.
@@ -37,7 +37,7 @@ def last_starts(run: RecordedRun) -> dict[str, NodeStart]:
 
 
 def in_force(starts: Starts) -> dict[str, str]:
-    """What is in force, for people: a text by what it is about.
+    """Describes the effective settings, one text per subject.
 
     Args:
         starts: of the nodes that have told; what they do not tell is left out.
@@ -51,7 +51,7 @@ def in_force(starts: Starts) -> dict[str, str]:
 
 
 def parameter_changes(run: RecordedRun, zero_ns: int) -> tuple[str, ...]:
-    """The parameters that changed while a recorded node went on, one line each.
+    """Lists parameter changes of running nodes in a recording, one line each.
 
     Args:
         run: the recording.
@@ -77,18 +77,18 @@ def parameter_changes(run: RecordedRun, zero_ns: int) -> tuple[str, ...]:
 
 
 def in_force_lines(starts: Starts) -> list[str]:
-    """The same as lines for the screen."""
+    """Formats the effective settings as lines."""
     return [f"{label:<20}{text}" for label, text in in_force(starts).items()]
 
 
 def described(model: Model) -> str:
-    """A model in one line."""
+    """Describes a model in one line."""
     effects = ", ".join(use.name for use in model.effects) or "no effects"
     return f"{model.container.described}; {effects}"
 
 
 def settings_document(starts: Starts) -> str:
-    """All that the nodes have told, as YAML."""
+    """Formats all recorded settings of the nodes as YAML."""
     document = {
         name: {field: _plain(getattr(start, field)) for field in _FIELDS}
         for name, start in starts.items()
@@ -97,24 +97,24 @@ def settings_document(starts: Starts) -> str:
 
 
 def topic_of(start: NodeStart | None, name: str) -> str:
-    """The full name of a topic as a node has it; the name itself where it does not tell."""
+    """Returns the full name of a node's topic, or the name itself if unknown."""
     return start.topics.get(name, name) if start else name
 
 
 def has_camera(starts: Starts) -> bool:
-    """Whether the cell has a camera; a recording that does not tell is of one that has."""
+    """Whether the cell has a camera; assumed if not recorded."""
     monitor = starts.get("monitor")
     return monitor is None or bool(monitor.parameters.get("camera", True))
 
 
 def input_topic(estimator: NodeStart | None) -> str:
-    """What drives the models."""
+    """Returns the input topic of the models."""
     kind = estimator.parameters["input"] if estimator else topics.ACCEL
     return topic_of(estimator, TOPIC_NAMES.get(kind, kind))
 
 
 def image_topic(camera: NodeStart | None) -> str:
-    """What the camera node reads."""
+    """Returns the input topic of the camera node."""
     is_raw = camera is None or camera.parameters["transport"] == "raw"
     return topic_of(camera, topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED)
 
@@ -122,7 +122,8 @@ def image_topic(camera: NodeStart | None) -> str:
 def _limits(monitor: NodeStart) -> str:
     settings = MonitorSettings.from_told(monitor.parameters)
     told = [
-        f"{source.name.lower()} {1e3 * limit:.4g} mm" + " (rim)" * settings.at_rim(source)
+        f"{source.name.lower()} {1e3 * limit:.4g} mm"
+        + f" ({settings.limit_name(source)})" * settings.at_rim(source)
         for source, limit in settings.limits.items()
         if math.isfinite(limit)
     ]
@@ -136,6 +137,11 @@ def _model(estimator: NodeStart) -> str:
     # One that was loaded since has no file that the parameters name.
     path = "as loaded" if estimator.stamp_ns else estimator.parameters["model"]
     return f"{path}: {described(model)}"
+
+
+def _tray(estimator: NodeStart) -> str:
+    tray = tray_of(estimator)
+    return "" if tray is None else f"{', '.join(tray.names)}; the model is that of the first"
 
 
 def _camera(monitor: NodeStart) -> str:
@@ -166,6 +172,7 @@ _ROWS: Mapping[str, tuple[str, Callable[[NodeStart], str]]] = {
     "camera": ("monitor", _camera),
     "answers": ("monitor", lambda node: ", ".join(node.topics.values())),
     "model": ("estimator", _model),
+    "tray": ("estimator", _tray),
     "calibration": ("camera", _calibration),
 }
 """Which node tells it, and how it is put."""

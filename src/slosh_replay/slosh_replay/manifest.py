@@ -1,4 +1,4 @@
-"""`manifest.yaml`: what each bag of a folder shows, and what its replay must give.
+"""`manifest.yaml`: description and expected replay results of each bag of a folder.
 
     bags:
       c3:
@@ -50,20 +50,20 @@ _KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class ExpectedNumber:
-    """A number and by how much it may be missed."""
+    """An expected number with its tolerance."""
 
     value: float
     tolerance: float
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest value that passes."""
+        """Lowest and highest accepted value."""
         return self.value - self.tolerance, self.value + self.tolerance
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedEvent:
-    """An excess of a limit.
+    """An expected limit violation.
 
     Attributes:
         source: one of SOURCES.
@@ -78,7 +78,7 @@ class ExpectedEvent:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What the replay of one bag must give; None: not looked at.
+    """Expected results of one bag's replay; None: not checked.
 
     Attributes:
         shows: what the bag is there for.
@@ -104,7 +104,7 @@ class Expectation:
 
 
 def read_manifest(path: Path) -> dict[str, Expectation]:
-    """The expectations by the name of the bag.
+    """Reads the expectations by bag name.
 
     Raises:
         SloshBagError: the file cannot be read, or a key or value is not known; one line that
@@ -152,7 +152,7 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
 
 
 def _kept(old: Expectation | None, new: Expectation) -> Expectation:
-    """The new figures with the old texts and tolerances."""
+    """Returns the new figures with the old texts and tolerances."""
     if old is None:
         return new
     texts = tuple(
@@ -200,7 +200,7 @@ def _event_document(event: ExpectedEvent) -> dict[str, Any]:
 
 
 def _pair(value: ExpectedNumber) -> dict[str, float]:
-    """Rounded to a hundredth of the tolerance, which no check sees."""
+    """Rounds a value to a hundredth of the tolerance."""
     if value.tolerance == 0.0:
         return {"value": value.value, "tolerance": 0.0}
     digits = 2 - math.floor(math.log10(value.tolerance))
@@ -209,7 +209,7 @@ def _pair(value: ExpectedNumber) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where in the file something stands, for errors."""
+    """Position in the file, for errors."""
 
     document: YamlDocument
     keys: KeyPath
@@ -222,7 +222,7 @@ class _Place:
         return _Place(self.document, (*self.keys, key))
 
     def error(self, problem: str, *below: Key) -> SloshBagError:
-        """What is wrong here, on the line of a key below."""
+        """Makes an error with the line of a key."""
         line = self.document.where(*self.keys, *below)
         return SloshBagError(f"{line}: {dotted(self.keys)}: {problem}")
 

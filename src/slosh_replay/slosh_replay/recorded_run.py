@@ -1,4 +1,4 @@
-"""A recording with what is asked of it more than once: made once, and passed on."""
+"""A recording with its cached contents, made once and passed on."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ class RecordedRun:
 
     @cached_property
     def facts(self) -> Mapping[str, str]:
-        """What its writer noted about the whole recording."""
+        """Facts about the whole recording that its writer stored."""
         return self.reader.metadata()
 
     @cached_property
     def starts(self) -> tuple[NodeStart, ...]:
-        """The starts of the nodes of its first cell."""
+        """The settings messages of the nodes in its first cell."""
         return tuple(recorded_starts(self.reader, CellTopics(self.topics)))

@@ -1,4 +1,4 @@
-"""Cuts a bag where the stamps of what drives the models go back."""
+"""Splits a bag where the input's stamps decrease."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PART = "part_{}"
 
 
 def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list[Path]:
-    """Writes a bag for each stretch of a recording in which time goes on.
+    """Writes a bag for each section of a recording with increasing time.
 
     What is told once, such as the nodes' settings, stands at the begin of each of them.
 
@@ -55,7 +55,7 @@ def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list
 
 
 def _cuts(reader: BagReader, sources: Sources) -> NDArray[np.int64]:
-    """When the messages were recorded with which the input's time was set back [ns]."""
+    """Returns the log times at which the input's time was set back [ns]."""
     each, log_ns = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for block in reader.blocks([sources.input]):
         each.append(stamps_of(reader.columns(block, STAMP)))

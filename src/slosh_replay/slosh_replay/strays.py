@@ -1,4 +1,4 @@
-"""Stamps that do not belong where they stand."""
+"""Detects out-of-sequence stamps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LASTING = 20
 
 
 class StrayFilter:
-    """Sets single messages aside whose stamps lie far ahead of those before and after them.
+    """Excludes single messages with stamps far ahead of their neighbours.
 
     Args:
         gap: so far ahead of the one before [ns].
@@ -33,7 +33,7 @@ class StrayFilter:
         self._held: tuple[Integers, Columns] | None = None
 
     def add(self, stamps: Integers, columns: Columns) -> tuple[Integers, Columns]:
-        """Takes messages that follow each other; returns those that are decided.
+        """Adds consecutive messages; returns those that are decided.
 
         One that may be astray waits for the next one, which tells.
 
@@ -58,18 +58,18 @@ class StrayFilter:
         return stamps[:decided], {name: c[:decided] for name, c in columns.items()}
 
     def _is_open(self, stamps: Integers) -> bool:
-        """Whether only what follows tells if the last one is astray."""
+        """Whether the last stamp can only be judged with its successor."""
         before = stamps[-2] if len(stamps) > 1 else self._before
         return bool(len(stamps) and before is not None and stamps[-1] - before > self._gap)
 
     def rest(self) -> tuple[Integers, Columns]:
-        """The last one, when nothing follows."""
+        """Returns the last message at the end."""
         held, self._held = self._held, None
         return held if held is not None else (np.empty(0, dtype=np.int64), {})
 
 
 def strays_ahead(stamps: Integers, gap: int, before: int | None = None) -> NDArray[np.bool_]:
-    """Which stamps lie far ahead, while the next one goes on as if they were not there.
+    """Returns stamps far ahead of neighbours that continue without them.
 
     Args:
         stamps: (N,) in the order in which they came [ns].
@@ -89,7 +89,7 @@ def strays_ahead(stamps: Integers, gap: int, before: int | None = None) -> NDArr
 
 
 def set_backs(stamps: Iterable[int]) -> list[int]:
-    """Indices of stamps with which time was set back for good.
+    """Returns the indices of stamps at which time was set back permanently.
 
     Args:
         stamps: in the order in which they came [ns].

@@ -140,4 +140,4 @@ def test_mixed_estimates_of_two_nodes_restart_at_an_input_that_is_there():
     decision = matcher.decide(np.array([5, 10, 15, 20]), final=True)
     assert decision.reached == 4
     assert all(place < decision.reached for place in decision.restarts)
-    KnownState().follow(np.array([5, 10, 15, 20]), decision)
+    KnownState(None).follow(np.array([5, 10, 15, 20]), decision)

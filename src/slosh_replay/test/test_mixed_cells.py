@@ -12,6 +12,7 @@ from slosh_bag.bag_writer import BagWriter
 from slosh_bag.errors import SloshBagError
 from slosh_bag.reader import BagReader
 from slosh_bag.recorder import PUBLISHERS, SEVERAL
+from slosh_bag.recover import NotedDefinitions
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_replay.replay import replay_bag
@@ -44,7 +45,9 @@ def mix(folder, lead_ns, ends=ENDS, facts=(), left_out="nothing"):
     first, begin = part("c", ends)
     second, other = part("e", [end for end in ends if end != left_out])
     both = first + [shifted(message, begin - other + lead_ns) for message in second]
-    with BagWriter(folder) as writer:
+    reader = BagReader(BAGS / "c")
+    list(reader.messages())  # makes its types known
+    with BagWriter(folder, NotedDefinitions(reader.types)) as writer:
         for name, value in facts:
             writer.note(name, value)
         for message in sorted(both, key=lambda message: message.log_ns):
@@ -129,7 +132,7 @@ def test_of_two_estimators_on_one_input_the_first_is_replayed(tmp_path):
         other.nonlinear.msh += 1e-3
         data = reader.typestore.serialize_cdr(other, message.message_type)
         messages.append(message._replace(log_ns=message.log_ns + 200_000, data=bytes(data)))
-    with BagWriter(tmp_path / "bag") as writer:
+    with BagWriter(tmp_path / "bag", NotedDefinitions(reader.types)) as writer:
         for name, value in noted(NOTED[1:]):
             writer.note(name, value)
         for message in sorted(messages, key=lambda message: message.log_ns):

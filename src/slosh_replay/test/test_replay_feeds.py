@@ -46,7 +46,7 @@ def run(seed, seconds=2.0):
         images, np.where(random.random(len(images)) < 0.05, np.nan, height),
         np.where(random.random(len(images)) < 0.1, 1, 0), np.full(len(images), 1e-4),
         np.zeros(len(images)), height * np.exp(1j * np.where(images % 7, 0.3, np.nan)),
-        np.full(len(images), np.nan),
+        np.full(len(images), np.nan), 0.5 * height,
     )  # fmt: skip
     return estimates, measured
 
@@ -72,8 +72,8 @@ def one_by_one(estimates, measured, settings=LIMITS):
     entries = [
         *((point.stamp_ns, 1, point) for point in points),
         *(
-            (stamp, 2, MeasuredPoint(stamp, height, stddev, flags, wave, axis))
-            for stamp, height, flags, stddev, _, wave, axis in rows_of(measured)
+            (stamp, 2, MeasuredPoint(stamp, height, stddev, flags, wave, axis, level))
+            for stamp, height, flags, stddev, _, wave, axis, level in rows_of(measured)
         ),
     ]
     entries.sort(key=lambda entry: entry[:2])

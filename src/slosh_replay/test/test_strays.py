@@ -119,7 +119,7 @@ def test_messages_that_were_recorded_late_are_told_and_each_part_replays(tmp_pat
     logs = [message.log_ns for message in messages]
     b, c, d = np.searchsorted(logs, ends).tolist()
     numbers, log_ns = itertools.count(1), 0
-    with BagWriter(bag, custom=reader.metadata()) as writer:
+    with BagWriter(bag, NotedDefinitions(reader.types), reader.metadata()) as writer:
         for name, topic in bag_contents(BAG).topics.items():
             if name != "/slosh/comparison":
                 writer.add_topic(name, topic.message_type, *topic.offered[:1])

@@ -1,1 +1,1 @@
-"""Pages: the template, its charts, the page of a run, the index of runs."""
+"""HTML pages: template, charts, the page of a run, the index of runs."""

@@ -1,7 +1,7 @@
-"""The package's root exception."""
+"""The root exception of the package."""
 
 from __future__ import annotations
 
 
 class SloshReportError(ValueError):
-    """Series that cannot be compared, or what no page can show; the text is one line."""
+    """Series cannot be compared or shown on a page; the text is one line."""

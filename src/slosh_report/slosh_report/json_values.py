@@ -1,4 +1,4 @@
-"""Values as JSON can hold them."""
+"""Converts values to JSON-compatible ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def plain(value: Any) -> Any:
-    """Dataclasses as dicts, tuples and arrays as lists, numbers as Python's own.
+    """Converts dataclasses to dicts, tuples and arrays to lists, numbers to Python's.
 
     Args:
         value: a dataclass, a mapping, a sequence, an array (N,) of numbers, an enumeration's

@@ -1,4 +1,4 @@
-"""Tables as lines of text."""
+"""Formats tables as lines of text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from slosh_base.files.plain_text import plain_line
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
-    """Rows as lines with columns of equal width.
+    """Formats rows as lines with columns of equal width.
 
     Args:
         rows: cells, as many in each row; control characters in them are written out.

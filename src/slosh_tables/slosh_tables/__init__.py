@@ -1,4 +1,4 @@
-"""Reads and writes tables of motions, in the forms that spreadsheets and scripts write."""
+"""Reads and writes motion tables in the formats of spreadsheets and scripts."""
 
 from typing import TYPE_CHECKING
 

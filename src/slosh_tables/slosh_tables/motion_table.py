@@ -1,4 +1,4 @@
-"""Motion tables: a container's motion, and measured heights where there are any, as CSV.
+"""Motion tables as CSV: a container's motion, with measured heights if any.
 
 Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity excluded]; optional
 `x,y,z` (of the container's origin in the world, m, as in a plan: passed over), `qx,qy,qz,qw`
@@ -47,13 +47,17 @@ _BATCH = 10_000  # rows that are turned into text at a time
 
 
 def is_motion_table(path: Path) -> bool:
-    """Whether a path's name is a motion table's."""
+    """Whether a path has a motion table's suffix.
+
+    >>> is_motion_table(Path("move.csv.gz")), is_motion_table(Path("bag.mcap"))
+    (True, False)
+    """
     return path.name.lower().endswith(SUFFIXES)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class MotionTable(for_notebooks.Shown):
-    """A motion and what was measured during it.
+    """A motion with measured heights.
 
     >>> import numpy as np
     >>> from slosh_tables import MotionTable
@@ -103,7 +107,7 @@ class MotionTable(for_notebooks.Shown):
         return f"{type(self).__name__}({told}{found})"
 
     def inputs(self) -> Inputs:
-        """The motion as `slosh_model.simulate` takes it.
+        """Returns the motion for `slosh_model.simulate`.
 
         Raises:
             SloshModelError: it cannot be simulated; the text names the array and the row.
@@ -111,7 +115,7 @@ class MotionTable(for_notebooks.Shown):
         return Inputs(self.t, self.acceleration, self.attitude, self.angular_velocity)
 
     def to_pandas(self) -> DataFrame:
-        """A table with the file's columns by time; its `to_csv` gives a motion table again.
+        """Returns the file's columns by time as a pandas table.
 
         Raises:
             SloshFileError: a measured azimuth is no whole degree.
@@ -151,7 +155,7 @@ def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> Mo
 
 
 def write_motion_table(path: str | Path, table: MotionTable) -> None:
-    """Writes a motion table that `read_motion_table` reads back to the same bits.
+    """Writes a motion table; `read_motion_table` returns exactly the same values.
 
     >>> from slosh_tables import read_motion_table, write_motion_table
     >>> table = read_motion_table("move.csv")
@@ -179,7 +183,7 @@ def write_motion_table(path: str | Path, table: MotionTable) -> None:
 
 
 def column_names(path: Path, table: MotionTable) -> list[str]:
-    """The names of a table's columns, in the order in which they are written.
+    """Returns the names of a table's columns in the written order.
 
     Raises:
         SloshFileError: a measured azimuth is no whole degree.
@@ -188,7 +192,11 @@ def column_names(path: Path, table: MotionTable) -> list[str]:
 
 
 def eta_azimuths(names: Iterable[str]) -> Array:
-    """The azimuths [rad] of those names that are columns of wall heights, in rising order."""
+    """Returns the azimuths [rad] of wall height columns, in increasing order.
+
+    >>> eta_azimuths(["t", "eta_090", "eta_000"]).round(3).tolist()  # rad
+    [0.0, 1.571]
+    """
     degrees = sorted(float(name.removeprefix(ETA)) for name in names if _is_eta(name))
     return np.radians(degrees)
 
@@ -210,7 +218,7 @@ def _is_profile(name: str) -> bool:
 
 
 def _place(name: str) -> float:
-    """A profile column's x [m]."""
+    """Returns a profile column's x [m]."""
     return float(name.removeprefix(PROFILE))
 
 

@@ -13,11 +13,15 @@ from slosh_bag.definitions import Definitions
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
+from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
+from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
+from slosh_model.tray import TRAY, Tray, format_tray
+from slosh_model.wall import WallPlace
 
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.135}
@@ -48,6 +52,7 @@ TYPES = {
     "imu": "sensor_msgs/msg/Imu",
     "pose": "geometry_msgs/msg/PoseStamped",
     "settings": "slosh_msgs/msg/NodeSettings",
+    "tray_estimate": "slosh_msgs/msg/TrayEstimate",
 }
 
 
@@ -73,6 +78,7 @@ class LiveBag:
         idle: indices of inputs before which an estimator process begins and ends; the next one,
             which takes that input first, does not take the liquid for still.
         loads: model texts by the index of the first input that they apply to.
+        holds: what the gripper holds by the index of the first input that it applies to.
         changes: changed input parameters by the index of the first input that they apply to.
         gaps: in the inputs of the last estimator process that was written.
         camera_gap: from and to which moment there are no images [s].
@@ -87,6 +93,7 @@ class LiveBag:
         topics: those that are written; None: all.
         namespace: of the cell.
         facts: of the whole bag.
+        tray: whose first container the model is of; None: there is none.
         checks: whether the estimator checks its input; None: it is one of the time before.
         rotation: sensor_rotation of the estimator [rad].
         offset: what the input tells beyond what is true [m/s²].
@@ -101,6 +108,7 @@ class LiveBag:
         self.restarts: Collection[int] = ()
         self.idle: Collection[int] = ()
         self.loads: dict[int, str] = {}
+        self.holds: dict[int, HeldContainer] = {}
         self.changes: dict[int, dict[str, float]] = {}
         self.gaps = 0
         self.camera_gap = (0.0, 0.0)
@@ -116,6 +124,9 @@ class LiveBag:
         self.topics: Collection[str] | None = None
         self.namespace = "/slosh"
         self.facts: dict[str, str] = {}
+        self.tray: Tray | None = None
+        self._others: TrayEstimator | None = None
+        self._of_tray: TrayEstimate | None = None
         self.checks: bool | None = None
         self.rotation = (0.0, 0.0, 0.0)
         self.offset = (0.0, 0.0, 0.0)
@@ -164,11 +175,13 @@ class LiveBag:
             sample, recorded = samples[-1], index not in self.unrecorded
             for sample in samples:
                 estimate = estimator.update(sample)
+                self._follow_tray(sample, estimate)
                 if self.states and index % STATE_EVERY == 0 and recorded and sample is samples[-1]:
                     self._state(estimator, source, stamp)
                 if recorded:
                     lag = self.estimate_lag(index)
                     self._estimate(estimator, estimate, source.gate, stamp + lag)
+                    self._put_tray(sample.stamp_ns, stamp + lag)
             self.gaps = source.gate.gaps
             second = (stamp - START) * 1e-9
             if index % 8 == 0 and not self.camera_gap[0] <= second < self.camera_gap[1]:
@@ -186,6 +199,12 @@ class LiveBag:
             source.sampling.carry(modes_of(estimator.model))
             files = {"model": format_model(estimator.model)}
             self._settings("estimator", before, files, stamp - 1)
+        if index in self.holds:
+            held = self.holds[index]
+            estimator.load_model(held.model, fresh=held.fresh, empty=held.empty)
+            source.sampling.carry(modes_of(estimator.model))
+            files = {"model": format_model(held.model)}
+            self._settings("estimator", before, files, stamp - 1, **held.recorded)
         if index in self.changes:
             own = {"max_jump": GateSettings().max_jump, **self.changes[index]}
             source.gate.change(GateSettings(**own))
@@ -214,6 +233,10 @@ class LiveBag:
 
     def _start(self, model, stamp: int, log_ns: int, *, at_rest: bool = True):
         files = {"model": format_model(model)}
+        self._others, self._of_tray = None, None
+        if self.tray is not None:
+            files[TRAY] = format_tray(self.tray)
+            self._others = TrayEstimator(self.tray, at_rest=at_rest)
         # A node whose parameters can change sets jumps aside, too.
         own = {"starts_at_rest": at_rest, "pose_window": self.pose_window}
         if self.changes:
@@ -290,6 +313,21 @@ class LiveBag:
             "estimate", sample.stamp_ns, log_ns, linear=models[0], nonlinear=models[1],
             acceleration=np.array(sample[1:4]), jerk=estimate.jerk, yaw=sample.yaw,
             flags=estimate.flags, samples_used=gate.used, samples_dropped=gate.dropped,
+            **dict.fromkeys(WallPlace._fields, float("nan")),
+        )  # fmt: skip
+
+    def _follow_tray(self, sample, estimate) -> None:
+        if self._others is not None:
+            self._of_tray = self._others.update(sample, estimate)
+
+    def _put_tray(self, stamp: int, log_ns: int) -> None:
+        told = self._of_tray
+        if told is None:
+            return
+        self._put(
+            "tray_estimate", stamp, log_ns, containers=list(self.tray.names),
+            msh=np.array(told.msh), azimuth=np.array(told.azimuth),
+            flags=np.array(told.flags, np.uint16), worst=told.worst,
         )  # fmt: skip
 
     def _state(self, estimator: Estimator, source, stamp: int) -> None:

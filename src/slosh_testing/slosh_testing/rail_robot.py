@@ -49,3 +49,12 @@ def quaternion(shoulder: float, elbow: float, wrist: float) -> tuple[float, floa
         math.cos(yaw) * math.sin(half), math.sin(yaw) * math.sin(half),
         math.sin(yaw) * math.cos(half), math.cos(yaw) * math.cos(half),
     )  # fmt: skip
+
+
+def felt_on_cup(t: Any, step: float = 1e-4) -> tuple[Any, Any]:
+    """Specific force [m/s²] and angular velocity [rad/s], (N, 3) each, in the cup's axes."""
+    yaws = [swung(np.asarray(t) + k * step)[..., 1:3].sum(axis=-1) for k in (-1, 0, 1)]
+    c, s, (ax, ay, _) = np.cos(yaws[1]), np.sin(yaws[1]), acceleration(t).T
+    rate, zero = (yaws[2] - yaws[0]) / (2.0 * step), 0.0 * c
+    force = np.stack([c * ax + s * ay, c * ay - s * ax, zero + 9.81], axis=-1)
+    return force, np.stack([zero, zero, rate], axis=-1)

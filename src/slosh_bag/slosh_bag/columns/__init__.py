@@ -1,1 +1,1 @@
-"""Many messages at once as NumPy columns, and back to their bytes."""
+"""Converts many messages at once to NumPy columns and back to bytes."""

@@ -1,4 +1,4 @@
-"""Many messages at once: CDR bytes to NumPy columns and back, without an object per message."""
+"""Converts many CDR messages to NumPy columns and back, without one object per message."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Group(NamedTuple):
 
 
 class ColumnReader:
-    """Reads blocks of messages as columns; it remembers the layouts that it has met.
+    """Reads blocks of messages as columns; caches the layouts that it has seen.
 
     Args:
         store_of: gives a store that knows a message type.
@@ -72,7 +72,7 @@ class ColumnReader:
         return {name: self._merged(block, groups, name) for name in wanted}
 
     def groups(self, block: MessageBlock, names: Collection[str] | None = None) -> Iterator[Group]:
-        """The same, layout by layout: each group has those of the wanted columns that it has.
+        """Yields one group per layout; each group has the wanted columns that it contains.
 
         Raises:
             SloshBagError: as `columns`.
@@ -142,7 +142,7 @@ class ColumnReader:
 def columns(
     block: MessageBlock, typestore: Typestore, names: Collection[str] | None = None
 ) -> Columns:
-    """The values of one block; for many blocks a ColumnReader is faster.
+    """Returns the values of one block; for many blocks a ColumnReader is faster.
 
     Args:
         block: messages of one topic.
@@ -156,7 +156,7 @@ def columns(
 
 
 def write_messages(layout: Layout, template: bytes, values: Mapping[str, Any]) -> Bytes:
-    """Many messages that differ in numbers alone.
+    """Encodes many messages that differ from a template only in numeric values.
 
     Args:
         layout: of the template.
@@ -188,7 +188,7 @@ def write_messages(layout: Layout, template: bytes, values: Mapping[str, Any]) -
 
 
 def _fitting(column: NDArray[Any], target: NDArray[Any], kind: str, name: str) -> NDArray[Any]:
-    """The column in its field's type; never wrapped round, cut or spread over an array."""
+    """Returns the column in its field's type; refuses overflow, truncation and broadcasting."""
     if column.shape != target.shape:
         raise SloshBagError(f"{name!r}: shape {column.shape} instead of {target.shape}")
     if kind == "bool":
@@ -233,7 +233,7 @@ def _read(layout: Layout, packed: Bytes, names: Collection[str] | None) -> Colum
 
 
 def _strings(stored: NDArray[Any], name: str, wide: str) -> NDArray[Any]:
-    """Decodes strings, wide ones of a byte order; mostly they are all the same."""
+    """Decodes strings, wide ones in a byte order; identical strings are decoded once."""
     size, raw = stored.dtype.itemsize, stored.tobytes()
     parts = [raw[:size]]
     if raw != parts[0] * len(stored):
@@ -250,7 +250,7 @@ def _strings(stored: NDArray[Any], name: str, wide: str) -> NDArray[Any]:
     Tuple((boolean[::1], uint8[:, ::1]))(BYTES, INTEGERS, INTEGERS, int64, INTEGERS, BYTES)
 )
 def _pack(buffer, start, length, size, fixed, values):  # type: ignore[no-untyped-def]
-    """Copies the messages that have a layout; every place is held against the buffer's end.
+    """Copies the messages of one layout to rows; checks every position against the buffer's end.
 
     Returns which they are, (N,) bool, and their bytes, (M, size).
     """

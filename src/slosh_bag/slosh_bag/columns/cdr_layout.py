@@ -1,4 +1,4 @@
-"""Where each value lies in a message's CDR bytes.
+"""Computes the position of each value in a message's CDR bytes.
 
 Messages of a type whose strings and sequences are equally long have all values at the same places.
 A layout says where these are, so that many messages are read or written at once.
@@ -57,7 +57,7 @@ class Leaf:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the values of a message lie.
+    """Positions of a message's values in its bytes.
 
     Attributes:
         message_type: e.g. 'slosh_msgs/msg/FreeSurface'.
@@ -91,7 +91,7 @@ class Layout:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """All columns: arrays element by element, unless they are longer than EXPANDED."""
+        """Names of all columns; arrays longer than EXPANDED stay one column."""
         names: list[str] = []
         for name, leaf in self.leaves.items():
             if leaf.count is None or leaf.count > EXPANDED:
@@ -101,7 +101,7 @@ class Layout:
         return tuple(names)
 
     def find(self, name: str) -> tuple[str, int | None] | None:
-        """The leaf that holds a column, and which of its elements; None: it has none such."""
+        """Returns the leaf of a column and the element's index; None: no such column."""
         if name in self.leaves:
             return name, None
         match = _ELEMENT.fullmatch(name)
@@ -111,13 +111,13 @@ class Layout:
         return match[1], int(match[2])
 
     def fits(self, data: bytes) -> bool:
-        """True where a message's values lie as this says."""
+        """Whether a message's values lie at this layout's positions."""
         content = np.frombuffer(data, np.uint8)
         return len(data) == self.size and bool((content[self.fixed] == self.values).all())
 
 
 def layout_of(typestore: Typestore, message_type: str, data: bytes) -> Layout:
-    """The layout of a message.
+    """Computes the layout of a message.
 
     Args:
         typestore: a store that knows the type.
@@ -146,7 +146,7 @@ def layout_of(typestore: Typestore, message_type: str, data: bytes) -> Layout:
 
 @dataclass(slots=True)
 class _Walk:
-    """Goes through a message's bytes by the definition of its type."""
+    """Walks through a message's bytes by the definition of its type."""
 
     store: Typestore
     data: bytes
@@ -230,7 +230,10 @@ class _Walk:
 
 
 def wide_text(raw: bytes, order: str) -> str:
-    """A wide string's text; half a surrogate pair stays as it is.
+    """Decodes a wide string; unpaired surrogates are kept.
+
+    >>> wide_text("cup".encode("utf-32-le"), "<")
+    'cup'
 
     Args:
         raw: its units, four bytes each.
@@ -241,7 +244,7 @@ def wide_text(raw: bytes, order: str) -> str:
 
 
 def kind_of(typestore: Typestore, message_type: str, name: str) -> str:
-    """The kind of a column by the definition of its type, whatever the lengths of sequences.
+    """Returns the kind of a column from its type's definition, for any length of sequences.
 
     Args:
         typestore: a store that knows the type.
@@ -250,6 +253,10 @@ def kind_of(typestore: Typestore, message_type: str, name: str) -> str:
 
     Raises:
         SloshBagError: the type has no such field.
+
+    >>> from rosbags.typesys import Stores, get_typestore
+    >>> kind_of(get_typestore(Stores.ROS2_HUMBLE), "geometry_msgs/msg/Point", "x")
+    'float64'
     """
     description: Any = (Nodetype.NAME, message_type)
     whole = False

@@ -1,4 +1,4 @@
-"""A message's CDR bytes as Python values, for types that rosbags does not decode: wide strings."""
+"""Decodes CDR messages with wide strings, which rosbags does not decode."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slosh_bag.errors import SloshBagError
 
 
 def has_wide_text(store: Typestore, message_type: str) -> bool:
-    """Whether a type has wide strings, or those in it have."""
+    """Whether a type or one of its nested types has wide strings."""
     for _, (kind, detail) in store.fielddefs[message_type][1]:
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
             kind, detail = detail[0]
@@ -28,7 +28,7 @@ def has_wide_text(store: Typestore, message_type: str) -> bool:
 
 
 def decode_values(store: Typestore, message_type: str, data: bytes) -> SimpleNamespace:
-    """A message as an object with the fields of its type, as rosbags names them.
+    """Decodes a message as an object with the field names that rosbags uses.
 
     Raises:
         SloshBagError: the bytes are not those of such a message.

@@ -1,1 +1,1 @@
-"""Motion tables, CSV, Parquet, ROS 1 bags and rosbag2's files: in and out."""
+"""Imports and exports motion tables, CSV, Parquet, ROS 1 bags and rosbag2's files."""

@@ -1,4 +1,4 @@
-"""What a bag holds, found without reading its messages where the file is finished."""
+"""Lists a bag's contents, from the summary only where the file is finished."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _DURABILITY = {1: "transient_local", 2: "volatile"}
 
 @dataclass(frozen=True, slots=True)
 class BagTopic:
-    """A topic of a bag.
+    """A topic of a bag, with its type and count.
 
     Attributes:
         message_type: e.g. 'slosh_msgs/msg/FreeSurface'.
@@ -42,13 +42,13 @@ class BagTopic:
 
     @property
     def latched(self) -> bool:
-        """Whether who subscribes late hears what was published before."""
+        """Whether late subscribers receive messages published earlier (transient local)."""
         return any(qos.durability == "transient_local" for qos in self.offered)
 
 
 @dataclass(slots=True)
 class BagContents:
-    """Topics of a bag, with their types and numbers of messages.
+    """The topics of a bag, with their types and message counts.
 
     Attributes:
         topics: by name.
@@ -63,7 +63,7 @@ class BagContents:
 
 
 def bag_contents(path: Path) -> BagContents:
-    """What a bag holds; of an unfinished or cut file, what is there.
+    """Returns a bag's contents; of an unfinished or truncated file the readable part.
 
     Args:
         path: a folder with MCAP files, or one MCAP file.
@@ -79,7 +79,7 @@ def bag_contents(path: Path) -> BagContents:
 
 
 def _add_summary(contents: BagContents, file: Path) -> bool:
-    """Adds what the end of a finished file says; False: there is none that can be believed."""
+    """Adds the summary of a finished file; returns False if no summary can be trusted."""
     with file.open("rb") as stream:
         found = read_summary(stream, file.stat().st_size)
         if found is None or not found.trusted:
@@ -100,7 +100,7 @@ def _add_summary(contents: BagContents, file: Path) -> bool:
 
 
 def _add_whole(contents: BagContents, file: Path) -> None:
-    """Adds what a file says that has to be read from its start to where it breaks off."""
+    """Adds the contents of a file that must be read from its start up to a break."""
     walk = McapWalk(file)
     for _ in walk.chunks():
         pass
@@ -138,7 +138,7 @@ def _add_channel(contents: BagContents, channel: Channel, schemas: Mapping[int, 
 
 
 def parse_offered(text: str) -> list[Qos]:
-    """The profiles that rosbag2 noted of a topic's publishers, as words or as numbers."""
+    """Parses the QoS profiles that rosbag2 noted for a topic's publishers, as words or numbers."""
     try:
         document = parse_yaml(text, "QoS profiles").value
     except YamlError:

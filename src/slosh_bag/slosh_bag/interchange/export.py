@@ -30,7 +30,7 @@ BATCH_BYTES: Final = 4 << 20
 
 
 class ExportTarget(NamedTuple):
-    """Where a topic goes: its type, its number of messages and the file."""
+    """An exported topic: its type, its number of messages and the output file."""
 
     message_type: str
     messages: int
@@ -38,7 +38,7 @@ class ExportTarget(NamedTuple):
 
 
 class ExportResult(NamedTuple):
-    """Files that an export wrote, with their numbers of rows.
+    """Files that an export wrote, with their row counts.
 
     Attributes:
         rows: rows by file.
@@ -50,7 +50,7 @@ class ExportResult(NamedTuple):
 
 
 def is_table(path: Path) -> bool:
-    """Whether a path names a table and not a folder of tables."""
+    """Whether a path names a single table rather than a folder of tables."""
     return path.name.endswith(SUFFIXES)
 
 
@@ -61,7 +61,7 @@ def export_targets(
     output: Path,
     form: Form = "parquet",
 ) -> dict[str, ExportTarget]:
-    """The file for each topic.
+    """Chooses the output file of each topic.
 
     Args:
         bag: the bag; for what is said of it.
@@ -97,13 +97,13 @@ def export_targets(
 
 
 def _file_stem(topic: str) -> str:
-    """A topic's name as that of a file: dots for slashes, what no ROS topic has as `%2e`."""
+    """Converts a topic's name to a file name: dots for slashes, other characters as `%2e`."""
     inner = _NO_TOPIC.sub(lambda found: f"%{ord(found[0]):02x}", topic.strip("/"))
     return inner.replace("/", ".")
 
 
 def _check_folder_name(output: Path) -> None:
-    """A new folder `out.xls` was meant to be a file."""
+    """Refuses a new folder whose name looks like a file's, such as `out.xls`."""
     if output.suffix[1:].isalpha() and not output.is_dir():
         raise SloshBagError(
             f"{output}: a table must end in {', '.join(SUFFIXES)}; create the folder first if "
@@ -118,7 +118,7 @@ def export_topics(
     overwrite: bool = False,
     progress: Callable[[int], object] = lambda count: None,
 ) -> ExportResult:
-    """Writes topics of a bag as tables, one file for each.
+    """Writes topics of a bag as tables, one file per topic.
 
     Args:
         reader: of the bag.
@@ -163,7 +163,7 @@ def export_topics(
 
 
 def check_targets(paths: Any, *, overwrite: bool) -> None:
-    """Refuses files that exist, and kinds that cannot be written here.
+    """Refuses files that exist, and formats that cannot be written here.
 
     Raises:
         SloshBagError: a file exists, is a folder, or needs what is not installed.
@@ -182,7 +182,7 @@ def check_targets(paths: Any, *, overwrite: bool) -> None:
 
 
 class _Table:
-    """The table of a topic, and the messages that wait to be written to it."""
+    """The table of a topic, with the messages still to be written."""
 
     def __init__(self, reader: BagReader, path: Path, facts: dict[str, str]) -> None:
         self.rows = 0
@@ -195,11 +195,11 @@ class _Table:
 
     @property
     def notes(self) -> list[str]:
-        """What is not in the file."""
+        """Remarks about values that the file does not contain."""
         return self._sink.notes
 
     def add_block(self, block: MessageBlock) -> None:
-        """Takes messages that come together."""
+        """Adds a block of messages."""
         self._check(block.topic, block.message_type)
         # Slices: the rows of a chunk of small messages would take many times their bytes.
         for start in range(0, len(block), BATCH_ROWS):
@@ -208,7 +208,7 @@ class _Table:
         self.rows += len(block)
 
     def add(self, message: BagMessage) -> None:
-        """Takes a message."""
+        """Adds a message."""
         self._check(message.topic, message.message_type)
         self._waiting.append(message)
         self._size += len(message.data)
@@ -216,16 +216,16 @@ class _Table:
             self._flush()
 
     def close(self) -> None:
-        """Writes what is left; a topic without messages gets its heading alone."""
+        """Writes the remaining rows; a topic without messages gets its header row only."""
         self._flush()
         self._sink.close()
 
     def keep(self) -> None:
-        """Gives the file its name."""
+        """Renames the temporary file to its final name."""
         self._sink.keep()
 
     def discard(self) -> None:
-        """Removes what was written."""
+        """Deletes the temporary file."""
         self._sink.discard()
 
     def _check(self, topic: str, message_type: str) -> None:

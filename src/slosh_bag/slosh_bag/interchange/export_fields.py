@@ -1,4 +1,4 @@
-"""Message types as the columns of a flat table.
+"""Describes message types as columns of a flat table.
 
 Fields of messages within messages become columns with dotted names (`header.stamp.sec`), the
 elements of short arrays of fixed length columns with an index (`acceleration[0]`). What has no
@@ -40,7 +40,7 @@ class ValueType(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ColumnField:
-    """A field that becomes one column, or with shape 'spread' several.
+    """A field that becomes one column, or several with shape 'spread'.
 
     Attributes:
         name: dotted.
@@ -58,26 +58,26 @@ class ColumnField:
 
     @property
     def columns(self) -> list[str]:
-        """The names of its columns."""
+        """Names of the field's columns."""
         if self.shape != "spread":
             return [self.name]
         return [f"{self.name}[{index}]" for index in range(self.length)]
 
     @property
     def is_flat(self) -> bool:
-        """Whether it holds numbers, or one text: no lists of texts or of messages."""
+        """Whether the field holds numbers or one text, and no lists of texts or messages."""
         return self.node.base not in {"", *TEXTS} or self.shape == "value"
 
     @property
     def is_bytes(self) -> bool:
-        """Whether it is a list of bytes: an image's data, say."""
+        """Whether the field is a list of bytes, such as an image's data."""
         return self.shape == "list" and self.node.base in BYTES
 
 
 def leaves(
     types: Typestore, message_type: str, prefix: str = "", path: str = ""
 ) -> list[ColumnField]:
-    """The leaves of a message type, in the order of its fields."""
+    """Returns the leaves of a message type, in the order of its fields."""
     found: list[ColumnField] = []
     for field, description in types.fielddefs[message_type][1]:
         name, attribute = prefix + field, path + normalize_fieldname(field)
@@ -112,13 +112,13 @@ def _node(types: Typestore, description: Any) -> ValueType:
 
 
 def row_getter(fields: Sequence[ColumnField]) -> Callable[[Any], tuple[Any, ...]]:
-    """Gives the values of all leaves of a decoded message at once."""
+    """Returns a function that reads all leaves of a decoded message at once."""
     get = attrgetter(*(leaf.path for leaf in fields))
     return get if len(fields) > 1 else lambda message: (get(message),)
 
 
 def plain(node: ValueType, value: Any) -> Any:
-    """A decoded value as Python's own numbers, texts, lists and dictionaries."""
+    """Converts a decoded value to Python's own numbers, texts, lists and dictionaries."""
     if not node.base:
         return {
             name: ([plain(inner, item) for item in content] if several else plain(inner, content))
@@ -130,14 +130,14 @@ def plain(node: ValueType, value: Any) -> Any:
 
 
 def unsigned(node: ValueType, values: Any) -> Any:
-    """Values of a byte as ROS 2 has them, 0 … 255: rosbags gives them a sign."""
+    """Converts byte values to ROS 2's range 0 … 255; rosbags decodes them as signed."""
     if node.base != "byte":
         return values
     return np.asarray(values).astype(np.uint8)  # -1 becomes 255
 
 
 def plain_list(node: ValueType, values: Any) -> list[Any]:
-    """The elements of a decoded list as Python's own."""
+    """Converts the elements of a decoded list to Python's own types."""
     if hasattr(values, "tolist"):
         return list(unsigned(node, values).tolist())
     return [plain(node, value) for value in values]

@@ -1,4 +1,4 @@
-"""Where exported rows go: CSV and Parquet files, written batch by batch."""
+"""Writes exported rows to CSV and Parquet files, batch by batch."""
 
 from __future__ import annotations
 
@@ -51,17 +51,17 @@ class Sink(Protocol):
         """
 
     def close(self) -> None:
-        """Writes what is left to write."""
+        """Writes the remaining rows."""
 
     def keep(self) -> None:
-        """Gives the file its name."""
+        """Renames the temporary file to its final name."""
 
     def discard(self) -> None:
-        """Removes what was written."""
+        """Deletes the temporary file."""
 
 
 class CsvSink:
-    """A CSV file: numbers to the last bit, lists as JSON in a cell.
+    """A CSV file: numbers at full precision, lists as JSON in a cell.
 
     A text that a spreadsheet would take for a formula has an apostrophe before it.
 
@@ -105,7 +105,7 @@ class CsvSink:
         writer.writerows(zip(*columns, strict=True))
 
     def close(self) -> None:
-        """Writes what is left to write."""
+        """Writes the remaining rows."""
         self._open.close()
         for name, count in self._too_long.items():
             self.notes.append(
@@ -119,17 +119,17 @@ class CsvSink:
             )
 
     def keep(self) -> None:
-        """Gives the file its name."""
+        """Renames the temporary file to its final name."""
         self._file.finish()
 
     def discard(self) -> None:
-        """Removes what was written."""
+        """Deletes the temporary file."""
         with suppress(OSError):  # where the disk is full, nor does the rest go to it
             self._open.close()
         self._file.discard()
 
     def _cells(self, leaf: ColumnField, values: Any) -> list[Sequence[Any]]:
-        """The cells of a leaf's columns."""
+        """Returns the cells of a leaf's columns."""
         if leaf.shape == "list":
             return [[self._list_cell(leaf, value) for value in values]]
         columns = [plain_list(leaf.node, column) for column in _columns(leaf, values)]
@@ -140,7 +140,7 @@ class CsvSink:
         return list(columns)
 
     def _texts(self, leaf: ColumnField, column: Sequence[str]) -> Sequence[str]:
-        """Texts without those that a spreadsheet would run: messages come from whoever sends."""
+        """Marks texts that a spreadsheet would run as formulas, since messages are untrusted."""
         marked = [f"'{text}" if _is_formula(text) else text for text in column]
         count = sum(map(str.__ne__, marked, column))
         if count:
@@ -155,7 +155,7 @@ class CsvSink:
 
 
 def _is_formula(text: str) -> bool:
-    """Whether a spreadsheet may run a cell: =HYPERLINK(…), +cmd|…, -2+3, @SUM(…); no number."""
+    """Whether a spreadsheet may run a cell as a formula: =HYPERLINK(…), +cmd|…, -2+3, @SUM(…)."""
     inner = text.lstrip("\t\r\n")  # which spreadsheets may strip
     if not inner.startswith(_FORMULA):
         return False
@@ -167,14 +167,14 @@ def _is_formula(text: str) -> bool:
 
 
 def _columns(leaf: ColumnField, values: Any) -> list[Any]:
-    """A leaf's values by column: one, or one for each element of an array."""
+    """Returns a leaf's values by column, with one column per element of an array."""
     if leaf.shape != "spread":
         return [unsigned(leaf.node, values)]
     return list(np.ascontiguousarray(unsigned(leaf.node, np.asarray(values)).T))
 
 
 class ParquetSink:
-    """A Parquet file: every type as it is, lists as lists, bytes as binary.
+    """A Parquet file: each type is kept; lists are lists, bytes are binary.
 
     Args:
         path: `.parquet`.
@@ -222,17 +222,17 @@ class ParquetSink:
             self._write_group()
 
     def close(self) -> None:
-        """Writes what is left to write."""
+        """Writes the remaining rows and closes the file."""
         self._write_group()
         self._writer.close()
         self._stream.close()
 
     def keep(self) -> None:
-        """Gives the file its name."""
+        """Renames the temporary file to its final name."""
         self._file.finish()
 
     def discard(self) -> None:
-        """Removes what was written."""
+        """Deletes the temporary file."""
         with suppress(OSError, ValueError):  # a full disk, or a writer that is in disorder
             self._writer.close()
         with suppress(OSError):
@@ -240,7 +240,7 @@ class ParquetSink:
         self._file.discard()
 
     def _cells(self, leaf: ColumnField, values: Any) -> list[Any]:
-        """What pyarrow takes for a leaf's columns."""
+        """Converts a leaf's columns to what pyarrow accepts."""
         if leaf.is_bytes:
             return [[bytes(value) for value in values]]
         if leaf.shape != "list":
@@ -278,7 +278,7 @@ class ParquetSink:
 
 
 def load_pyarrow() -> tuple[Any, Any]:
-    """The modules pyarrow and pyarrow.parquet, imported only where they are needed.
+    """Imports pyarrow and pyarrow.parquet on first use.
 
     Raises:
         SloshBagError: they are not installed.
@@ -292,7 +292,7 @@ def load_pyarrow() -> tuple[Any, Any]:
 def make_sink(
     path: Path, times: Sequence[str], fields: Sequence[ColumnField], facts: Mapping[str, str]
 ) -> Sink:
-    """The sink for a file, by its suffix."""
+    """Makes the sink for a file, chosen by its suffix."""
     if path.suffix == ".parquet":
         return ParquetSink(path, times, fields, facts)
     return CsvSink(path, times, fields)

@@ -1,4 +1,4 @@
-"""Readers of foreign bags, as rosbags has them, that unpack no more than is let in.
+"""Reads foreign bags with rosbags, with bounds on the unpacked size.
 
 rosbags unpacks whatever a file holds. ROS 1's chunks and packed messages of rosbag2 are unpacked
 here within a bound; MCAP files are read by the reader of our own, which has its bounds.
@@ -34,7 +34,7 @@ _KINDS = {ROS1_SUFFIX: "a ROS 1 bag", ".db3": "an SQLite file", ".mcap": "an MCA
 
 
 def foreign_reader(source: Path) -> Any:
-    """A reader of a foreign bag, not yet open.
+    """Makes a reader of a foreign bag; it is not open yet.
 
     Args:
         source: a `.bag`, `.db3` or `.mcap` file, or a rosbag2 folder.
@@ -51,7 +51,7 @@ def foreign_reader(source: Path) -> Any:
 
 
 def _check_kind(source: Path) -> None:
-    """Refuses a file that is not what its name says."""
+    """Refuses a file whose content does not match its suffix."""
     with source.open("rb") as file:
         is_ros1 = file.read(len(_ROS1_MAGIC)) == _ROS1_MAGIC
     if source.suffix == ROS1_SUFFIX and is_ros1:
@@ -68,19 +68,19 @@ def _check_kind(source: Path) -> None:
 
 
 def not_read(reader: Any) -> list[str]:
-    """Files beside a bag that its metadata.yaml does not name."""
+    """Returns files in the bag's folder that its metadata.yaml does not name."""
     return list(getattr(getattr(reader, "storage", None), "beside", []))
 
 
 def told_by(reader: Any) -> list[str]:
-    """What the user should know of the files that a reader has read."""
+    """Returns the reader's warnings about the files that it has read."""
     storage = getattr(reader, "storage", None)
     files = getattr(storage, "storages", [])
     return [text for each in (storage, *files) for text in getattr(each, "warnings", [])]
 
 
 class _Ros1(Ros1Reader):
-    """Of a ROS 1 bag."""
+    """Reads a ROS 1 bag."""
 
     _left = 0
 
@@ -90,7 +90,7 @@ class _Ros1(Ros1Reader):
         super().open()
 
     def read_chunk(self) -> Chunk:
-        """Where a chunk is, and how it is unpacked: in bounds."""
+        """Reads a chunk's header, with a bounded decompressor."""
         chunk = super().read_chunk()
         for name in ("bz2", "lz4"):
             if chunk.decompressor is decompressors[name]:
@@ -98,7 +98,7 @@ class _Ros1(Ros1Reader):
         return chunk
 
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Reads one of a chunk's indexes; many chunks must not share one."""
+        """Reads one of a chunk's indexes; refuses many chunks that share one index."""
         assert self.bio is not None
         start = self.bio.tell()
         super().read_index_data(pos, indexes)
@@ -108,7 +108,7 @@ class _Ros1(Ros1Reader):
 
 
 class _Ros2(Ros2Reader):
-    """Of a rosbag2 folder or file."""
+    """Reads a rosbag2 folder or file."""
 
     STORAGE_PLUGINS = {"dir": FolderStorage, ".mcap": McapStorage, ".db3": SqliteStorage}  # noqa: RUF012
 
@@ -124,7 +124,7 @@ def _unpacker(compression: str) -> Callable[[bytes], bytes]:
 
 
 def _check_folder(folder: Path) -> None:
-    """Bounds what is read of a folder before any message is: YAML, packed files.
+    """Bounds the size of a folder's YAML and packed files before any message is read.
 
     Raises:
         SloshBagError: metadata.yaml stands for too much, or a file would be too large when it is

@@ -1,4 +1,4 @@
-"""Files and folders of foreign bags: MCAP, rosbag2's SQLite, rosbag2's folders."""
+"""Storage backends of foreign bags: MCAP, rosbag2's SQLite, rosbag2's folders."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _FORMATS = {
 
 
 class McapStorage:
-    """Of an MCAP file, as rosbags' own reader is to be used.
+    """Reads an MCAP file through the interface of rosbags' readers.
 
     Attributes:
         connections: its topics.
@@ -60,7 +60,7 @@ class McapStorage:
         self._reader: BagReader
 
     def open(self) -> None:
-        """Reads the topics; to its end where the file's end does not tell them.
+        """Reads the topics; reads the whole file where its summary lacks them.
 
         Raises:
             SloshBagError: the file is damaged, or would take too much memory.
@@ -78,7 +78,7 @@ class McapStorage:
 
     @property
     def warnings(self) -> list[str]:
-        """What a reader of the messages should know."""
+        """Warnings about the messages."""
         return self._reader.warnings
 
     def close(self) -> None:
@@ -91,7 +91,7 @@ class McapStorage:
         start: int | None = None,
         stop: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """The messages of some topics in the order of their log times [ns]."""
+        """Yields the messages of some topics in the order of their log times [ns]."""
         by_name = {(each.topic, each.msgtype): each for each in connections}
         for message in self._reader.messages({each.topic for each in connections}):
             kind = _ros2_name(message.message_type) or _NO_SCHEMA
@@ -120,7 +120,7 @@ class McapStorage:
 
 
 class FolderStorage:
-    """Of a rosbag2 folder, by its metadata.yaml; as rosbags' own reader is to be used.
+    """Reads a rosbag2 folder by its metadata.yaml, through the interface of rosbags' readers.
 
     Files, topics and messages count as they are: what metadata.yaml says of the storage, and of
     what publishers offered, decides nothing but that.
@@ -185,7 +185,7 @@ class FolderStorage:
         start: int | None = None,
         stop: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """The messages of some topics, file by file."""
+        """Yields the messages of some topics, file by file."""
         wanted = {(each.topic, each.msgtype): each for each in connections}
         for storage in self.storages:
             mine = [each for each in storage.connections if (each.topic, each.msgtype) in wanted]
@@ -207,7 +207,7 @@ class FolderStorage:
             yield target
 
     def _topics(self, noted: list[Any]) -> Iterator[Connection]:
-        """The topics that the files hold, with the counts and the QoS of metadata.yaml."""
+        """Returns the files' topics, with the counts and QoS profiles of metadata.yaml."""
         counts: dict[tuple[str, str], int] = {}
         profiles: dict[tuple[str, str], list[Qos]] = {}
         for entry in noted:
@@ -241,7 +241,7 @@ class FolderStorage:
 
 
 class SqliteStorage(Sqlite3Reader):
-    """Of an SQLite file, with what SQLite's log beside it holds.
+    """Reads an SQLite file together with SQLite's write-ahead log.
 
     The recorder that was killed leaves messages in a file `…-wal` that are not in the `.db3` yet.
 
@@ -257,7 +257,7 @@ class SqliteStorage(Sqlite3Reader):
         self._room: TemporaryDirectory[str] | None = None
 
     def open(self) -> None:
-        """Opens the file, or a copy of it with its log."""
+        """Opens the file, or a copy if it has a log."""
         logs = [Path(f"{self.path}{end}") for end in _LOGS]
         logs = [log for log in logs if log.is_file() and log.stat().st_size]
         if logs:
@@ -279,7 +279,7 @@ class SqliteStorage(Sqlite3Reader):
 
 
 def _by_suffix(path: Path) -> Any:
-    """The reader of a file: what metadata.yaml says may be empty, as `ros2 bag reindex` leaves it.
+    """Returns the reader for a file's suffix; metadata.yaml may leave the storage kind empty.
 
     Raises:
         SloshBagError: its name tells no kind.
@@ -290,7 +290,7 @@ def _by_suffix(path: Path) -> Any:
 
 
 def bag_information(folder: Path) -> Any:
-    """Reads what a bag's metadata.yaml says of its files and topics.
+    """Reads the part of a bag's metadata.yaml about its files and topics.
 
     Raises:
         SloshBagError: it cannot be read.
@@ -306,7 +306,7 @@ def bag_information(folder: Path) -> Any:
 
 
 def _qos(noted: Any) -> list[Qos]:
-    """Profiles, as far as they can be read: none decides whether messages are read."""
+    """Parses QoS profiles; returns none if they cannot be parsed, since they are optional."""
     try:
         return list(parse_qos(noted or []))
     except (ReaderError, LookupError, TypeError, ValueError, AttributeError):
@@ -314,7 +314,7 @@ def _qos(noted: Any) -> list[Qos]:
 
 
 def _ros2_name(message_type: str) -> str:
-    """A type's name as ROS 2 has it: ROS 1's 'std_msgs/Header' is 'std_msgs/msg/Header'."""
+    """Converts a ROS 1 type name to ROS 2's: 'std_msgs/Header' to 'std_msgs/msg/Header'."""
     package, slash, name = message_type.partition("/")
     return f"{package}/msg/{name}" if slash and "/" not in name else message_type
 

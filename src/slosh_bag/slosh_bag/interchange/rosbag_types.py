@@ -1,4 +1,4 @@
-"""Message types of foreign bags: what becomes of each on its way into ours.
+"""Converts message types of foreign bags.
 
 A type that is known here (ROS 2 Jazzy's, and those of the installed packages) arrives as it is
 defined here: readers take a known type's definition for granted. Any other keeps the definition
@@ -25,7 +25,7 @@ HEADER = "std_msgs/msg/Header"
 def message_converter(
     connection: Connection, definitions: Definitions, *, ros1: bool
 ) -> tuple[str, Convert, str]:
-    """How the messages of a connection become messages of ours.
+    """Returns the function that converts a connection's messages.
 
     Args:
         connection: of the foreign bag.
@@ -52,7 +52,7 @@ def message_converter(
 
 
 def _as_it_is(connection: Connection, definitions: Definitions) -> Convert:
-    """For older files without definitions: those here must be the ones it was recorded with."""
+    """Checks types of older files without definitions against the installed definitions."""
     known = definitions.hash(connection.msgtype)  # raises where there is none
     if connection.digest and connection.digest != known:
         raise SloshBagError(
@@ -63,7 +63,7 @@ def _as_it_is(connection: Connection, definitions: Definitions) -> Convert:
 
 
 def _source_types(connection: Connection) -> Typestore:
-    """The definitions that the connection brings along.
+    """Returns the definitions that the connection contains.
 
     Each connection has a store of its own: what is wrong with one does not touch the others.
     """
@@ -75,7 +75,7 @@ def _source_types(connection: Connection) -> Typestore:
 
 
 def _make_known(kind: str, source_kind: str, source: Typestore, here: Definitions) -> None:
-    """Takes over the bag's definition of a type that is not known here, and of those in it."""
+    """Registers the bag's definitions of a type and its nested types if they are unknown here."""
     try:
         here.hash(kind)
     except SloshBagError:
@@ -117,7 +117,7 @@ def _conversion(
 
 
 def _changes(kind: str, source_kind: str, source: Typestore, here: Typestore) -> str:
-    """What another definition of a type means for its fields, in one line."""
+    """Describes in one line which fields differ between two definitions of a type."""
     before, after = _fields(source, source_kind), _fields(here, kind)
     gone = sorted(before.keys() - after.keys())
     new = sorted(after.keys() - before.keys())
@@ -135,7 +135,7 @@ def _changes(kind: str, source_kind: str, source: Typestore, here: Typestore) ->
 
 
 def _fields(store: Typestore, kind: str, prefix: str = "") -> dict[str, Any]:
-    """Types by dotted field name, in lower case as in ROS 2 and without ROS 1's Header.seq."""
+    """Returns types by dotted field name, in lower case and without ROS 1's Header.seq."""
     found: dict[str, Any] = {}
     for name, description in store.fielddefs[kind][1]:
         several = description[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE)

@@ -10,7 +10,7 @@ from slosh_bag.errors import SloshBagError
 
 
 def find_topic(bag: Path, topics: Iterable[str], name: str) -> str:
-    """The topic of a name: the whole name, or its last parts where only one topic ends so.
+    """Finds the topic of a name: the full name, or a unique ending of one.
 
     Args:
         bag: where the topics are; for what is said of it.

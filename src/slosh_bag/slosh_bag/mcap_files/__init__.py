@@ -1,1 +1,1 @@
-"""The parts of MCAP files: chunks, summaries, metadata; reading, walking and writing them."""
+"""Parts of MCAP files: chunks, summaries and metadata, with their readers and writers."""

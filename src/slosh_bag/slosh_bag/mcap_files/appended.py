@@ -1,4 +1,4 @@
-"""Bytes at a record's end that no field of it takes: what a later version of MCAP may append.
+"""Bytes after a record's known fields, which later MCAP versions may append.
 
 Readers have to pass over them, in every record but messages and the footer, which never grow.
 Yet a damaged opcode or length looks much the same: what hides a chunk is damage, not a new field.
@@ -20,7 +20,7 @@ LONGEST_NAMES = 1 << 20
 
 
 def check_no_chunk(content: bytes) -> None:
-    """Refuses a record of another kind that has a chunk's content.
+    """Refuses a record with another opcode whose content is a chunk's.
 
     Args:
         content: of the record.
@@ -55,7 +55,7 @@ def _has_messages(content: bytes) -> bool:
 
 
 def check_message_index(content: bytes) -> None:
-    """Holds a message index's length against its record's.
+    """Checks a message index's length against its record's length.
 
     Raises:
         DamageError: it does not fit.
@@ -69,7 +69,7 @@ def check_message_index(content: bytes) -> None:
 
 
 def attachment_size(start: bytes, length: int) -> int:
-    """How many bytes an attachment's fields take, up to its checksum [bytes].
+    """Returns the size of an attachment's fields up to its checksum [bytes].
 
     Args:
         start: the record's content, or its first `LONGEST_NAMES`.

@@ -1,4 +1,4 @@
-"""The files of a bag and their order."""
+"""Lists the files of a bag in their order."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST_METADATA = 20_000_000
 
 
 def bag_folder(path: Path) -> Path:
-    """Where a bag is: at the path, or in the only folder of it that holds one.
+    """Returns a bag's folder: the path, or the only subfolder that holds a bag.
 
     `slosh import -o DIR` makes such a folder, and so does an archive that was unpacked.
 
@@ -49,7 +49,7 @@ def bag_files(path: Path) -> list[Path]:
 
 
 def import_hint(path: Path) -> str:
-    """What to do with a file or a folder of a foreign bag, for the end of a line; else empty."""
+    """Returns a hint on how to import a file or folder of a foreign bag; else empty."""
     if path.is_dir():
         foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
         kind = "a bag of ROS 1 or of rosbag2's SQLite storage" if foreign else ""
@@ -60,7 +60,7 @@ def import_hint(path: Path) -> str:
 
 
 def check_no_other(path: Path) -> None:
-    """Refuses a file that is known to be something else.
+    """Refuses a file that is known to be of another kind.
 
     Raises:
         SloshBagError: the line says what it is and what to do.
@@ -74,7 +74,7 @@ def check_no_other(path: Path) -> None:
 
 
 def files_of(path: Path) -> list[Path]:
-    """All files of a bag, whether it can be read or not; of one MCAP file this."""
+    """Returns all files of a bag, readable or not."""
     if not path.is_dir():
         return [path]
     folder = bag_folder(path)
@@ -82,7 +82,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], list[str]]:
-    """The files as `bag_files` gives them, and what is odd about the folder.
+    """Returns the files as `bag_files` does, and warnings about the folder.
 
     Args:
         path: folder or file.
@@ -135,7 +135,7 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 
 
 def folder_facts(path: Path) -> dict[str, str]:
-    """The facts about the bag in a folder's metadata.yaml; no checksum covers them."""
+    """Returns the bag's facts in its metadata.yaml, which have no checksum."""
     try:
         custom = _information(path / METADATA)["custom_data"]
         return {str(key): str(value) for key, value in (custom or {}).items()}
@@ -148,7 +148,7 @@ def _information(noted: Path) -> Any:
 
 
 def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:
-    """The files in metadata.yaml's order, where it names just these."""
+    """Returns the files in metadata.yaml's order if it names exactly these."""
     noted = folder / METADATA
     if not noted.is_file():
         return files

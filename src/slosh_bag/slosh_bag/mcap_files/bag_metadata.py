@@ -18,7 +18,7 @@ _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """What a publisher offers, as rosbag2 notes it.
+    """A publisher's QoS profile, as rosbag2 stores it.
 
     Attributes:
         reliability: 'reliable' or 'best_effort'.
@@ -45,17 +45,17 @@ class Qos:
         }
 
     def documents(self) -> list[dict[str, Any]]:
-        """The same of all publishers."""
+        """Returns the profile as a list of one document."""
         return [self.document()]
 
     def text(self) -> str:
-        """The same as the text that an MCAP channel carries."""
+        """Returns the profiles as the text of an MCAP channel."""
         return _text(self.documents())
 
 
 @dataclass(frozen=True, slots=True)
 class TopicFacts:
-    """A topic of a bag.
+    """A topic of a bag, with its type and count.
 
     Attributes:
         name: its name.
@@ -76,7 +76,7 @@ class TopicFacts:
 
 @dataclass(frozen=True, slots=True)
 class FileFacts:
-    """A file of a bag.
+    """A file of a bag, with its times and count.
 
     Attributes:
         name: its name in the bag's folder.
@@ -98,7 +98,7 @@ def save(
     files: Iterable[FileFacts],
     custom: Mapping[str, str],
 ) -> None:
-    """Writes a bag's metadata.yaml; at no moment is there half a file.
+    """Writes a bag's metadata.yaml atomically.
 
     Messages wait meanwhile: it does not wait for the disk, nor do the files that it describes.
 

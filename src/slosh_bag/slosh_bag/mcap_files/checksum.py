@@ -1,4 +1,4 @@
-"""Facts with a checksum of their own: MCAP gives metadata records none."""
+"""Adds a checksum to facts, since MCAP metadata records have none."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ CHECKSUM = "crc32"
 
 
 def with_checksum(facts: Mapping[str, str]) -> dict[str, str]:
-    """The content of a metadata record: facts, and their checksum."""
+    """Returns the content of a metadata record: the facts and their checksum."""
     return {**facts, CHECKSUM: checksum_of(facts)}
 
 
 def checksum_of(facts: Mapping[str, str]) -> str:
-    """The checksum of facts, whatever their order."""
+    """Computes the checksum of facts, independent of their order."""
     return f"{zlib.crc32(json.dumps(dict(facts), sort_keys=True).encode()):08x}"

@@ -1,4 +1,4 @@
-"""The messages of an MCAP chunk as arrays: unpacked, checked, and found by a compiled scan."""
+"""The messages of an MCAP chunk as arrays: decompressed, checked, found by a compiled scan."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ _PROBLEMS = {
 
 
 class DamageError(SloshBagError):
-    """Bytes that are not what was written; the text says what is wrong, not yet where."""
+    """Bytes are damaged; the text describes the damage, without its position."""
 
 
 class TooLargeError(DamageError):
-    """Bytes that would take too much memory."""
+    """Bytes would need too much memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +85,7 @@ class MessageBlock:
         return self.buffer[start : start + int(self.length[index])].tobytes()
 
     def take(self, rows: Any) -> MessageBlock:
-        """Takes the messages of some rows.
+        """Selects some of the messages.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -100,7 +100,7 @@ class MessageBlock:
 
 
 class ChunkHeader(NamedTuple):
-    """What a chunk says of itself.
+    """The header of a chunk: times, sizes, checksum.
 
     Attributes:
         start_ns, end_ns: least and greatest log time in it [ns]; 0 and 0 where it is empty.
@@ -122,7 +122,7 @@ class ChunkHeader(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chunk:
-    """The records of one chunk, or of a run of records that are in none.
+    """The records of one chunk, or a run of records outside chunks.
 
     Attributes:
         position: where it begins in the file [bytes].
@@ -155,7 +155,7 @@ class Chunk:
         return np.frombuffer(self.raw, np.uint8)
 
     def take(self, rows: Any) -> Chunk:
-        """The chunk with some of its messages.
+        """Returns the chunk with some of its messages.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -171,7 +171,7 @@ class Chunk:
 
 
 class StrictStream(ReadDataStream):
-    """A record's content, which gives no fewer bytes than it is asked for."""
+    """A record's content as a stream that refuses to return fewer bytes than requested."""
 
     def __init__(self, content: bytes) -> None:
         super().__init__(io.BytesIO(content))
@@ -190,7 +190,7 @@ class StrictStream(ReadDataStream):
 
 
 def parse(kind: Any, content: bytes) -> Any:
-    """A record of one of mcap's types.
+    """Parses a record as one of mcap's types.
 
     Args:
         kind: the type.
@@ -206,7 +206,7 @@ def parse(kind: Any, content: bytes) -> Any:
 
 
 def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
-    """Reads what a chunk says of itself.
+    """Parses a chunk's header.
 
     Args:
         start: the first 48 bytes of the record's content, or all where it is shorter.
@@ -235,7 +235,7 @@ def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
 
 
 def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Chunk:
-    """Unpacks a chunk.
+    """Decompresses a chunk.
 
     Args:
         position: of its record in the file.
@@ -262,7 +262,7 @@ def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Chunk:
 
 
 def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Chunk:
-    """Reads a chunk's header, and unpacks it.
+    """Parses a chunk's header and decompresses the chunk.
 
     Args:
         position: of its record in the file.
@@ -280,7 +280,7 @@ def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Chu
 
 
 def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
-    """What a user is told of damage that is not at a file's end."""
+    """Makes the error for damage that is not at a file's end."""
     return SloshBagError(
         f"{path}: damaged at byte {position}: {error}; `slosh recover` writes a new bag with "
         "all intact messages"
@@ -288,14 +288,14 @@ def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
 
 
 def agrees(header: ChunkHeader, chunk: Chunk) -> bool:
-    """True where the messages have the times that the chunk says."""
+    """Whether the first and last messages have the times of the chunk's header."""
     if not len(chunk):
         return True
     return bool(header.start_ns == chunk.log_ns[0] and header.end_ns == chunk.log_ns[-1])
 
 
 def read_loose(position: int, window: bytes) -> Chunk:
-    """Reads records that are in no chunk.
+    """Reads records that are outside chunks.
 
     Args:
         position: of the first in the file.

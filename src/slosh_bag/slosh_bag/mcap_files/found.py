@@ -1,4 +1,4 @@
-"""What reading an MCAP file has found: definitions, counts, times, and what could not be read."""
+"""Results of reading an MCAP file: definitions, counts, times, unread bytes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class UnreadBytes:
 
 @dataclass(slots=True)
 class Found:
-    """What a walk has found so far.
+    """Contents found by a walk so far.
 
     Attributes:
         schemas, channels: by their ids.
@@ -64,7 +64,7 @@ class Found:
     defined: int = 0
 
     def has_room(self, definitions: Sequence[Schema | Channel], *, kept: bool) -> bool:
-        """Counts definitions; False: they are too many.
+        """Counts definitions; returns False if there are too many.
 
         Args:
             definitions: the next ones.
@@ -87,7 +87,7 @@ class Found:
         self.unchecked |= not chunk.checked
 
     def is_defined(self, channel: int) -> bool:
-        """True where the channel is known, and its schema, if it has one."""
+        """Whether the channel and its schema, if any, are known."""
         known = self.channels.get(channel)
         return known is not None and (not known.schema_id or known.schema_id in self.schemas)
 

@@ -1,4 +1,4 @@
-"""Writes one MCAP file that can stop at any byte and be finished all the same.
+"""Writes one MCAP file that is readable after an interruption at any byte.
 
 `mcap`'s own writer forgets what it has counted, and where, when a write fails: its file cannot be
 finished any more. Here a write that fails leaves file and bookkeeping as they were before it.
@@ -52,7 +52,7 @@ _U64 = struct.Struct("<Q")
 
 @dataclass(slots=True)
 class _OpenChunk:
-    """The chunk that is being filled: its records, and where the messages are in it."""
+    """The chunk being filled: its records and the offsets of its messages."""
 
     parts: list[bytes] = field(default_factory=list)
     size: int = 0
@@ -104,17 +104,17 @@ class McapFile:
 
     @property
     def count(self) -> int:
-        """Messages in the file."""
+        """Number of messages in the file."""
         return sum(self._counts.values())
 
     @property
     def pending(self) -> int:
-        """Messages that are not in the file yet."""
+        """Number of messages that are not yet in the file."""
         return self._chunk.count
 
     @property
     def full(self) -> bool:
-        """Whether the chunk is long enough."""
+        """Whether the chunk has reached its size."""
         return self._chunk.size >= CHUNK_BYTES
 
     @property
@@ -132,7 +132,7 @@ class McapFile:
     def add_channel(
         self, topic: str, schema: int, metadata: dict[str, str], encoding: str = SERIALIZATION
     ) -> int:
-        """Adds a topic, whose messages have no type where the schema is 0; returns its number."""
+        """Adds a topic and returns its number; with schema 0 its messages have no type."""
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
@@ -145,7 +145,7 @@ class McapFile:
         return len(self._channels)
 
     def add(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None:
-        """Adds a message to the chunk; a chunk that is `full` is to be flushed."""
+        """Adds a message to the chunk; the caller flushes a chunk that is `full`."""
         chunk = self._chunk
         length = _MESSAGE_HEADER + len(data)
         head = _MESSAGE.pack(Opcode.MESSAGE, length, channel, sequence, log_ns, publish_ns)
@@ -164,7 +164,7 @@ class McapFile:
         chunk.count += 1
 
     def flush(self) -> None:
-        """Hands all messages to the operating system; a process killed later loses none of them.
+        """Passes all messages to the operating system; they survive a later kill of the process.
 
         A chunk without messages is kept back: Jazzy's reader rejects a file that begins with one.
         """
@@ -212,22 +212,22 @@ class McapFile:
 
     @property
     def counts(self) -> dict[int, int]:
-        """Messages in the file, by channel."""
+        """Number of messages in the file by channel."""
         return self._counts.copy()
 
     @property
     def waiting(self) -> dict[int, int]:
-        """Messages that are not in the file yet, by channel."""
+        """Number of messages by channel that are not yet in the file."""
         return {channel: len(entries) // 2 for channel, entries in self._chunk.entries.items()}
 
     def discard(self) -> dict[int, int]:
-        """Forgets the messages that are not in the file; returns their number by channel."""
+        """Drops the messages that are not in the file; returns their number by channel."""
         counts = self.waiting
         self._chunk = _OpenChunk()
         return counts
 
     def finish(self, metadata: Mapping[str, str]) -> None:
-        """Writes what is left, facts about the whole bag and the summary, and closes the file."""
+        """Writes the remaining messages, the bag's facts and the summary, and closes the file."""
         self.flush()
         facts, where = RecordBuilder(), list[MetadataIndex]()
         for key, value in metadata.items():
@@ -240,7 +240,7 @@ class McapFile:
         self._stream.close()
 
     def close(self) -> None:
-        """Leaves the file as it is, without an end."""
+        """Closes the file without writing its end."""
         self._stream.close()
 
     def remove(self) -> None:
@@ -257,7 +257,7 @@ class McapFile:
         self._end_ns = max(self._end_ns, chunk.end_ns)
 
     def _append(self, content: bytes) -> None:
-        """Writes everything or, where that fails, nothing."""
+        """Writes all bytes or, on failure, none."""
         left = memoryview(content)
         try:
             while left:
@@ -271,7 +271,7 @@ class McapFile:
         self.size += len(content)
 
     def _summary(self, start: int, metadata: list[MetadataIndex]) -> bytes:
-        """Summary, footer and magic, for a summary that begins at this byte."""
+        """Returns the summary, footer and magic bytes for a summary that starts at `start`."""
         first, last = self.span
         statistics = Statistics(
             message_count=self.count,
@@ -308,14 +308,14 @@ def _open_for_group(path: str, flags: int) -> int:
 
 
 def _record(record: Any) -> bytes:
-    """The bytes of one of mcap's records."""
+    """Encodes a record of one of mcap's types."""
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())
 
 
 def _message_index(channel: int, entries: list[int]) -> bytes:
-    """Where the messages of a channel are in a chunk: log times and offsets in turn."""
+    """Encodes a message index: log times and offsets of a channel's messages in a chunk."""
     length = 8 * len(entries)
     head = _INDEX.pack(Opcode.MESSAGE_INDEX, length + 6, channel, length)
     return head + struct.pack(f"<{len(entries)}Q", *entries)

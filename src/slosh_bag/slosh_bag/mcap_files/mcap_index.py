@@ -1,4 +1,4 @@
-"""The index at the end of an MCAP file: which chunks hold a topic, and of which time they are.
+"""Reads the index at the end of an MCAP file: each chunk's topics and times.
 
 So that what stands in a few chunks, as a node's latched settings or one image, costs these chunks
 and not the whole file, which may be hours long.
@@ -40,7 +40,7 @@ Window = tuple[int, int]
 
 
 class Index(NamedTuple):
-    """What a file's end tells of its chunks.
+    """The chunk index in a file's summary.
 
     Attributes:
         summary: definitions and numbers of messages.
@@ -52,7 +52,7 @@ class Index(NamedTuple):
 
 
 def read_index(path: Path) -> Index | None:
-    """The index of a file; None: it has none that can be believed and is complete."""
+    """Reads the index of a file; None: no complete and trusted index."""
     size = path.stat().st_size
     with path.open("rb") as stream:
         summary = read_summary(stream, size)
@@ -73,7 +73,7 @@ def read_index(path: Path) -> Index | None:
 
 
 def _is_all(stream: BinaryIO, told: int, end: int) -> bool:
-    """Whether records of so many bytes are all of the data: messages in no chunk have no entry."""
+    """Whether records of this total length are all of the data; loose messages have no entry."""
     _, header = _record_at(stream, len(MAGIC))
     start = len(MAGIC) + RECORD_HEADER + header + told
     if start >= end:
@@ -89,7 +89,7 @@ def _record_at(stream: BinaryIO, position: int) -> tuple[int, int]:
 
 
 def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, ...], int]:
-    """The chunks' entries, and how many bytes other records take that have an entry."""
+    """Returns the chunks' entries, and the total length of other indexed records."""
     found, beside = [], 0
     for entry in summary_records(stream, start, end, _ENTRIES):
         if isinstance(entry, ChunkIndex):
@@ -102,7 +102,7 @@ def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, 
 def indexed_chunks(
     path: Path, index: Index, channels: Collection[int], windows: Collection[Window] | None
 ) -> Iterator[Chunk]:
-    """The chunks of a file that hold one of the channels, in its order.
+    """Yields the chunks of a file that hold one of the channels, in file order.
 
     Args:
         path: the file.

@@ -1,4 +1,4 @@
-"""Messages in the order of their log times from a file whose chunks overlap in time."""
+"""Merges the messages of overlapping chunks in the order of their log times."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from slosh_bag.unpacking import MOST_UNPACKED
 
 
 class ChunkSpan(NamedTuple):
-    """Where a chunk is, by the time at which it begins.
+    """Position and start time of a chunk.
 
     Attributes:
         start_ns: least log time in it [ns].
@@ -36,7 +36,7 @@ class ChunkSpan(NamedTuple):
 def in_log_order(
     path: Path, spans: list[ChunkSpan], select: Callable[[Chunk], Chunk]
 ) -> Iterator[tuple[Chunk, int]]:
-    """The messages of a file in the order of their log times, then of the file.
+    """Yields the messages of a file by log time, then by position.
 
     A chunk is unpacked when its time has come, and forgotten after its last message: memory is
     that of the chunks that overlap.
@@ -80,7 +80,7 @@ def in_log_order(
 
 
 def gathered(rows: Sequence[tuple[Chunk, int]]) -> Chunk:
-    """Messages of several chunks as one chunk, in the order given.
+    """Combines messages of several chunks in one chunk, in the given order.
 
     Args:
         rows: chunks, and the index of a message in each; at least one.
@@ -103,7 +103,7 @@ def gathered(rows: Sequence[tuple[Chunk, int]]) -> Chunk:
 
 
 def _again(path: Path, span: ChunkSpan, content: bytes) -> Chunk:
-    """The chunk that was there when the file was read first."""
+    """Reads a chunk again, and checks that it has not changed since the first pass."""
     try:
         if content[:1] != b"\x06":
             return read_loose(span.position, content)

@@ -1,4 +1,4 @@
-"""The end of a finished MCAP file: what it says of the rest, and whether that can be believed."""
+"""Reads the summary at the end of an MCAP file and checks whether it can be trusted."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST_TAKEN = 2 * MOST_DEFINITIONS
 
 @dataclass(slots=True)
 class FileSummary:
-    """What a file's end says of the file.
+    """The summary at the end of a file.
 
     Attributes:
         start: where the summary begins; 0: the file has none.
@@ -46,18 +46,18 @@ class FileSummary:
 
     @property
     def tells_topics(self) -> bool:
-        """Whether topics, types and counts can be had of it: writers may leave them out."""
+        """Whether the summary holds topics, types and counts; writers may omit them."""
         return self.trusted and self.counts is not None and self.knows(self.counts)
 
     def knows(self, channels: Iterable[int]) -> bool:
-        """Whether it repeats the definitions of all these channels and of their schemas."""
+        """Whether the summary repeats the definitions of all these channels and their schemas."""
         found = [self.channels.get(channel) for channel in channels]
         schemas = {0, *self.schemas}
         return all(one is not None and one.schema_id in schemas for one in found)
 
 
 def read_summary(stream: BinaryIO, size: int) -> FileSummary | None:
-    """Reads the end of a file.
+    """Reads the summary of a file.
 
     Args:
         stream: the file.
@@ -95,7 +95,7 @@ def read_summary(stream: BinaryIO, size: int) -> FileSummary | None:
 
 
 def _records(stream: BinaryIO, start: int, end: int) -> FileSummary | None:
-    """What is needed of the summary's records; None: they do not follow each other."""
+    """Reads the summary's records; None: they are not contiguous."""
     summary = FileSummary(start, trusted=True)
     try:
         for count, record in enumerate(summary_records(stream, start, end, _TAKEN)):
@@ -110,7 +110,7 @@ def _records(stream: BinaryIO, start: int, end: int) -> FileSummary | None:
 def summary_records(
     stream: BinaryIO, start: int, end: int, kinds: Mapping[int, Any]
 ) -> Iterator[Any]:
-    """The records of some kinds in a summary.
+    """Yields the summary's records of some kinds.
 
     Args:
         stream: the file.

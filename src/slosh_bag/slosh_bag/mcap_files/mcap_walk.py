@@ -1,4 +1,4 @@
-"""Walks over one MCAP file from its start to its end, and tells what is damaged or lost.
+"""Walks through one MCAP file from start to end and reports damage and losses.
 
 Chunks carry a checksum each. Around them lie bytes that none of these covers: the lengths and
 kinds of the records, the definitions outside chunks. They are held against what else there is:
@@ -48,7 +48,7 @@ _WINDOW = 1 << 20
 
 
 class McapWalk:
-    """One walk over a file.
+    """One walk through a file.
 
     Args:
         path: the file.
@@ -73,7 +73,7 @@ class McapWalk:
         self._stream: RecordStream
 
     def chunks(self) -> Iterator[Chunk]:
-        """The messages chunk by chunk, in the order of the file.
+        """Yields the messages chunk by chunk, in file order.
 
         Raises:
             SloshBagError: the file is damaged, other than by missing its end.
@@ -97,7 +97,7 @@ class McapWalk:
                     yield chunk
 
     def _step(self) -> tuple[Chunk | None, bool]:
-        """Reads one record, or a run of records in no chunk; True: it was the last."""
+        """Reads one record or a run of loose records; returns True after the last one."""
         if not self._stream.position and self._stream.take(len(MAGIC)) != MAGIC:
             raise DamageError("not an MCAP file")
         first = self._stream.position == len(MAGIC)
@@ -119,7 +119,7 @@ class McapWalk:
         return None, False
 
     def _beyond(self, opcode: int, length: int) -> None:
-        """A record that the file's end cuts, or whose length is damaged."""
+        """Makes the error for a record that exceeds the file's end."""
         start = self._stream.peek(CHUNK_START)
         if opcode == Opcode.CHUNK and len(start) == CHUNK_START:
             # Where the header is there it has to fit: else the length is wrong, not the end.
@@ -137,7 +137,7 @@ class McapWalk:
         return chunk
 
     def _check_no_chunk(self, length: int) -> None:
-        """The record that was begun is no chunk whose opcode is damaged."""
+        """Refuses a record that is a chunk with a damaged opcode."""
         try:
             chunk_header(self._stream.peek(CHUNK_START), length)
         except DamageError:
@@ -158,7 +158,7 @@ class McapWalk:
         return chunk
 
     def _other(self, opcode: int, length: int) -> None:
-        """Passes over a record without messages, so far as it is what it says to be."""
+        """Skips a record without messages, after checking that it is of its stated kind."""
         if opcode == Opcode.HEADER:
             parse(Header, self._stream.take(length))
         elif opcode == Opcode.METADATA:
@@ -174,7 +174,7 @@ class McapWalk:
             self._stream.skip(length)
 
     def _pass_attachment(self, length: int) -> None:
-        """Its checksum tells an attachment from a chunk whose opcode is damaged."""
+        """Skips an attachment; its checksum shows that it is no chunk with a damaged opcode."""
         size = attachment_size(self._stream.peek(min(length, LONGEST_NAMES)), length)
         actual = self._stream.skip(size)
         noted = int.from_bytes(self._stream.take(4), "little")
@@ -183,7 +183,7 @@ class McapWalk:
             raise DamageError("a damaged attachment")
 
     def _admit(self, chunk: Chunk) -> Chunk:
-        """Takes a chunk's definitions; its messages have to have one."""
+        """Adds a chunk's definitions; refuses messages without a definition."""
         if self.found.chunks and self.found.loose and not self._is_counted():
             raise DamageError("messages both inside and outside chunks")
         for schema in chunk.schemas:
@@ -203,7 +203,7 @@ class McapWalk:
         return chunk
 
     def _is_in_summary(self, chunk: Chunk) -> bool:
-        """True where the summary, which has a checksum, has the chunk's definitions as well."""
+        """Whether the summary, which has a checksum, also contains the chunk's definitions."""
         schemas = self.summary.schemas if self.summary else {}
         channels = self.summary.channels if self.summary else {}
         return all(schema.id in schemas for schema in chunk.schemas) and all(
@@ -211,7 +211,7 @@ class McapWalk:
         )
 
     def _bound(self, *definitions: Schema | Channel, kept: bool) -> None:
-        """No file makes a reader keep, or read through, too many definitions."""
+        """Refuses a file with too many definitions to keep or read."""
         if not self.found.has_room(definitions, kept=kept):
             raise SloshBagError(
                 f"{self.path}: more than {MOST_DEFINITIONS} schemas and channels, or "
@@ -227,11 +227,11 @@ class McapWalk:
             raise DamageError(f"{kind} {record.id} is defined twice, differently")
 
     def _is_counted(self) -> bool:
-        """True where the summary can tell that a message is missing or one too many."""
+        """Whether the summary's counts can show a missing or an extra message."""
         return self.summary is not None and self.summary.counts is not None
 
     def _end(self, length: int) -> None:
-        """The end of the data: holds what was read against what the file says of it."""
+        """Handles the end of the data: compares the content with the file's checksums."""
         if length < 4:
             raise DamageError("a damaged end of the data")
         actual, crc = self._stream.crc, int.from_bytes(self._stream.take(4), "little")
@@ -256,14 +256,14 @@ class McapWalk:
             self._warn("its summary is damaged and was not used")
 
     def _check_last(self) -> None:
-        """An end of the data with appended bytes is one only where no chunk follows."""
+        """Accepts an end of data with appended bytes only if no chunk follows."""
         position = self._stream.position
         if self._next_chunk(position) is not None:
             raise DamageError("a damaged end of the data")
         self._stream.jump(position)
 
     def _goes_on(self) -> bool:
-        """Goes to the next chunk: what said to be the end of the data may not have been it."""
+        """Jumps to the next chunk after a doubtful end of data; returns whether there is one."""
         after = self._next_chunk(self._stream.position)
         if after is not None:
             self._stream.jump(after)
@@ -286,7 +286,7 @@ class McapWalk:
                 raise DamageError(f"{there} messages of {topic}, but the summary counts {said}")
 
     def _damaged(self, position: int, error: DamageError) -> bool:
-        """Deals with what cannot be read; True: nothing after it can be, either."""
+        """Handles unreadable bytes; returns True if nothing after them can be read."""
         if self._lenient:
             return self._leave_out(position, error)
         if isinstance(error, TooLargeError):
@@ -299,7 +299,7 @@ class McapWalk:
         return True
 
     def _lost_end(self, position: int, error: DamageError) -> str:
-        """One line on what an unfinished file has lost."""
+        """Describes in one line what an unfinished file has lost."""
         cut = isinstance(error, CutOffError)
         text = f"unfinished ({'cut off' if cut else error}); "
         first, last = self.found.first_ns, self.found.last_ns
@@ -317,7 +317,7 @@ class McapWalk:
         return text
 
     def _leave_out(self, position: int, error: DamageError) -> bool:
-        """Goes on after damage: by the record's length where that leads to a record."""
+        """Skips damage: to the end of the record if another follows, else to the next chunk."""
         after = self._after_record(position)
         if after is None:
             after = self._next_chunk(position + 1)
@@ -339,7 +339,7 @@ class McapWalk:
         return (header.start_ns, header.end_ns) if opcode == Opcode.CHUNK else None
 
     def _after_record(self, position: int) -> int | None:
-        """The end of the record at a position, where another record begins there."""
+        """Returns the end of the record at a position if another record begins there."""
         self._stream.jump(position)
         try:
             _, length = self._stream.begin()
@@ -352,7 +352,7 @@ class McapWalk:
         return after if fits else None
 
     def _next_chunk(self, start: int) -> int | None:
-        """Where the next whole chunk begins; None: there is none."""
+        """Returns the position of the next intact chunk; None: none."""
         while start < self.size:
             self._stream.jump(start)
             window = self._stream.peek(_WINDOW)
@@ -382,7 +382,7 @@ class McapWalk:
 
 
 def is_in_order(path: Path) -> bool:
-    """True where no chunk begins before an earlier one ends, by what the chunks say of themselves.
+    """Whether no chunk begins before an earlier one ends, by the chunks' headers.
 
     Whether they say the truth shows when they are read.
     """
@@ -401,7 +401,7 @@ def is_in_order(path: Path) -> bool:
 
 
 def _times(stream: RecordStream) -> tuple[int, int]:
-    """Passes over a record; the least and the greatest log time in it, 0 and 0 for none."""
+    """Skips a record; returns its least and greatest log time, or 0 and 0."""
     opcode, length = stream.begin()
     if length > stream.left:
         raise CutOffError("a record is cut off")

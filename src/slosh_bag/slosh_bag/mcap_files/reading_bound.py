@@ -1,4 +1,4 @@
-"""How much a reader does for one file: a bound that grows with the file."""
+"""Bounds the work for reading one file, in proportion to its size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNPACKED_PER_BYTE = 4000
 
 
 class ReadingBound:
-    """Counts what is unpacked of a file, and refuses one that unpacks to far too much.
+    """Counts the decompressed bytes of a file and refuses excessive ones.
 
     Args:
         path: the file.
@@ -27,7 +27,7 @@ class ReadingBound:
         self._unpacked = self._messages = 0
 
     def unpack(self, content: bytes) -> None:
-        """Counts a chunk record that is about to be unpacked, whether it is whole or not.
+        """Counts a chunk record before it is decompressed, even if it is damaged.
 
         Raises:
             SloshBagError: with it, it is too much.
@@ -40,7 +40,7 @@ class ReadingBound:
             raise self._error(f"{self._unpacked // 1_000_000} MB")
 
     def take(self, messages: int) -> None:
-        """Counts messages. Their times differ, so that each takes more than a byte of the file.
+        """Counts messages; each one takes more than a byte of the file, since their times differ.
 
         Raises:
             SloshBagError: with them, there are too many.
@@ -52,5 +52,5 @@ class ReadingBound:
     def _error(self, what: str) -> SloshBagError:
         return SloshBagError(
             f"{self._path}: a file of {1e-6 * self._size:.1f} MB that unpacks to more than "
-            f"{what}: no recording can be packed so well; take it from where it was recorded"
+            f"{what}: no recording compresses so well; copy it again from the recorder"
         )

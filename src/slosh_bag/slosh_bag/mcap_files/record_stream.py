@@ -1,4 +1,4 @@
-"""The bytes of an MCAP file, record by record; never beyond the file's end."""
+"""Reads an MCAP file record by record, never beyond the file's end."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _WINDOW = 1 << 20
 
 
 class CutOffError(DamageError):
-    """A record reaches beyond the file's end."""
+    """A record exceeds the file's end."""
 
 
 class RecordStream:
-    """A file that is read from its start, with the checksum of what was read.
+    """Reads a file from its start and updates the checksum of the bytes read.
 
     Args:
         stream: the file.
@@ -40,11 +40,11 @@ class RecordStream:
 
     @property
     def left(self) -> int:
-        """Bytes up to the file's end."""
+        """Number of bytes up to the file's end."""
         return self._size - self.position
 
     def begin(self) -> tuple[int, int]:
-        """The opcode and the length of the next record.
+        """Returns the opcode and the length of the next record.
 
         Raises:
             CutOffError: the file ends before.
@@ -54,7 +54,7 @@ class RecordStream:
         return opcode, length
 
     def take(self, length: int) -> bytes:
-        """Takes the next bytes of the record.
+        """Reads the next bytes of the record.
 
         Raises:
             CutOffError: the file ends before.
@@ -70,13 +70,13 @@ class RecordStream:
         return content
 
     def peek(self, length: int) -> bytes:
-        """Up to `length` of the next bytes, which stay the next ones."""
+        """Returns up to `length` of the next bytes without moving the position."""
         content = self._stream.read(min(length, self.left))
         self._stream.seek(self.position)
         return content
 
     def skip(self, length: int) -> int:
-        """Passes over bytes; returns their CRC-32, or 0 where none is computed.
+        """Skips bytes; returns their CRC-32, or 0 if none is computed.
 
         Raises:
             CutOffError: the file ends before.
@@ -93,11 +93,11 @@ class RecordStream:
         return crc
 
     def back(self) -> None:
-        """Goes back to the start of the record whose header was just read."""
+        """Moves back to the start of the record whose header was just read."""
         self._running = self.crc
         self.jump(self.position - RECORD_HEADER)
 
     def jump(self, position: int) -> None:
-        """Goes on elsewhere; the checksum no longer means anything, except after `back`."""
+        """Moves to a position; the checksum is invalid afterwards, except after `back`."""
         self.position = position
         self._stream.seek(position)

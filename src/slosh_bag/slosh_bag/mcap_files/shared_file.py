@@ -1,4 +1,4 @@
-"""Files of a bag that are opened once, however many parts of a reader read them."""
+"""Opens each file of a bag once for all parts of a reader."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _KEPT_OPEN = 8
 
 
 class SharedFile(type(Path())):  # type: ignore[misc]
-    """A path whose readings share one open file, each with a position of its own.
+    """A path whose streams share one open file, each with its own position.
 
     So all parts of a reader read the same file, even where its name is given to another one
     meanwhile.
@@ -26,7 +26,7 @@ class SharedFile(type(Path())):  # type: ignore[misc]
     _descriptor: weakref.ref[_Descriptor] | None = None
 
     def open(self, mode: str = "r", *others: Any, **named: Any) -> BinaryIO:
-        """A stream for `mode` "rb"; other modes open the file as any path does."""
+        """Returns a shared stream for mode "rb"; other modes open the file as usual."""
         if mode != "rb" or others or named:
             return cast("BinaryIO", super().open(mode, *others, **named))
         descriptor = self._descriptor() if self._descriptor else None
@@ -39,7 +39,7 @@ class SharedFile(type(Path())):  # type: ignore[misc]
 
 
 def shared_files(paths: Iterable[Path]) -> Sequence[Path]:
-    """The files of one reader; they are closed with it and the streams of them."""
+    """Returns shared files for one reader; they close with the reader and its streams."""
     recent: deque[_Descriptor] = deque(maxlen=_KEPT_OPEN)
     files = [SharedFile(path) for path in paths]
     for file in files:
@@ -56,25 +56,25 @@ class _Descriptor:
 
 
 class _View(io.RawIOBase):
-    """Reads an open file at a position of its own."""
+    """Reads a shared open file at its own position."""
 
     def __init__(self, descriptor: _Descriptor) -> None:
         self._descriptor, self._at = descriptor, 0
 
     def readable(self) -> bool:
-        """Yes."""
+        """Always true."""
         return True
 
     def seekable(self) -> bool:
-        """Yes."""
+        """Always true."""
         return True
 
     def tell(self) -> int:
-        """The position [bytes]."""
+        """Returns the position [bytes]."""
         return self._at
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Sets the position; returns it."""
+        """Sets the position and returns it."""
         start = {
             os.SEEK_SET: 0,
             os.SEEK_CUR: self._at,
@@ -86,7 +86,7 @@ class _View(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer: Any) -> int:
-        """Fills a buffer; returns the number of bytes."""
+        """Fills a buffer and returns the number of bytes."""
         count = os.preadv(self._descriptor.number, [buffer], self._at)
         self._at += count
         return count

@@ -1,4 +1,4 @@
-"""The player node: a bag's messages and /clock, each at its time, bytes untouched."""
+"""The player node: publishes a bag's messages and /clock on time, with unchanged bytes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ PARAMETERS = (
 
 
 class PlayerNode(GuardedNode):
-    """Makes the publishers, starts the thread, tells how it goes.
+    """Creates the publishers, starts the thread and reports the progress.
 
     Args:
         plan: what is played; None: what the parameters say.
@@ -78,7 +78,7 @@ class PlayerNode(GuardedNode):
         self._thread.start(given["subscribers"], given["patience"])
 
     def close(self) -> None:
-        """Ends the thread and tells how it went."""
+        """Ends the thread and reports the result."""
         self._thread.stop()
         count, latest = self._thread.count, 1e-6 * self._thread.latest_ns
         self.get_logger().info(f"{count} messages played, up to {latest:.1f} ms late")
@@ -90,12 +90,12 @@ class PlayerNode(GuardedNode):
 
     @property
     def failure(self) -> str:
-        """Why it could not go on; empty: it could."""
+        """Reason for which playback stopped; empty: no failure."""
         return self._thread.failure if self._thread.finished else ""
 
     @property
     def played(self) -> float:
-        """How far the bag is played [s]."""
+        """Played length of the bag [s]."""
         return (self._thread.bag_ns - self._plan.playback.first_ns) * 1e-9
 
     def _health(self) -> Health:
@@ -118,7 +118,7 @@ class PlayerNode(GuardedNode):
 
 
 def request(given: Mapping[str, Any]) -> PlayRequest:
-    """What the parameters ask for.
+    """Makes the play request from the parameters.
 
     Raises:
         SloshBagError: a value does not fit.
@@ -133,7 +133,7 @@ def request(given: Mapping[str, Any]) -> PlayRequest:
 
 
 def playable(plan: PlayPlan) -> tuple[PlayPlan, dict[str, Any]]:
-    """The part of a plan whose types can be sent here, and the types by topic.
+    """Returns the part of a plan whose types are installed here, and the types by topic.
 
     Raises:
         SloshBagError: nothing is left.
@@ -146,7 +146,7 @@ def playable(plan: PlayPlan) -> tuple[PlayPlan, dict[str, Any]]:
 
 
 def profile(qos: Qos) -> QoSProfile:
-    """QoS profile of what a recorded publisher offered."""
+    """Converts a recorded publisher's QoS to an rclpy profile."""
     reliable, latched = qos.reliability == "reliable", qos.durability == "transient_local"
     return QoSProfile(
         history=History.KEEP_LAST,
@@ -161,7 +161,7 @@ def play(
     arguments: Sequence[str] | None = None,
     watch: Callable[[PlayerNode], None] = lambda node: None,
 ) -> int:
-    """Runs the node to the bag's end or SIGINT.
+    """Runs the node until the bag's end or SIGINT.
 
     Args:
         plan: what is played; None: what the parameters say.

@@ -1,4 +1,4 @@
-"""What the recorder says of itself in the diagnostics."""
+"""The recorder's diagnostics."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ MOST_NAMED = 10
 
 
 class Traffic:
-    """Bytes that came of each topic."""
+    """Received bytes per topic."""
 
     def __init__(self) -> None:
         self._bytes: dict[str, int] = {}
         self._since: float | None = None
 
     def add(self, topic: str, size: int) -> None:
-        """Takes a message of so many bytes."""
+        """Adds the size of a message [bytes]."""
         self._bytes[topic] = self._bytes.get(topic, 0) + size
 
     def text(self, topics: Iterable[str], now: float) -> str:
-        """Each topic's rate since the last call [kB/s], the largest first; begins anew.
+        """Returns each topic's rate since the last call [kB/s], the largest first.
 
         Args:
             topics: all that are recorded.
@@ -44,7 +44,7 @@ class Traffic:
 
 
 def left_out_text(choice: TopicSelection) -> str:
-    """Which topics are not recorded, and why."""
+    """Describes which topics are not recorded, and why."""
     parts = [f"{topic}: {reason}" for topic, reason in choice.left_out.items()]
     if choice.others:
         names = ", ".join(choice.others[:MOST_NAMED])
@@ -65,7 +65,7 @@ def findings(
     shared: Collection[str] = (),
     other_types: Mapping[str, str] | None = None,
 ) -> Health:
-    """The worst level of all that is to be said, and all of it in one line, the worst first.
+    """Returns the worst level of all findings, and their text in one line, the worst first.
 
     Args:
         status: how the recording goes.

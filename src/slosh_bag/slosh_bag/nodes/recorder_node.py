@@ -1,4 +1,4 @@
-"""The recorder node: the topics of the cell into a bag, bytes untouched."""
+"""The recorder node: writes the cell's topics to a bag, with unchanged bytes."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ _RCL_ERRORS = (RuntimeError, ValueError)
 
 
 class RecorderNode(GuardedNode):
-    """Discovers topics, takes their messages raw, hands the bytes to the core."""
+    """Discovers topics, takes their messages raw and passes the bytes to the core."""
 
     def __init__(self) -> None:
         self.failure = ""
@@ -136,7 +136,7 @@ class RecorderNode(GuardedNode):
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """What an executor serves: not the recorded topics, those are taken in batches."""
+        """Subscriptions for the executor, without the recorded topics, which are polled."""
         taken = {topic.subscription for topic in self._inputs.values()}
         return (entry for entry in super().subscriptions if entry not in taken)
 
@@ -202,7 +202,7 @@ class RecorderNode(GuardedNode):
         self._traffic.add(received.topic, len(received.data))
 
     def _take(self, final: bool = False) -> None:
-        """Hands over what has come, in the order in which it came on all topics together."""
+        """Passes received messages to the core, in the order of arrival across topics."""
         now = time.time_ns()
         self._times.look(now, time.monotonic_ns())
         settled = self._times.of(now) - _SETTLED
@@ -255,7 +255,7 @@ class RecorderNode(GuardedNode):
         return place_of(entry, data)
 
     def _look_for_settings(self, taken: Sequence[Received]) -> None:
-        """Tells at once whose settings have come: a run does not begin before."""
+        """Reports at once when a node's settings have arrived; the run begins only then."""
         before = len(self._told)
         for received in taken:
             entry = self._inputs.get(received.topic)
@@ -277,7 +277,7 @@ class RecorderNode(GuardedNode):
         return findings(status, absent, newly_lost, left_out, silent, shared, self._other_types)
 
     def _look_for_shared(self) -> list[str]:
-        """Topics of one node on which several have just spoken; the bag notes all of them."""
+        """Notes the topics of a single-publisher node on which several are publishing."""
         shared = [
             topic
             for topic, entry in self._inputs.items()
@@ -320,7 +320,7 @@ class RecorderNode(GuardedNode):
         )
 
     def _absent(self) -> dict[str, float]:
-        """Since when each topic that has no publisher has had none [s]."""
+        """Returns how long each topic without a publisher has had none [s]."""
         now = time.monotonic()
         return {
             topic: now - entry.silent_since
@@ -329,12 +329,12 @@ class RecorderNode(GuardedNode):
         }
 
     def _lost_on_the_way(self) -> Counter[str]:
-        """Messages that were sent and did not get here, by topic."""
+        """Number of messages by topic that were sent but not received."""
         return self._missed + Counter({topic: entry.lost for topic, entry in self._inputs.items()})
 
 
 def _how_telling(nodes: list[str]) -> tuple[int, int]:
-    """The more publishers are known the better, and the more of them by name."""
+    """Sort key: more known publishers first, then more with known names."""
     return len(nodes), -sum(node.startswith(UNKNOWN) for node in nodes)
 
 
@@ -351,7 +351,7 @@ def _why(status: RecorderStatus) -> str:
 
 
 def used_topics(node: Node) -> set[str]:
-    """Topics of the cell's nodes; they are those that publish their settings in its namespace.
+    """Returns the topics used by the cell's nodes, found by their settings topic.
 
     Args:
         node: one in the cell's namespace.

@@ -1,4 +1,4 @@
-"""One topic that is recorded: its subscription, which follows what the publishers offer."""
+"""One recorded topic: its subscription follows the publishers' QoS."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORGIVEN = 1_000_000
 
 
 class Received(NamedTuple):
-    """A message as it came.
+    """A message as received.
 
     Attributes:
         arrived_ns: when it was received, by the system's clock [ns].
@@ -41,14 +41,14 @@ class Received(NamedTuple):
 
 
 class Publisher(NamedTuple):
-    """A publisher of a topic: its identity, unlike that of any other, and what it offers."""
+    """A publisher of a topic: its unique identity and its QoS profile."""
 
     identity: bytes
     profile: QoSProfile
 
 
 class TopicInput:
-    """Subscribes to a topic and takes its messages in batches, raw.
+    """Subscribes to a topic and polls its raw messages in batches.
 
     An executor would wake up for each message: at 1 kHz that costs twice what DDS itself takes.
     The middleware notes when each message came, so nothing is lost by asking a little later.
@@ -79,25 +79,25 @@ class TopicInput:
 
     @property
     def lost(self) -> int:
-        """Messages that were sent and did not arrive."""
+        """Number of messages that were sent but did not arrive."""
         return self._gaps.lost
 
     def settle(self) -> None:
-        """Counts what is known to be lost, although nobody looks at the publishers any more."""
+        """Confirms the counted losses when the publishers are no longer watched."""
         self._gaps.settle(new_publishers=False)
 
     def is_mixed(self) -> bool:
-        """Whether several publishers have spoken in turns since the last call."""
+        """Whether several publishers have sent alternately since the last call."""
         turns, self._turns = self._gaps.turns - self._turns, self._gaps.turns
         return turns > 1
 
     def publisher_nodes(self) -> list[str]:
-        """Full names of the nodes that publish the topic, one for each publisher."""
+        """Returns the full names of the nodes that publish the topic, one per publisher."""
         infos = self._node.get_publishers_info_by_topic(self.topic)
         return sorted(node_of(info) for info in infos)
 
     def watch(self, now: float) -> str:
-        """Looks at the topic's publishers; subscribes anew where they offer other things.
+        """Checks the topic's publishers; renews the subscription if their QoS has changed.
 
         Args:
             now: the steady time [s].
@@ -125,7 +125,7 @@ class TopicInput:
         return "has a publisher again" if back else ""
 
     def take(self, give: Callable[[Received], None]) -> None:
-        """Hands over what has come."""
+        """Passes on the received messages."""
         with self.subscription.handle:
             take = self.subscription.handle.take_message
             for _ in range(DEPTH):  # not for ever where they come faster than they are taken
@@ -152,7 +152,7 @@ class TopicInput:
 
 
 def _ignore(_: bytes) -> None:
-    """No executor calls this: the messages are taken."""
+    """Unused callback: the messages are polled, not delivered by an executor."""
 
 
 def matching(offered: Sequence[QoSProfile]) -> QoSProfile:
@@ -165,7 +165,7 @@ def matching(offered: Sequence[QoSProfile]) -> QoSProfile:
 def wanted(
     present: QoSProfile, publishers: Sequence[Publisher], known: frozenset[bytes]
 ) -> QoSProfile | None:
-    """The profile to subscribe with anew; None: the present one will do.
+    """Returns the profile for a new subscription; None: the present one is right.
 
     Publishers that offer less would not be heard; of those that offer more, large messages would
     get lost on the way, or the latched ones of before. A new subscription to latched messages
@@ -197,7 +197,7 @@ def _profile(reliable: bool, latched: bool) -> QoSProfile:
 
 
 def noted(profile: QoSProfile) -> Qos:
-    """A profile as the bag notes it."""
+    """Converts a profile to the bag's form."""
     return Qos(
         "reliable" if profile.reliability == Reliability.RELIABLE else "best_effort",
         "transient_local" if profile.durability == Durability.TRANSIENT_LOCAL else "volatile",
@@ -205,7 +205,7 @@ def noted(profile: QoSProfile) -> Qos:
 
 
 class SequenceGaps:
-    """Follows the numbers of a topic's messages: which were sent and did not arrive.
+    """Counts missing sequence numbers of a topic's messages.
 
     Each publisher counts its messages. The middleware hands the number over, though not whose it
     is: where several publish, a number belongs to the one whose next number it is, or else to the
@@ -225,7 +225,7 @@ class SequenceGaps:
         self._last: list[int] = []  # of each publisher
 
     def take(self, number: int | None, publishers: int = 1) -> None:
-        """Takes the number of a message that came.
+        """Adds the sequence number of a received message.
 
         Args:
             number: None: the middleware gives none.
@@ -249,7 +249,7 @@ class SequenceGaps:
         last[last.index(before)] = number
 
     def settle(self, *, new_publishers: bool) -> None:
-        """Confirms what was counted since the last call, or drops it.
+        """Confirms the losses counted since the last call, or drops them.
 
         Args:
             new_publishers: whether publishers have come that were never there before. Numbers of

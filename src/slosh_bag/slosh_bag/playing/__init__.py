@@ -1,1 +1,1 @@
-"""What is published when a bag is played."""
+"""Selects and schedules the messages that are published when a bag is played."""

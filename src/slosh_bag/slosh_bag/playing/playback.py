@@ -1,4 +1,4 @@
-"""When each message of a bag is due, and what /clock says meanwhile. Time is an argument.
+"""Schedules a bag's messages and the /clock messages. Time is an argument.
 
 Bag time is the messages' log time [ns], wall time counts from the start of the playing [ns].
 """
@@ -27,7 +27,7 @@ _SHORTEST_PASS = 100_000_000  # ns of wall time; a single message is not repeate
 
 @dataclass(frozen=True, slots=True)
 class PlaybackSettings:
-    """How a bag is played.
+    """Settings for playing a bag.
 
     Attributes:
         rate: seconds of the bag per second.
@@ -63,7 +63,7 @@ class PlaybackSettings:
 
 
 class Step(NamedTuple):
-    """A message to publish, or a time for /clock, and when.
+    """A message or a /clock time to publish, and when it is due.
 
     Attributes:
         wall_ns: when.
@@ -77,7 +77,7 @@ class Step(NamedTuple):
 
 
 class Playback:
-    """Puts the messages of a bag on the wall's clock.
+    """Maps the messages of a bag to wall time.
 
     /clock never goes back within a pass and is never earlier than a message that is out. It says
     the time of the last message among those that follow it within `LEAD`, so that a node spends
@@ -119,11 +119,11 @@ class Playback:
 
     @property
     def length(self) -> float:
-        """Bag time of one pass [s]."""
+        """Bag time of one loop [s]."""
         return (self.last_ns - self.first_ns) / SECOND
 
     def steps(self, messages: Callable[[], Iterable[BagMessage]]) -> Iterator[Step]:
-        """All that is to be published, in order.
+        """Yields all steps to publish, in order.
 
         Args:
             messages: gives the bag's messages in the order of their log times, anew for each
@@ -157,7 +157,7 @@ class Playback:
             yield Step(wall(clock), clock)
 
     def _window(self, messages: Iterable[BagMessage]) -> Iterator[tuple[int, BagMessage]]:
-        """The messages between start and end with the bag time at which they are due."""
+        """Yields the messages of the window, each with the bag time at which it is due."""
         held: dict[str, deque[BagMessage]] = {
             topic: deque(maxlen=depth) for topic, depth in self._latched.items()
         }
@@ -181,7 +181,7 @@ class Playback:
     def _groups(
         self, messages: Iterable[tuple[int, BagMessage]]
     ) -> Iterator[list[tuple[int, BagMessage]]]:
-        """Messages that share one /clock message."""
+        """Groups messages that share one /clock message."""
         group: list[tuple[int, BagMessage]] = []
         for item in messages:
             if group and (item[0] - group[0][0] >= self._lead or len(group) >= _MOST_TOGETHER):

@@ -1,1 +1,1 @@
-"""Compiles functions once on a machine, and keeps and checks the compiled code."""
+"""Compiles functions once per machine; stores and checks the compiled code."""

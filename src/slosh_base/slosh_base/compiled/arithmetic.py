@@ -1,4 +1,4 @@
-"""Tells machines apart whose elementary functions round differently.
+"""Distinguishes machines whose elementary functions round differently.
 
 Sums, products and square roots are the same bits everywhere (IEEE 754); sines, arctangents and
 hyperbolic functions come from the platform's library and may differ in the last bit.
@@ -17,7 +17,7 @@ _SAMPLES = 257
 
 @cache
 def arithmetic_fingerprint() -> str:
-    """A short digest of how this machine rounds elementary functions.
+    """Returns a short digest of how this machine rounds elementary functions.
 
     Returns:
         the machine's architecture and eight hexadecimal digits; equal on machines on which the

@@ -1,4 +1,4 @@
-"""All that a compiled function's machine code comes from, as a short digest.
+"""Digest of everything that a compiled function's machine code depends on.
 
 That is its own code, the constants that it reads, the compiled functions that it calls and their
 modules, the options and what compiles it. Comments, docstrings, places of files and the order of
@@ -41,7 +41,7 @@ _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.
 
 
 def digest(function: Any, options: Mapping[str, Any]) -> str:
-    """The digest of a function.
+    """Returns the digest of a function.
 
     Args:
         function: as it was written; the compiled functions that it calls have theirs already.
@@ -65,7 +65,7 @@ def digest(function: Any, options: Mapping[str, Any]) -> str:
 
 
 def paths(code: CodeType) -> Iterator[Path]:
-    """Names that code reads from its module, with attributes: `np.pi` is ('np', 'pi')."""
+    """Returns the module names that code reads, with attributes: `np.pi` is ('np', 'pi')."""
     for one in _codes(code):
         path: list[str] = []
         for step in dis.get_instructions(one):
@@ -78,7 +78,7 @@ def paths(code: CodeType) -> Iterator[Path]:
 
 
 def called(function: Any) -> Iterator[Any]:
-    """The compiled functions, as they were written, that a function calls itself."""
+    """Yields the compiled functions that a function calls directly, as Python functions."""
     for path in set(paths(function.__code__)):
         found = written(_value(function, path))
         if hasattr(found, DIGEST):
@@ -86,12 +86,12 @@ def called(function: Any) -> Iterator[Any]:
 
 
 def written(value: Any) -> Any:
-    """The function as it was written behind a compiled one; other values as they are."""
+    """Returns the Python function behind a compiled one; other values unchanged."""
     return getattr(value, "py_func", value)
 
 
 def _value(function: Any, path: Path) -> Any:
-    """What a path leads to, through modules and no further."""
+    """Resolves a dotted path, through modules only."""
     head, *rest = path
     if head not in function.__globals__:
         if not hasattr(builtins, head):
@@ -108,7 +108,7 @@ def _value(function: Any, path: Path) -> Any:
 
 
 def _fact(value: Any) -> str:
-    """A value as text, the same in every process."""
+    """Returns a value as text that is the same in every process."""
     function = written(value)
     if hasattr(function, DIGEST):
         # Kept code imports the modules of the functions that it calls.

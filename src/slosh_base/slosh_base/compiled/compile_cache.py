@@ -1,4 +1,4 @@
-"""Where compiled functions are kept between processes, and what tells one code from another.
+"""Stores compiled functions between processes, with keys that identify the code.
 
 Numba's own cache keeps an index per function beside the machine code, with a stamp of the source
 file. Here the file's name alone says what is in it (`code_digest`), so that checkouts, branches
@@ -41,7 +41,7 @@ _KEPT = 8
 
 
 class CodeFile(_Cache):
-    """The cache of one compiled function with one signature, as Numba asks for it.
+    """The cache file of one compiled function, with the interface that Numba expects.
 
     Damaged code is thrown away with a warning; a disk that takes no more costs a warning and the
     next process a compilation.
@@ -64,7 +64,7 @@ class CodeFile(_Cache):
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Among all processes: the second one finds what the first has compiled.
+        """Locks the cache among processes, so that each function is compiled once.
 
         The lock goes with the process, however it ends; where none can be had, both compile.
         """
@@ -77,7 +77,7 @@ class CodeFile(_Cache):
             yield
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The function with its machine code; None: there is none that can be used."""
+        """Loads the function with its machine code; None: no usable one."""
         # All that kept code needs. Numba would read in what it compiles with as well, two hundred
         # modules for a quarter of a second: it does so itself once it compiles.
         rtsys.initialize(target_context)
@@ -108,7 +108,7 @@ class CodeFile(_Cache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keeps a function that was compiled.
+        """Stores a compiled function.
 
         Raises:
             TypeError: the code is of no use to another process.
@@ -127,7 +127,7 @@ class CodeFile(_Cache):
             self._prune()
 
     def _prune(self) -> None:
-        """Removes the versions that have not run for longest."""
+        """Removes the versions that were not used for the longest time."""
         versions = [*self.path.parent.glob(f"{self._name}_{'?' * 16}-*.code")]
         versions.sort(key=lambda path: path.stat().st_mtime)
         for path in versions[:-_KEPT]:
@@ -135,29 +135,29 @@ class CodeFile(_Cache):
             path.with_suffix(".lock").unlink(missing_ok=True)
 
     def enable(self) -> None:
-        """Always on."""
+        """Does nothing: the cache is always on."""
 
     def disable(self) -> None:
-        """Always on."""
+        """Does nothing: the cache is always on."""
 
     def flush(self) -> None:
-        """Nothing waits to be written."""
+        """Does nothing: all writes are immediate."""
 
 
 class _Unpickler(pickle.Unpickler):
-    """Reads what Numba pickled, without the modules of Numba's own functions in it.
+    """Unpickles Numba's data without the modules of Numba's own functions.
 
     Only code that runs Python objects looks into these; they load SciPy's linear algebra.
     """
 
     def find_class(self, module: str, name: str) -> Any:
-        """What a pickle names."""
+        """Returns the object that a pickle names."""
         found = super().find_class(module, name)
         return _environment if found is environment._rebuild_env else found
 
 
 def _environment(module: str, constants: Any, name: str) -> Any:
-    """A function's constants, as Numba rebuilds them."""
+    """Returns a function's constants, as Numba rebuilds them."""
     if not module.startswith("numba."):
         return environment._rebuild_env(module, constants, name)
     known = environment.lookup_environment(name)
@@ -183,13 +183,13 @@ def _checked(data: bytes) -> bytes:
 
 @functools.cache
 def _processor() -> str:
-    """What code for this processor has in its name; a home may be shared by several."""
+    """Returns a hash of the processor's features, since machines may share a home folder."""
     traits = repr(cpu_target.target_context.codegen().magic_tuple())
     return hashlib.sha256(traits.encode()).hexdigest()[:8]
 
 
 def cache_folder() -> Path:
-    """The folder for compiled code: NUMBA_CACHE_DIR, XDG_CACHE_HOME, ~/.cache, or a temporary one.
+    """Returns the cache folder: NUMBA_CACHE_DIR, XDG_CACHE_HOME, ~/.cache or a temporary one.
 
     It is made where that is possible. A folder that others may write to is not taken: what lies
     there is run. Where nothing can be kept from process to process, it goes with this one.
@@ -215,14 +215,14 @@ def _folder_of_this_process() -> Path:
 
 
 def _ours_alone(folder: Path) -> bool:
-    """True where we can write and no stranger can have put code there for us to run."""
+    """Whether the folder belongs to this user and no other user can write to it."""
     facts = folder.stat()
     open_to_all = bool(facts.st_mode & stat.S_IWOTH)
     return facts.st_uid == os.getuid() and not open_to_all and os.access(folder, os.W_OK)
 
 
 def sources_digest(*packages: str) -> str:
-    """A short hash of the sources of packages, and of what compiles them.
+    """Returns a short hash of the sources of packages and of the compilers' versions.
 
     Args:
         packages: names of packages that can be imported.

@@ -1,4 +1,4 @@
-"""Solves small symmetric positive definite systems in compiled code: normal equations.
+"""Solves small symmetric positive definite systems in compiled code.
 
 The operations and their order stand here, so that the answers are the same bits on every
 processor; a linear algebra library chooses its code, and with it the rounding, by the processor.
@@ -13,7 +13,7 @@ from slosh_base.compiled.compilation import compiled
 
 @compiled
 def factorize(matrix, size):  # type: ignore[no-untyped-def]
-    """Cholesky's factor L of A = L Lᵀ, in the place of A's lower triangle; NaN: not positive.
+    """Computes the Cholesky factor L of A = L Lᵀ in place; NaN: A is not positive definite.
 
     Args:
         matrix: at least (size, size); of A only the lower triangle is read.
@@ -29,7 +29,7 @@ def factorize(matrix, size):  # type: ignore[no-untyped-def]
 
 @compiled
 def substitute(factor, size, right):  # type: ignore[no-untyped-def]
-    """Solves L Lᵀ x = b, in the place of b.
+    """Solves L Lᵀ x = b in place.
 
     Args:
         factor: what `factorize` left.

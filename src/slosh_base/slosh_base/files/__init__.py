@@ -1,4 +1,4 @@
-"""Writes files and folders so that nothing which was there is destroyed; reads YAML strictly.
+"""Writes files and folders without overwriting; reads YAML strictly.
 
 A package of its own, below all others, because what writes a bag, a table or a page should load
 nothing else for it: the model's package would bring the compiler into the recorder's process, the
@@ -37,7 +37,7 @@ _Identity = tuple[int, int]
 
 
 def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
-    """Refuses an output file that is an input, by whatever name, or another output.
+    """Refuses an output file that is also an input, under any name, or another output.
 
     A relative and an absolute path, a link and a hard link are names of one file.
 
@@ -47,6 +47,10 @@ def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -
 
     Raises:
         SloshFileError: an output is an input, or two outputs are one file.
+
+    >>> check_apart([Path("out.csv"), Path("out.csv")], [])
+    Traceback (most recent call last):
+    slosh_base.files.errors.SloshFileError: out.csv: is given for two outputs; change one of them
     """
     read = {_identity(path): path for path in inputs if path is not None}
     written: dict[_Identity | str, Path] = {}
@@ -64,10 +68,12 @@ def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -
 
 
 def check_outside(folder: Path, inputs: Iterable[Path]) -> None:
-    """Refuses an output folder that is, or lies in, an input folder.
+    """Refuses an output folder that is an input folder or inside one.
 
     Raises:
         SloshFileError: it does.
+
+    >>> check_outside(Path("new"), [Path("move.csv")])
     """
     places = [folder.resolve(), *folder.resolve().parents]
     for path in inputs:
@@ -77,7 +83,7 @@ def check_outside(folder: Path, inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> _Identity | None:
-    """What all names of a regular file or a folder share; None: it is not there, or special."""
+    """Returns a key that all names of a file or folder share; None: missing or special."""
     try:
         facts = path.stat()
     except OSError:

@@ -1,4 +1,4 @@
-"""Text files that a user names: of bounded size; a table's may be packed and comes by blocks.
+"""Reads text files of bounded size; tables may be compressed and are read in blocks.
 
 A line of a gigabyte is as many times that in memory, and some megabytes of gzip are gigabytes of
 text. So text is counted as it is unpacked, before anything is made of it.
@@ -36,7 +36,7 @@ _ADVICE = "is it a table? If so, split it"
 
 @contextmanager
 def bounded_text(path: Path, what: str) -> Iterator[TextIO]:
-    """A text file, one whose name ends in .gz unpacked; line ends stay as they are.
+    """Opens a text file, decompressed if its name ends in .gz; line ends are unchanged.
 
     It is UTF-8, UTF-16 as Excel's "Unicode text", or the Windows code page of western Europe, in
     which spreadsheets write '²', '°' and 'µ'.
@@ -70,7 +70,7 @@ def bounded_text(path: Path, what: str) -> Iterator[TextIO]:
 
 
 def _encoding(head: bytes) -> str:
-    """The encoding of a text that begins so."""
+    """Guesses the encoding of a text from its first bytes."""
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     for encoding, zeros in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
@@ -91,7 +91,7 @@ def _unpacked(path: Path) -> BinaryIO:
 
 
 class _Counted(io.RawIOBase):
-    """Bytes that are counted as they pass."""
+    """A stream that counts the bytes read."""
 
     def __init__(self, path: Path, raw: BinaryIO) -> None:
         self._path = path
@@ -99,7 +99,7 @@ class _Counted(io.RawIOBase):
         self._size = self._cells = self._line = 0
 
     def readable(self) -> bool:
-        """Yes."""
+        """Always true."""
         return True
 
     def readinto(self, buffer: Any) -> int:
@@ -130,7 +130,7 @@ class _Counted(io.RawIOBase):
 
 
 def read_text(path: str | Path, longest: int) -> str:
-    """The text of a file.
+    """Reads a text file.
 
     Args:
         path: the file.
@@ -157,7 +157,7 @@ def read_text(path: str | Path, longest: int) -> str:
 
 
 def _content(path: str | Path, longest: int) -> bytes | None:
-    """The first bytes of a regular file; None: it is none. Waits for nobody."""
+    """Reads the first bytes of a regular file without blocking; None: not a regular file."""
     # A named pipe without a writer, or a terminal, would hold up an ordinary open().
     with open(path, "rb", opener=_open_at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):

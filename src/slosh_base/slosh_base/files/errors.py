@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class SloshFileError(ValueError):
-    """An output would destroy what is there, or an input is not what is to be read.
+    """An output would overwrite existing data, or an input has another kind.
 
     The text is one line with the path.
     """
@@ -27,4 +27,4 @@ class TextFileError(SloshFileError):
 
 
 class YamlError(SloshFileError):
-    """A text is no YAML, stands for too much, or gives a key twice: `FILE:LINE: what`."""
+    """Invalid YAML, too large a document, or a duplicate key: `FILE:LINE: what`."""

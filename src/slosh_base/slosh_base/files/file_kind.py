@@ -1,4 +1,4 @@
-"""What a file is that is no MCAP file, and what to do with it."""
+"""Identifies files that are not MCAP files, with a remedy."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _TAR_PLACE, _TAR = 257, b"ustar"
 
 
 def foreign_kind(path: Path) -> tuple[str, str] | None:
-    """What a file is that is no MCAP file, and what to do; None: that cannot be told.
+    """Describes a non-MCAP file's kind, with a remedy; None: unknown.
 
     A damaged MCAP file cannot be told from its first bytes, but its content is no text.
 

@@ -1,4 +1,4 @@
-"""Where packages keep the files that are no modules."""
+"""Finds the packages' installed files that are not modules."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def shared_folder(package: str) -> Path | None:
-    """A package's share folder: in a sourced workspace, or in Python's prefix, as of a wheel.
+    """Returns a package's share folder, in a sourced workspace or below Python's prefix (wheels).
 
     Returns:
         None where the package is not installed.

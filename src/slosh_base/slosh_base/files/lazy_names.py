@@ -1,4 +1,4 @@
-"""A package's public names, loaded when they are first asked for.
+"""Loads a package's public names on first use.
 
 A node that imports one module of a package does not load what the others need.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 
 def lazy_names(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """A package's `__getattr__` (PEP 562).
+    """Makes a package's `__getattr__` (PEP 562).
 
     Args:
         package: its `__name__`.

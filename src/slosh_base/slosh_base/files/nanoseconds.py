@@ -1,4 +1,4 @@
-"""Stamps are whole nanoseconds, in every file and in every core."""
+"""Time stamps as whole nanoseconds, in every file and every core."""
 
 from __future__ import annotations
 

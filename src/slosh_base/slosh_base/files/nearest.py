@@ -1,4 +1,4 @@
-"""The known name that is most like a mistyped one."""
+"""Finds the known name that is closest to a mistyped one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LONGEST = 200
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that is most like `name`; None: none is like it.
+    """Returns the known name that is most similar to `name`; None: none is similar.
 
     Upper and lower case, `-` and `_` count as the same.
     """
@@ -22,7 +22,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """`; did you mean NAME?` for the end of a refusal; empty: no known name is like it."""
+    """Returns `; did you mean NAME?` for the end of an error text; empty: no similar name."""
     found = nearest(name, known)
     return "" if found is None else f"; did you mean {found}?"
 

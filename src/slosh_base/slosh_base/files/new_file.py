@@ -1,4 +1,4 @@
-"""Files that are written aside and take their name when they are whole; they are their user's."""
+"""Writes files under a temporary name and renames them when they are complete."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 class NewFile:
-    """A file that is written aside and takes its name when it is whole.
+    """A file that has a temporary name until it is complete.
 
     Until `finish` the old file of that name is as it was; `discard` leaves it so. As a context
     manager it finishes, or discards where an error or Ctrl-C leaves the block.
@@ -74,7 +74,7 @@ class NewFile:
             self.discard()
 
     def open(self) -> BinaryIO:
-        """A stream into the file; what cannot be written is an OSError that bears `path`."""
+        """Opens the file for writing; write errors are OSErrors that name `path`."""
         with naming(self.path):
             given = _DESCRIPTOR.fullmatch(str(self.path)) if self._target is None else None
             if given is None:
@@ -86,7 +86,7 @@ class NewFile:
             return io.BufferedWriter(_Stream(os.dup(number), self.path))
 
     def finish(self) -> None:
-        """Gives the file its name.
+        """Renames the temporary file to its final name.
 
         Raises:
             OSError: that is not possible; the old file is as it was.
@@ -104,14 +104,14 @@ class NewFile:
             raise
 
     def discard(self) -> None:
-        """Removes what was written."""
+        """Deletes the temporary file."""
         if self._target is not None:
             self._target = None
             self.part.unlink(missing_ok=True)
 
 
 class _Stream(io.FileIO):
-    """A file whose errors name the file that the user meant."""
+    """A file whose errors name the path that the user gave."""
 
     def __init__(self, file: Path | int, path: Path) -> None:
         self._path = path
@@ -124,7 +124,7 @@ class _Stream(io.FileIO):
 
 @contextmanager
 def new_text(path: Path) -> Iterator[TextIO]:
-    """A text in UTF-8, written aside; line ends are written as they are.
+    """Opens a new UTF-8 text file under a temporary name; line ends are written unchanged.
 
     A file whose name ends in .gz is packed; the same text gives the same file.
 
@@ -140,7 +140,7 @@ def new_text(path: Path) -> Iterator[TextIO]:
 
 
 def write_bytes(path: Path, content: bytes, *, sync: bool = True) -> None:
-    """Writes a file as a whole or not at all; `sync` as for NewFile.
+    """Writes a whole file or nothing; `sync` as for NewFile.
 
     Raises:
         OSError: it cannot be written; it bears the path.
@@ -150,7 +150,7 @@ def write_bytes(path: Path, content: bytes, *, sync: bool = True) -> None:
 
 
 def write_text(path: Path, text: str, *, sync: bool = True) -> None:
-    """Writes a text in UTF-8 as a whole or not at all; `sync` as for NewFile.
+    """Writes a whole UTF-8 text file or nothing; `sync` as for NewFile.
 
     Raises:
         OSError: it cannot be written; it bears the path.
@@ -159,7 +159,7 @@ def write_text(path: Path, text: str, *, sync: bool = True) -> None:
 
 
 def new_link(path: Path, target: Path) -> None:
-    """Makes a symbolic link, or points the one that is there elsewhere, in one step.
+    """Makes a symbolic link, or changes the target of an existing one atomically.
 
     Raises:
         OSError: it cannot be made; it bears the path.
@@ -176,7 +176,7 @@ def new_link(path: Path, target: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Errors of the system bear the path that the user knows."""
+    """Makes system errors name the path that the user knows."""
     try:
         yield
     except OSError as error:
@@ -186,12 +186,12 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def unfinished_name(suffix: str = "") -> str:
-    """A name that nothing else has."""
+    """Returns a unique temporary name."""
     return f"{PREFIX}{secrets.token_hex(6)}{suffix}"
 
 
 def wait_for_disk(path: Path) -> None:
-    """Waits until a file or folder is on the disk."""
+    """Waits until a file or folder is stored on disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -207,7 +207,7 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 def _is_replaceable(old: os.stat_result) -> bool:
-    """True for a regular file; a folder is refused.
+    """Whether the old file is a regular file; refuses a folder.
 
     Raises:
         OSError: a folder.
@@ -218,7 +218,7 @@ def _is_replaceable(old: os.stat_result) -> bool:
 
 
 def _make(part: Path, old: os.stat_result | None) -> None:
-    """Makes the file, empty, with the owner and mode of the old one."""
+    """Creates an empty file with the owner and mode of the old one."""
     with part.open("xb") as file:
         if old is not None:
             with contextlib.suppress(OSError):  # only root can give a file away
@@ -227,7 +227,7 @@ def _make(part: Path, old: os.stat_result | None) -> None:
 
 
 def keep_others_from_writing() -> None:
-    """Makes no file or folder from now on that group or others may write, whatever the umask.
+    """Sets the umask so that group and others cannot write new files or folders.
 
     Holds for this process and those that it starts.
     """

@@ -1,4 +1,4 @@
-"""The one reader and writer of YAML: bounded, strict, and able to say on which line a key stands.
+"""Reads and writes YAML for all packages: bounded, strict, with line numbers of keys.
 
 PyYAML follows YAML 1.1, which takes 2e1 for a text, 010 for eight and 1:30 for ninety. Here the
 numbers are those of YAML 1.2, and what is written any reader of YAML 1.1 reads alike.
@@ -48,7 +48,7 @@ _FLOAT = (
 
 
 def read_numbers(loader: Any) -> None:
-    """Makes a loader's class read numbers so, and in no other way."""
+    """Sets how a loader's class recognises numbers."""
     loader.yaml_implicit_resolvers = {
         first: [pair for pair in pairs if pair[0] not in (INT_TAG, FLOAT_TAG)]
         for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
@@ -58,14 +58,14 @@ def read_numbers(loader: Any) -> None:
 
 
 def quote_numbers(dumper: Any) -> None:
-    """Makes a dumper's class quote texts that either version would take for a number."""
+    """Makes a dumper's class quote texts that YAML 1.1 or 1.2 would read as numbers."""
     dumper.add_implicit_resolver(*_INT)
     dumper.add_implicit_resolver(*_FLOAT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YamlDocument:
-    """What a text says, and where.
+    """A parsed YAML text with the position of each key.
 
     Attributes:
         source: how errors name the text.
@@ -78,7 +78,7 @@ class YamlDocument:
     root: yaml.Node | None
 
     def where(self, *keys: Key) -> str:
-        """`FILE:LINE` of a key; of what it lies in where it is missing, `FILE` of nothing."""
+        """Returns `FILE:LINE` of a key; if it is missing, of its parent, or `FILE` alone."""
         line, node = None, self.root
         for key in keys:
             found = _child(node, key)
@@ -88,22 +88,29 @@ class YamlDocument:
         return self.source if line is None else f"{self.source}:{line}"
 
     def at(self, *keys: Key) -> str:
-        """The same with the key's own name: `FILE:LINE: container.radius`."""
+        """Returns the position with the key's own name: `FILE:LINE: container.radius`."""
         return f"{self.where(*keys)}: {dotted(keys)}"
 
 
 def read_yaml(path: str | Path, longest: int = LONGEST) -> YamlDocument:
-    """The document in a file.
+    """Reads a YAML file.
 
     Raises:
         TextFileError: the file cannot be read.
         YamlError: as `parse_yaml`.
+
+    >>> read_yaml("cup/model.yaml").value["container"]["shape"]
+    'cylinder'
     """
     return parse_yaml(read_text(path, longest), str(path), longest)
 
 
 def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
-    """The document in a text.
+    """Parses a YAML text.
+
+    >>> document = parse_yaml("container: {radius: 0.05}", "cup.yaml")
+    >>> document.value["container"]["radius"], document.at("container", "radius")
+    (0.05, 'cup.yaml:1: container.radius')
 
     Args:
         text: one document.
@@ -134,29 +141,41 @@ def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
 
 
 def dotted(keys: KeyPath) -> str:
-    """A path of keys as errors show it: `effects[0].alpha`; one line, whatever the keys are."""
+    """Formats a path of keys for errors, in one line: `effects[0].alpha`.
+
+    >>> dotted(["effects", 0, "alpha"])
+    'effects[0].alpha'
+    """
     parts = (f"[{key}]" if isinstance(key, int) else f".{brief(key)}" for key in keys)
     return "".join(parts).removeprefix(".")
 
 
 def shown(value: object) -> str:
-    """A value as errors show it; references can make a short text's lists endless."""
+    """Formats a value for errors; collections are named, not written out.
+
+    >>> shown([1, 2]), shown("abc")
+    ('a list', "'abc'")
+    """
     if isinstance(value, (list, dict, set, tuple)):
         return {list: "a list", dict: "a mapping"}.get(type(value), "a collection")
     return brief(repr(value))
 
 
 def brief(text: str) -> str:
-    """One line, of sixty characters at most, as errors show what a file gives."""
+    """Shortens a text to one line of at most sixty characters, for errors.
+
+    >>> len(brief("a long text " * 20))
+    61
+    """
     line = " ".join(text.split())
     return line if len(line) <= _MOST_SHOWN else f"{line[:_MOST_SHOWN]}…"
 
 
 class _Loader(SAFE_LOADER):
-    """A safe loader with the numbers of YAML 1.2, and names for keys."""
+    """A safe loader with the numbers of YAML 1.2 and with text keys."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        """The value, or an error with its line."""
+        """Returns the value, or raises an error with its line."""
         try:
             return super().construct_object(node, deep)
         except _MISFITS:
@@ -166,12 +185,12 @@ class _Loader(SAFE_LOADER):
             ) from None
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[str, Any]:
-        """The mapping; a key is a name, also where it looks like a number."""
+        """Returns the mapping; each key is read as text, even if it looks like a number."""
         self.flatten_mapping(node)
         return {key.value: self.construct_object(value, deep=deep) for key, value in node.value}
 
     def construct_whole(self, node: yaml.ScalarNode) -> int:
-        """An int; decimal, also with leading zeros."""
+        """Returns a decimal int; leading zeros are allowed."""
         return int(node.value)
 
 
@@ -180,7 +199,7 @@ _Loader.add_constructor(INT_TAG, _Loader.construct_whole)
 
 
 def _check_keys(source: str, node: Any, keys: KeyPath, seen: set[int]) -> None:
-    """Refuses keys that are no names, and a name that is given twice."""
+    """Refuses keys that are not text, and duplicate keys."""
     if id(node) in seen:  # by a reference
         return
     seen.add(id(node))
@@ -201,7 +220,7 @@ def _check_keys(source: str, node: Any, keys: KeyPath, seen: set[int]) -> None:
 
 
 def _child(node: Any, key: Key) -> tuple[Any, Any] | None:
-    """Where a key stands in a node, and its value."""
+    """Returns the position of a key in a node, and its value."""
     if isinstance(node, yaml.SequenceNode):
         inside = isinstance(key, int) and 0 <= key < len(node.value)
         return (node.value[key], node.value[key]) if inside else None
@@ -216,7 +235,7 @@ def _line(node: Any) -> int:
 
 
 def _fault(text: str, error: Exception) -> tuple[int | None, str]:
-    """The line, where it is known, and what is wrong there."""
+    """Describes a parse error with its line if known."""
     if isinstance(error, yaml.MarkedYAMLError):
         mark: Any = error.problem_mark or error.context_mark
         problem = error.problem or "cannot be read"
@@ -237,7 +256,7 @@ def _fault(text: str, error: Exception) -> tuple[int | None, str]:
 
 
 def check_bounds(text: str, longest: int) -> None:
-    """Refuses a text that is too long, or stands for too much.
+    """Refuses a text that is too long or expands to too many values.
 
     References and merge keys let a page of text stand for more values than a machine can hold:
     values are counted first, references followed, from the parser's events alone.
@@ -260,7 +279,7 @@ def check_bounds(text: str, longest: int) -> None:
 
 
 class _Counter:
-    """Counts the values that a document's events stand for."""
+    """Counts the values of a document, with references expanded."""
 
     def __init__(self) -> None:
         self._total = 0
@@ -268,7 +287,7 @@ class _Counter:
         self._open: list[tuple[str | None, int]] = []
 
     def take(self, event: Any) -> str:
-        """Takes the next event; returns why the document is refused, or nothing."""
+        """Processes the next event; returns why the document is refused, or nothing."""
         if isinstance(event, yaml.AliasEvent) and event.anchor not in self._sizes:
             return f"*{event.anchor} refers to itself or to nothing"
         before = self._total
@@ -296,14 +315,17 @@ class _Counter:
 
 # In C where it is there, ten times as fast: metadata.yaml is written while messages wait.
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
-    """A safe dumper that quotes texts which look like numbers in either version of YAML."""
+    """A safe dumper that quotes texts that look like numbers in YAML 1.1 or 1.2."""
 
 
 quote_numbers(_Dumper)
 
 
 def format_yaml(document: Any, **style: Any) -> str:
-    """The text of a document.
+    """Formats a document as YAML.
+
+    >>> format_yaml({"radius": 0.05}).strip()
+    'radius: 0.05'
 
     Args:
         document: of plain values.

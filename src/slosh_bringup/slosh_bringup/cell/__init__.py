@@ -1,1 +1,1 @@
-"""The simulated cell: motions, a truth liquid, a camera's images. It stands in for the robot."""
+"""The simulated cell, which replaces the robot: motions, a reference liquid, camera images."""

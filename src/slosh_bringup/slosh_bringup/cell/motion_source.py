@@ -1,4 +1,4 @@
-"""Motions by name or from a motion table, at the rate at which the cell plays them."""
+"""Loads motions by name or from a motion table, sampled at the cell's rate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REPEATS = (1, 10_000)
 
 
 def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> CellMotion:
-    """Reads a motion table, or makes a motion of the simulated cell by its name.
+    """Reads a motion table, or makes a named motion of the simulated cell.
 
     Args:
         name: one of `motions.MOTIONS`, or the path of a motion table.
@@ -41,7 +41,7 @@ def load_motion(name: str, rate: float = 1000.0, tell: Tell = warn) -> CellMotio
 
 
 def motion_from_table(name: str, table: MotionTable, rate: float) -> CellMotion:
-    """A table's motion on an even grid that starts at 0.
+    """Resamples a table's motion on a uniform grid that starts at 0.
 
     Accelerations are interpolated linearly, attitudes along the shortest turn. The position is the
     acceleration's integral from rest; an angular velocity that is not given is the attitude's.
@@ -87,7 +87,7 @@ def _attitude(
 
 
 def _angular_velocity(turn: scipy.spatial.transform.Rotation, rate: float) -> Array:
-    """Rotation from sample to sample, in the container's frame, per second."""
+    """Computes the angular velocity in the container's frame from successive attitudes."""
     steps = (turn[:-1].inv() * turn[1:]).as_rotvec() * rate
     velocity: Array = np.vstack((steps, steps[-1:]))
     return velocity

@@ -1,4 +1,4 @@
-"""The motions of DL22: paths, levels of acceleration, and the law along them.
+"""The motions of DL22: paths, acceleration levels and the time law along them.
 
 Planar paths S(σ), σ from 0 to 1 (DL22, Fig. 4): `l` back and forth along y, `e` a figure of eight,
 `c` a circle run twice. The law σ(t) is the modified trapezoid, so that S̈ = S″σ̇² + S′σ̈ starts and
@@ -37,7 +37,7 @@ CIRCLE = 0.25
 
 @dataclass(frozen=True, slots=True)
 class CellMotion:
-    """A motion of the container; its arrays are copies that cannot be written to.
+    """A motion of the container; its arrays are read-only copies.
 
     Attributes:
         name: e.g. 'c-8.9'.
@@ -69,7 +69,7 @@ class CellMotion:
         return float(self.t[-1] - self.t[0])
 
     def specific_force(self) -> Array:
-        """What an accelerometer in the container feels, Rᵀ(a + g ẑ), (N, 3) [m/s²] (REP-145)."""
+        """Returns an accelerometer's specific force in the container, (N, 3) [m/s²] (REP-145)."""
         force = self.acceleration + np.array([0.0, 0.0, GRAVITY])
         if self.attitude is not None:
             turns = scipy.spatial.transform.Rotation.from_quat(self.attitude)
@@ -77,7 +77,7 @@ class CellMotion:
         return np.asarray(force, dtype=np.float64)
 
     def repeated(self, times: int) -> CellMotion:
-        """The motion played several times in succession."""
+        """Returns the motion repeated several times."""
 
         def tiled(array: Array | None) -> Array | None:
             return None if array is None else np.tile(array, (times, 1))
@@ -95,7 +95,7 @@ class CellMotion:
 
 @dataclass(frozen=True, slots=True)
 class MotionSpec:
-    """How a motion is made: path, greatest planar and greatest vertical acceleration [m/s²]."""
+    """Definition of a motion: path, maximum planar and vertical acceleration [m/s²]."""
 
     path: str
     planar: float
@@ -103,7 +103,7 @@ class MotionSpec:
 
 
 def _harmonic(amplitude: float, turns: float, phase: float) -> Path:
-    """Amplitude times cos(2π turns σ + phase), with its derivatives by σ."""
+    """Returns amplitude · cos(2π · turns · σ + phase) and its derivatives by σ."""
     rate = 2.0 * math.pi * turns
 
     def path(sigma: Array) -> tuple[Array, Array, Array]:
@@ -150,7 +150,7 @@ MOTIONS: Mapping[str, MotionSpec] = MappingProxyType(_catalogue())
 
 
 def make_motion(name: str, rate: float = 1000.0) -> CellMotion:
-    """A motion by name, with rest before and dwell after.
+    """Makes a motion by name, with rest before and dwell after it.
 
     Args:
         name: one of MOTIONS.
@@ -175,13 +175,13 @@ def make_motion(name: str, rate: float = 1000.0) -> CellMotion:
 
 
 def _duration(spec: MotionSpec) -> float:
-    """Accelerations scale with one over the duration squared."""
+    """Computes the duration; accelerations scale with 1 / duration²."""
     _, acceleration = _along(MotionSpec(spec.path, spec.planar), np.linspace(0.0, 1.0, 20001), 1.0)
     return math.sqrt(float(np.hypot(acceleration[:, 0], acceleration[:, 1]).max()) / spec.planar)
 
 
 def _along(spec: MotionSpec, u: Array, duration: float) -> tuple[Array, Array]:
-    """Position and acceleration (N, 3) at the relative times."""
+    """Returns position and acceleration (N, 3) at the relative times."""
     law = modified_trapezoid(u)
     x, y = PATHS[spec.path]
     columns = [_chain(path, law, duration) for path in (x, y, _VERTICAL)]
@@ -198,7 +198,7 @@ def _along(spec: MotionSpec, u: Array, duration: float) -> tuple[Array, Array]:
 
 
 def _chain(path: Path, law: tuple[Array, Array, Array], duration: float) -> tuple[Array, Array]:
-    """S(σ(t)) and S̈ = S″σ̇² + S′σ̈."""
+    """Applies the chain rule: S(σ(t)) and S̈ = S″σ̇² + S′σ̈."""
     sigma, rate, change = law
     place, slope, curvature = path(sigma)
     return place, (curvature * rate**2 + slope * change) / duration**2

@@ -1,4 +1,4 @@
-"""Draws what the cell's camera sees: a glass cup with dark liquid on the robot's plate.
+"""Renders the images of the cell's camera: a glass cup of dark liquid on the robot's plate.
 
 Every edge is computed by the pinhole projection, column by column, and drawn with the share of
 the pixel that it covers: where an edge lies is exact to a few hundredths of a pixel. Refraction is
@@ -38,7 +38,7 @@ PLACES = 41
 
 @dataclass(frozen=True, slots=True)
 class GreyLevels:
-    """Grey levels, 0 black … 255 white.
+    """Grey levels of the scene, 0 black … 255 white.
 
     Attributes:
         background, liquid, surface: of the background, of the liquid seen through the wall, of its
@@ -67,7 +67,7 @@ class GreyLevels:
 
 
 class CupRenderer:
-    """Draws the cup of a calibrated view.
+    """Renders the cup of a calibrated view.
 
     Args:
         view: camera, pose and container; the lens must not distort.
@@ -98,7 +98,7 @@ class CupRenderer:
         self._noise = self._noise_field()
 
     def render(self, sh_x: float, sh_y: float) -> GrayImage:
-        """An image of the liquid with these wall heights at the container's +x and +y [m].
+        """Renders an image for the given wall heights at the container's +x and +y [m].
 
         Returns:
             (height, width) uint8.
@@ -106,7 +106,7 @@ class CupRenderer:
         return self._exposed(self._paint(sh_x, sh_y)[0])
 
     def render_colour(self, sh_x: float, sh_y: float) -> ColourImage:
-        """The same view in colour; its grey levels are those of `render`.
+        """Renders the same view in colour; its grey levels are those of `render`.
 
         Returns:
             (height, width, 3) uint8, blue, green, red.
@@ -121,7 +121,7 @@ class CupRenderer:
         return colour
 
     def _paint(self, sh_x: float, sh_y: float) -> tuple[Layer, Layer]:
-        """The image before noise, and the liquid's share of each pixel in the cup's region."""
+        """Returns the image without noise, and the liquid's share of each pixel of the cup."""
         edges = self._lines.edges(sh_x, sh_y)
         # The wall hides what lies below its front line; the surface has the rest of each pixel.
         wet = self._above_floor(edges.top)
@@ -134,7 +134,7 @@ class CupRenderer:
         return image, wet
 
     def _exposed(self, image: Layer) -> GrayImage:
-        """Adds the camera's noise and rounds to grey levels."""
+        """Adds sensor noise and rounds to grey levels."""
         if self._look.noise > 0.0:
             down, right = self._random.integers(0, NOISE_SHIFT, 2)
             height, width = image.shape
@@ -142,14 +142,14 @@ class CupRenderer:
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0)), np.uint8)
 
     def _above_floor(self, edge: Array) -> Layer:
-        """Share of each pixel below an edge, above the floor and between the cup's sides."""
+        """Returns the share of each pixel below an edge, above the floor and inside the cup."""
         upper = np.nan_to_num(edge, nan=1e6).astype(np.float32)
         share: Layer = np.clip(self._rows + np.float32(0.5) - upper, 0.0, 1.0)
         share *= self._inside
         return share
 
     def _cup_region(self) -> tuple[slice, slice]:
-        """The part of the image that changes: the cup, up to the frame's top."""
+        """Returns the part of the image that changes: the cup, up to the frame's top."""
         camera, cup = self._view.camera, self._view.cup
         circle = np.linspace(-np.pi, np.pi, 73)
         levels = (-cup.fill_height, self._top)
@@ -159,7 +159,7 @@ class CupRenderer:
         return slice(0, min(bottom, camera.height)), slice(max(left, 0), min(right, camera.width))
 
     def _side_lines(self) -> tuple[Array, Array]:
-        """Image columns of the cup's left and right edge at each row of the region."""
+        """Returns the columns of the cup's left and right edge at each row of the region."""
         levels = np.array([-self._view.cup.fill_height, self._top])
         rows = self._rows[:, 0].astype(np.float64)
         edges = []
@@ -169,7 +169,7 @@ class CupRenderer:
         return edges[0], edges[1]
 
     def _inside_cup(self) -> Layer:
-        """Share of each pixel between the cup's left and right edge, above its floor."""
+        """Returns the share of each pixel between the cup's side edges and above its floor."""
         left, right = self._side_lines()
         inside = np.clip(self._columns + 0.5 - left[:, np.newaxis], 0.0, 1.0)
         inside *= np.clip(right[:, np.newaxis] + 0.5 - self._columns, 0.0, 1.0)
@@ -177,13 +177,13 @@ class CupRenderer:
         return np.asarray(inside, dtype=np.float32)
 
     def _across(self) -> Array:
-        """Place across the cup, -1 at its left edge … 1 at its right edge."""
+        """Returns the position across the cup: -1 at its left edge … 1 at its right edge."""
         left, right = (edge[:, np.newaxis] for edge in self._side_lines())
         place: Array = np.clip(2.0 * (self._columns - left) / (right - left) - 1.0, -1.0, 1.0)
         return place
 
     def _reflections(self, across: Array) -> Layer:
-        """Two soft bright bands along the glass, below its rim."""
+        """Draws two soft bright bands on the glass, below its rim."""
         bands = np.exp(-0.5 * ((across + 0.62) / 0.05) ** 2)
         bands += 0.5 * np.exp(-0.5 * ((across - 0.75) / 0.03) ** 2)
         ((_, rim),) = self._view.project_wall(self._view.camera_azimuth, self._top)
@@ -196,7 +196,7 @@ class CupRenderer:
         return np.asarray(cv2.GaussianBlur(image, (0, 0), self._look.blur), np.float32)
 
     def _draw_backdrop(self) -> Layer:
-        """An unevenly lit wall, the plate, and the cup's outline in front."""
+        """Draws the background: an unevenly lit wall, the plate and the cup's outline."""
         look, camera, cup = self._look, self._view.camera, self._view.cup
         across = np.linspace(0.0, 1.0, camera.width)
         down = np.linspace(0.0, 1.0, camera.height)[:, np.newaxis]
@@ -221,7 +221,7 @@ class CupRenderer:
         return image.astype(np.float32)
 
     def _disc(self, azimuth: Array, radius: float, level: float) -> NDArray[np.int32]:
-        """The outline of a level disc about the cup's axis, for OpenCV's drawing."""
+        """Returns the outline of a horizontal disc about the cup's axis, for OpenCV."""
         points = (radius * np.cos(azimuth), radius * np.sin(azimuth), np.full_like(azimuth, level))
         return _fixed_point(self._view.project(np.column_stack(points)))
 
@@ -232,13 +232,13 @@ class CupRenderer:
 
 
 def _fixed_point(pixels: Array) -> NDArray[np.int32]:
-    """Pixels with four binary places, as OpenCV's drawing takes them."""
+    """Returns pixels with four binary places, as OpenCV's drawing functions expect."""
     return np.round(pixels * 16.0).astype(np.int32)
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceEdges:
-    """Image rows of the free surface at each column; NaN where it does not reach [px].
+    """Image rows of the free surface in each column; NaN where there is no surface [px].
 
     Attributes:
         front: (C,) line on the wall's half that faces the camera.
@@ -251,7 +251,7 @@ class SurfaceEdges:
 
 
 class SurfaceLines:
-    """Projects the free surface of a cup, straight rays without refraction.
+    """Projects the free surface of a cup with straight rays, without refraction.
 
     The surface is the first mode's (DL22, eq. (19)), taken over the whole cross-section: from the
     side, a crest inside the cup hides the wall behind it.
@@ -272,12 +272,12 @@ class SurfaceLines:
         self._rise_x, self._rise_y = slope * self._x, slope * self._y
 
     def edges(self, sh_x: float, sh_y: float) -> SurfaceEdges:
-        """The edges for these wall heights at the container's +x and +y [m]."""
+        """Returns the edges for the given wall heights at the container's +x and +y [m]."""
         lines = self._rows(self._x, self._y, sh_x * self._rise_x + sh_y * self._rise_y)
         return SurfaceEdges(lines[0], np.fmin.reduce(lines))
 
     def floor(self) -> Array:
-        """Lower edge of the liquid, (C,); the floor looks narrower than the cup's sides."""
+        """Returns the lower edge of the liquid, (C,); the floor appears narrower than the cup."""
         level = np.full((1, CHORDS), -self._view.cup.fill_height)
         (line,) = self._rows(self._x[:1], self._y[:1], level)
         known = np.isfinite(line)
@@ -285,7 +285,7 @@ class SurfaceLines:
         return rows
 
     def _rows(self, x: Array, y: Array, z: Array) -> Array:
-        """Rows (L, C) of L curves of points (L, P)."""
+        """Returns the image rows (L, C) of L curves of points (L, P)."""
         pixels = self._view.project(np.column_stack((x.ravel(), y.ravel(), z.ravel())))
         u, v = pixels[:, 0].reshape(x.shape), pixels[:, 1].reshape(x.shape)
         columns = self._columns
@@ -298,7 +298,7 @@ class SurfaceLines:
 
 
 def _chord_points(view: CupView) -> tuple[Array, Array]:
-    """Points (PLACES, CHORDS) on horizontal rays through the cup, from its front to its rear wall.
+    """Returns points (PLACES, CHORDS) on horizontal rays through the cup, from front to rear wall.
 
     Each row runs from the cup's left edge in the image to its right edge, so that it has one image
     row at every column; the first is the front wall, the last the rear wall.

@@ -1,4 +1,4 @@
-"""What the container really holds in a simulated motion, and what its sensors report of it."""
+"""The reference liquid of a simulated motion, and the simulated sensors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PUSHED = 0.1
 
 @dataclass(frozen=True, slots=True)
 class TruthLiquid:
-    """The liquid's answer to a motion.
+    """The reference liquid's response to a motion.
 
     Attributes:
         t: (N,) time [s].
@@ -32,7 +32,7 @@ class TruthLiquid:
     sh_y: Array
 
     def at(self, t: float) -> tuple[float, float]:
-        """Wall height at +x and +y at a moment, interpolated [m]."""
+        """Returns the interpolated wall heights at +x and +y at a time [m]."""
         # Of two rows alone: for each moment np.interp would copy the whole of a long motion.
         start = max(min(int(np.searchsorted(self.t, t)), len(self.t) - 1) - 1, 0)
         rows = slice(start, start + 2)
@@ -65,7 +65,7 @@ class Push(NamedTuple):
 
 
 def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) -> TruthLiquid:
-    """The truth liquid of a motion, from rest.
+    """Integrates the reference liquid of a motion, from rest.
 
     A tilted container's liquid feels gravity from the side, a = Rᵀ(a + g ẑ) − g ẑ: the truth
     always does, whatever effects its model names.
@@ -84,7 +84,7 @@ def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) 
 
 @dataclass(frozen=True, slots=True)
 class SensorReadings:
-    """Readings at the motion's samples.
+    """Simulated sensor measurements at the motion's samples.
 
     Attributes:
         acceleration: (N, 3) in the world, gravity excluded, with noise [m/s²].
@@ -102,7 +102,7 @@ class SensorReadings:
 
 
 def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
-    """The readings of a motion.
+    """Simulates the sensors of a motion.
 
     Args:
         motion: the container's motion.
@@ -121,5 +121,5 @@ def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
 
 
 def _or_constant(values: Array | None, count: int, value: tuple[float, ...]) -> Array:
-    """The values, or the same one at all times where there are none."""
+    """Returns the values, or a constant if there are none."""
     return np.broadcast_to(value, (count, len(value))) if values is None else values

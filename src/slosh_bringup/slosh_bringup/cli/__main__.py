@@ -1,4 +1,4 @@
-"""`python -m slosh_bringup.cli` is `slosh`."""
+"""Runs `slosh` as `python -m slosh_bringup.cli`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""`slosh calibrate`: camera.yaml from an image of the liquid at rest."""
+"""`slosh calibrate`: makes camera.yaml from an image of the liquid at rest."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--distance", type=length(10.0), metavar="M",
         help="approximate distance of the camera from the container's axis [m], within 10 "
-        "percent; chooses between ambiguous poses",
+        "percent; chooses between ambiguous poses; needed with --scale for a body of revolution",
     )  # fmt: skip
     parser.add_argument(
         "--level", nargs=2, type=float, metavar=("U", "V"),
@@ -159,7 +159,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--length",
         type=length(4.0),
         metavar="M",
-        help="distance between the two --scale points [m] (default: twice the radius)",
+        help="distance between the two --scale points [m] (default: twice the radius; for a body "
+        "of revolution its outer width at the level)",
     )
     scale.add_argument(
         "--page", type=Path, metavar="OUT.html",
@@ -178,7 +179,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Finds the pose, writes camera.yaml and says how good it is."""
+    """Finds the pose, writes camera.yaml and prints its accuracy."""
     take_model(arguments)
     if arguments.page is not None:
         return run_page(arguments)
@@ -213,7 +214,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _detection_warnings(fit: StillFit, known: KnownCamera, image: Image) -> list[str]:
-    """What the detector makes of the same image, where it is more than a level.
+    """Returns warnings if the detector finds a tilted or no surface in the same image.
 
     Raises:
         SloshCameraError: it would take the liquid at rest for a wave: there is no zero.
@@ -236,7 +237,7 @@ def _known_camera(arguments: argparse.Namespace, image: Image) -> KnownCamera:
 
 
 def _exif_view(arguments: argparse.Namespace, image: Image) -> float:
-    """The field of view by the picture's own EXIF block [rad]."""
+    """Returns the field of view from the image's EXIF data [rad]."""
     height, width = image.shape[:2]
     try:
         return read_exif(arguments.still).field_of_view(width, height)
@@ -247,7 +248,7 @@ def _exif_view(arguments: argparse.Namespace, image: Image) -> float:
 
 
 def _cup(arguments: argparse.Namespace, known: KnownCamera) -> Cup:
-    """The container by the options, else by the file."""
+    """Returns the container from the options, else from the file."""
     values = {key: known.container[key] for key in _CUP_KEYS if key in known.container}
     given = {key: getattr(arguments, key) for key in _CUP_KEYS}
     values.update({key: value for key, value in given.items() if value is not None})
@@ -287,7 +288,7 @@ def _fitted(
 
 
 def _doubt(arguments: argparse.Namespace) -> ToldDeviations:
-    """What may be off; percents become parts."""
+    """Returns the uncertainties of the inputs; percentages become fractions."""
     values = []
     for name, unit in (("focal_error", 0.01), ("wall_error", 1.0), ("fill_error", 1.0)):
         option = f"--{name.replace('_', '-')}"
@@ -318,7 +319,7 @@ def _finite(value: float, option: str) -> float:
 
 
 def _board_place(values: list[float]) -> Pose:
-    """Transform board -> container, turned about the fixed axes x, y, z by roll, pitch, yaw."""
+    """Returns the transform board -> container, with roll, pitch, yaw about fixed axes."""
     x, y, z, yaw, pitch, roll = (_finite(value, "--board-place") for value in values)
     turns = [
         np.deg2rad(angle) * axis for angle, axis in zip((yaw, pitch, roll), _AXES, strict=True)
@@ -328,7 +329,7 @@ def _board_place(values: list[float]) -> Pose:
 
 
 def _camera_yaml(arguments: argparse.Namespace, fit: StillFit, known: KnownCamera) -> str:
-    """The file's text; the still image's path is relative to the file."""
+    """Formats camera.yaml; the still image's path is relative to the file."""
     folder = arguments.output.resolve().parent
     still = Path(os.path.relpath(arguments.still.resolve(), folder))
     text = format_calibration(Calibration(fit.view, known.name, still_image=still))
@@ -403,7 +404,7 @@ def _as_text(
 
 
 def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFit) -> list[str]:
-    """What nobody told and the standard errors take for true, with the option for each."""
+    """Lists assumed values that were not given, each with the option that sets it."""
     focal, wall, _ = fit.stddev[len(_NUMBERS) :]
     found = []
     if arguments.camera is None and not focal:
@@ -427,7 +428,7 @@ def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFi
 
 
 def _estimated(fit: StillFit) -> list[str]:
-    """What was in doubt, as estimated."""
+    """Lists the uncertain inputs with their estimated values."""
     cup, camera = fit.view.cup, fit.view.camera
     focal, wall, fill = fit.stddev[len(_NUMBERS) :]
     rows = (

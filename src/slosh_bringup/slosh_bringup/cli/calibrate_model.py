@@ -1,4 +1,4 @@
-"""`slosh calibrate --model`: the container's lengths from model.yaml."""
+"""`slosh calibrate --model`: takes the container's lengths from model.yaml."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SAME = 1e-3
 
 
 def take_model(arguments: argparse.Namespace) -> None:
-    """Fills the container's options that are not given, from --model; nothing without it.
+    """Fills missing container options from --model; does nothing without it.
 
     Raises:
         SloshBringupError: an option says another length; a container without a radius and no
@@ -46,7 +46,7 @@ def take_model(arguments: argparse.Namespace) -> None:
 
 
 def _check_radius(arguments: argparse.Namespace, container: Container) -> None:
-    """Refuses what is no radius of the model's container."""
+    """Refuses a radius that is the diameter, or that of a container without one."""
     given = arguments.radius
     if given is None:
         return

@@ -1,4 +1,4 @@
-"""`slosh calibrate --scale`: camera.yaml of a side view from the still level's two ends."""
+"""`slosh calibrate --scale`: makes camera.yaml of a side view from the level's two ends."""
 
 from __future__ import annotations
 
@@ -19,25 +19,29 @@ from slosh_camera.calibrate.scale import calibrate_by_scale
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import to_colour
 from slosh_camera.images.decoding import read_image
+from slosh_camera.optics.round_body import RoundBody
+from slosh_model.containers import REVOLVED
+from slosh_model.model_text import read_model
 from slosh_report.json_values import plain
 
 # What a scale has no use for, and what it would be taken for.
-_UNUSED = ("camera", "fov", "board", "distance", "level", "picture", "wall_thickness")
+_UNUSED = ("camera", "fov", "board", "level", "picture")
+_OF_BODIES = ("distance", "wall_thickness", "wall_refractive_index")
+"""What only the silhouette of a body of revolution has a use for."""
 
 
 def run_page(arguments: argparse.Namespace) -> int:
-    """Writes the page on which the two ends are clicked."""
+    """Writes the page on which the user clicks the two ends."""
     from slosh_bringup.scale_page import render_clicks
 
     check_apart([arguments.page, arguments.output], [arguments.still, arguments.model])
     if arguments.scale is not None:
         raise SloshBringupError("--page: is for finding --scale; do not give both")
-    length = _length(arguments)
+    body = _body(arguments)
+    length = _length(arguments, body)
     with quiet_decoders():
         image = to_colour(read_image(arguments.still))
-    words = ["--length", f"{length:g}", "--fill-height", f"{arguments.fill_height:g}"]
-    if arguments.rim_height is not None:
-        words += ["--rim-height", f"{arguments.rim_height:g}"]
+    words = _words(arguments, body, length)
     before = ["slosh", "calibrate", str(arguments.still), "--scale"]
     after = [*words, "-o", str(arguments.output)]
     write_text(arguments.page, render_clicks(image, arguments.still.name, before, after))
@@ -45,17 +49,55 @@ def run_page(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _length(arguments: argparse.Namespace) -> float:
+def _words(arguments: argparse.Namespace, body: RoundBody | None, length: float) -> list[str]:
+    """The options of the command that the page shows, behind the two points."""
+    if body is None:
+        words = ["--length", f"{length:g}", "--fill-height", f"{arguments.fill_height:g}"]
+        if arguments.rim_height is not None:
+            words += ["--rim-height", f"{arguments.rim_height:g}"]
+        return words
+    words = ["--model", str(arguments.model)]
+    for option, value in (
+        ("--distance", arguments.distance), ("--wall", arguments.wall_thickness),
+        ("--wall-refractive-index", arguments.wall_refractive_index),
+    ):  # fmt: skip
+        words += [] if value is None else [option, f"{value:g}"]
+    return words
+
+
+def _body(arguments: argparse.Namespace) -> RoundBody | None:
+    """The body of revolution in the model; None: another container, or no model.
+
+    Raises:
+        SloshBringupError: the container is none that can be seen from the side.
+    """
+    if arguments.model is None:
+        return None
+    container = read_model(arguments.model).container
+    if container.section != REVOLVED:
+        return None
+    index = arguments.wall_refractive_index
+    return RoundBody.of(
+        container, arguments.wall_thickness or 0.0,
+        *(() if index is None else (index,)),
+    )  # fmt: skip
+
+
+def _length(arguments: argparse.Namespace, body: RoundBody | None) -> float:
     """The distance of the two points [m].
 
     Raises:
         SloshBringupError: it or the fill height is not known; an option has no use here.
     """
-    for name in _UNUSED:
+    for name in (*_UNUSED, *(_OF_BODIES if body is None else ())):
         if getattr(arguments, name) is not None:
+            option = name.removesuffix("_thickness").replace("_", "-")
             raise SloshBringupError(
-                f"--{name.removesuffix('_thickness')}: is not used with --scale"
+                f"--{option}: is not used with --scale"
+                + (", except of a body of revolution (--model)" if name in _OF_BODIES else "")
             )
+    if body is not None and arguments.length is None:
+        return body.width
     if arguments.length is None and arguments.radius is None:
         raise SloshBringupError(
             "--length: is needed with --scale, or --radius or --model for a cylinder"
@@ -66,17 +108,19 @@ def _length(arguments: argparse.Namespace) -> float:
 
 
 def run_scale(arguments: argparse.Namespace) -> int:
-    """Writes camera.yaml and says what a pixel is, and how well heights are known."""
+    """Writes camera.yaml; prints the scale and the uncertainty of heights."""
     check_apart([arguments.output], [arguments.still, arguments.model])
-    length = _length(arguments)
+    body = _body(arguments)
+    length = _length(arguments, body)
     with quiet_decoders():
         image = read_image(arguments.still)
     u1, v1, u2, v2 = arguments.scale
     size = (int(image.shape[1]), int(image.shape[0]))
     try:
         found = calibrate_by_scale(
-            size, (u1, v1), (u2, v2), length, arguments.fill_height, arguments.rim_height
-        )
+            size, (u1, v1), (u2, v2), length, arguments.fill_height, arguments.rim_height,
+            body, arguments.distance,
+        )  # fmt: skip
     except SloshCameraError as error:
         raise SloshBringupError(f"{arguments.still}: {error}") from error
     folder = arguments.output.resolve().parent
@@ -91,6 +135,7 @@ def run_scale(arguments: argparse.Namespace) -> int:
         facts = {"output": str(arguments.output), "metre_per_pixel": pixel, "scale_error": known}
         print(json.dumps(plain(facts)))
     else:
-        print(f"scale    {1e3 * pixel:8.3f} mm/px, heights in the image's plane to {known:.1%}")
+        plane = "the image's plane" if body is None else "the plane through the axis"
+        print(f"scale    {1e3 * pixel:8.3f} mm/px, heights in {plane} to {known:.1%}")
         print(plain_line(arguments.output))
     return 0

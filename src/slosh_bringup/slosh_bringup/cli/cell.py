@@ -1,4 +1,4 @@
-"""`slosh cell`: all nodes on a real robot's topics, until Ctrl-C."""
+"""`slosh cell`: runs all nodes on a robot's topics until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the nodes until it is told to end; prints the figures and where the results are."""
+    """Runs the nodes until stopped; prints the figures and the folder of the results."""
     config: Path = arguments.config
     run = LiveRun(
         "cell", read_setup(config), arguments.output, f"Cell {config.stem}", watch=arguments.watch

@@ -1,4 +1,4 @@
-"""`slosh demo`: the simulated cell, all nodes, record, report."""
+"""`slosh demo`: runs the simulated cell with all nodes, records and reports."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", type=Path, metavar="MODEL",
         help="model.yaml of another container and liquid, simulated without a camera "
-        "(default: the cup that the package brings, with its camera)",
+        "(default: the package's cup with its camera)",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/demo"),
@@ -56,12 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tell(line: str) -> None:
-    """Says what was assumed."""
+    """Prints an assumption."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the demonstration; prints the figures and where the results are."""
+    """Runs the demonstration; prints the figures and the folder of the results."""
     if not REPEATS[0] <= arguments.repeat <= REPEATS[1]:
         raise SloshBringupError(
             f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"
@@ -83,9 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         setup = replace(setup, model=arguments.model.resolve(), calibration=None)
         given |= {"model": str(setup.model), "camera": "false"}
-        tell(
-            "the simulated camera sees the package's own cup alone: there are no measured heights"
-        )
+        tell("the simulated camera supports only the package's own cup: no heights are measured")
     nodes = [process.name for process in setup.processes(Path())]
     simulated = NodeProcess("cell", [setup.parameters], {**given, "wait_for": ",".join(nodes)})
     length = STARTING + arguments.repeat * motion.duration

@@ -1,4 +1,4 @@
-"""`slosh detect`: heights from a video, a folder of images or a bag."""
+"""`slosh detect`: measures heights in a video, a folder of images or a bag."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measures every image; prints how many could be measured."""
+    """Measures every image; prints the number of measured ones."""
     rate = arguments.rate
     if rate is not None and not (math.isfinite(rate) and 0.0 < rate <= 1e6):
         raise SloshBringupError(f"--rate {rate:g}: must be positive, at most 1e6 Hz")
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_outputs(arguments: argparse.Namespace, images: Sequence[Path | None]) -> None:
-    """Refuses results that would replace what is measured or with what."""
+    """Refuses outputs that would overwrite an input."""
     inputs = [*images, arguments.camera, arguments.still]
     worst = Path(arguments.worst[0]) if arguments.worst else None
     check_apart([arguments.output, arguments.video, arguments.strip, worst], inputs)
@@ -128,7 +128,7 @@ def _check_outputs(arguments: argparse.Namespace, images: Sequence[Path | None])
 def _sinks(
     arguments: argparse.Namespace, calibration: AnyCalibration, source: FrameSource
 ) -> list[PictureSink]:
-    """What takes the results beside the table; refuses wrong names before the work."""
+    """Returns the picture outputs; refuses invalid names before the work begins."""
     sinks: list[PictureSink] = []
     if arguments.video is not None:
         sinks.append(AnnotatedVideo(arguments.video, calibration, source.rate))
@@ -152,7 +152,7 @@ def _worst_length(words: Sequence[str]) -> int:
 
 
 def _jobs(wanted: int | None, total: int | None) -> int:
-    """Number of processes; by default no more than are worth their start."""
+    """Returns the number of processes; the default depends on the number of images."""
     if wanted is not None:
         if not 1 <= wanted <= _MOST_JOBS:
             raise SloshBringupError(f"--jobs {wanted}: must be from 1 to {_MOST_JOBS}")
@@ -164,7 +164,7 @@ def _jobs(wanted: int | None, total: int | None) -> int:
 def _write_table(
     output: Path, source: FrameSource, results: Iterator[Result], sinks: Sequence[PictureSink]
 ) -> DetectionSummary:
-    """Writes one line for each image.
+    """Writes one line per image.
 
     Raises:
         SloshBringupError: there are none; the old table stays.

@@ -1,4 +1,4 @@
-"""`slosh discover`: where model and measurement disagree, and which effect is missing."""
+"""`slosh discover`: finds the effect that explains the difference of model and measurement."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Discovers, writes the results and prints them; the verdict does not change the exit code.
+    """Runs the discovery, writes and prints the results; the exit code ignores the verdict.
 
     It is 1 where an input is doubtful.
     """
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_request(arguments: argparse.Namespace) -> DiscoveryRequest:
-    """What the options ask for.
+    """Makes the request from the options.
 
     Raises:
         SloshBringupError: they do not fit together.
@@ -120,7 +120,7 @@ def make_request(arguments: argparse.Namespace) -> DiscoveryRequest:
 
 
 def groups_of(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Patterns by the name of their group.
+    """Returns the file patterns of each group.
 
     Raises:
         SloshBringupError: an option is no NAME=PATTERN, or a name that a file cannot have.

@@ -1,4 +1,4 @@
-"""`slosh doctor`: what works here, what is missing, how to mend it."""
+"""`slosh doctor`: checks the installation and suggests fixes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the findings; 1 where something required is missing."""
+    """Prints the findings; returns 1 if something required is missing."""
     findings = []
     for finding in examine():
         findings.append(finding)
@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def line(finding: DoctorFinding) -> str:
-    """One finding for people."""
+    """Formats a finding for people."""
     mark = "ok  " if finding.ok else ("FAIL" if finding.required else "note")
     remedy = f"; {finding.remedy}" if not finding.ok and finding.remedy else ""
     return f"{mark}  {finding.name:<18} {finding.found}{remedy}"

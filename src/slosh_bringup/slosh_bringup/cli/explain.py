@@ -1,4 +1,4 @@
-"""`slosh explain`: what an effect, a flag, a column, a model's name or a unit means."""
+"""`slosh explain`: explains effects, flags, columns, model names and units."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints what it means, or all names with a line each."""
+    """Prints the explanation of a name, or all names with one line each."""
     name = " ".join(arguments.name)
     if arguments.json:
         print(json.dumps(_facts(name), ensure_ascii=False))
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _facts(name: str) -> list[dict[str, str]]:
-    """Kind, name and meaning of what is asked for, or of all."""
+    """Returns kind, name and meaning of one name or of all names."""
     found = [
         *(
             {"kind": "effect", "name": one.name, "meaning": one.meaning}
@@ -81,7 +81,7 @@ def _all() -> str:
 
 
 def _told(name: str) -> list[str]:
-    """All that a name means, one text for each meaning."""
+    """Returns all meanings of a name, one text each."""
     found = list(_meanings(name)) or list(_figure_of_model(name))
     if found:
         return found
@@ -114,14 +114,14 @@ def _meanings(name: str) -> Iterator[str]:
 
 
 def _figure_of_model(name: str) -> Iterator[str]:
-    """A column such as `MAE 3D-NL`: a figure, and the model that it is of."""
+    """Explains a column such as `MAE 3D-NL`: the figure, and the model."""
     figure, _, model = name.rpartition(" ")
     if figure and terms.column(figure) and model_name(model):
         yield from (*_meanings(figure), *_meanings(model))
 
 
 def _nearest(name: str) -> str:
-    """The names that are most like it, or of which it is a part."""
+    """Returns the known names that are similar to the word or contain it."""
     word = name.lower().replace("-", "_")
     known = dict.fromkeys([*EFFECTS, *(flag.name for flag in flags()), *terms.columns()])
     near = heapq.nlargest(_NEAR, known, key=lambda one: _likeness(word, one.lower()))

@@ -1,4 +1,4 @@
-"""`slosh export`: topics of a bag as CSV or Parquet, or its motion as a motion table."""
+"""`slosh export`: writes topics of a bag as CSV or Parquet, or its motion as a motion table."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Lists or exports."""
+    """Lists the topics or exports them."""
     if arguments.list:
         print(listing(BagReader(arguments.bag).topics(), as_json=arguments.json))
         return 0
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def listing(topics: dict[str, TopicInfo], *, as_json: bool) -> str:
-    """The topics of a bag, one line each, or as JSON."""
+    """Formats the topics of a bag, one line each or as JSON."""
     if as_json:
         entries = [
             {"topic": name, "type": info.message_type, "messages": info.count}
@@ -134,6 +134,6 @@ def export_tables(arguments: argparse.Namespace) -> int:
 
 
 def tell(notes: Iterable[str]) -> None:
-    """Says what is not in the files."""
+    """Prints remarks about data missing in the files."""
     for note in notes:
         print(plain_line(f"slosh export: {note}"), file=sys.stderr)

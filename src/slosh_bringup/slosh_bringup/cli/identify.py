@@ -1,4 +1,4 @@
-"""`slosh identify`: a model's parameters from measured motions."""
+"""`slosh identify`: identifies a model's parameters from measured motions."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identifies, writes the results and prints them; 1 where an input is doubtful."""
+    """Runs the identification, writes and prints the results; 1 if an input is doubtful."""
     request = make_request(arguments)
     tell = Teller("identify")
     check_paths(request.data, request.holdout, request.output)
@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_request(arguments: argparse.Namespace) -> IdentificationRequest:
-    """What the options ask for.
+    """Makes the request from the options.
 
     Raises:
         SloshBringupError: they do not fit together.

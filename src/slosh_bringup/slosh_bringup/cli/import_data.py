@@ -1,4 +1,4 @@
-"""`slosh import`: public measured data, motion tables and foreign bags to bags."""
+"""`slosh import`: converts public data sets, motion tables and foreign bags to bags."""
 
 from __future__ import annotations
 
@@ -73,13 +73,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the bags."""
+    """Runs the chosen kind of import."""
     read: Callable[[argparse.Namespace], int] = arguments.read
     return read(arguments)
 
 
 def import_runs(arguments: argparse.Namespace) -> int:
-    """`slosh import antisloshing`."""
+    """Runs `slosh import antisloshing`."""
     count = len(find_runs(arguments.folder))
     with Progress("import", count, Unit("runs")) as progress:
         bags = import_antisloshing(arguments.folder, arguments.output, lambda run: progress.add())
@@ -91,7 +91,7 @@ def import_runs(arguments: argparse.Namespace) -> int:
 
 
 def import_tables(arguments: argparse.Namespace) -> int:
-    """`slosh import table`."""
+    """Runs `slosh import table`."""
     options = table_options(arguments)
     facts = []
     for source, bag in bag_folders(arguments.sources, arguments.output).items():
@@ -108,7 +108,7 @@ def import_tables(arguments: argparse.Namespace) -> int:
 
 
 def import_rosbags(arguments: argparse.Namespace) -> int:
-    """`slosh import rosbag`."""
+    """Runs `slosh import rosbag`."""
     rename = renamed(arguments.rename)
     sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
     code = 0
@@ -128,14 +128,14 @@ def import_rosbags(arguments: argparse.Namespace) -> int:
 
 
 def summary(told: RosbagImport) -> str:
-    """A line for each topic of a new bag."""
+    """Formats the topics of a new bag, one line each."""
     total = sum(told.counts.values())
     topics = "".join(f"\n  {plain_line(topic)}: {count}" for topic, count in told.counts.items())
     return f"{plain_line(told.bag)}: {total} messages{topics}"
 
 
 def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
-    """A folder for the bag of each source, by the source's name.
+    """Chooses a bag folder for each source, named after the source.
 
     Raises:
         SloshBringupError: two sources have one name.
@@ -156,7 +156,7 @@ def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
 
 
 def renamed(pairs: Sequence[str]) -> Mapping[str, str]:
-    """New names by old ones, of OLD=NEW.
+    """Parses OLD=NEW pairs to new names by old names.
 
     Raises:
         SloshBringupError: a text without '='.

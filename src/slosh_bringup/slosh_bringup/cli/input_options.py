@@ -1,4 +1,4 @@
-"""Options that say which topic of a bag drives the models, and by which robot."""
+"""Options that choose the input topic of a bag and the robot's description."""
 
 from __future__ import annotations
 
@@ -11,15 +11,24 @@ from slosh_estimator.robot import read_urdf
 
 
 def add_input_options(parser: Any) -> None:
-    """Declares them.
+    """Declares the options.
 
     Args:
         parser: or a group of one.
     """
     parser.add_argument(
         "--input", choices=list(MESSAGE_TYPES),
-        help="what drives the models (default: as recorded, or the first of these in the bag)",
+        help="input of the models (default: as recorded, or the first of these in the bag)",
     )  # fmt: skip
+    add_robot_options(parser)
+
+
+def add_robot_options(parser: Any) -> None:
+    """Declares those that say which robot it is.
+
+    Args:
+        parser: or a group of one.
+    """
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
         help="robot description for the input joints (default: recorded /robot_description)",
@@ -32,17 +41,27 @@ def add_input_options(parser: Any) -> None:
 
 
 def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
-    """What the options say; None: nothing.
+    """Returns the chosen input; None: no option is given.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.
     """
-    kind, urdf, tool = arguments.input, arguments.urdf, arguments.tool_frame or ""
-    if kind is None and urdf is None and not tool:
-        return None
+    kind, robot = arguments.input, wanted_robot(arguments)
+    if robot is None:
+        return None if kind is None else WantedInput(kind)
+    return robot._replace(kind=kind or JOINTS)
+
+
+def wanted_robot(arguments: argparse.Namespace) -> WantedInput | None:
+    """The input joints by a robot; None: the options say nothing of one.
+
+    Raises:
+        SloshEstimatorError: the robot's description does not fit.
+    """
+    urdf, tool = arguments.urdf, arguments.tool_frame or ""
     if urdf is None:
-        return WantedInput(kind or JOINTS, "", tool) if tool else WantedInput(kind)
+        return WantedInput(JOINTS, "", tool) if tool else None
     text = read_urdf(urdf)
     # A mistake in it is told once, not once per bag.
     InputSettings(urdf=text, tool_frame=tool).poses(JOINTS)
-    return WantedInput(kind or JOINTS, text, tool)
+    return WantedInput(JOINTS, text, tool)

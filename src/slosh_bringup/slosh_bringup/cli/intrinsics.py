@@ -1,4 +1,4 @@
-"""`slosh intrinsics`: a camera's intrinsic parameters from pictures of a board."""
+"""`slosh intrinsics`: estimates a camera's intrinsic parameters from images of a board."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the board, or the camera and how well it is known."""
+    """Writes the board, or the camera with its uncertainty."""
     _check_asked(arguments)
     target = parse_target(arguments.board, arguments.square)
     files = _files(arguments.images)
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_asked(arguments: argparse.Namespace) -> None:
-    """Refuses options that do not go together."""
+    """Refuses options that exclude each other."""
     if arguments.images and arguments.output is None:
         raise SloshBringupError("-o: is required with pictures")
     if not arguments.images and (arguments.output is not None or arguments.print_board is None):
@@ -95,7 +95,7 @@ def _check_suffix(path: Path | None, suffixes: Sequence[str], what: str) -> None
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:
-    """The pictures; of a folder all that are in it."""
+    """Returns the image files; of a folder all images in it."""
     files: list[Path] = []
     for path in paths:
         found = images_in(path) if path.is_dir() else [path]

@@ -1,4 +1,4 @@
-"""What `slosh demo` and `slosh cell` have in common: run, report, print."""
+"""Runs a live cell for `slosh demo` and `slosh cell`: run, report, print."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STDERR = 2
 
 
 def add_watch(parser: argparse.ArgumentParser) -> None:
-    """Declares the option of who wants to look on."""
+    """Declares the option of the operator's page."""
     parser.add_argument(
         "--watch", nargs="?", type=_port, const=PORT, metavar="PORT",
         help=f"serve the operator's page on this machine (default PORT: {PORT})",
@@ -42,7 +42,7 @@ def _port(text: str) -> int:
 
 
 class LiveScreen:
-    """The terminal of a run, which may be closed before the run ends.
+    """The terminal output of a run; the terminal may be closed before the run ends.
 
     Args:
         progress: shows the elapsed time.
@@ -55,17 +55,17 @@ class LiveScreen:
         self._elapsed = 0.0
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
-        """Shows how long it has taken [s] and what is going on, in place of what was shown."""
+        """Shows the elapsed time [s] and the state, in place of the previous line."""
         self._elapsed = elapsed
         shown = (can_draw(sys.stderr) and status) or text
         self._try(lambda: self._progress(elapsed, shown))
 
     def stopped(self) -> None:
-        """What was shown last is all that there was."""
+        """Shows that the run is stopping."""
         self.show(self._elapsed, STOPPING)
 
     def tell(self, line: str) -> None:
-        """Prints a line that stays."""
+        """Prints a permanent line."""
         self._try(lambda: say(plain_line(line)))
 
     def _try(self, write: Callable[[], object]) -> None:
@@ -122,7 +122,7 @@ def run_live(
 
 
 def _write(run: LiveRun, report: LiveReport) -> bool:
-    """Writes the report; True: it cannot be written, which is told, and the figures stay."""
+    """Writes the report; returns True if that fails, and prints the reason."""
     try:
         report.write(run.folder)
     except OSError as error:
@@ -132,7 +132,7 @@ def _write(run: LiveRun, report: LiveReport) -> bool:
 
 
 def _check_port(port: int | None) -> None:
-    """Raises SloshBringupError where the page's port is taken, before any process starts."""
+    """Raises SloshBringupError if the page's port is in use, before any process starts."""
     if port is not None:
         from slosh_bringup.watch.server import listen
 
@@ -140,7 +140,7 @@ def _check_port(port: int | None) -> None:
 
 
 def _leave(run: LiveRun) -> NoReturn:
-    """Ends the process without a report; nothing has begun to write into the run's folder."""
+    """Ends the process without a report, before anything is written to the run's folder."""
     line = (
         f"slosh {run.command}: report skipped; the recording is complete; to write the report: "
         f"slosh replay {run.folder / BAG} -o {run.folder}\n"
@@ -152,7 +152,7 @@ def _leave(run: LiveRun) -> NoReturn:
 
 
 def print_result(result: LiveResult, folder: Path) -> None:
-    """Prints the figures, and where the results are."""
+    """Prints the figures and the folder of the results."""
     if result.figures is not None:
         print(table(result.figures))
     if result.replayed is not None:
@@ -164,7 +164,7 @@ def print_result(result: LiveResult, folder: Path) -> None:
 
 
 def print_json(result: LiveResult, folder: Path) -> None:
-    """Prints the same for programs."""
+    """Prints the results as JSON."""
     replay = json.loads(result.replayed.to_json()) if result.replayed else None
     print(json.dumps({"folder": str(folder), **result.document(), "replay": replay}))
 

@@ -1,4 +1,4 @@
-"""The `slosh` command: picks the subcommand and turns errors into exit codes.
+"""The `slosh` command: selects the subcommand and turns errors into exit codes.
 
 Exit codes: 0 done, 1 a check failed, 2 the user's input is wrong.
 """
@@ -29,7 +29,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "doctor": "check the installation and suggest fixes",
         "demo": "run the simulated cell with all nodes, record it and write a report",
         "new": "write commented model.yaml, cell.yaml and camera.yaml for your own container",
-        "modes": "natural frequencies, damping, masses and heights of a container's modes",
+        "modes": "list a container's natural frequencies, damping, masses and heights",
         "explain": "explain an effect, a flag, a column, a model's name or a unit",
     },
     "motions": {
@@ -47,6 +47,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "robot": {
         "cell": "run all nodes on a real robot's topics until Ctrl-C",
+        "mounting": "check a sensor's axes, signs and units against the robot's recorded motion",
         "watch": "serve the operator's page of a running cell or of a recording",
     },
     "recordings": {
@@ -85,7 +86,7 @@ OTHERS = ("model.yaml", "cell.yaml", "camera.yaml")
 
 
 def command() -> int:
-    """The process `slosh`: `main`, and what holds for each process that it starts.
+    """Runs `main` as the process `slosh`, with settings that its child processes inherit.
 
     None of them takes a module from the folder that it is started in, or writes what others could
     change.
@@ -105,7 +106,7 @@ def command() -> int:
 
 
 def complete() -> None:
-    """Answers a shell that completes a command line; ends the process."""
+    """Answers the shell's completion request and ends the process."""
     try:
         import argcomplete  # comes with the tools of ROS 2
     except ImportError:
@@ -115,7 +116,7 @@ def complete() -> None:
 
 
 def interrupt_again(unraisable: Any) -> None:
-    """Takes what Python cannot raise where it happened; a Ctrl-C is raised a moment later.
+    """Handles exceptions that Python cannot raise; raises a Ctrl-C again shortly after.
 
     One that falls into a destructor or a callback, such as those of an import, would be shown as a
     traceback, and then forgotten.
@@ -129,13 +130,13 @@ def interrupt_again(unraisable: Any) -> None:
 
 
 def _of_ros(module: str) -> bool:
-    """Whether a module is one of ROS 2 or of its messages, which no wheel brings."""
+    """Whether a module belongs to ROS 2 or its messages, which wheels do not contain."""
     name = module.partition(".")[0]
     return name == "rclpy" or name.endswith(("_msgs", "_interfaces"))
 
 
 def _command_of(words: Sequence[str]) -> str | None:
-    """The first word that is no option."""
+    """Returns the first word that is not an option."""
     return next((word for word in words if not word.startswith("-")), None)
 
 
@@ -150,7 +151,7 @@ def _run(words: list[str], name: str | None, stop: StopRequest | None) -> int:
 
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
-    """The parser; only the chosen subcommand's module is imported for its options."""
+    """Makes the parser; imports only the chosen subcommand's module."""
     parser = _Slosh(prog="slosh")
     parser.add_argument(
         "-V", "--version", action=_Version, nargs=0, help="show the version and exit"
@@ -169,12 +170,12 @@ class _Slosh(SloshParser):
     """The parser of `slosh` itself, whose help shows the commands by task."""
 
     def format_help(self) -> str:
-        """The commands in groups."""
+        """Formats the commands in groups."""
         return grouped_help(USAGE, GROUPS, END)
 
 
 class _Version(argparse.Action):
-    """Looks the version up when it is asked for: other commands start without."""
+    """Looks up the version only on demand, so that other commands start faster."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib.metadata import version
@@ -184,12 +185,12 @@ class _Version(argparse.Action):
 
 
 def module_name(command: str) -> str:
-    """The module of a subcommand; `import` is a word of the language."""
+    """Returns the module of a subcommand; `import` is a Python keyword."""
     return f"{command}_data" if command == "import" else command
 
 
 def run_guarded(parsed: argparse.Namespace) -> int:
-    """Runs the subcommand: a wrong input becomes one line and exit code 2."""
+    """Runs the subcommand; wrong input gives one line and exit code 2."""
     try:
         check_order(parsed)
         return int(parsed.run(parsed))
@@ -211,7 +212,7 @@ def run_guarded(parsed: argparse.Namespace) -> int:
 
 
 def _reason(error: OSError) -> str:
-    """Why a file cannot be read or written."""
+    """Describes why a file cannot be read or written."""
     if isinstance(error, FileNotFoundError) and error.filename:
         folder = Path(os.fsdecode(error.filename)).parent
         if not folder.exists():
@@ -220,12 +221,12 @@ def _reason(error: OSError) -> str:
 
 
 def is_own(error: ValueError) -> bool:
-    """True for the packages' own exceptions; another ValueError is a defect and shows itself."""
+    """Whether an error is one of the packages' own; other ValueErrors are defects."""
     return type(error).__module__.startswith("slosh_")
 
 
 def check_order(arguments: argparse.Namespace) -> None:
-    """Refuses a table, a folder or another YAML file as MODEL, a model or a recording as a table.
+    """Refuses arguments in the wrong order, such as a table in the place of MODEL.
 
     Raises:
         SloshBringupError: with the command as it is meant, where two are exchanged.
@@ -250,18 +251,18 @@ def check_order(arguments: argparse.Namespace) -> None:
 
 
 def _check_kinds(arguments: argparse.Namespace) -> None:
-    """Refuses folders where files belong, and the files of a cell in each other's place."""
+    """Refuses folders in place of files, and a cell's files in each other's place."""
     for model in filter(Path.is_dir, _paths(arguments, "model")):
         inside = model / "model.yaml"
         meant = f"; did you mean {inside}?" if inside.is_file() else ""
-        raise SloshBringupError(f"{model}: a folder where MODEL belongs, a model.yaml{meant}")
+        raise SloshBringupError(f"{model}: is a folder where MODEL belongs, a model.yaml{meant}")
     for name, usual in (("model", "model.yaml"), ("config", "cell.yaml")):
         for path in _paths(arguments, name):
             if path.name in OTHERS and path.name != usual:
                 inside = path.with_name(usual)
                 meant = f"; did you mean {inside}?" if inside.is_file() else ""
                 belongs = f"where {name.upper()} belongs, a {usual}"
-                raise SloshBringupError(f"{path}: another file of a cell {belongs}{meant}")
+                raise SloshBringupError(f"{path}: is another file {belongs}{meant}")
     for name in AFTER_MODEL:
         for table in filter(Path.is_dir, _paths(arguments, name)):
             raise SloshBringupError(
@@ -271,7 +272,7 @@ def _check_kinds(arguments: argparse.Namespace) -> None:
 
 
 def _paths(arguments: argparse.Namespace, name: str) -> list[Path]:
-    """The paths that an argument gives."""
+    """Returns the paths of an argument."""
     given = getattr(arguments, name, None)
     return [
         one for one in (given if isinstance(given, list) else [given]) if isinstance(one, Path)

@@ -1,4 +1,4 @@
-"""`slosh modes`: natural frequencies, damping, masses and heights of a container's modes."""
+"""`slosh modes`: lists natural frequencies, damping, masses and heights of a container."""
 
 from __future__ import annotations
 
@@ -21,22 +21,23 @@ from slosh_model.errors import SloshModelError
 from slosh_model.mode_table import ModeRow, mode_table
 from slosh_model.model import Model
 from slosh_model.model_text import read_model, write_model
+from slosh_model.potential_flow.tuning import TUNING
 
 SURFACE_PLACES = 21
-EPILOG = """For a container by its contour (shape: revolution, prism, frustum, ...) the modes are
-computed once, which needs scikit-fem, and kept. With -o they are written into a model file, which
-then is read without it.
+EPILOG = """The modes of a container with a contour (shape: revolution, prism, frustum, ...) are
+computed once with scikit-fem and cached. With -o they are stored in a model file, which can be
+read without scikit-fem.
 
 columns:
   frequency  natural frequency [Hz]
   damping    damping ratio
-  mass       mass that sloshes [kg], and its share of the liquid's
-  height     height at the wall per displacement of that mass
-  static     share of the mode in the height under a constant acceleration
-  pendulum   length of the pendulum with its frequency [mm]
-  position   height of the mass above the still surface [mm]
+  mass       sloshing mass [kg], and its share of the liquid's mass
+  height     height at the wall per displacement of the sloshing mass
+  static     share of the mode in the static height under constant acceleration
+  pendulum   length of a pendulum of the same frequency [mm]
+  position   height of the sloshing mass above the still surface [mm]
   force      lateral force per displacement [N/m]
-  crest      largest height over the surface, of that at the wall: above 1 the crest is inside"""
+  crest      maximum height divided by the height at the wall; above 1: crest away from the wall"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,13 +46,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("model", type=Path, help="model.yaml")
     parser.add_argument(
-        "--count", type=int, default=3, metavar="N", help="modes along each axis (default: 3)"
+        "--count", type=int, default=3, metavar="N", help="number of modes per axis (default: 3)"
     )
     parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="picture of contour and modes (.png, .svg)"
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help="picture to write: contour and modes (.png, .svg)",
     )
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="OUT.yaml", help="model file with the modes to write"
+        "-o", "--output", type=Path, metavar="OUT.yaml", help="model file to write, with the modes"
     )
     parser.add_argument("--json", action="store_true", help="print the modes as JSON")
 
@@ -75,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
-    """The modes for programs, in SI units; what is unknown is None."""
+    """Returns the modes as a dictionary in SI units; unknown values are None."""
     container = model.container
     return {
         "container": container.shape,
@@ -93,7 +97,7 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
 
 
 def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
-    """Places along x [m] and heights there per displacement; None: not known of this mode."""
+    """Returns positions along x [m] and heights per displacement; None: unknown for this mode."""
     if row.axis != "x" or model.container.section == PRISMATIC:
         return None
     try:
@@ -110,7 +114,7 @@ def _known(value: Any) -> Any:
 
 
 def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
-    """The modes as a table."""
+    """Formats the modes as a table."""
     lines = [
         plain_line(model.container.described),
         "axis mode  frequency  damping     mass  share  height  static  pendulum  position"
@@ -132,11 +136,17 @@ def _remarks(model: Model, rows: tuple[ModeRow, ...]) -> list[str]:
     first = rows[0]
     if first.crest_ratio > 1.001:
         found.append(
-            f"The first mode's crest is inside, {1e3 * first.crest_place:.1f} mm from the axis: "
-            f"{first.crest_ratio:.3f} times as high as at the wall, of which heights are given."
+            f"The first mode's crest is {1e3 * first.crest_place:.1f} mm from the axis, away from "
+            f"the wall, and {first.crest_ratio:.3f} times as high; heights refer to the wall."
+        )
+    if model.damping_ratio is None and model.container.digest:
+        found.append(
+            f"Damping is that of the wetted wall and {100.0 * TUNING.film:.0f} % of a surface "
+            "film that does not yield; slosh identify measures it."
         )
     if math.isfinite(limit):
         found.append(
-            f"Linear model alone: waves above {1e3 * limit:.1f} mm are flagged BEYOND_LINEAR."
+            f"Only the linear model applies: waves above {1e3 * limit:.1f} mm are flagged "
+            "BEYOND_LINEAR."
         )
     return found

@@ -1,4 +1,4 @@
-"""`slosh motion`: a machine's motion, stroke by stroke, as a motion table."""
+"""`slosh motion`: makes a machine's stroke-by-stroke motion as a motion table."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def motion_table(cycle: Cycle, rate: float, cycles: int, axis: str) -> MotionTable:
-    """The table of some cycles, evenly sampled from 0 to their end or just after it.
+    """Makes the table of some cycles, sampled uniformly from 0 to their end.
 
     Args:
         cycle: what is repeated.
@@ -102,7 +102,7 @@ def motion_table(cycle: Cycle, rate: float, cycles: int, axis: str) -> MotionTab
 
 
 def summary(cycle: Cycle, table: MotionTable, output: Path, *, as_json: bool) -> str:
-    """Times and the greatest acceleration in one line, or as JSON."""
+    """Formats times and peak acceleration, in one line or as JSON."""
     peak = float(np.abs(table.acceleration).max())
     if as_json:
         facts = {

@@ -1,4 +1,4 @@
-"""`slosh new`: the first model.yaml, cell.yaml and camera.yaml of a cup of one's own."""
+"""`slosh new`: writes model.yaml, cell.yaml and camera.yaml for a new cup."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from slosh_base.files import check_free, new_folder, write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli.new_outline import add_outline_arguments, outline_profile, write_page
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.quantities import DENSITY, VISCOSITY, length
 from slosh_bringup.errors import SloshBringupError
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--length", action="append", default=[], metavar="NAME=M",
         help="a length of that shape, such as top_radius=40mm [m]; repeatable",
     )  # fmt: skip
+    add_outline_arguments(parser)
     liquid = parser.add_argument_group("liquid")
     liquid.add_argument("--liquid", choices=LIQUIDS, help=f"kind of liquid (default {_LIQUID})")
     liquid.add_argument(
@@ -81,6 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the files and says what comes next."""
+    if arguments.page is not None:
+        return write_page(arguments)
     folder: Path = arguments.folder
     check_free(folder)
     cup = _cup(arguments)
@@ -104,8 +108,9 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         for name, quantity in QUANTITIES.items()
         if getattr(arguments, name) is not None
     }
-    shape = arguments.shape or ""
-    lengths = _of_shape(shape, arguments.length, given)
+    profile = outline_profile(arguments)
+    shape = "revolution" if profile else arguments.shape or ""
+    lengths = {} if profile else _of_shape(shape, arguments.length, given)
     _check_shape(given)
     _check_liquid(given, arguments.liquid)
     size = _image_size(arguments.image_size)
@@ -120,7 +125,7 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
         raise SloshBringupError(
             f"{', '.join(missing)}: required; the command can ask for values only on a terminal"
         )
-    lengths = lengths or _lengths(given)
+    lengths = lengths or ({} if profile else _lengths(given))
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     if arguments.urdf is not None:
@@ -128,12 +133,12 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
     return NewCup(
         lengths, given["fill_height"], liquid, given.get("rim_height"),
         given.get("wall"), arguments.namespace, size, not (arguments.no_camera or shape), shape,
-        arguments.urdf, arguments.tool_frame or "",
+        arguments.urdf, arguments.tool_frame or "", profile,
     )  # fmt: skip
 
 
 def _check_liquid(given: dict[str, float], named: str | None) -> None:
-    """Asks for the viscosity of a liquid of which the density alone is given.
+    """Asks for the viscosity if only the density of a liquid is given.
 
     Raises:
         SloshBringupError: it is not given.
@@ -150,7 +155,7 @@ def _check_liquid(given: dict[str, float], named: str | None) -> None:
 
 
 def _check_shape(given: dict[str, float]) -> None:
-    """Refuses a cup that is told as two."""
+    """Refuses a cup with contradictory dimensions."""
     if {"radius", "diameter"} <= given.keys():
         raise SloshBringupError("--radius and --diameter: give one of them")
     cylinder, rectangle = {"radius", "diameter"} & given.keys(), {"width", "depth"} & given.keys()
@@ -162,7 +167,7 @@ def _check_shape(given: dict[str, float]) -> None:
 
 
 def _of_shape(shape: str, words: list[str], given: dict[str, float]) -> dict[str, float]:
-    """The lengths of a shape by its contour, from options and questions; empty without one.
+    """Returns the lengths of a contour shape, from options and questions; empty without one.
 
     Raises:
         SloshBringupError: a length that it does not have, or that is missing.
@@ -193,7 +198,7 @@ def _of_shape(shape: str, words: list[str], given: dict[str, float]) -> dict[str
 
 
 def _missing(given: dict[str, float], shape: str) -> list[str]:
-    """Options without which there is no cup."""
+    """Returns the options that are required but missing."""
     missing = []
     if given.keys() & {"width", "depth"}:
         missing += [f"--{name}" for name in ("width", "depth") if name not in given]
@@ -211,7 +216,7 @@ def _lengths(given: dict[str, float]) -> dict[str, float]:
 
 
 def _ask_for_missing(given: dict[str, float], contour: str) -> None:
-    """Asks on the terminal; what is asked for is added."""
+    """Asks for missing options on the terminal and adds the answers."""
     if not contour and not given.keys() & {"radius", "diameter", "width", "depth"}:
         shape = _answer("round or rectangular? [round] ", ("", "round", "rectangular"))
         _ask(given, "width" if shape == "rectangular" else "diameter")
@@ -234,7 +239,7 @@ def _answer(question: str, answers: tuple[str, ...]) -> str:
 
 
 def _ask(given: dict[str, float], name: str, *, optional: bool = False) -> None:
-    """Asks for one quantity until the answer can be one."""
+    """Asks for one quantity until the answer is valid."""
     if name in given:
         return
     quantity = QUANTITIES[name]

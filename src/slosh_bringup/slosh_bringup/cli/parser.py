@@ -1,4 +1,4 @@
-"""The parser of the command line: a refusal is one line that says how to go on."""
+"""Argument parser whose errors are one line with a remedy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _WORDS = {"int": "a whole number", "float": "a number"}
 
 
 class SloshParser(argparse.ArgumentParser):
-    """An ArgumentParser whose errors are one line with the remedy, and exit code 2."""
+    """An ArgumentParser whose errors are one line with a remedy, with exit code 2."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -28,7 +28,7 @@ class SloshParser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """As argparse does it, but the first unknown option is named before all else."""
+        """Parses as argparse does, but reports the first unknown option before other errors."""
         if args is not None:
             self._refuse_unknown(args)
         found, extras = super().parse_known_args(args, namespace)
@@ -39,7 +39,7 @@ class SloshParser(argparse.ArgumentParser):
         return found, extras
 
     def _late(self, found: argparse.Namespace, extras: list[str]) -> list[str]:
-        """Gives an optional argument the word after the options, where argparse does not look."""
+        """Assigns the word after the options to an optional argument; argparse does not."""
         for action in self._get_positional_actions():
             missing = action.nargs == argparse.OPTIONAL and getattr(found, action.dest) is None
             if missing and extras and not extras[0].startswith("-"):
@@ -51,12 +51,12 @@ class SloshParser(argparse.ArgumentParser):
         return extras
 
     def error(self, message: str) -> NoReturn:
-        """Ends the process with one line."""
+        """Prints one line and ends the process."""
         self.exit(EXIT_WRONG_INPUT, plain_line(f"{self._name}: {self._worded(message)}") + "\n")
 
     @property
     def _name(self) -> str:
-        """`slosh predict`, whatever usage would put behind it."""
+        """Name of the command, such as `slosh predict`, without the rest of the usage."""
         return " ".join(word for word in self.prog.split() if word.replace("-", "").isalnum())
 
     @property
@@ -83,7 +83,7 @@ class SloshParser(argparse.ArgumentParser):
         self.error(f"{kind} {words:.120}; {self._help} lists the arguments")
 
     def _worded(self, message: str) -> str:
-        """The message of argparse in the words of this command."""
+        """Rewords an error message of argparse."""
         if message.startswith(_MISSING):
             return self._missing(message.removeprefix(_MISSING))
         choice, number = _CHOICE.fullmatch(message), _NOT_A.fullmatch(message)
@@ -107,7 +107,7 @@ class SloshParser(argparse.ArgumentParser):
         return f"{option}: {given!r:.60} is not one of {', '.join(known)}{meant}"
 
     def _missing(self, names: str) -> str:
-        """What is missing, and which option has taken it where one takes many values."""
+        """Names missing arguments, and options with many values that may have taken them."""
         greedy = [
             one.option_strings[0] for one in self._actions
             if one.option_strings and one.nargs == "+"
@@ -123,7 +123,7 @@ class SloshParser(argparse.ArgumentParser):
         return f"missing: {names}{taken}; {self._help} shows how"
 
     def _seen(self, options: list[str]) -> str:
-        """Which of the options were typed."""
+        """Returns which of the options were typed."""
         return ", ".join(option for option in options if option in self._typed)
 
     _typed: frozenset[str] = frozenset()
@@ -134,13 +134,13 @@ class SloshParser(argparse.ArgumentParser):
 
 
 def old_name(parser: argparse.ArgumentParser, action: argparse.Action, *names: str) -> None:
-    """Keeps names that an option had: they are taken, and not shown in the help."""
+    """Accepts an option's former names without showing them in the help."""
     for name in names:
         parser._option_string_actions[name] = action
 
 
 def grouped_help(usage: str, groups: Mapping[str, Mapping[str, str]], end: str) -> str:
-    """The help of a command with many subcommands, by task.
+    """Formats the help of a command with many subcommands, grouped by task.
 
     Args:
         usage: the first lines.

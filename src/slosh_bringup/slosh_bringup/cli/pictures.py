@@ -1,4 +1,4 @@
-"""Pictures that a command writes."""
+"""Checks picture files that a command writes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PICTURES = (".png", ".svg")
 
 
 def check_picture(path: Path | None) -> None:
-    """Refuses a picture of another format; None: none is asked for.
+    """Refuses a picture file of an unknown format; None is accepted.
 
     Raises:
         SloshBringupError: its name has another ending.

@@ -1,4 +1,4 @@
-"""`slosh plan`: the fastest motion along a path that keeps the liquid below a limit."""
+"""`slosh plan`: finds the fastest motion along a path that keeps the liquid below a limit."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from slosh_bringup.cli import quantities
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.plan_path import AskedPath, add_path_arguments, asked_path
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, angle, time
+from slosh_bringup.cli.rim_option import add_rim_distance, rim_words
 from slosh_bringup.cli.table_options import add_table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
-from slosh_model.model_text import read_model
-from slosh_plan import ModelError
+from slosh_model.tray import TrayContainer, read_tray
+from slosh_plan import HeightLimits, ModelError
 from slosh_plan.planning.limits import (
     ACCELERATION,
     JERK,
@@ -33,6 +34,7 @@ from slosh_plan.planning.limits import (
     PlanLimits,
 )
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
+from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
@@ -51,15 +53,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
     add_path_arguments(parser)
     parser.add_argument(
         "--limit",
         type=HEIGHT,
-        required=True,
         metavar="M",
-        help="largest height of the liquid during the motion [m]",
+        help="largest height of the liquid during the motion [m]; or give --rim-distance",
     )
+    add_rim_distance(parser)
     parser.add_argument(
         "--residual", type=HEIGHT, metavar="M",
         help="largest height of the liquid after the motion's end [m] (default: half of --limit)",
@@ -92,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--margin", type=HEIGHT, default=0.0, metavar="M",
-        help="distance that the heights keep from their limits [m] (default: 0)",
+        help="safety margin below the height limits [m] (default: 0)",
     )  # fmt: skip
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, metavar="M",
@@ -126,7 +128,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plans and writes the motion; prints what it reaches."""
+    """Plans and writes the motion; prints the result."""
     if arguments.output is not None:
         if arguments.output.suffix != ".csv":
             raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
@@ -134,39 +136,66 @@ def run(arguments: argparse.Namespace) -> int:
         check_apart([arguments.output], [path for path in given if path is not None])
     if arguments.report is not None:
         check_free(arguments.report)
-    limits = plan_limits(arguments)
-    model = read_model(arguments.model)
+    tray = read_tray(arguments.model)
+    limits = plan_limits(arguments, tray.first.model)
     tell = Teller("plan")
-    asked = asked_path(arguments, model, tell)
+    asked = asked_path(arguments, tray.first.model, tell)
     name, attitude = asked.name, asked.waypoints.attitude
-    try:
-        answer = plan(
-            model, asked.path, limits, attitude=attitude,
-            margin=arguments.margin, error=model_error(arguments, model.name),
-            time_limit=arguments.time_limit,
+
+    def make(one: TrayContainer, kept: PlanLimits) -> Plan:
+        return plan(
+            one.placed, asked.path, kept, attitude=attitude, margin=arguments.margin,
+            error=model_error(arguments, one.model.name), time_limit=arguments.time_limit,
         )  # fmt: skip
+
+    others: list[str] = []
+    try:
+        if tray.is_tray:
+            error = model_error(arguments, tray.first.model.name)
+            planned = plan_tray(
+                tray, limits, make, attitude=attitude, margin=arguments.margin, error=error
+            )
+            answer, of = planned.plan, planned.of
+            others = tray_lines(planned)
+        else:
+            answer, of = make(tray.first, limits), ""
     except NoSafeMotionError as error:
         print(plain_line(f"slosh plan: {name}: {error}"), file=sys.stderr)
         return EXIT_NONE
+    model = next(one.placed for one in tray.containers if one.name == of)
     write_results(arguments, model, answer, asked)
     felt = tilting(model, limits, answer.path)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
     text = (
-        json.dumps(facts(answer, borne))
+        json.dumps(facts(answer, borne) | ({"container": of} if of else {}))
         if arguments.json
-        else summary(answer, arguments.output, borne)
+        else "\n".join([*others, summary(answer, arguments.output, borne)])
     )
     print(text)
     return tell.exit_code
 
 
-def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
+def tray_lines(planned: TrayPlan) -> list[str]:
+    """The container that determines the plan, and what each other one does."""
+    heights = [
+        f"{name} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
+        for name, each in planned.found.containers.items()
+    ]
+    return [f"planned for container {planned.of}: {', '.join(heights)}"]
+
+
+def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
     """What the motion must keep."""
+    limit, distance = arguments.limit, arguments.rim_distance
+    if limit is None:
+        if distance == 0.0:
+            raise SloshBringupError("--limit or --rim-distance is needed")
+        limit = HeightLimits(rim_distance=distance).under_rim(model).height
     tilts = arguments.max_tilt, arguments.max_tilt_rate, arguments.max_tilt_acceleration
     tilt, rate, acceleration = map(math.radians, tilts)
     return PlanLimits(
-        arguments.limit,
-        RESIDUAL * arguments.limit if arguments.residual is None else arguments.residual,
+        limit,
+        RESIDUAL * limit if arguments.residual is None else arguments.residual,
         arguments.max_acceleration,
         arguments.max_jerk,
         tilt,
@@ -174,11 +203,12 @@ def plan_limits(arguments: argparse.Namespace) -> PlanLimits:
         acceleration,
         joint_velocity=arguments.velocity_scaling,
         joint_acceleration=arguments.acceleration_scaling,
+        rim_distance=distance,
     )
 
 
 def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
-    """The model's error that is to be kept off the limits; None: none is given."""
+    """Returns the model error that is subtracted from the limits; None: none is given."""
     given = arguments.sigma, arguments.epsilon
     if arguments.error:
         if given != (None, None):
@@ -192,7 +222,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 def write_results(
     arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
 ) -> None:
-    """Writes the motion and the plan's page where they are asked for; both or neither."""
+    """Writes the requested files, motion and page: both or neither."""
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.
@@ -214,7 +244,7 @@ def write_results(
 
 
 def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
-    """The plan for a program; SI units."""
+    """Returns the plan as a dictionary in SI units."""
     found, scaled = answer.found, answer.scaled
     return {
         "duration": found.motion.duration,
@@ -222,6 +252,7 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
         "reason": answer.reason or None,
         "height_limit": answer.limits.height,
         "limited_by": answer.limits.height_name,
+        "distance_to_rim": answer.distance_to_rim,
         "peak": found.peak,
         "residual": found.residual,
         "acceleration": found.acceleration,
@@ -249,7 +280,7 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
 
 
 def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
-    """The plan in some lines."""
+    """Formats the plan in a few lines."""
     found, limits = answer.found, answer.limits
     duration = found.motion.duration
     count = len(found.motion.t)
@@ -259,10 +290,11 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
         f"{duration:.3f} s, optimal time law ({other}, scaled)"
         if answer.method == "optimal"
         else f"{other}, scaled: {answer.reason}",
-        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:g} mm"
-        + (" (the rim)" if limits.at_rim else "")
+        f"height {1e3 * found.peak:.2f} of {1e3 * limits.height:.4g} mm"
+        + (f" (the {limits.height_name})" if limits.at_rim else "")
+        + rim_words(answer.distance_to_rim)
         + ", after the end "
-        f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:g} mm, margin "
+        f"{1e3 * found.residual:.2f} of {1e3 * limits.residual:.4g} mm, margin "
         + (f"{1e3 * answer.margin:g} mm" if answer.margin else "none"),
         interval(answer),
         tolerance(borne),
@@ -277,7 +309,7 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
 
 
 def tilted(answer: Plan) -> list[str]:
-    """How far the container tilts, where it may."""
+    """Describes the container's tilt if tilting is allowed."""
     found, limits = answer.found, answer.limits
     if limits.tilt == 0.0:
         return []
@@ -291,7 +323,7 @@ def tilted(answer: Plan) -> list[str]:
 
 
 def joints_used(answer: Plan) -> list[str]:
-    """What a motion of joints uses of the robot's limits."""
+    """Describes how much of the robot's joint limits a joint motion uses."""
     used = answer.found.joints
     if not used:
         return []
@@ -301,7 +333,7 @@ def joints_used(answer: Plan) -> list[str]:
 
 
 def path_words(answer: Plan) -> str:
-    """How long the path is, its stops, and how far it lies from straight lines."""
+    """Describes the path: length, stops and distance from straight lines."""
     path, motion = answer.path, answer.found.motion
     length, unit = path.length, "mm"
     if motion.joints is not None:
@@ -314,7 +346,7 @@ def path_words(answer: Plan) -> str:
 
 
 def interval(answer: Plan) -> str:
-    """What the model's error and its covariance make of the heights."""
+    """Describes the heights' interval due to the model error and the parameter covariance."""
     if answer.upper is None:
         return "the model has no covariance of its parameters: no interval"
     (peak, residual), found, error = answer.upper, answer.found, answer.error
@@ -338,7 +370,7 @@ def interval(answer: Plan) -> str:
 
 
 def tolerance(borne: Tolerance) -> str:
-    """How small an error of the frequency breaks the plan."""
+    """Describes which frequency error would break the plan."""
     usual = f"with a frequency {100.0 * USUAL:g} % off up to {1e3 * borne.peak:.2f} mm"
     after = f"after the end {1e3 * borne.residual:.2f} mm"
     if borne.error == 0.0:

@@ -1,4 +1,4 @@
-"""The path that `slosh plan` is asked for: of the container, straight, or of a robot's joints."""
+"""The path options of `slosh plan`: of the container, straight, or of a robot's joints."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from slosh_plan.tables.path_table import read_path_table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AskedPath:
-    """What is to be planned.
+    """The path to plan.
 
     Attributes:
         name: where it comes from.
@@ -61,20 +61,20 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--joint-limits", type=Path, metavar="FILE",
-        help="joint_limits.yaml of MoveIt: limits of joints beside those in the URDF",
+        help="MoveIt's joint_limits.yaml: joint limits in addition to those in the URDF",
     )  # fmt: skip
     parser.add_argument(
         "--velocity-scaling", type=quantities.FRACTION, default=1.0, metavar="S",
-        help="share of the joints' velocity limits that is used (default: 1)",
+        help="usable share of the joints' velocity limits, 0 to 1 (default: 1)",
     )  # fmt: skip
     parser.add_argument(
         "--acceleration-scaling", type=quantities.FRACTION, default=1.0, metavar="S",
-        help="share of the joints' acceleration limits that is used (default: 1)",
+        help="usable share of the joints' acceleration limits, 0 to 1 (default: 1)",
     )  # fmt: skip
 
 
 def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> AskedPath:
-    """The path of the command line; tells what is doubtful in it."""
+    """Returns the path of the command line; prints warnings about it."""
     if (arguments.path is None) == (arguments.straight is None):
         raise SloshBringupError("give either a PATH or --straight with its length in metres")
     if (arguments.urdf is None) != (arguments.tool_frame is None):

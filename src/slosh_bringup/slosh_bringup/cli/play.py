@@ -1,4 +1,4 @@
-"""`slosh play`: publishes a bag over DDS with /clock, for live nodes with use_sim_time."""
+"""`slosh play`: publishes a bag over DDS with /clock, for nodes with use_sim_time."""
 
 from __future__ import annotations
 

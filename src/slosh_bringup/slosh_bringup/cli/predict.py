@@ -1,4 +1,4 @@
-"""`slosh predict`: peak heights of candidate motions, and which time scales are safe."""
+"""`slosh predict`: predicts peak heights of candidate motions and safe time scales."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
+from slosh_bringup.cli.rim_option import add_rim_distance, rim_words
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model import Model
-from slosh_model.model_text import read_model
 from slosh_model.tilt import added_text, attitude_of
+from slosh_model.tray import read_tray
 from slosh_plan import (
     HeightLimits,
     ModelError,
     Prediction,
     SafeScales,
     Trajectory,
-    predict,
-    safe_scales,
 )
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.robot_file import read_arm
 from slosh_plan.tables.joint_table import read_joint_trajectory
 from slosh_plan.tables.trajectory_table import read_trajectory
+from slosh_plan.tray import TrayPrediction, predict_tray, tray_scales
 from slosh_report.json_values import plain
 from slosh_report.text_table import aligned
 
@@ -55,7 +55,8 @@ and after its end, by the nonlinear model; linear peak: by the linear model. Wit
 keep the limit. safe from: every run that is slower than this multiple of the duration keeps the
 limits.
 
-If model.yaml gives rim_height, the rim limits the height, too: the lower limit applies.
+If model.yaml gives rim_height, the rim limits the height, too, or the distance to it by
+--rim-distance: the lower limit applies.
 
 exit code: 0, 1 where a limit or the rim is exceeded or units or axes look wrong, 2 for wrong
 input"""
@@ -65,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the subcommand's options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
     parser.add_argument(
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
         help="trajectory: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw] (.csv, "
@@ -83,6 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
     ):
         parser.add_argument(f"--{name}", type=kind, metavar=unit, help=text)
+    add_rim_distance(parser)
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, default=0.0, metavar="M",
         help="mean absolute error (MAE) of the model, as reported by slosh replay [m] (default 0)",
@@ -116,13 +118,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the answers; 1 beyond a limit or for a doubtful input."""
+    """Predicts, prints and writes the results; 1 above a limit or for a doubtful input."""
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
-    model = read_model(arguments.model)
+    tray = read_tray(arguments.model)
+    model = tray.first.placed
+    if tray.is_tray and (arguments.plot or arguments.page):
+        raise SloshBringupError("--plot and --page show one container: give its model, no tray")
     limits = HeightLimits(
-        *(math.inf if value is None else value for value in (arguments.limit, arguments.residual))
+        *(math.inf if value is None else value for value in (arguments.limit, arguments.residual)),
+        rim_distance=arguments.rim_distance,
     )
     error = ModelError(arguments.sigma, arguments.epsilon)
     motions = read_motions(arguments)
@@ -132,28 +138,29 @@ def run(arguments: argparse.Namespace) -> int:
         added = added_text(model, attitude_of(motion))
         if added:
             print(plain_line(f"slosh predict: note: {motion.name}: {added}"), file=sys.stderr)
-    found = predict(model, motions, limits=limits, horizon=arguments.horizon, error=error)
+    each = predict_tray(tray, motions, limits=limits, horizon=arguments.horizon, error=error)
+    found = [one.of_worst for one in each]
     scales: list[SafeScales | None] = [None] * len(motions)
     # Of a motion that stays below the rim nobody asked how fast it may be.
-    wanted = [limits.given or not one.kept for one in found]
+    wanted = [one.limits.given if tray.is_tray else limits.given or not one.kept for one in found]
     if any(wanted):
         with share_bar("time scales") as progress:
-            for place, (motion, one) in enumerate(zip(motions, found, strict=True)):
+            for place, motion in enumerate(motions):
                 if wanted[place]:
-                    scales[place] = safe_scales(
-                        model, motion, limits, horizon=arguments.horizon, margin=one.margin
+                    scales[place] = tray_scales(
+                        tray, motion, limits, each[place], horizon=arguments.horizon
                     )
                 progress(motion.name, (place + 1) / len(motions))
     if arguments.output is not None:
         write_table(arguments.output, found, scales)
     write_shown(arguments, model, motions, found, scales)
     show = as_json if arguments.json else as_text
-    print(show(found, scales))
+    print(show(found, scales, each if tray.is_tray else None))
     return tell.exit_code if all(one.kept for one in found) else EXIT_EXCEEDED
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
-    """The motions in the files: of the container, or with --urdf of a robot's joints."""
+    """Reads the motions: of the container, or of a robot's joints with --urdf."""
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     options = table_options(arguments)
@@ -170,7 +177,7 @@ def write_shown(
     found: Sequence[Prediction],
     scales: Sequence[SafeScales | None],
 ) -> None:
-    """Writes the picture and the page where they are asked for."""
+    """Writes the requested picture and page."""
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.
@@ -194,15 +201,31 @@ def write_table(
             writer.writerow([facts[name] for name in COLUMNS])
 
 
-def as_json(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """The answers as a list of objects with COLUMNS and more; what is unknown is null."""
-    return json.dumps(plain(list(_facts(found, scales))), indent=1)
+def as_json(
+    found: Sequence[Prediction],
+    scales: Sequence[SafeScales | None],
+    tray: Sequence[TrayPrediction] | None = None,
+) -> str:
+    """The answers as a list of objects with COLUMNS and more; what is unknown is null.
+
+    Of a tray they are of the worst container, whose name and the peaks of all they hold, too.
+    """
+    facts = list(_facts(found, scales))
+    for row, each in zip(facts, tray or (), strict=False):
+        peaks = {name: one.nonlinear.peak for name, one in each.containers.items()}
+        row |= {"container": each.worst, "containers": peaks}
+    return json.dumps(plain(facts), indent=1)
 
 
-def as_text(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) -> str:
-    """The answers as a table for people."""
+def as_text(
+    found: Sequence[Prediction],
+    scales: Sequence[SafeScales | None],
+    tray: Sequence[TrayPrediction] | None = None,
+) -> str:
+    """The answers as a table for people; of a tray the worst container's, and its name."""
     rows = [list(HEADING)]
-    for one, scale in zip(found, scales, strict=True):
+    for place, (one, scale) in enumerate(zip(found, scales, strict=True)):
+        remarks = [*_of_tray(tray[place])] if tray else []
         answer = one.nonlinear
         rows.append(
             [
@@ -215,10 +238,20 @@ def as_text(found: Sequence[Prediction], scales: Sequence[SafeScales | None]) ->
                 f"{1e3 * answer.residual:.1f}",
                 f"{answer.settling_time:.1f}",
                 "-" if scale is None or math.isnan(scale.safe_from) else f"{scale.safe_from:.3f}",
-                "; ".join(_remarks(one, scale)) or "-",
+                "; ".join([*remarks, *_remarks(one, scale)]) or "-",
             ]
         )
     return "\n".join(aligned(rows, "<>>>>>>>><"))
+
+
+def _of_tray(each: TrayPrediction) -> Iterator[str]:
+    """The worst container and the heights of the others."""
+    others = ", ".join(
+        f"{name} {1e3 * one.nonlinear.peak:.1f} mm"
+        for name, one in each.containers.items()
+        if name != each.worst
+    )
+    yield f"worst container {each.worst}" + (f" ({others})" if others else "")
 
 
 def _interval(one: Prediction) -> str:
@@ -229,6 +262,8 @@ def _interval(one: Prediction) -> str:
 
 
 def _remarks(one: Prediction, scale: SafeScales | None) -> Iterator[str]:
+    if not math.isnan(one.distance_to_rim):
+        yield rim_words(one.distance_to_rim).removeprefix(", ")
     if one.excess > 0.0:
         yield f"{1e3 * one.excess:.1f} mm above the {one.limits.height_name}"
     if one.residual_excess > 0.0:
@@ -263,6 +298,7 @@ def _facts(
             "excess": one.excess,
             "height_limit": one.limits.height,
             "limited_by": one.limits.height_name,
+            "distance_to_rim": one.distance_to_rim,
             "residual_excess": one.residual_excess,
             "kept": one.kept,
             "flags": int(one.flags),

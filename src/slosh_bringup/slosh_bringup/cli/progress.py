@@ -1,4 +1,4 @@
-"""Progress of long work, on standard error.
+"""Shows the progress of long work on standard error.
 
 A terminal gets a bar, whose numbers and unit stay whole on narrow ones. A pipe, a file and a dumb
 terminal get a plain line now and then: they keep all that they are told.
@@ -35,7 +35,7 @@ Tell = Callable[[float, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """How an amount is told.
+    """The unit in which an amount is shown.
 
     Attributes:
         name: e.g. 's'; empty: only the share is told.
@@ -48,7 +48,7 @@ class Unit:
     scale: float = 1.0
 
     def amount(self, done: float, total: float | None) -> str:
-        """E.g. '2.0/13.4 s'; of an unknown total '2.0 s'."""
+        """Formats an amount, e.g. '2.0/13.4 s', or '2.0 s' if the total is unknown."""
         if not self.name:
             return ""
         numbers = [done] if total is None else [done, total]
@@ -61,7 +61,7 @@ MESSAGES = Unit("messages")
 
 
 class Progress:
-    """How far some work is; a context manager.
+    """The progress of some work; use it as a context manager.
 
     Args:
         title: what is done.
@@ -99,35 +99,35 @@ class Progress:
             self._view.end(failed=kind is not None)
 
     def add(self, amount: float = 1.0) -> None:
-        """Tells that so much more is done."""
+        """Adds an amount of work done."""
         self.reach(self.done + amount)
 
     def reach(self, done: float, text: str = "") -> None:
-        """Tells how much is done by now, and what is being done."""
+        """Sets the total amount done and the current activity."""
         changed, self.done, self.text = text != self.text, done, text
         if self._view is not None:
             self._view.show(at_once=changed)
 
     def of(self, done: float, total: float) -> None:
-        """Tells how much is done, and of how much."""
+        """Sets the amount done and the total."""
         self.total = total
         self.reach(done)
 
     @property
     def share(self) -> float | None:
-        """What is done of the total, at most 1; None: it is not known."""
+        """Share of the total that is done, at most 1; None: unknown."""
         if self.total is None:
             return None
         return min(max(self.done / self.total, 0.0), 1.0) if self.total else 1.0
 
     @property
     def head(self) -> str:
-        """The title and what is being done."""
+        """The title and the current activity."""
         return f"{self.title}: {self.text}" if self.text else self.title
 
     @property
     def numbers(self) -> list[str]:
-        """Share and amount, those that are known."""
+        """Known share and amount as text."""
         # Rounded down: what says 100% is done.
         share = [] if self.share is None else [f"{math.floor(100.0 * self.share + 1e-9):3}%"]
         amount = self.unit.amount(self.done, self.total)
@@ -135,17 +135,17 @@ class Progress:
 
 
 def can_draw(stream: TextIO) -> bool:
-    """Whether a bar can be drawn: a terminal that can go back in its line."""
+    """Whether the stream is a terminal that can show a progress bar."""
     return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def say(line: str) -> None:
-    """Prints a line on standard error that does not tear a bar apart."""
+    """Prints a line on standard error without breaking a progress bar."""
     tqdm.write(line, file=sys.stderr)
 
 
 class _Bar(tqdm):
-    """Draws a bar anew in the same line; when and how lines replace it is tqdm's."""
+    """Redraws a bar in one line with tqdm."""
 
     def __init__(self, progress: Progress, delay: float) -> None:
         self._progress = progress
@@ -171,7 +171,7 @@ class _Bar(tqdm):
 def bar_line(
     head: str, share: float | None, numbers: list[str], columns: int, charset: str = Bar.UTF
 ) -> str:
-    """A line of at most so many columns: the bar is dropped first, then the head.
+    """Formats a line of limited width; drops the bar first, then the head.
 
     Args:
         head: what is done.
@@ -193,7 +193,7 @@ def bar_line(
 
 
 class _Lines:
-    """Prints a plain line now and then: at the start, at the end, and between them rarely."""
+    """Prints a plain line at the start, at the end and occasionally in between."""
 
     def __init__(self, progress: Progress, stream: TextIO, delay: float) -> None:
         self._progress, self._stream = progress, stream
@@ -236,7 +236,7 @@ def _columns(stream: Any) -> int:
 
 @contextmanager
 def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[Tell]:
-    """Progress over about so many seconds; what ends without being stopped was all of it."""
+    """Shows progress over an expected duration [s]; a normal end completes the bar."""
     stopped = False
     with Progress(title, length, IN_SECONDS, delay=0.0, quiet=quiet) as progress:
 
@@ -252,18 +252,18 @@ def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[
 
 @contextmanager
 def clock(title: str) -> Iterator[Tell]:
-    """The elapsed time of something without a known end."""
+    """Shows the elapsed time of work without a known end."""
     with Progress(title, None, Unit("s"), delay=0.0) as progress:
         yield lambda elapsed, text: progress.reach(elapsed, "" if text == STOPPING else text)
 
 
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """Progress over a share in [0, 1], with what is being done beside it."""
+    """Shows progress over a share in [0, 1], with the current activity."""
     with Progress(title, 1.0, SHARE, delay=0.0) as progress:
         yield lambda text, share: progress.reach(share, text)
 
 
 def item_progress(title: str, count: int, unit: str) -> Progress:
-    """Progress over a number of items; none for a single one."""
+    """Shows progress over a number of items; nothing for a single one."""
     return Progress(title, count, Unit(unit), quiet=count <= 1)

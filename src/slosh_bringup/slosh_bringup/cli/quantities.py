@@ -1,4 +1,4 @@
-"""Values of options that have a unit: `0.01`, `10mm`, `1e-2 m`, `5deg`, `300ms`."""
+"""Parses option values with units: `0.01`, `10mm`, `1e-2 m`, `5deg`, `300ms`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _VALUE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quantity:
-    """A type of argparse: a number, in a unit of its own or in the option's.
+    """An argparse type: a number, with an optional unit.
 
     Attributes:
         unit: of a bare number, and of what is returned.
@@ -30,7 +30,7 @@ class Quantity:
     most: float = math.inf
 
     def __call__(self, text: str) -> float:
-        """The value in the option's unit.
+        """Returns the value in the option's unit.
 
         Raises:
             argparse.ArgumentTypeError: no number, an unknown unit, or a bare number that cannot
@@ -51,11 +51,11 @@ class Quantity:
         return value / round(1.0 / factor) if _whole(1.0 / factor) else value * factor
 
     def meaning(self, unit: str) -> str:
-        """What one of the units is, in the option's own."""
+        """Describes a unit by the option's own unit."""
         return f"1 {unit} = {self.units[unit]:.6g} {self.unit}"
 
     def _special(self, text: str) -> float:
-        """Infinity and NaN, of which the command itself speaks."""
+        """Parses infinity and NaN, which the command itself checks."""
         try:
             value = float(text)
         except ValueError:
@@ -90,20 +90,24 @@ _G = 9.80665
 
 
 def length(most: float = math.inf) -> Quantity:
-    """A type for lengths [m]; more than `most` is a unit mistaken for another."""
+    """Makes a type for lengths [m]; refuses values above `most` as a mistaken unit."""
     return Quantity("m", LENGTHS, "mm", most=most)
 
 
 def time(most: float = math.inf) -> Quantity:
-    """A type for times [s]; more than `most` is a unit mistaken for another."""
+    """Makes a type for times [s]; refuses values above `most` as a mistaken unit."""
     return Quantity("s", TIMES, "ms", most=most)
 
 
 def angle(least: float = -math.inf, most: float = math.inf) -> Quantity:
-    """A type for angles [deg]; one outside is a unit mistaken for another."""
+    """Makes a type for angles [deg]; refuses values out of range as a mistaken unit."""
     return Quantity("deg", ANGLES, "rad", least, most)
 
 
+RADIANS = Quantity(
+    "rad", {name: size / _DEGREE for name, size in ANGLES.items()}, "deg", -6.3, 6.3
+)
+"""Of a mounting: bounds of the estimator's `sensor_rotation`."""
 HEIGHT = length(1.0)
 """Of the liquid, as slosh_plan.limits.HIGHEST."""
 ERROR = length(0.2)
@@ -118,5 +122,7 @@ DENSITY = Quantity("kg/m3", {"kg/m3": 1.0, "kg/m³": 1.0, "g/cm3": 1e3, "g/cm³"
 VISCOSITY = Quantity("m2/s",
     {"mm2/s": 1e-6, "mm²/s": 1e-6, "cSt": 1e-6, "cm2/s": 1e-4, "m2/s": 1.0, "m²/s": 1.0},
 )  # fmt: skip
-QUANTITIES = (length(), time(), angle(), RATE, SPEED, ACCELERATION, JERK, DENSITY, VISCOSITY)
+QUANTITIES = (
+    length(), time(), angle(), RADIANS, RATE, SPEED, ACCELERATION, JERK, DENSITY, VISCOSITY
+)  # fmt: skip
 """One of each kind."""

@@ -1,4 +1,4 @@
-"""What image and video decoders print themselves is kept off the terminal."""
+"""Suppresses messages that image and video decoders print."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _STDERR = 2
 
 @contextmanager
 def quiet_decoders() -> Iterator[None]:
-    """Only Python's own words come to standard error while its context is open.
+    """Suppresses output to standard error other than Python's own while it is open.
 
     Decoders write there, one line and more for every damaged image, which gets its own line here.
     """

@@ -1,4 +1,4 @@
-"""`slosh recover`: finished bags of what is whole in a bag that is unfinished, damaged or cut."""
+"""`slosh recover`: recovers the intact messages of a damaged or unfinished bag."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the new bag; what could not be recovered is told on stderr."""
+    """Writes the new bag; prints what could not be recovered on standard error."""
     if arguments.split:
         return _split(arguments)
     files, _ = ordered_files(arguments.bag, damaged=True)
@@ -62,7 +62,7 @@ def _split(arguments: argparse.Namespace) -> int:
 
 
 def as_json(recovery: Recovery) -> str:
-    """What was recovered, for a program."""
+    """Returns the result as JSON."""
     return json.dumps(
         {"bag": str(recovery.bag), "messages": recovery.counts, "notes": list(recovery.notes)},
         indent=2,
@@ -70,6 +70,6 @@ def as_json(recovery: Recovery) -> str:
 
 
 def as_text(recovery: Recovery) -> str:
-    """What was recovered, for people."""
+    """Formats the result for people."""
     rows = [(topic, str(count)) for topic, count in sorted(recovery.counts.items())]
     return "\n".join([*aligned(rows, "<>"), plain_line(recovery.bag)])

@@ -1,4 +1,4 @@
-"""`slosh replay`: the estimator's and the monitor's cores over bags, no DDS, no clock."""
+"""`slosh replay`: runs the estimator's and the monitor's cores over bags, without DDS."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replays the bags; one that cannot be replayed is told and does not stop the others."""
+    """Replays the bags; a bag that fails is reported and does not stop the others."""
     stated = find_bags(arguments.bags, arguments.output)
     if arguments.model:
         read_model(arguments.model)  # a mistake in it is told once, not once per bag
@@ -124,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> list[Task]:
-    """What is to be replayed, and what it must give."""
+    """Makes the tasks: bags, options and expected results."""
     tasks = []
     given = wanted_input(arguments)
     for bag, name in zip(stated, unique_names([bag.path for bag in stated]), strict=True):
@@ -145,7 +145,7 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
 
 
 def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Path | None) -> None:
-    """Refuses results that would replace a bag, a model or a manifest.
+    """Refuses outputs that would overwrite a bag, a model or a manifest.
 
     Raises:
         SloshFileError: one would.
@@ -165,7 +165,7 @@ def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Pat
 def replay_all(
     tasks: Sequence[Task], arguments: argparse.Namespace
 ) -> list[ItemOutcome[Task, Replayed]]:
-    """The outcomes, in the order of the tasks."""
+    """Runs the tasks; returns the outcomes in the same order."""
     outcomes: list[ItemOutcome[Task, Replayed]] = []
     jobs = arguments.jobs
     if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
@@ -184,13 +184,13 @@ def replay_all(
 
 
 def _size(tasks: Sequence[Task]) -> int:
-    """Bytes of all bags; what cannot be read counts nothing."""
+    """Returns the total size of all readable bags [bytes]."""
     files = [path for task in tasks for path in (task.bag, *task.bag.glob("*.mcap"))]
     return sum(path.stat().st_size for path in files if path.is_file())
 
 
 def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
-    """Errors, warnings and failed checks, one line each."""
+    """Prints errors, warnings and failed checks, one line each."""
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
         if item is None:
@@ -204,7 +204,7 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
 
 
 def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
-    """What became of each bag; MAE and ε by bag and model; where estimates differ."""
+    """Prints the result of each bag, MAE and ε by model, and differing estimates."""
     rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
     if not any(_passed(outcome) is not None for outcome in outcomes):
         rows = [row[:-1] for row in rows]
@@ -231,7 +231,7 @@ def _row(outcome: ItemOutcome[Task, Replayed]) -> tuple[str, ...]:
 
 
 def _passed(outcome: ItemOutcome[Task, Replayed]) -> bool | None:
-    """Whether a bag gave what was expected of it; None: nothing was."""
+    """Whether a bag meets its expectation; None: it has none."""
     if outcome.item.expected is None:
         return None
     item = outcome.value
@@ -256,7 +256,7 @@ def _suite(outcome: ItemOutcome[Task, Replayed]) -> Suite:
 def _write_manifests(
     stated: Sequence[StatedBag], outcomes: Sequence[ItemOutcome[Task, Replayed]]
 ) -> int:
-    """States what the replays gave, in the manifest where each bag belongs."""
+    """Writes the results of the replays to the manifests of the bags."""
     manifests: dict[Path, dict[str, Expectation]] = {}
     for bag, outcome in zip(stated, outcomes, strict=True):
         if outcome.value is not None:
@@ -268,7 +268,7 @@ def _write_manifests(
 
 
 def accuracy_lines(results: Sequence[Judged]) -> list[str]:
-    """MAE and ε by bag and model, and their means where there are several bags.
+    """Formats MAE and ε by bag and model, with means for several bags.
 
     Args:
         results: at least one; all with the same models.
@@ -328,7 +328,7 @@ class StatedBag:
 
 
 def find_bags(paths: Sequence[Path], output: Path | None = None) -> list[StatedBag]:
-    """The bags that are meant, each once.
+    """Returns the given bags, each once.
 
     Args:
         paths: bags, and folders of bags with or without a manifest.
@@ -348,12 +348,12 @@ def find_bags(paths: Sequence[Path], output: Path | None = None) -> list[StatedB
 
 
 def _is_collection(path: Path) -> bool:
-    """A folder that holds files of its own is a bag, unless a manifest names them."""
+    """Whether a folder is a collection of bags: it has a manifest or no MCAP files."""
     return path.is_dir() and ((path / NAME).is_file() or not any(path.glob("*.mcap")))
 
 
 def _single(path: Path) -> StatedBag:
-    """A bag, with what the manifest beside it states."""
+    """Returns a bag with its entry in the manifest of its folder."""
     manifest = path.resolve().parent / NAME
     stated = read_manifest(manifest) if manifest.is_file() else {}
     return StatedBag(path, manifest, path.resolve().name, stated.get(path.resolve().name))

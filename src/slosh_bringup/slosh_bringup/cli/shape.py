@@ -1,4 +1,4 @@
-"""`slosh shape`: a motion that leaves no wave of the liquid's frequency, without an optimiser."""
+"""`slosh shape`: shapes a motion so that little residual sloshing remains."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Shapes and writes the motion; prints what it reaches, before and after."""
+    """Shapes and writes the motion; prints the results before and after."""
     if arguments.output.suffix != ".csv":
         raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
     if arguments.per_axis and arguments.filter == POLYNOMIAL:
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 def shape(
     arguments: argparse.Namespace, model: Model, course: PathCourse, yaw: float
 ) -> PlannedMotion:
-    """The motion as it is asked for.
+    """Returns the shaped motion.
 
     Raises:
         SloshBringupError: a rectangle's two frequencies, for which there is no polynomial.
@@ -121,7 +121,7 @@ def shape(
 
 
 def kept_attitude(trajectory: Trajectory) -> Array | None:
-    """(4,) the attitude that a motion keeps; None: upright.
+    """Returns the constant attitude of a motion, (4,); None: upright.
 
     Raises:
         SloshBringupError: the container turns.
@@ -139,7 +139,7 @@ def kept_attitude(trajectory: Trajectory) -> Array | None:
 
 
 def as_facts(found: CheckedMotion, linear: CheckedMotion) -> dict[str, float]:
-    """A motion for a program; SI units."""
+    """Returns a motion's results as a dictionary in SI units."""
     return {
         "duration": found.motion.duration,
         "peak": found.peak,
@@ -151,7 +151,7 @@ def as_facts(found: CheckedMotion, linear: CheckedMotion) -> dict[str, float]:
 
 
 def summary(facts: list[dict[str, float]], bent: float, rows: int, output: Path) -> str:
-    """Before and after in some lines."""
+    """Formats the results before and after in a few lines."""
     before, after = facts
 
     def change(name: str, scale: float, digits: int) -> str:

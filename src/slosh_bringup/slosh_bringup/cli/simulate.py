@@ -1,10 +1,11 @@
-"""`slosh simulate`: open-loop prediction of a motion table."""
+"""`slosh simulate`: simulates a motion table in open loop."""
 
 from __future__ import annotations
 
 import argparse
 import csv
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from slosh_base.files import NewFile, check_apart, new_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.pictures import check_picture
 from slosh_bringup.cli.quantities import HEIGHT
+from slosh_bringup.cli.rim_option import add_rim_distance
 from slosh_bringup.cli.table_options import add_table_options, table_options
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.simulate.answer import SimulationAnswer, check_possible, doubts, make_answer
@@ -32,8 +34,8 @@ from slosh_tables.text_table.units import check_span
 EXIT_KEPT, EXIT_NOT_KEPT = 0, 1
 EPILOG = """columns of the table:
   t           the motion's samples [s]
-  msh         maximum height at the wall as a sensor would read it: with all effects of the
-              model, also those on the measurement (offset, scale, delay, ...) [m]
+  msh         maximum height at the wall as a sensor measures it, including the model's
+              effects on the measurement (offset, scale, delay, ...) [m]
   azimuth     direction of the liquid's own maximum, from the container's +x [rad]
   sh_x, sh_y  the liquid's own signed height at the container's +x and +y [m]
 
@@ -41,7 +43,7 @@ Without effects on the measurement, msh is the length of the vector (sh_x, sh_y)
 it is the sum of their absolute values: the height at the corner.
 
 The output states whether the motion stays within the range for which the model was validated,
-below the limit (--limit) and below the rim (if model.yaml gives rim_height).
+below the limit (--limit) and below the rim (if model.yaml gives rim_height) by --rim-distance.
 
 exit code: 0, 1 where the limit or the rim is exceeded, units or axes look wrong or samples are
 missing, 2 for wrong input"""
@@ -68,6 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="largest allowed height above the still level [m]",
     )
+    add_rim_distance(parser)
     parser.add_argument(
         "--plot", type=Path, metavar="OUT.png", help="picture of the result to write (.png, .svg)"
     )
@@ -76,14 +79,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulates, writes table and picture, prints the answer; 1 where it is doubtful."""
+    """Simulates, writes table and picture, prints the result; 1 if it is doubtful."""
     plot = arguments.plot
     check_apart([arguments.output, plot], [arguments.model, arguments.motion])
     output = output_path(arguments.output)
     check_picture(plot)
-    if arguments.limit is not None:
-        HeightLimits(arguments.limit)  # refuses what is no height
     model = read_model(arguments.model)
+    asked = math.inf if arguments.limit is None else arguments.limit
+    limits = HeightLimits(asked, rim_distance=arguments.rim_distance)
+    limits.under_rim(model)  # refuses a distance that cannot be kept
     motion = read_motion_table(arguments.motion, table_options(arguments))
     check_span(arguments.motion, motion.t)
     check_possible(arguments.motion, motion)
@@ -96,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     msh = predicted_heights(model, inputs, inputs.t)[:, 0]
     gaps = gap_text(motion.t, model)
     found = (*doubts(model, motion), *([InputDoubt(gaps)] if gaps else []))
-    answer = make_answer(model, inputs, (msh, response.msh), arguments.limit, found)
+    answer = make_answer(model, inputs, (msh, response.msh), limits, found)
     write_response(output, response, msh)
     if plot is not None:
         from slosh_bringup.simulate.chart import write_chart  # with matplotlib, slow to load
@@ -109,19 +113,19 @@ def run(arguments: argparse.Namespace) -> int:
     stream = sys.stderr if output == STANDARD_OUTPUT else sys.stdout
     where = "standard output" if output == STANDARD_OUTPUT else str(output)
     print(summary(answer, where, as_json=arguments.json), file=stream)
-    doubtful = answer.over_limit or answer.over_rim or answer.doubtful
+    doubtful = answer.over_limit or answer.too_near or answer.doubtful
     return EXIT_NOT_KEPT if doubtful else EXIT_KEPT
 
 
 def summary(answer: SimulationAnswer, output: str, *, as_json: bool) -> str:
-    """The answer in one line, or as JSON."""
+    """Formats the result in one line or as JSON."""
     if as_json:
         return json.dumps({**answer.facts(), "output": output})
     return f"{answer.text()}, {answer.samples} rows in {plain_line(output)}"
 
 
 def output_path(given: Path) -> Path:
-    """Where a table goes; `-` is standard output.
+    """Returns the output of a table; `-` is standard output.
 
     Raises:
         SloshBringupError: its name tells no format.

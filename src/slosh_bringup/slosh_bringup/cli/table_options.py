@@ -1,4 +1,4 @@
-"""Options of every command that reads a table: how it is written, where it does not say so."""
+"""Options that describe the format of tables, for all commands that read them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 
 
 def table_options(arguments: argparse.Namespace) -> TableOptions:
-    """What the options say; what is assumed later is printed on the standard error.
+    """Makes the table options; later assumptions are printed on standard error.
 
     Raises:
         SloshBringupError: --columns is no NAME=COLUMN.

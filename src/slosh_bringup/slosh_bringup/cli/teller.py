@@ -1,4 +1,4 @@
-"""Tells what must be known of the data, and remembers whether the input is doubtful."""
+"""Prints remarks about the data and remembers whether an input is doubtful."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EXIT_DOUBTFUL = 1
 
 
 class Teller:
-    """Writes lines to standard error.
+    """Prints remarks on standard error.
 
     Args:
         command: that speaks.
@@ -27,17 +27,17 @@ class Teller:
         self._command = command
 
     def __call__(self, line: str) -> None:
-        """Tells a line."""
+        """Prints a line."""
         self.doubtful |= isinstance(line, InputDoubt) and line.wrong
         kind = "warning" if isinstance(line, InputDoubt) else "note"
         print(plain_line(f"slosh {self._command}: {kind}: {line}"), file=sys.stderr)
 
     def warn(self, path: object, doubts: Iterable[InputDoubt]) -> None:
-        """Tells doubts about a file."""
+        """Prints the doubts about a file."""
         for doubt in doubts:
             self(doubt.about(path))
 
     @property
     def exit_code(self) -> int:
-        """EXIT_DOUBTFUL, or 0."""
+        """Returns EXIT_DOUBTFUL, or 0."""
         return EXIT_DOUBTFUL if self.doubtful else 0

@@ -1,4 +1,4 @@
-"""`slosh watch`: the operator's page, of a running cell or of a recording."""
+"""`slosh watch`: serves the operator's page for a running cell or a recording."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Offline detection: images in, a table and pictures out."""
+"""Offline detection: from images to a table and pictures."""

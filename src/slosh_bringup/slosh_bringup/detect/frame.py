@@ -1,4 +1,4 @@
-"""One image of a folder, a video or a bag, not yet decoded; small enough to send to a process."""
+"""An undecoded image of a folder, a video or a bag, small enough to send to a process."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class SourceFrame:
     content: Path | RawMessage | CompressedMessage | NoImage | Image
 
     def image(self) -> Image:
-        """The pixels: (height, width) grey or (height, width, 3) blue, green, red.
+        """Decodes the pixels: (height, width) grey or (height, width, 3) blue, green, red.
 
         Raises:
             SloshCameraError: they cannot be read; the text names the image.

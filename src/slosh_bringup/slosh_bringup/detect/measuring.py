@@ -1,4 +1,4 @@
-"""Measures image after image, on several processor cores, in order.
+"""Measures images in order on several processor cores.
 
 Most of the work is to look at an image by itself, whatever the others are. What the images before
 tell of it, and whether it repeats the one before, is decided here, in order: the numbers do not
@@ -38,7 +38,7 @@ _WAITING_PER_PROCESS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """What every process needs to measure alike.
+    """Settings that all measuring processes share.
 
     Attributes:
         calibration: camera, container and settings.
@@ -50,7 +50,7 @@ class Detection:
     still_image: Path | None = None
 
     def detector(self) -> SurfaceDetector:
-        """A detector that has learnt from the still image.
+        """Makes a detector initialised with the still image.
 
         Raises:
             SloshCameraError: the calibration or the still image cannot be used.
@@ -59,7 +59,7 @@ class Detection:
 
 
 class Result(NamedTuple):
-    """An image, what was measured in it, and in words why nothing could be."""
+    """An image and its measurement, or the reason why there is none."""
 
     frame: SourceFrame
     measurement: Measurement
@@ -67,7 +67,7 @@ class Result(NamedTuple):
 
 
 class _Look(NamedTuple):
-    """What an image shows by itself, its digest, and why it shows nothing."""
+    """An image's appearance, its digest, and the reason why it shows nothing."""
 
     sighting: Any
     mark: Digest | None
@@ -150,7 +150,7 @@ def _in_processes(
 
 @contextmanager
 def _interrupts_later() -> Iterator[None]:
-    """Processes started meanwhile never see Ctrl-C, which is this process's to handle."""
+    """Blocks Ctrl-C in processes started inside the block; this process handles it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -162,7 +162,7 @@ _detector: SurfaceDetector | None = None
 
 
 def _begin(detection: Detection) -> None:
-    """Prepares a process: its detector, one thread, and an end with that of its parent."""
+    """Prepares a process: its detector, one thread, and an exit with its parent."""
     global _detector
     cv2.setNumThreads(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()

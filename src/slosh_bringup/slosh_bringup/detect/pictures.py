@@ -1,4 +1,4 @@
-"""Pictures of measured images: a video of all, a sheet of some, a sheet of the worst."""
+"""Pictures of measured images: a video of all, a sheet of some or of the worst."""
 
 from __future__ import annotations
 
@@ -43,28 +43,28 @@ _UNKNOWN_RATE = 30.0
 
 
 class ImageDoubt(NamedTuple):
-    """How much an image deserves a look, larger is worse, and why."""
+    """Rank and reason of a doubtful image; a larger rank is worse."""
 
     rank: tuple[int, int, float]
     reason: str
 
 
 class PictureSink(Protocol):
-    """What takes results one after another and ends with a picture."""
+    """Receives results one by one and writes a picture at the end."""
 
     def add(self, result: Result) -> None:
-        """Takes the next result into the picture."""
+        """Adds the next result."""
 
     def finish(self) -> str:
-        """Writes what is not yet written; returns a sentence about it."""
+        """Writes the remaining data; returns a sentence about the picture."""
 
     def discard(self) -> None:
-        """Removes what is not finished; most have nothing on the disk before."""
+        """Removes an unfinished picture; most have written nothing before."""
         return
 
 
 def judge(measurement: Measurement) -> ImageDoubt:
-    """How doubtful a measurement is: not measured, then flagged, then uncertain."""
+    """Ranks a measurement's doubt: not measured, then flagged, then uncertain."""
     names = flag_names(measurement.flags)
     sigma = measurement.msh_stddev
     apart = disagreement(measurement)
@@ -82,14 +82,14 @@ def judge(measurement: Measurement) -> ImageDoubt:
 
 
 def disagreement(measurement: Measurement) -> float:
-    """Standard deviations between the highest point seen and the fitted one; NaN: unknown."""
+    """Returns the difference of observed and fitted peak in standard deviations; NaN: unknown."""
     spread = math.hypot(measurement.msh_stddev, measurement.fitted_msh_stddev)
     apart = abs(measurement.msh - measurement.fitted_msh)
     return apart / spread if spread > 0.0 else math.nan
 
 
 class PictureSheet:
-    """Pictures of single images beside and below one another, in one file.
+    """A sheet of single images in rows and columns, in one file.
 
     Args:
         path: the file, .png or .jpg.
@@ -101,7 +101,7 @@ class PictureSheet:
         self._path, self._calibration = path, calibration
 
     def write(self, results: Sequence[tuple[Result, str]]) -> str:
-        """Writes the sheet of results, each with a remark; returns a sentence about it."""
+        """Writes a sheet of results, each with a remark; returns a sentence about it."""
         if not results:
             return f"no images for {self._path}"
         tiles = [self._tile(result, remark) for result, remark in results]
@@ -132,7 +132,7 @@ class PictureSheet:
 
 
 class PictureStrip(PictureSink):
-    """A sheet of images chosen evenly; of a source of any length it holds a few.
+    """A sheet of a few images, spaced evenly over a source of any length.
 
     Args:
         path: the file, .png or .jpg.
@@ -148,7 +148,7 @@ class PictureStrip(PictureSink):
         self._step, self._count = 1, 0
 
     def add(self, result: Result) -> None:
-        """The next result: every n-th stays, n doubles where too many have gathered."""
+        """Adds the next result; keeps every n-th, and doubles n when there are too many."""
         if self._count % self._step == 0:
             self._kept.append(result)
         self._count += 1
@@ -163,7 +163,7 @@ class PictureStrip(PictureSink):
 
 
 class Worst(PictureSink):
-    """A sheet of the most doubtful images, the worst first, each with what is wrong.
+    """A sheet of the most doubtful images, the worst first, each with the reason.
 
     Args:
         path: the file, .png or .jpg.
@@ -179,7 +179,7 @@ class Worst(PictureSink):
         self._count = 0
 
     def add(self, result: Result) -> None:
-        """The next result; of equally bad ones the earlier stay."""
+        """Adds the next result; among equals the earlier ones are kept."""
         rank, reason = judge(result.measurement)
         entry = (rank, -self._count, result, result.problem or reason)
         self._count += 1
@@ -197,7 +197,7 @@ class Worst(PictureSink):
 
 
 class AnnotatedVideo(PictureSink):
-    """All images with their marks as a video; a strip where no codec works.
+    """A video of all images with annotations; a picture strip if no codec works.
 
     Args:
         path: the file, .mp4, .avi or .mkv.
@@ -216,7 +216,7 @@ class AnnotatedVideo(PictureSink):
         self._count = 0
 
     def add(self, result: Result) -> None:
-        """Takes the next result into the picture."""
+        """Adds the next result."""
         if self._writer is None and self._strip is None:
             self._early.append(result)
             if self._rate is None and len(self._early) < _LEARNT:
@@ -241,14 +241,14 @@ class AnnotatedVideo(PictureSink):
         return f"{self._count} images in {self._path}"
 
     def discard(self) -> None:
-        """Removes the video where it is not finished."""
+        """Removes an unfinished video."""
         if self._writer is not None:
             self._writer.release()
         if self._file is not None:
             self._file.discard()
 
     def _open(self) -> None:
-        """Begins the file as soon as the rate is known, with the images that have waited."""
+        """Opens the file when the frame rate is known, and writes the waiting images."""
         rate = self._rate or _rate_of([result.frame for result in self._early])
         codec = _VIDEO_CODECS.get(self._path.suffix.lower(), _USUAL_CODEC)
         self._file = NewFile(self._path)
@@ -279,7 +279,7 @@ class AnnotatedVideo(PictureSink):
 
 
 def check_picture(path: Path) -> None:
-    """Refuses a name whose ending OpenCV cannot write.
+    """Refuses a suffix that OpenCV cannot write.
 
     Raises:
         SloshBringupError: another ending.
@@ -289,7 +289,7 @@ def check_picture(path: Path) -> None:
 
 
 def shortened(words: str) -> str:
-    """Words that fit on a tile: the beginning, and the end, which says why."""
+    """Shortens a remark to fit a tile; keeps its beginning and its end."""
     if len(words) <= _LONGEST:
         return words
     return f"{words[: _LONGEST // 3]} ... {words[-2 * _LONGEST // 3 + 5 :]}"
@@ -303,7 +303,7 @@ def _decoded(result: Result) -> Image | None:
 
 
 def _card(width: int, height: int, words: str) -> Image:
-    """A dark picture that stands for an image that there is not."""
+    """Makes a dark picture in place of a missing image."""
     card = np.full((height, width, 3), 25, np.uint8)
     put_text(card, shortened(words), (2 * _RIM, height // 2))
     return card
@@ -324,7 +324,7 @@ def _write(path: Path, picture: Image) -> None:
 
 
 def _is_whole(video: Path, count: int) -> bool:
-    """Whether all images of a video can be read: OpenCV tells of no error in writing."""
+    """Whether all images of a video can be read; OpenCV reports no write errors."""
     if not video.is_file():
         return True  # a pipe
     capture = cv2.VideoCapture(str(video))

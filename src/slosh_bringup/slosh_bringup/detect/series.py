@@ -1,4 +1,4 @@
-"""Which of the files in a folder are one sequence of images, and in which order."""
+"""Finds the image sequence among the files of a folder, and its order."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _USUAL = re.compile(r"(frame|image|img)", re.IGNORECASE)
 
 
 def natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Sorts frame_2 before frame_10."""
+    """Sort key that puts frame_2 before frame_10."""
     parts = re.split(r"(\d+)", path.name)
     key = [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
     return key, path.name
 
 
 def images_in(folder: Path) -> list[Path]:
-    """The image files of a folder, in natural order; hidden ones are left out."""
+    """Returns the image files of a folder in natural order, without hidden ones."""
     files = (
         file
         for file in folder.iterdir()
@@ -29,7 +29,7 @@ def images_in(folder: Path) -> list[Path]:
 
 
 def longest_series(files: Sequence[Path]) -> tuple[list[Path], str]:
-    """The files of the longest numbered series.
+    """Returns the files of the longest numbered series.
 
     Files belong together whose names differ in one number alone: frame_000.jpg, frame_001.jpg, …
     are one series, mask_000.png, … another. Of equally long ones that wins whose name begins with
@@ -58,7 +58,7 @@ def _told(key: str, files: Sequence[Path]) -> str:
 
 
 def _keys(files: Iterable[Path]) -> list[str]:
-    """The series of each file: its name with # for what counts the images.
+    """Returns the series of each file: its name with # for the image number.
 
     Names of one shape may hold several numbers. The one with the most values counts; of the
     others, those that end a word (cam2_) name a series, and the rest (dates, seconds) count too.
@@ -76,7 +76,7 @@ def _shape(name: str) -> str:
 
 
 def _most_values(names: Sequence[str]) -> int:
-    """Which of the numbers in names of one shape takes the most values; the last of equals."""
+    """Returns the index of the number in the names that takes the most values."""
     columns = list(zip(*(_NUMBER.findall(name) for name in names), strict=True))
     return max(range(len(columns)), key=lambda k: (len(set(columns[k])), k), default=0)
 

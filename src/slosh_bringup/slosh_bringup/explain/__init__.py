@@ -1,1 +1,1 @@
-"""What the product's own words mean: effects and flags, for a terminal."""
+"""Explains the product's terms on the terminal: effects, flags and others."""

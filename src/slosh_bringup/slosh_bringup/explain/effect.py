@@ -1,4 +1,4 @@
-"""What the registry knows of an effect and of a model's name, as text for a terminal."""
+"""Explains effects and model names as text for a terminal."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _LOWERED = dict(zip("0123456789+-=()aehklmnoprstx", "₀₁₂₃₄₅₆₇₈
 
 
 def explain_effect(effect: Effect) -> str:
-    """All of it: meaning, equation, parameters, source, containers, page; a line or more each."""
+    """Explains an effect: meaning, equation, parameters, source, containers, page."""
     rows = [
         ("acts on", ", ".join(stage.value for stage in effect.stages)),
         ("equation", plain_equation(effect.equation)),
@@ -59,7 +59,7 @@ def explain_effect(effect: Effect) -> str:
 
 
 def in_unicode(text: str) -> str:
-    """A sentence in which formulae stand between dollar signs, with these as Unicode."""
+    """Converts formulae between dollar signs in a sentence to Unicode."""
     parts = text.split("$")
     return "".join(
         plain_equation(part) if number % 2 else part for number, part in enumerate(parts)
@@ -67,7 +67,7 @@ def in_unicode(text: str) -> str:
 
 
 def parameter_words(parameter: Parameter) -> str:
-    """Name, meaning, unit, bounds and values of a parameter."""
+    """Formats name, meaning, unit, bounds and values of a parameter."""
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     words = [f"{bounds(parameter)}{unit}"]
     if parameter.default is None:
@@ -82,14 +82,14 @@ def parameter_words(parameter: Parameter) -> str:
 
 
 def bounds(parameter: Parameter) -> str:
-    """The values that it may have."""
+    """Formats the allowed values of a parameter."""
     if parameter.choices is not None:
         return " or ".join(f"{choice:g}" for choice in parameter.choices)
     return f"{parameter.lower:g} … {parameter.upper:g}"
 
 
 def usually(parameter: Parameter) -> str:
-    """How far people and rigs have it wrong, or else where it lies; empty: it is not known."""
+    """Describes a parameter's typical error or else its typical value; empty: unknown."""
     expected = parameter.neutral if parameter.expected is None else parameter.expected
     if parameter.spread is not None and expected is not None:
         return f"{expected:g} ± {parameter.spread:g}"
@@ -104,20 +104,20 @@ def _owner(effect: Effect) -> str:
 
 
 def _use(effect: Effect) -> str:
-    """As `effects:` of a model.yaml lists it."""
+    """Formats the effect's entry for `effects:` of a model.yaml."""
     given = [parameter.name for parameter in effect.parameters if parameter.default is None]
     values = ", ".join([f"name: {effect.name}", *(f"{name}: …" for name in given)])
     return f"effects: [{{{values}}}]"
 
 
 def _containers(effect: Effect) -> str:
-    """Shapes of the containers for which an effect has a meaning."""
+    """Lists the container shapes to which an effect applies."""
     fitting = [name for section, name in SECTIONS.items() if effect.fits(section)]
     return "of every shape" if len(fitting) == len(SECTIONS) else ", ".join(fitting)
 
 
 def model_name(name: str) -> list[str]:
-    """What it says, a line for each part; none: it is no model's name."""
+    """Explains a model name, one line per part; empty: it is not a model name."""
     match = _NAME.fullmatch(name.strip())
     if match is None or not (match["space"] or match["surface"]):
         return []
@@ -129,21 +129,21 @@ def model_name(name: str) -> list[str]:
 
 
 def plain_equation(latex: str) -> str:
-    """The equation in Unicode, in one line; a command that is not known becomes its name."""
+    """Converts an equation to one line of Unicode; unknown commands become their names."""
     text = "".join(_Reader(latex).all())
     text = re.sub(r"(?<=[(\[]) +", "", re.sub(r" {2,}", " ", text))
     return unicodedata.normalize("NFC", re.sub(rf" *{_GAP} *", "   ", text)).strip()
 
 
 class _Reader:
-    """Reads LaTeX from left to right."""
+    """Parses LaTeX from left to right."""
 
     def __init__(self, latex: str) -> None:
         self._tokens = _TOKEN.findall(latex)
         self._at = 0
 
     def all(self) -> list[str]:
-        """The pieces up to the end of the group, or of everything."""
+        """Parses up to the end of the group or of the text."""
         pieces: list[str] = []
         while self._at < len(self._tokens) and self._next() != "}":
             pieces.append(self._piece())
@@ -189,7 +189,7 @@ class _Reader:
         return _SIGNS.get(name, name)
 
     def _fraction(self, text: str) -> str:
-        """In brackets where a factor follows, which would else stand below the line."""
+        """Puts a fraction in brackets if a factor follows."""
         rest = (token for token in self._tokens[self._at :] if token not in (" ", "\\,"))
         return text if next(rest, "") in _ENDS_A_FACTOR else f"({text})"
 
@@ -201,13 +201,13 @@ class _Reader:
 
 
 def _factor(text: str) -> str:
-    """In brackets where it is more than one factor."""
+    """Puts a text in brackets if it is more than one factor."""
     one = text.startswith("√(") or not re.search(r"[\s/·]", text.strip())
     return text if one else f"({text})"
 
 
 def _shifted(text: str, sign: str) -> str:
-    """Raised or lowered, or behind the sign where Unicode lacks a letter for it."""
+    """Raises or lowers a text; keeps the sign if Unicode lacks a letter."""
     letters: Mapping[str, str] = _RAISED if sign == "^" else _LOWERED
     if all(letter in letters for letter in text):
         return "".join(letters[letter] for letter in text)

@@ -1,4 +1,4 @@
-"""What columns, figures and their units mean; flags and fields as the messages define them."""
+"""Meanings of columns, figures, units, flags and message fields."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ COLUMNS: Mapping[str, str] = {
     "what": "quantity that the row is about",
     "found": "value of this run, or estimated value",
     "expected": "value in the manifest with its tolerance",
-    "model": "model of the row: slosh explain 3D-NL tells its name",
+    "model": "model of the row: slosh explain 3D-NL explains its name",
     "topic topic_field field": "recorded topic, and the field of its messages",
     "type": "message type of the topic",
     "messages": "number of messages",
@@ -100,7 +100,17 @@ COLUMNS: Mapping[str, str] = {
     "proven": "whether a bound of the linear model shows that all slower runs are safe",
     "kept": "whether all limits are kept",
     "height_limit": "limit of the height that holds [m]",
-    "limited_by": "what limits the height: the limit that was set, or the rim",
+    "limited_by": "what limits the height: the limit or the distance to the rim (rim limit) that "
+    "was set, or the rim",
+    "rim_distance": "least vertical distance of the liquid to the rim that is allowed [m]; 0: "
+    "the rim itself",
+    "distance_to_rim": "vertical distance from the highest liquid up to the rim [m]; negative: "
+    "above the rim, it spills",
+    "distance_along_wall": "distance from the contact line to the rim along the wall [m]",
+    "surface_height": "highest place of the whole surface above the still level [m]: at the wall, "
+    "or above msh if the container bulges and the crest is inside",
+    "height_along_wall": "length of the wall from the still level to the contact line [m]",
+    "contact_radius": "radius of the contact line on the wall [m]",
     "models": "names of the linear and of the nonlinear model",
     "remarks": "excess over a limit, further safe time scales, and validity flags",
     "height": "greatest height during the motion [mm]",
@@ -109,7 +119,7 @@ COLUMNS: Mapping[str, str] = {
     "acceleration greatest_acceleration": "greatest acceleration of the container [m/s²]",
     "jerk": "greatest change of the acceleration [m/s³]",
     # identification and discovery
-    "effect": "named effect of a model: slosh explain NAME tells it",
+    "effect": "named effect of a model: slosh explain NAME explains it",
     "explanation": "set of effects that was fitted",
     "parameter parameters": "parameter of the model or of an effect",
     "unit": "unit of the value",
@@ -182,7 +192,7 @@ _NUMBER = re.compile(r"0x[0-9a-f]+|\d+", re.I)
 
 
 def plain(name: str) -> str:
-    """A column's name as it is looked up: `MAE [mm]` and `mae` are one."""
+    """Normalises a column's name for look-up: `MAE [mm]` and `mae` are the same."""
     bare = re.sub(r"\s*\[[^\]]*\]\s*$", "", name.strip().lower())
     bare = re.sub(r"^eta_?\d{3}$", "eta", bare)
     return _SPLIT.sub("_", bare).strip("_")
@@ -190,7 +200,7 @@ def plain(name: str) -> str:
 
 @cache
 def columns() -> Mapping[str, str]:
-    """Meaning of each column and figure by its plain name."""
+    """Returns the meaning of each column and figure by its normalised name."""
     found = {}
     for names, meaning in COLUMNS.items():
         for name in names.split(" | ") if " | " in names else names.split():
@@ -199,18 +209,18 @@ def columns() -> Mapping[str, str]:
 
 
 def column(name: str) -> str:
-    """What a column or a figure means; empty: it is not known."""
+    """Returns the meaning of a column or figure; empty: unknown."""
     return columns().get(plain(name), "")
 
 
 def unit(name: str) -> str:
-    """What a unit is; empty: it is not known."""
+    """Returns the meaning of a unit; empty: unknown."""
     spelt = re.sub(r"(?<=[a-z])[23]", lambda found: "²³"[int(found[0]) - 2], name)
     return UNITS.get(name) or UNITS.get(spelt, "")
 
 
 class ExplainedFlag(NamedTuple):
-    """A flag or a state: its name, the message that has it, what it says, and its value."""
+    """A flag or a state: its name, its message, its meaning and its value."""
 
     name: str
     message: str
@@ -219,18 +229,18 @@ class ExplainedFlag(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What it is."""
+        """Kind of the flag, with its message."""
         return f"{OWNERS[self.message]} ({self.message})"
 
     @property
     def is_state(self) -> bool:
-        """Whether it is one of several states, and no bit of a sum."""
+        """Whether it is one of several exclusive states rather than a bit."""
         return self.message == "SloshComparison"
 
 
 @cache
 def flags() -> tuple[ExplainedFlag, ...]:
-    """All of them, message by message, in the order of their values; none without the messages."""
+    """Returns all flags by message and value; empty if the messages are not installed."""
     share = shared_folder("slosh_msgs")
     if share is None:
         return ()
@@ -246,7 +256,7 @@ def flags() -> tuple[ExplainedFlag, ...]:
 
 
 def by_number(text: str) -> list[str]:
-    """What a number such as 3, 0x3 or 0x0003 means in each message, a line each; none: no number.
+    """Explains a number such as 3, 0x3 or 0x0003 in each message; empty: not a number.
 
     Flags are bits: their sum is split.
     """
@@ -267,7 +277,7 @@ def by_number(text: str) -> list[str]:
 
 @cache
 def fields() -> Mapping[str, tuple[str, ...]]:
-    """What each field of the product's messages is, by its name; columns of slosh export."""
+    """Returns the meaning of each message field by name, which are also export columns."""
     share = shared_folder("slosh_msgs")
     found: dict[str, tuple[str, ...]] = {}
     for path in sorted(share.glob("msg/*.msg")) if share else ():
@@ -277,7 +287,7 @@ def fields() -> Mapping[str, tuple[str, ...]]:
 
 
 def _fields(path: Path) -> Iterator[tuple[str, str]]:
-    """Names and meanings: the comment beside a field, or above it and its neighbours."""
+    """Yields names and meanings from the comments beside or above the fields."""
     above: list[str] = []
     used = False
     for line in path.read_text(encoding="utf-8").splitlines():

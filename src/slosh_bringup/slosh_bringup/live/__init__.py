@@ -1,1 +1,1 @@
-"""A live run of a cell: its nodes, what they say, where it is kept, and its report."""
+"""A live run of a cell: its nodes, their diagnostics, its folder and its report."""

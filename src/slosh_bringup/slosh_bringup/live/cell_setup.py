@@ -1,4 +1,4 @@
-"""What a running cell consists of: its files, its topics, its nodes."""
+"""The configuration of a running cell: its files, topics and nodes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RECORD = ("complete", EVENTS)
 
 @dataclass(frozen=True, slots=True)
 class CellSetup:
-    """Files and topics of a cell, as its cell.yaml states them.
+    """Files and topics of a cell from its cell.yaml.
 
     Attributes:
         model: model file of the container and its liquid.
@@ -52,7 +52,7 @@ class CellSetup:
     record: str = ""
 
     def processes(self, bag: Path) -> list[NodeProcess]:
-        """The nodes of NODES_OF_A_CELL; without a calibration no camera node."""
+        """Returns the processes of NODES_OF_A_CELL; no camera node without a calibration."""
         own: dict[str, dict[str, str]] = {
             "recorder": {"output": str(bag)},
             "estimator": {"model": str(self.model), **self.reading},
@@ -72,13 +72,13 @@ class CellSetup:
 
 
 def default_setup() -> CellSetup:
-    """The setup that the package ships, for the simulated cell."""
+    """Returns the shipped set-up of the simulated cell."""
     folder = config_folder()
     return CellSetup(folder / "model.yaml", folder / "camera.yaml", folder / "cell.yaml")
 
 
 def read_setup(path: Path) -> CellSetup:
-    """The setup in a file; paths in it are relative to the file.
+    """Reads a set-up; its paths are relative to the file.
 
     Raises:
         SloshBringupError: no such file, no YAML, an unknown key, a missing file; one line with
@@ -131,7 +131,7 @@ def _record(source: YamlDocument) -> str:
 
 
 def _reading(source: YamlDocument) -> dict[str, str]:
-    """What drives the estimator, as far as the file says."""
+    """Returns the estimator's input settings in the file."""
     found = {}
     for key in READING:
         if key not in source.value:
@@ -148,7 +148,7 @@ def _reading(source: YamlDocument) -> dict[str, str]:
 
 
 def _has_camera(source: YamlDocument) -> bool:
-    """Whether the cell has a camera: one with a calibration, and without `camera: none`."""
+    """Whether the cell has a calibrated camera and no `camera: none`."""
     camera = source.value.get("camera", "")
     if "camera" in source.value and camera not in ("none", None, False):
         raise SloshBringupError(
@@ -173,7 +173,7 @@ def _file(source: YamlDocument, key: str, default: Path | None = None) -> Path:
 
 
 def read_namespace(source: YamlDocument, value: Any) -> str:
-    """The namespace of a cell.
+    """Checks the namespace of a cell.
 
     Raises:
         SloshBringupError: it is none; one line with its place.
@@ -185,7 +185,7 @@ def read_namespace(source: YamlDocument, value: Any) -> str:
 
 
 def read_remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, str]:
-    """The robot's topics by the topics of a cell.
+    """Checks the mapping from the cell's topics to the robot's.
 
     Raises:
         SloshBringupError: it is no mapping, or no node has such a topic; one line with its place.

@@ -1,4 +1,4 @@
-"""Whether a node that hears nothing on a topic is deaf, or its publisher silent.
+"""Finds out whether a topic is silent or a node fails to receive its messages.
 
 The middleware cannot tell: to both of them all is well connected. So what a node does not hear is
 listened to for a moment by somebody else.
@@ -22,19 +22,19 @@ AGAIN = 300.0
 
 
 class Probe(Protocol):
-    """Listens to a topic beside the node."""
+    """A test subscription to a topic."""
 
     @property
     def count(self) -> int:
-        """Messages that were heard so far."""
+        """Number of messages received so far."""
 
     def close(self) -> None:
-        """Listens no more."""
+        """Removes the subscription."""
 
 
 @dataclass(slots=True)
 class _Doubt:
-    """What a node does not hear.
+    """A topic that a node does not receive.
 
     Attributes:
         topic: and its type.
@@ -49,14 +49,14 @@ class _Doubt:
     heard: float = math.inf
 
     def end_trial(self, now: float) -> None:
-        """Listens no more."""
+        """Ends the test subscription."""
         if self.probe is not None:
             self.probe.close()
         self.probe, self.since, self.heard = None, now, math.inf
 
 
 class Deafness:
-    """Tries what nodes do not hear.
+    """Tests topics that nodes do not receive.
 
     Args:
         listen: begins to listen to a topic of a type; None: it cannot.
@@ -68,7 +68,7 @@ class Deafness:
         self._found: dict[str, float] = {}
 
     def look(self, unheard: Mapping[str, str], now: float) -> dict[str, str]:
-        """The topics that nodes do not hear though others do, by node; about once a second.
+        """Returns by node the topics that others receive but it does not; call it once a second.
 
         Args:
             unheard: topic and type that nodes say they hear nothing on, by node.
@@ -88,7 +88,7 @@ class Deafness:
         return deaf
 
     def _is_deaf(self, doubt: _Doubt, now: float) -> bool:
-        """Begins a trial, looks at it, or ends it."""
+        """Starts, checks or ends a trial; returns whether the node fails to receive."""
         if doubt.probe is None:
             if now - doubt.since >= TRIAL:
                 topic, _, type_name = doubt.topic.partition(" ")

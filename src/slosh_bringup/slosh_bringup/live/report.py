@@ -1,4 +1,4 @@
-"""The report of a live run: always one, whatever became of the run."""
+"""The report of a live run, which is always written."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ NOTHING = "nothing was measured, because "
 
 @dataclass(frozen=True, slots=True)
 class LiveResult:
-    """What a run came to.
+    """Result of a live run.
 
     Attributes:
         figures: of what was recorded; None: the bag cannot be read.
@@ -64,11 +64,11 @@ class LiveResult:
 
     @property
     def nothing(self) -> str:
-        """The reasons in one sentence; empty: there are none."""
+        """Reasons for missing results in one sentence; empty: none."""
         return NOTHING + "; ".join(self.reasons) if self.reasons else ""
 
     def document(self) -> dict[str, Any]:
-        """For JSON."""
+        """Returns the result for JSON."""
         figures = self.figures.document() if self.figures else {}
         return {
             **figures,
@@ -80,7 +80,7 @@ class LiveResult:
 
 @dataclass(frozen=True, slots=True)
 class LiveReport:
-    """What is left of a run beside its recording.
+    """The page and the figures of a live run.
 
     Attributes:
         result: the figures.
@@ -93,7 +93,7 @@ class LiveReport:
     text: str
 
     def write(self, folder: Path) -> None:
-        """Writes the page and the figures; the folder is made anew where somebody has deleted it.
+        """Writes the page and the figures; recreates a deleted folder.
 
         Raises:
             OSError: that is not possible; it bears the file's path.
@@ -111,7 +111,7 @@ def make_live_report(
     began: bool = True,
     events: bool = False,
 ) -> LiveReport:
-    """Reads and replays the bag; writes nothing.
+    """Makes the report from the bag by reading and replaying it; writes nothing.
 
     Args:
         bag: what was recorded, if anything was.
@@ -141,7 +141,7 @@ def _events_line(folder: Path, bags: Sequence[Path]) -> str:
 
 
 def latency_figure(run: RunResult) -> KeyFigure:
-    """From an image's exposure to its comparison, which only a live run has."""
+    """Returns the latency from an image's exposure to its comparison, known only live."""
     median, greatest = run.latency.get("monitor", (math.nan, math.nan))
     note = "image to comparison, median"
     if math.isfinite(greatest):
@@ -179,7 +179,7 @@ def _evaluated(
 def _replayed_report(
     title: str, run: RecordedRun, result: LiveResult, replayed: ReplayResult
 ) -> RunReport:
-    """The page of the replay, with what only the live run tells."""
+    """Makes the replay's page with the additional facts of the live run."""
     around = Surroundings(title=title, facts=_facts(result))
     if result.figures is not None:
         figures = (latency_figure(result.figures),)
@@ -191,7 +191,7 @@ def _replayed_report(
 
 
 def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> RunReport:
-    """A page of what the monitor said live, if it said anything."""
+    """Makes a page from the recorded comparisons, if there are any."""
     stamps = data.stamps if data else np.empty(0, dtype=np.int64)
     columns = data.columns if data else dict.fromkeys(HEIGHTS, np.empty(0))
     order = np.argsort(stamps)

@@ -1,4 +1,4 @@
-"""Runs a cell's nodes and records: the body of `slosh demo` and `slosh cell`."""
+"""Runs and records a cell's nodes for `slosh demo` and `slosh cell`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from slosh_bringup.processes import (
 from slosh_bringup.stop_request import StopRequest
 from slosh_bringup.watch import HOST
 from slosh_camera.calibrate.camera_file import read_any_calibration
-from slosh_model.model_text import read_model
+from slosh_model.tray import read_tray
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.domain import claimed_namespace, own_domain
 from slosh_msgs_py.node.shared_memory import remove_leftovers
@@ -38,12 +38,12 @@ BAG, LOGS, SETTINGS = "bag", "logs", "settings.yaml"
 
 
 def check_files(setup: CellSetup) -> None:
-    """Reads the cell's files once, so that a mistake is told before any process starts.
+    """Reads the cell's files once, to report mistakes before any process starts.
 
     Raises:
         ValueError: of the package that reads the file; one line.
     """
-    container = read_model(setup.model).container
+    container = read_tray(setup.model).first.model.container
     if setup.calibration is not None:
         read_any_calibration(setup.calibration)
         if container.digest:
@@ -77,7 +77,7 @@ class LiveRun:
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """How a run ended: what went wrong, and the exit code.
+    """Errors and exit code of a run.
 
     Attributes:
         problem: what went wrong, or ended the run before its time; empty: nothing did.
@@ -91,7 +91,7 @@ class RunOutcome:
 
 
 def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
-    """Runs the nodes until the simulated cell is through or a stop is asked for.
+    """Runs the nodes until the simulated cell is done or a stop is requested.
 
     Args:
         run: the cell, and where the bag, the logs and what is in force go.
@@ -153,7 +153,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
 
 
 def _domain(run: LiveRun, stack: ExitStack, tell: Callable[[str], None]) -> dict[str, str]:
-    """The nodes' DDS domain: the user's, or one of its own for a demonstration.
+    """Returns the nodes' DDS domain: the user's, or a free one for a demonstration.
 
     A demonstration keeps to itself: it takes the user's domain only where one is set and no other
     run on this machine has the same namespace in it. A cell talks to the robot on the user's.
@@ -180,7 +180,7 @@ def _domain(run: LiveRun, stack: ExitStack, tell: Callable[[str], None]) -> dict
 
 
 def _tell_of_another(running: Sequence[str], namespace: str, watch: LiveWatch) -> None:
-    """Tells of another cell, whose messages mix with those of this one."""
+    """Reports another cell whose messages are mixed with those of this one."""
     if running:
         watch.tell(
             f"another cell's {', '.join(running)} run in {namespace}, too: their messages are "

@@ -1,4 +1,4 @@
-"""What a recorded run says: comparisons, truth, events, counts, latencies."""
+"""Contents of a recorded run: comparisons, truth, events, counts, latencies."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class RunData:
 
     @property
     def seconds(self) -> Array:
-        """(N,) time of the compared images from the first [s]."""
+        """(N,) time of the compared images since the first [s]."""
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def flags(self, side: str) -> NDArray[np.int64]:
@@ -85,7 +85,7 @@ class RunData:
         return self.columns[f"{side}_flags"].astype(np.int64)
 
     def lost(self) -> dict[str, int]:
-        """Messages that were published and are not in the bag, by topic.
+        """Number of published messages missing in the bag, by topic.
 
         The one count that is told everywhere: what the recorder noted and, where the simulated
         cell tells what it published, no less than what the bag lacks of that.
@@ -98,7 +98,7 @@ class RunData:
         return lost
 
     def truth_at_images(self) -> Array:
-        """(N,) exact height at the compared images [m]; NaN without a truth."""
+        """(N,) exact height at the compared images [m]; NaN: no truth."""
         if not len(self.truth):
             return np.full(len(self.stamps), np.nan)
         origin = self.truth_stamps[0]
@@ -152,7 +152,7 @@ def read_run(run: RecordedRun) -> RunData:
 
 
 def facts_of(data: RunData, node: str) -> Mapping[str, str]:
-    """What a node of the cell last said in the diagnostics; empty: nothing.
+    """Returns a node's last diagnostics; empty: none.
 
     Args:
         data: the run.

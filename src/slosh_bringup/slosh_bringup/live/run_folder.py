@@ -1,4 +1,4 @@
-"""A folder of its own for each run of a cell: a run never touches an earlier one."""
+"""Makes a separate folder for each run of a cell; earlier runs are never changed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LATEST = "latest"
 
 
 def new_run(output: Path, now: datetime, tell: Callable[[str], object]) -> Path:
-    """Makes the folder of a run, below the output folder, and points the link to it.
+    """Makes the folder of a run in the output folder and updates the link to the latest.
 
     Args:
         output: where the runs lie; made where it is missing.

@@ -1,4 +1,4 @@
-"""The figures of a recorded run, for people and for programs."""
+"""The figures of a recorded run, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from slosh_report.json_values import plain
 
 @dataclass(frozen=True, slots=True)
 class SeriesAgreement:
-    """How well one height series follows another.
+    """Agreement of one height series with another.
 
     Attributes:
         name: what is compared with what.
@@ -56,7 +56,7 @@ class RunResult:
 
     @property
     def lost_line(self) -> str:
-        """The lost messages in one line; empty: none is lost."""
+        """Describes lost messages in one line; empty: none is lost."""
         total = sum(self.lost.values())
         return (
             f"{total} messages are lost and missing in the bag{_which(self.lost)}" if total else ""
@@ -64,11 +64,11 @@ class RunResult:
 
     @property
     def compared(self) -> int:
-        """Images at which the model and the camera are known."""
+        """Number of images for which both the model's and the camera's height are known."""
         return self.agreements[0].count
 
     def document(self) -> dict[str, Any]:
-        """For JSON; a number that is not known is null."""
+        """Returns the figures for JSON; unknown numbers are null."""
         latency = {
             node: plain({"median": median, "maximum": greatest})
             for node, (median, greatest) in self.latency.items()
@@ -77,7 +77,7 @@ class RunResult:
 
 
 def evaluate(data: RunData) -> RunResult:
-    """The figures of a recorded run."""
+    """Computes the figures of a recorded run."""
     measured = data.columns["measured"]
     linear, nonlinear = data.columns["estimated_linear"], data.columns["estimated_nonlinear"]
     sound = (data.flags("estimate") & UNSOUND) == 0
@@ -109,7 +109,7 @@ def evaluate(data: RunData) -> RunResult:
 
 
 def agreement(name: str, reference: Array, series: Array) -> SeriesAgreement:
-    """How well a series follows its reference, where both are known; NaN where they never are."""
+    """Compares a series with its reference where both are known; NaN: never."""
     count = int(np.count_nonzero(np.isfinite(reference) & np.isfinite(series)))
     if not count:
         return SeriesAgreement(name, math.nan, math.nan, math.nan, 0)
@@ -123,7 +123,7 @@ def agreement(name: str, reference: Array, series: Array) -> SeriesAgreement:
 
 
 def table(result: RunResult) -> str:
-    """The figures as a table for the screen."""
+    """Formats the figures as a table."""
     lines = [
         f"{row.name:<18}{1e3 * row.sigma:8.2f}{1e2 * row.epsilon:8.1f}{1e3 * row.rms:10.2f}"
         f"{row.count:8d}"
@@ -144,7 +144,7 @@ def table(result: RunResult) -> str:
 
 
 def print_replay(replayed: ReplayResult) -> None:
-    """Prints whether the recording gives its own estimates and comparisons again."""
+    """Prints whether the replay reproduces the recorded estimates and comparisons."""
     parts = [
         f"{found.identical} of {found.recorded + found.missing} {name}s"
         for name, found in replayed.verified.items()
@@ -181,7 +181,7 @@ def _dropped(data: RunData) -> dict[str, int]:
 
 
 def _images_without_measurement(data: RunData) -> int | None:
-    """Images that the camera node did not measure; None where nobody counted the images."""
+    """Number of images that the camera node did not measure; None: images were not counted."""
     images = next((n for topic, n in data.published.items() if topic.endswith("/image_raw")), None)
     measured = next(
         (info.count for topic, info in data.topics.items() if topic.endswith("/free_surface")),

@@ -1,4 +1,4 @@
-"""Keeps a run going when one of its nodes ends or hangs: it is started again, the others go on."""
+"""Restarts nodes of a run that end or hang while the others continue."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ third of that to start one.
 
 
 class Supervision:
-    """Looks after the nodes of a run.
+    """Supervises the nodes of a run.
 
     Args:
         group: the nodes.
@@ -56,7 +56,7 @@ class Supervision:
         self.problems: list[str] = []
 
     def look(self, *, began: bool, silences: Mapping[str, float]) -> NodeEnd | None:
-        """Starts a node again that has ended, and ends one that hangs.
+        """Restarts a node that has ended, and kills one that hangs.
 
         Args:
             began: whether all were at work before; if not, what keeps one from it keeps it again.
@@ -88,7 +88,7 @@ class Supervision:
         return None
 
     def end_deaf(self, deaf: Mapping[str, str]) -> None:
-        """Kills nodes that hear nothing on a topic though others do; the next look starts them.
+        """Kills nodes that do not receive a topic that others do; the next call restarts them.
 
         Args:
             deaf: the topic, by node.
@@ -101,7 +101,7 @@ class Supervision:
                 )
 
     def _end_hanging(self, silences: Mapping[str, float], now: float) -> None:
-        """Kills what hangs; where nobody at all is heard, it is the listener who does not hear."""
+        """Kills hanging nodes; if all are silent, the fault is in this listener."""
         if all(silence > SILENT for silence in silences.values()):
             return
         for name, silence in silences.items():

@@ -1,4 +1,4 @@
-"""Shows and tells what the nodes of a live run say of themselves."""
+"""Shows the diagnostics of a live run's nodes."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ RATES = {"camera": "measurement [Hz]", "estimator": "output [Hz]"}
 
 
 class Screen(Protocol):
-    """Whoever watches a run."""
+    """Interface of the display of a run."""
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
-        """Is shown how long it has taken [s] and what is going on, ten times a second.
+        """Shows the elapsed time [s] and the state; called ten times a second.
 
         A status is what holds at this moment, in place of the text: nothing for a log, which
         keeps what it is told.
         """
 
     def tell(self, line: str) -> None:
-        """Is told what has happened."""
+        """Shows a line about an event."""
 
 
 class LiveWatch:
-    """Takes what the nodes say.
+    """Processes the messages of the nodes.
 
     Before all are ready it tells who is waited for; from then on how their health changes.
 
@@ -64,31 +64,31 @@ class LiveWatch:
 
     @property
     def began(self) -> bool:
-        """Whether all nodes are at work."""
+        """Whether all nodes are ready."""
         return self._health is not None
 
     @property
     def waits_for(self) -> str:
-        """Who is waited for, and why."""
-        return f"waiting for {sentence(self._wait.missing()) or 'what the nodes work with'}"
+        """Describes the nodes that are not ready, and why."""
+        return f"waiting for {sentence(self._wait.missing()) or 'the settings of the nodes'}"
 
     @property
     def given_up(self) -> str:
-        """Why there is no sense in waiting longer; empty: there is."""
+        """Returns why waiting has been given up; empty: still waiting."""
         return "" if self.began else self._wait.given_up(time.monotonic())
 
     @property
     def silences(self) -> dict[str, float]:
-        """For how long each node has said nothing since all are at work [s]."""
+        """Returns the time since each node's last report once all are ready [s]."""
         return {} if self._health is None else self._health.silences(time.monotonic())
 
     @property
     def unheard(self) -> dict[str, str]:
-        """As of CellWatch; nothing before all are at work."""
+        """Returns `CellWatch.unheard`; empty before all are ready."""
         return {} if self._health is None else self._health.unheard()
 
     def take_settings(self, start: NodeStart) -> None:
-        """Takes what a node works with, at its start or later; strangers are not heard."""
+        """Stores a node's settings, at its start or later; other nodes are ignored."""
         if start.node not in self._nodes:
             return
         self._starts[start.node] = after(self._starts.get(start.node), start)
@@ -103,7 +103,7 @@ class LiveWatch:
         self._begin()
 
     def take_report(self, report: NodeReport) -> None:
-        """Takes what a node says of itself."""
+        """Processes a node's diagnostics."""
         now = time.monotonic()
         self._status.take_report(report)
         if self._health is not None:
@@ -114,7 +114,7 @@ class LiveWatch:
         self._begin()
 
     def take_comparison(self, comparison: Any) -> None:
-        """Takes the newest SloshComparison."""
+        """Stores the newest SloshComparison."""
         heights = comparison.measured, comparison.estimated_nonlinear
         self._status.take_comparison(
             *heights, comparison.state, time.monotonic(),
@@ -122,7 +122,7 @@ class LiveWatch:
         )  # fmt: skip
 
     def look(self) -> None:
-        """Looks at the clock; several times a second."""
+        """Checks the time; call it several times a second."""
         now = time.monotonic()
         if self._health is None:
             self._screen.show(0.0, self._waits_for_in_short(now), self.waits_for)
@@ -131,11 +131,11 @@ class LiveWatch:
         self._screen.show(now - self._began, "", self._status.line(now))
 
     def tell(self, line: str) -> None:
-        """Tells what somebody else has noticed."""
+        """Shows a line from another part."""
         self._tell([line])
 
     def _tell_readiness(self, report: NodeReport) -> None:
-        """Tells who takes long, and when it does no more."""
+        """Shows which nodes take long to get ready, and when they are ready."""
         state = report.facts.get(STATE, READY)
         text = "compiling, once on this machine" if state == COMPILING else ""
         text = report.sentence if state == WAITING else text
@@ -144,13 +144,13 @@ class LiveWatch:
             self._tell([f"{report.node}: {text or 'ready'}"])
 
     def _waits_for_in_short(self, now: float) -> str:
-        """The same for a log, which keeps each line: who compiles is told in one of its own."""
+        """Returns a short form for logs; compiling nodes have a line of their own."""
         missing = self._wait.missing() if now - self._started > LATE else {}
         silent = {node: why for node, why in missing.items() if why == UNHEARD}
         return f"waiting for {sentence(silent) or 'the nodes'}"
 
     def _begin(self) -> None:
-        """Tells what is in force once all are ready."""
+        """Shows the effective settings once all nodes are ready."""
         if (
             self.began
             or self._wait.missing()
@@ -178,7 +178,7 @@ class LiveWatch:
 
 
 class CellStatus:
-    """Takes what the nodes say; gives the line."""
+    """Formats the state of a cell in one line from the nodes' messages."""
 
     def __init__(self) -> None:
         self._state: int | None = None
@@ -198,7 +198,7 @@ class CellStatus:
         alone: bool = False,
         disagree: bool = False,
     ) -> None:
-        """Takes the newest heights [m] and the monitor's state, at a steady time [s].
+        """Stores the newest heights [m] and the monitor's state, at a steady time [s].
 
         Args:
             measured, estimated, state, now: see above.
@@ -210,19 +210,19 @@ class CellStatus:
         self._alone, self._disagree = alone, disagree
 
     def take_report(self, report: NodeReport) -> None:
-        """Takes what a node says of its rates."""
+        """Stores a node's message rates."""
         if report.node in RATES:
             # Whoever speaks on that topic may say anything.
             with contextlib.suppress(KeyError, ValueError):
                 self._rates[report.node] = float(report.facts[RATES[report.node]])
 
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Takes the monitor's limits."""
+        """Stores the monitor's limits."""
         if node == "monitor":
             self._settings = MonitorSettings.from_told(parameters)
 
     def line(self, now: float) -> str:
-        """State, heights, limit and rates at a steady time [s]."""
+        """Formats state, heights, limit and rates at a steady time [s]."""
         verdict, reason = judge(
             self._state, now - self._at, alone=self._alone, disagree=self._disagree
         )
@@ -240,7 +240,7 @@ class CellStatus:
 
     def _limit(self, source: Source) -> str:
         """The limit that holds."""
-        rim = " (rim)" if self._settings.at_rim(source) else ""
+        rim = f" ({self._settings.limit_name(source)})" * self._settings.at_rim(source)
         return f"{_shown(self._settings.limits[source])} mm{rim}"
 
 

@@ -1,4 +1,4 @@
-"""Hears what the nodes of a cell say of themselves, for a process that is none of them."""
+"""Receives the settings and diagnostics of a cell's nodes in an outside process."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ _READ = ("geometry_msgs", "sensor_msgs", "slosh_msgs")
 
 
 class Hearer(Protocol):
-    """Whoever wants to know how a cell is."""
+    """Interface of the receiver of a cell's messages."""
 
     def take_settings(self, start: NodeStart) -> None:
-        """Is given what a node says that it works with."""
+        """Receives a node's settings."""
 
     def take_report(self, report: NodeReport) -> None:
-        """Is given what a node says of its health."""
+        """Receives a node's diagnostics."""
 
     def take_comparison(self, comparison: SloshComparison) -> None:
-        """Is given the newest comparison."""
+        """Receives the newest comparison."""
 
 
 class TopicProbe:
-    """Counts what comes on a topic, whatever it is.
+    """Counts the messages of a topic of any type.
 
     Args:
         node: that listens.
@@ -60,7 +60,7 @@ class TopicProbe:
         )
 
     def close(self) -> None:
-        """Listens no more."""
+        """Removes the subscription."""
         self._node.destroy_subscription(self._subscription)
 
     def _take(self, message: bytes) -> None:
@@ -68,7 +68,7 @@ class TopicProbe:
 
 
 class CellListener:
-    """Listens while it is asked to; a context manager.
+    """Listens to a cell on request; use it as a context manager.
 
     The process must have the nodes' environment when it is made: domain, discovery, profiles.
 
@@ -104,18 +104,18 @@ class CellListener:
         rclpy.try_shutdown()
 
     def listen(self, seconds: float) -> None:
-        """Takes what comes for so long [s]."""
+        """Processes messages for a time [s]."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def running(self, names: Collection[str]) -> Counter[str]:
-        """How often each of the names is a node's in the namespace, as far as is known by now."""
+        """Counts the nodes of each name in the namespace that are known by now."""
         found = self._node.get_node_names_and_namespaces()
         return Counter(name for name, space in found if space == self._namespace and name in names)
 
     def probe(self, topic: str, type_name: str) -> TopicProbe | None:
-        """Listens to a topic from now on, until the probe is closed; None: of another type."""
+        """Subscribes to a topic until the probe is closed; None: the type is not supported."""
         package, _, _ = type_name.partition("/")
         if package not in _READ:  # a name from the network: nothing else is imported for it
             return None

@@ -1,4 +1,4 @@
-"""The simulated cell's messages, as a robot's and a camera's drivers fill them."""
+"""The simulated cell's messages, filled as the drivers of a robot and a camera would."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PUBLISHED = (
 
 
 def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
-    """Acceleration in the world's axes, gravity excluded [m/s²]."""
+    """Makes an AccelStamped: acceleration in world axes, gravity excluded [m/s²]."""
     message = AccelStamped()
     message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
     linear = message.accel.linear
@@ -41,7 +41,7 @@ def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
 
 
 def imu_message(stamp: Any, force: Array, turning: Array) -> Imu:
-    """Specific force [m/s²] and angular velocity [rad/s] in the sensor's axes (REP-145)."""
+    """Makes an Imu: specific force [m/s²], angular velocity [rad/s], sensor axes (REP-145)."""
     message = Imu()
     message.header.stamp, message.header.frame_id = stamp, IMU_FRAME
     linear, angular = message.linear_acceleration, message.angular_velocity
@@ -52,7 +52,7 @@ def imu_message(stamp: Any, force: Array, turning: Array) -> Imu:
 
 
 def pose_message(stamp: Any, position: Array, attitude: Array) -> PoseStamped:
-    """Pose of the container in the world: position [m], quaternion x, y, z, w."""
+    """Makes a PoseStamped of the container: position [m], quaternion x, y, z, w."""
     message = PoseStamped()
     message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
     place, turn = message.pose.position, message.pose.orientation
@@ -62,7 +62,7 @@ def pose_message(stamp: Any, position: Array, attitude: Array) -> PoseStamped:
 
 
 def camera_info(calibration: Calibration) -> CameraInfo:
-    """The camera's calibration as drivers publish it."""
+    """Makes the CameraInfo of a calibration."""
     camera = calibration.view.camera
     k = camera.matrix
     info = CameraInfo(
@@ -79,7 +79,7 @@ def camera_info(calibration: Calibration) -> CameraInfo:
 
 
 def truth_message(stamp_ns: int, sh_x: float, sh_y: float) -> FreeSurface:
-    """The exact heights as a measurement would state them."""
+    """Makes a FreeSurface of the exact heights."""
     azimuth = float(np.arctan2(sh_y, sh_x))
     height = float(np.hypot(sh_x, sh_y))
     return filled(

@@ -1,4 +1,4 @@
-"""The simulated cell: publishes what a robot and its camera would."""
+"""The simulated cell: publishes the messages of a robot and its camera."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ PARAMETERS = (
 
 
 class CellNode(PreparedNode):
-    """Plays a motion in real time: samples from one thread, images from another.
+    """Plays a motion in real time: samples in one thread, images in another.
 
     Args:
         later: it gets ready by `run_node`.
@@ -140,14 +140,14 @@ class CellNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the liquid's equations, and solves them."""
+        """Compiles or loads the liquid's equations and integrates them."""
         load_telling(progress, "slosh_model.kernel")
         at, speed = self._given["push_at"], self._given["push"]
         push = Push(at, speed) if at >= 0.0 else None
         self._truth = integrate_truth(self._model, self._motion, push)
 
     def begin(self) -> None:
-        """Plays as soon as the others are ready."""
+        """Starts the motion when the other nodes are ready."""
         self._player.start()
 
     def close(self) -> None:
@@ -158,7 +158,7 @@ class CellNode(PreparedNode):
 
     @property
     def finished(self) -> bool:
-        """True once the motion is over and its last messages are delivered."""
+        """True when the motion is over and its last messages are delivered."""
         return self._finished.is_set()
 
     def _health(self) -> Health:
@@ -181,7 +181,7 @@ class CellNode(PreparedNode):
         self._counts[topic] += 1
 
     def _play(self) -> None:
-        """Plays the motion; the node ends with it, also where that fails."""
+        """Plays the motion; the node ends afterwards, even after a failure."""
         try:
             given_up = self._others.wait(self._stop)
             if given_up:
@@ -192,7 +192,7 @@ class CellNode(PreparedNode):
             self._finished.set()
 
     def _perform(self) -> None:
-        """Runs both threads to the end of the motion and says what was published."""
+        """Runs both threads to the end of the motion and logs the numbers of messages."""
         start_ns = int(self.get_clock().now().nanoseconds)
         self._start = time.monotonic()
         self._playing = True
@@ -211,12 +211,12 @@ class CellNode(PreparedNode):
         return {"motion": self._motion.name, "published": published}
 
     def _wait_until(self, t: float) -> bool:
-        """Sleeps until a moment of the motion; False where the node is to end."""
+        """Sleeps until a time of the motion; returns False if the node is to end."""
         remaining = self._start + t - time.monotonic()
         return not (self._stop.wait(remaining) if remaining > 0.0 else self._stop.is_set())
 
     def _move(self, start_ns: int) -> None:
-        """Publishes samples as they fall due, a few per tick."""
+        """Publishes samples when they are due, a few per tick."""
         t, readings, due = self._motion.t, self._readings, 0
         stamps = start_ns + np.round(t * 1e9).astype(np.int64)
         every = self._given["imu_every"]
@@ -234,7 +234,7 @@ class CellNode(PreparedNode):
                 due += 1
 
     def _film(self, start_ns: int) -> None:
-        """Draws and publishes images, or the truth alone, at the camera's rate.
+        """Renders and publishes images, or only the truth, at the camera's rate.
 
         A late image is drawn all the same, up to BEHIND: a slow machine's demo has all of them. A
         camera that is always too fast for the machine would fall behind for ever: it leaves out

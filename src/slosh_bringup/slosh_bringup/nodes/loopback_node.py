@@ -1,4 +1,4 @@
-"""Sends one message of this product to itself over the middleware; for `slosh doctor`."""
+"""Sends one message to itself over the middleware; used by `slosh doctor`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TIMEOUT = 15.0  # discovery alone takes a second or two on a busy machine
 
 
 def main() -> int:
-    """Returns 0 once the message has come back, NOTHING_BACK after the timeout, 2 without ROS."""
+    """Returns 0 when the message is received, NOTHING_BACK on timeout, 2 without ROS."""
     try:
         initialise([])
     except SloshMessageError as error:

@@ -1,4 +1,4 @@
-"""Waits for the other nodes of a cell before a motion begins."""
+"""Waits until the other nodes of a cell are ready before a motion begins."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ POLL = 0.05
 
 
 class ReadyCell:
-    """Hears the other nodes, and counts who reads what.
+    """Follows the readiness of the other nodes and their subscriptions.
 
     Args:
         node: of the simulated cell.
@@ -51,11 +51,11 @@ class ReadyCell:
 
     @property
     def waits_for(self) -> str:
-        """Who is waited for, and why."""
+        """Describes which nodes are not ready, and why."""
         return sentence(self._wait.missing()) or self._unread or "readers"
 
     def wait(self, stop: Event) -> str:
-        """Waits until all are ready and read what they should.
+        """Waits until all nodes are ready and have subscribed.
 
         Args:
             stop: ends the waiting.
@@ -92,7 +92,7 @@ class ReadyCell:
         return ""
 
     def _reading(self, kind: str) -> set[str]:
-        """Names of the nodes that read a kind of topics."""
+        """Returns the names of the nodes that subscribe to a kind of topics."""
         return {
             node_of(info)
             for topic in GROUPS[kind]

@@ -1,4 +1,4 @@
-"""The watch node: serves the operator's page, and costs the cell as little as it can.
+"""The watch node: serves the operator's page with little load on the cell.
 
 It takes messages in batches, ten times a second, as the recorder does: an executor that woke up
 for each of them would cost more than everything else here. What comes a thousand times a second
@@ -32,7 +32,15 @@ from slosh_bringup.watch.state import PERIOD, WatchState
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
-from slosh_msgs.msg import FreeSurface, LimitEvent, NodeSettings, SloshComparison, SloshEstimate
+from slosh_msgs.msg import (
+    Calm,
+    FreeSurface,
+    FusedEstimate,
+    LimitEvent,
+    NodeSettings,
+    SloshComparison,
+    SloshEstimate,
+)
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import OK, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
@@ -52,7 +60,7 @@ PARAMETERS = (
 
 
 class WatchNode(GuardedNode):
-    """Takes what the cell says, and publishes to browsers."""
+    """Subscribes to a cell and publishes its state to browsers."""
 
     def __init__(self) -> None:
         self._batched: set[Subscription] = set()
@@ -70,6 +78,8 @@ class WatchNode(GuardedNode):
         self._add(DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS, self._on_diagnostics)
         self._add(LimitEvent, topics.LIMIT_EVENT, qos.EVENT, self._on_event)
         self._add(FreeSurface, topics.FREE_SURFACE, qos.STREAM_IN, self._on_surface)
+        self._add(FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_IN, self._on_fused)
+        self._add(Calm, topics.CALM, qos.STREAM_IN, self._on_calm)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
         self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
@@ -82,11 +92,11 @@ class WatchNode(GuardedNode):
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """What an executor serves: nothing of what is taken in batches."""
+        """Subscriptions for the executor, without those that are polled in batches."""
         return (entry for entry in super().subscriptions if entry not in self._batched)
 
     def close(self) -> None:
-        """Ends the page."""
+        """Stops the page's server."""
         self._server.stop()
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:
@@ -116,7 +126,7 @@ class WatchNode(GuardedNode):
         self._server.call(self._hub.put_frame, self._state.frame(now))
 
     def _look_at_estimate(self, now: float) -> None:
-        """Hears estimates, a thousand a second, only while no comparison tells them."""
+        """Subscribes to estimates (a thousand a second) only without comparisons."""
         if not self._state.is_alone(now):
             self._drop(self._estimates)
             self._estimates = None
@@ -127,7 +137,7 @@ class WatchNode(GuardedNode):
             hearing.hear_estimate(self._state, message, now)
 
     def _look_at_camera(self) -> None:
-        """Shows the image of last time, which has been measured by now, and takes a new one."""
+        """Shows the previous image, which has been measured by now, and takes a new one."""
         if self._image is not None:
             self._show(self._image)
             self._image = None
@@ -142,7 +152,7 @@ class WatchNode(GuardedNode):
         self._image = next(_take(self._images[0], kind, 1), None)
 
     def _best_images(self) -> tuple[str, Any]:
-        """The compressed images unless only the others are sent, which are ten times as large.
+        """Returns the compressed image topic, or the raw one (10 × larger) if only that exists.
 
         Right after its start a node has heard of no publisher.
         """
@@ -154,7 +164,7 @@ class WatchNode(GuardedNode):
         return bool(self.count_publishers(self.resolve_topic_name(topic)))
 
     def _stop_images(self) -> None:
-        """Nobody looks: images cost nothing."""
+        """Unsubscribes from images when there is no viewer."""
         if self._images is not None:
             self._drop(self._images[0])
             self._images = None
@@ -179,6 +189,12 @@ class WatchNode(GuardedNode):
 
     def _on_comparison(self, message: SloshComparison) -> None:
         hearing.hear_comparison(self._state, message, time.monotonic())
+
+    def _on_fused(self, message: FusedEstimate) -> None:
+        hearing.hear_fused(self._state, message)
+
+    def _on_calm(self, message: Calm) -> None:
+        hearing.hear_calm(self._state, message, time.monotonic())
 
     def _on_surface(self, message: FreeSurface) -> None:
         self._surfaces.append(message)
@@ -216,7 +232,7 @@ def _decoded(message: Image | CompressedImage) -> Pixels | bytes:
 
 
 def _take(subscription: Subscription, kind: Any, most: int) -> Iterator[Any]:
-    """What has come on a subscription that no executor serves."""
+    """Yields the messages of a subscription that no executor serves."""
     with subscription.handle:
         for _ in range(most):
             taken = subscription.handle.take_message(kind, False)

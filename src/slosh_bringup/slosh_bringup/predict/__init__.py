@@ -1,1 +1,1 @@
-"""What `slosh predict` shows of its answers."""
+"""The picture and the page of `slosh predict`."""

@@ -1,1 +1,1 @@
-"""Below `slosh replay`: bags and what their manifests state, pages, tables, results for a CI."""
+"""Parts of `slosh replay`: bags with manifests, pages, tables, results for CI."""

@@ -1,4 +1,4 @@
-"""The page over all bags of a replay, with links to theirs."""
+"""The index page of all replayed bags."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _HEAD = 4096
 
 
 def check_index(folder: Path, tasks: Sequence[Task]) -> None:
-    """Refuses to replace a page that is no index.
+    """Refuses to overwrite a page that is not an index.
 
     Raises:
         SloshBringupError: one would be, an earlier one or a bag's of this replay.

@@ -1,4 +1,4 @@
-"""Results of checks as JUnit XML, which every CI reads."""
+"""Writes results of checks as JUnit XML, which CI systems read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 class Case(NamedTuple):
-    """One thing that was looked at.
+    """One check in a JUnit file.
 
     Attributes:
         name: what it is.
@@ -29,7 +29,7 @@ class Case(NamedTuple):
 
 
 class Suite(NamedTuple):
-    """What was looked at in one go.
+    """A group of checks in a JUnit file.
 
     Attributes:
         name: of what was looked at.

@@ -51,7 +51,7 @@ def write_page(
 
 
 def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
-    """When and with what it was recorded, and with what replayed; the same each time."""
+    """Returns date, settings, model and program version of a replay; reproducible."""
     start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
     facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(run))}
     if result.model is not None:
@@ -61,13 +61,13 @@ def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
 
 
 def figures(report: RunReport, result: ReplayResult) -> str:
-    """The numbers of a page as JSON, in full precision, with the whole replay under `replay`."""
+    """Returns the numbers of a page as JSON at full precision, with the replay under `replay`."""
     document = {**report_document(report), "replay": json.loads(result.to_json(series=True))}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) -> RunReport:
-    """What the page of a replay shows, with the bag's own images, predictions and topics.
+    """Makes the report of a replay, with the bag's images, predictions and topics.
 
     Args:
         run: where these are.
@@ -86,7 +86,7 @@ def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) ->
 
 
 class PredictedMotion(NamedTuple):
-    """A planned motion: its number, and what was predicted, estimated and measured of it [m].
+    """A planned motion: its id, its predicted, estimated and measured peak [m].
 
     Attributes:
         id: counts the planned trajectories.
@@ -102,7 +102,7 @@ class PredictedMotion(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The three heights, for people."""
+        """Describes the three heights."""
         heights = (
             f"highest {1e3 * self.predicted:.1f} mm predicted, {1e3 * self.estimated:.1f} mm "
             f"estimated, {1e3 * self.measured:.1f} mm measured"
@@ -111,7 +111,7 @@ class PredictedMotion(NamedTuple):
 
 
 def predicted_motions(reader: BagReader) -> tuple[PredictedMotion, ...]:
-    """The planned motions of a recording's first cell, in their order.
+    """Returns the planned motions of a recording's first cell, in order.
 
     Raises:
         SloshBagError: the bag cannot be read.

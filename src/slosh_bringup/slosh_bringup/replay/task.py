@@ -1,4 +1,4 @@
-"""Replays one bag and writes what it gives."""
+"""Replays one bag and writes the results."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PAGES = (".html", ".json")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A bag to replay, with the options of its replay.
+    """A bag to replay, with its options.
 
     Attributes:
         bag: folder or file.
@@ -75,7 +75,7 @@ class Task:
     given: WantedInput | None = None
 
     def absolute(self) -> Task:
-        """The same with paths that do not hang on the working directory."""
+        """Returns the task with absolute paths."""
         model, output = self.model, self.output
         return replace(
             self,
@@ -87,7 +87,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What is told of a replayed bag: small, whatever the bag's length.
+    """Summary of a replayed bag; its size does not depend on the bag's length.
 
     Attributes:
         name: of the bag.
@@ -119,7 +119,7 @@ class Replayed:
 
 
 def replay_task(task: Task) -> Replayed:
-    """Replays a bag.
+    """Replays a recorded bag: selects its topics and runs the cores.
 
     Raises:
         SloshBagError: it cannot be replayed.
@@ -197,7 +197,7 @@ def _in_short(found: Verification | None) -> str:
 
 
 def _document(result: ReplayResult, checked: CheckedReplay | None) -> dict[str, Any]:
-    """All figures, and what the checks came to."""
+    """Returns all figures, and the results of the checks."""
     points = None
     if checked is not None:
         points = [{"name": point.name, "failure": point.failure} for point in checked.points]
@@ -205,7 +205,7 @@ def _document(result: ReplayResult, checked: CheckedReplay | None) -> dict[str, 
 
 
 def unique_names(bags: Sequence[Path]) -> list[str]:
-    """A name for each bag: its own, with those of its parents where several bags share it."""
+    """Returns a unique name for each bag, extended by its parents' names if needed."""
     paths = [path.resolve() for path in bags]
     stems = [path.with_name(path.name.removesuffix(".mcap")) for path in paths]
     alike = Counter(stems)
@@ -232,7 +232,7 @@ def unique_names(bags: Sequence[Path]) -> list[str]:
 
 @contextmanager
 def new_bag(folder: Path) -> Iterator[OutputBag]:
-    """A bag of outputs, which appears when it is whole; that of an earlier replay is replaced.
+    """Writes a bag of outputs that appears when complete; replaces that of an earlier replay.
 
     Raises:
         SloshBringupError: the folder holds something else; nothing of it is touched.
@@ -249,7 +249,7 @@ def new_bag(folder: Path) -> Iterator[OutputBag]:
 
 
 def remove_unfinished(tasks: Sequence[Task]) -> None:
-    """Removes what processes that were killed at their work have left in the folder of results."""
+    """Removes temporary files of killed processes from the output folders."""
     for task in tasks:
         if task.output is not None:
             slosh_base.files.remove_unfinished(task.output, PAGES)
@@ -259,7 +259,7 @@ def remove_unfinished(tasks: Sequence[Task]) -> None:
 
 
 def _check_pages(bag: Path) -> None:
-    """Refuses to replace a page and figures that belong to no earlier replay's bag.
+    """Refuses to overwrite a page and figures that do not belong to an earlier replay.
 
     Raises:
         SloshBringupError: they would be replaced.
@@ -274,7 +274,7 @@ def _check_pages(bag: Path) -> None:
 
 
 def _may_replace(folder: Path) -> bool:
-    """Whether nothing is there but a bag of outputs."""
+    """Whether the folder holds nothing but a bag of outputs."""
     if not folder.exists() and not folder.is_symlink():
         return True
     if not folder.is_dir() or folder.is_symlink():

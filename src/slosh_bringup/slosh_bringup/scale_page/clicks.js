@@ -1,11 +1,12 @@
 "use strict";
-// Two clicks on the still image, as the words of a command; pixels are counted from the middle of the first one.
+// Clicks on an image, as the words of a command; pixels are counted from the middle of the first one.
 
 const still = document.getElementById("still");
 const marks = document.getElementById("marks");
 const glass = document.getElementById("glass");
 const command = document.getElementById("command");
 const ZOOM = 8;
+const LEAST = Number(command.dataset.least), MOST = Number(command.dataset.most);
 let ends = [];
 let last = 0;
 
@@ -43,30 +44,30 @@ function draw() {
   context.lineWidth = 1.5 * thick;
   const shown = ends.map(([u, v]) => [u + 0.5, v + 0.5]);
   for (const end of shown) cross(context, end, 12 * thick);
-  if (shown.length === 2) {
+  if (shown.length > 1) {
     context.beginPath();
-    context.moveTo(...shown[0]);
-    context.lineTo(...shown[1]);
+    shown.forEach((at, k) => context[k ? "lineTo" : "moveTo"](...at));
     context.stroke();
   }
   if (ends.length) magnify(ends[last]);
-  command.textContent = ends.length < 2 ? `${2 - ends.length} more to click` : words();
+  command.textContent = ends.length < LEAST ? `${LEAST - ends.length} more to click` : words();
 }
 
 function words() {
-  const [left, right] = [...ends].sort((one, other) => one[0] - other[0]);
-  const numbers = [...left, ...right].map((value) => value.toFixed(1)).join(" ");
+  const [left, right] = ends.slice(0, 2).sort((one, other) => one[0] - other[0]);
+  const numbers = [left, right, ...ends.slice(2)].flat().map((value) => value.toFixed(1)).join(" ");
   return `${command.dataset.before} ${numbers} ${command.dataset.after}`;
 }
 
 still.addEventListener("click", (event) => {
   const at = pixel(event);
-  if (ends.length < 2) { ends.push(at); last = ends.length - 1; }
+  if (ends.length < MOST) { ends.push(at); last = ends.length - 1; }
   else { last = distance(ends[0], at) < distance(ends[1], at) ? 0 : 1; ends[last] = at; }
   draw();
 });
 still.addEventListener("mousemove", (event) => magnify(pixel(event)));
 addEventListener("keydown", (event) => {
+  if (event.key === "Backspace" && ends.length) { ends.pop(); last = Math.max(ends.length - 1, 0); draw(); }
   const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
   if (!step || !ends.length) return;
   event.preventDefault();

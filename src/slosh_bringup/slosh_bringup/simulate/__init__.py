@@ -1,1 +1,1 @@
-"""A motion table's prediction: its answer, what looks wrong in the table, files and picture."""
+"""Simulates a motion table: results, checks of the table, files and picture."""

@@ -1,4 +1,4 @@
-"""What a simulated motion comes to, beside limit and rim, and what looks wrong in its table."""
+"""Result of a simulated motion: limit, rim, and doubts about its table."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_metrics.input_checks.table_checks import InputDoubt, motion_doubts
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs
+from slosh_model.wall import Wall, WallPlace
+from slosh_plan.limits import HeightLimits
 from slosh_plan.validity import greatest
 from slosh_tables.motion_table import MotionTable
 
@@ -25,7 +27,7 @@ MOST_OF_A_PERIOD = 0.5
 
 @dataclass(frozen=True, slots=True)
 class SimulationAnswer:
-    """What a simulated motion comes to.
+    """Result of a simulated motion.
 
     Attributes:
         model: its name.
@@ -37,8 +39,8 @@ class SimulationAnswer:
         freeboard: height of the rim above the still level [m]; None: unknown.
         acceleration: greatest ‖a‖ of the motion [m/s²].
         jerk: greatest change of it [m/s³].
-        wall: what the liquid's greatest height is on a wall that leans; see
-            `Container.wall_facts`.
+        rim_distance: least vertical distance to the rim that is allowed [m]; 0: the rim itself.
+        wall: the container's.
         outside: why this model was not validated for it, one text each; empty: it was.
         doubts: what looks wrong in the table, one text each.
     """
@@ -52,27 +54,38 @@ class SimulationAnswer:
     freeboard: float | None
     acceleration: float
     jerk: float
-    wall: dict[str, float]
+    rim_distance: float
+    wall: Wall
     outside: tuple[str, ...]
     doubts: tuple[InputDoubt, ...]
 
     @property
     def doubtful(self) -> bool:
-        """Whether the table is not what it claims to be, and the answer wrong."""
+        """Whether the table looks wrong, so that the result is unreliable."""
         return any(doubt.wrong for doubt in self.doubts)
 
     @property
     def over_limit(self) -> bool | None:
-        """Whether the peak exceeds the limit; None: there is none."""
+        """Whether the peak exceeds the limit; None: no limit."""
         return None if self.limit is None else self.peak > self.limit
+
+    @property
+    def place(self) -> WallPlace:
+        """Where the liquid stands at its greatest height."""
+        return self.wall.place(self.liquid_peak)
 
     @property
     def over_rim(self) -> bool | None:
         """Whether the liquid rises above the rim; None: the model does not tell its height."""
-        return None if self.freeboard is None else self.liquid_peak > self.freeboard
+        return None if self.freeboard is None else self.place.distance_to_rim < 0.0
+
+    @property
+    def too_near(self) -> bool | None:
+        """Whether it rises above the distance to the rim that is to be kept; None: as above."""
+        return None if self.freeboard is None else self.place.distance_to_rim < self.rim_distance
 
     def facts(self) -> dict[str, Any]:
-        """The answer for programs, in SI units; what is unknown is None."""
+        """Returns the result as a dictionary in SI units; unknown values are None."""
         return {
             "model": self.model,
             "peak": self.peak,
@@ -84,19 +97,26 @@ class SimulationAnswer:
             "over_limit": self.over_limit,
             "freeboard": self.freeboard,
             "over_rim": self.over_rim,
-            "wall": self.wall,
+            "rim_distance": self.rim_distance,
+            "over_rim_distance": self.too_near,
+            "wall": self._wall_facts(),
             "peak_acceleration": self.acceleration,
             "peak_jerk": self.jerk,
             "warnings": list(self.doubts),
         }
 
     def text(self) -> str:
-        """The answer in one line, heights in mm."""
+        """Formats the result in one line, heights in mm."""
         parts = [f"{self.model}: peak {1e3 * self.peak:.1f} mm at t = {self.peak_time:.3f} s"]
         if self.limit is not None:
             parts.append(_beside(self.peak - self.limit, "the limit", self.limit))
         if self.freeboard is not None:
-            parts.append(_beside(self.liquid_peak - self.freeboard, "the rim", self.freeboard))
+            parts.append(_beside(-self.place.distance_to_rim, "the rim", self.freeboard))
+            if self.rim_distance > 0.0:
+                least = (
+                    f"{'' if self.too_near else 'not '}less than {1e3 * self.rim_distance:g} mm"
+                )
+                parts.append(f"{least} to the rim")
         parts += self._on_wall()
         outside = f"outside validity ({', '.join(self.outside)})"
         valid = "input doubtful, see the warning" if self.doubtful else "within validity"
@@ -104,31 +124,38 @@ class SimulationAnswer:
         return ", ".join(parts)
 
     def _on_wall(self) -> list[str]:
-        found = []
-        if "along_wall" in self.wall and math.isfinite(self.wall["along_wall"]):
-            found.append(f"{1e3 * self.wall['along_wall']:.1f} mm along the leaning wall")
-        if "crest_ratio" in self.wall:
+        found, along, wall = [], self.place.height_along_wall, self.wall
+        if wall.leans and math.isfinite(along):
+            found.append(f"{1e3 * along:.1f} mm along the inclined wall")
+        if wall.crest_inside:
             found.append(
-                f"the crest is inside ({1e3 * self.wall['crest_place']:.0f} mm from the axis), "
-                f"{self.wall['crest_ratio']:.2f} times as high"
+                f"the crest is {1e3 * wall.crest_place:.0f} mm from the axis, "
+                f"{wall.crest_ratio:.2f} times as high"
             )
         return found
+
+    def _wall_facts(self) -> dict[str, float | None]:
+        """The place on the wall for programs; what is unknown is None."""
+        facts = {**self.place._asdict()}
+        if self.wall.crest_inside:
+            facts |= {"crest_ratio": self.wall.crest_ratio, "crest_place": self.wall.crest_place}
+        return {name: value if math.isfinite(value) else None for name, value in facts.items()}
 
 
 def make_answer(
     model: Model,
     inputs: Inputs,
     heights: tuple[Array, Array],
-    limit: float | None,
+    limits: HeightLimits,
     doubts: tuple[InputDoubt, ...],
 ) -> SimulationAnswer:
-    """The answer to a motion.
+    """Makes the result of a motion.
 
     Args:
         model: what was simulated.
         inputs: the motion.
         heights: (N,) as a sensor reads it, and (N,) the liquid's own maximum [m].
-        limit: greatest height that is allowed [m]; None: not asked.
+        limits: what was asked to be kept.
         doubts: what looks wrong in the table.
     """
     read, liquid = heights
@@ -140,18 +167,19 @@ def make_answer(
         peak=float(read[peak]),
         peak_time=float(inputs.t[peak]),
         liquid_peak=float(liquid.max()),
-        limit=limit,
+        limit=limits.height if math.isfinite(limits.height) else None,
         freeboard=model.container.freeboard,
         acceleration=acceleration,
         jerk=jerk,
-        wall=model.container.wall_facts(float(liquid.max())),
+        rim_distance=limits.rim_distance,
+        wall=model.container.wall,
         outside=_outside(model, acceleration, jerk, float(liquid.max())),
         doubts=doubts,
     )
 
 
 def _outside(model: Model, acceleration: float, jerk: float, peak: float) -> tuple[str, ...]:
-    """What exceeds the limits of validity; those of a plane surface where the model is linear."""
+    """Describes which limits of validity are exceeded; linear models have tighter ones."""
     limits = model.limits
     failing = model.container.linear_height
     bounds = (limits.acceleration, limits.jerk)
@@ -172,7 +200,7 @@ def _beside(excess: float, name: str, bound: float) -> str:
 
 
 def check_possible(path: Path, motion: MotionTable) -> None:
-    """Refuses a table whose accelerations no container undergoes.
+    """Refuses a table with physically impossible accelerations.
 
     Raises:
         SloshBringupError: one does; the text names the file, the time and the value.
@@ -188,7 +216,7 @@ def check_possible(path: Path, motion: MotionTable) -> None:
 
 
 def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
-    """What looks wrong in a table, one text each; empty: nothing does."""
+    """Returns what looks wrong in a table, one text each; empty: nothing."""
     period = 2.0 * math.pi / model.mode_frequency(1)
     step = float(np.median(np.diff(motion.t))) if len(motion.t) > 1 else 0.0
     if step > MOST_OF_A_PERIOD * period:

@@ -1,4 +1,4 @@
-"""A picture of simulated heights: the curve, its peak, limit and rim, and the motion below."""
+"""Draws simulated heights: the curve, its peak, limit and rim, and the motion."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def write_chart(
 
 @contextmanager
 def new_picture(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Gives an empty figure of a size [in]; writes it to a `.png` or `.svg` file in the end.
+    """Yields an empty figure of a size [in]; writes it as `.png` or `.svg` at the end.
 
     Raises:
         OSError: the file cannot be written; what was there is as it was.
@@ -79,7 +79,7 @@ def _draw_heights(axes: Any, t: Array, msh: Array, answer: SimulationAnswer) -> 
 
 
 def _draw_bound(axes: Any, bound: float, name: str, peak: float) -> None:
-    """A dotted line; one that is far above the curve would flatten it and is left out."""
+    """Draws a dotted bound; leaves it out if it is far above the curve."""
     if bound < FAR * peak:
         axes.axhline(bound, color="tab:red", linestyle=":")
         axes.annotate(name, (0.995, bound), xycoords=axes.get_yaxis_transform(), ha="right",

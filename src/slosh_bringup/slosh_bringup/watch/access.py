@@ -1,4 +1,4 @@
-"""Who may look at a cell's page: a browser runs what strangers send it, beside this page.
+"""Access rules of a cell's page, since browsers run scripts of other sites.
 
 A page of a stranger must get nothing, whatever name its server has taken on: a request names the
 host that its sender believes to speak to (against DNS rebinding) and, from within a page, that
@@ -33,7 +33,7 @@ HEADERS = {
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """The rules of one server.
+    """The access rules of one server.
 
     Attributes:
         host: the address on which it listens.
@@ -53,7 +53,7 @@ class Access:
         return f"http://{name}:{self.port}/" + (f"?{TOKEN}={self.token}" if self.token else "")
 
     def refusal(self, headers: Mapping[str, str], query: str, *, data: bool) -> str:
-        """Why a request is refused; empty: it is not.
+        """Returns why a request is refused; empty: it is allowed.
 
         Args:
             headers: of the request, their names in lower case.
@@ -87,7 +87,7 @@ class Access:
 
 
 def new_access(host: str, port: int) -> Access:
-    """The rules of a server; with a new token where others than this machine reach it."""
+    """Makes the rules of a server, with a new token if other hosts can reach it."""
     return Access(host, port, "" if host in LOOPBACK else secrets.token_urlsafe(16))
 
 
@@ -97,7 +97,7 @@ def _own_names() -> tuple[str, ...]:
 
 
 def _is_address(name: str) -> bool:
-    """A number cannot be made to point elsewhere; a name can."""
+    """Whether a host name is a numeric address, which DNS cannot redirect."""
     try:
         ipaddress.ip_address(name)
     except ValueError:

@@ -1,21 +1,30 @@
-"""Messages of a cell, live or of a recording, given to the state of its page."""
+"""Passes messages of a live or recorded cell to the state of its page."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 from pathlib import Path
 from typing import Any
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.watch.picture import Camera
-from slosh_bringup.watch.state import Compared, Estimated, LimitNews, Surface, WatchState
-from slosh_replay.recording.settings import NodeStart
+from slosh_bringup.watch.state import (
+    CalmNews,
+    Compared,
+    Estimated,
+    Fused,
+    LimitNews,
+    Surface,
+    WatchState,
+)
+from slosh_replay.recording.settings import NodeStart, model_of
 
 CAMERA, MODEL = "the camera", "the estimator"
 
 
 def hear_comparison(state: WatchState, message: Any, now: float) -> None:
-    """Gives a SloshComparison that came now [s]."""
+    """Passes on a SloshComparison received at a time [s]."""
     silent = ((CAMERA, message.measured_stale), (MODEL, message.estimate_stale))
     compared = Compared(
         stamp_ns(message),
@@ -35,7 +44,7 @@ def hear_comparison(state: WatchState, message: Any, now: float) -> None:
 
 
 def hear_surface(state: WatchState, message: Any) -> None:
-    """Gives a FreeSurface."""
+    """Passes on a FreeSurface."""
     state.take_surface(
         Surface(
             stamp_ns(message),
@@ -49,13 +58,32 @@ def hear_surface(state: WatchState, message: Any) -> None:
 
 
 def hear_estimate(state: WatchState, message: Any, now: float) -> None:
-    """Gives a SloshEstimate that came now [s]."""
+    """Passes on a SloshEstimate received at a time [s]."""
     highest = message.nonlinear
     state.take_estimate(Estimated(stamp_ns(message), highest.msh, highest.azimuth), now)
 
 
+def hear_fused(state: WatchState, message: Any) -> None:
+    """Passes on a FusedEstimate."""
+    state.take_fused(Fused(stamp_ns(message), message.msh, message.msh_stddev))
+
+
+def hear_calm(state: WatchState, message: Any, now: float) -> None:
+    """Passes on a Calm with its time of arrival [s]."""
+    state.take_calm(
+        CalmNews(
+            message.calm,
+            message.reason,
+            message.bound,
+            message.tolerance,
+            message.time_until_calm,
+        ),
+        now,
+    )
+
+
 def hear_event(state: WatchState, message: Any) -> None:
-    """Gives a LimitEvent."""
+    """Passes on a LimitEvent."""
     state.take_event(
         LimitNews(
             stamp_ns(message),
@@ -69,14 +97,18 @@ def hear_event(state: WatchState, message: Any) -> None:
 
 
 def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
-    """Gives what a node works with: the monitor's limits, the camera's calibration."""
+    """Gives what a node works with: limits, the container's wall, the camera's calibration."""
     state.take_parameters(start.node, start.parameters, goes_on=bool(start.changed))
+    if start.node == "estimator":
+        # Whoever speaks on that topic may say anything.
+        with contextlib.suppress(ValueError):
+            state.take_container(model_of(start).container)
     if start.node == "camera":
         folder = Path(str(start.parameters.get("calibration", ""))).parent
         camera.take_calibration(start.files.get("calibration", ""), folder)
 
 
 def stamp_ns(message: Any) -> int:
-    """A message's stamp [ns]."""
+    """Returns a message's stamp [ns]."""
     stamp = message.header.stamp
     return int(stamp.sec) * SECOND + int(stamp.nanosec)

@@ -1,4 +1,4 @@
-"""A recording as the frames that a viewer would have seen."""
+"""Converts a recording to the frames that a live viewer would have seen."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ class RecordedFrames:
         self.start = max(first_happening(self.frames) - BEFORE, 0)
 
     def about(self) -> dict[str, Any]:
-        """What the page must know before it asks for frames."""
+        """Returns the facts that the page needs before it requests frames."""
         facts = {"name": self._bag.name, "frames": len(self.frames), "period": PERIOD}
         return {**facts, "start": self.start}
 
     def picture(self, frame: int) -> bytes | None:
-        """The camera's image at a frame, with its heading; None: there is none."""
+        """Returns the camera's image at a frame with its header; None: no image."""
         surface = self._surfaces[frame] if 0 <= frame < len(self._surfaces) else None
         if surface is None:
             return None
@@ -92,7 +92,7 @@ class RecordedFrames:
 
 
 def first_happening(frames: Sequence[str]) -> int:
-    """The frame in which a limit is first exceeded, or else the liquid first moves; 0: neither.
+    """Returns the frame of the first limit event, else of the first motion; 0: neither.
 
     Args:
         frames: of a recording, as JSON.
@@ -108,7 +108,7 @@ def first_happening(frames: Sequence[str]) -> int:
 
 
 class _Listener:
-    """Hears a recording's messages as the watch node hears a cell's."""
+    """Processes a recording's messages as the watch node processes live ones."""
 
     def __init__(self, reader: BagReader, bag: Path) -> None:
         self.reader = reader
@@ -128,7 +128,7 @@ class _Listener:
             )
 
     def frames(self) -> Iterator[tuple[str, Any]]:
-        """Frames, and the newest surface at each."""
+        """Yields frames, each with the newest surface."""
         end_ns = None
         for message in self.reader.messages(self._names):
             name = self._names[message.topic]
@@ -153,6 +153,10 @@ class _Listener:
         elif name == "free_surface":
             self._surface = decoded
             hearing.hear_surface(self._state, decoded)
+        elif name == "fused_estimate":
+            hearing.hear_fused(self._state, decoded)
+        elif name == "calm":
+            hearing.hear_calm(self._state, decoded, now)
         elif name == "limit_event":
             hearing.hear_event(self._state, decoded)
         elif name == TOPIC:

@@ -1,4 +1,4 @@
-"""The page over HTTP, and its frames over one WebSocket; nothing is taken from a viewer."""
+"""Serves the page over HTTP and its frames over a WebSocket; ignores viewers' data."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ KEPT = 300
 
 
 class Guard:
-    """Lets through what the rules allow, and puts their headers on each answer.
+    """Applies the access rules and adds security headers to each response.
 
     Args:
         app: what is guarded.
@@ -55,7 +55,7 @@ class Guard:
         self._app, self._access = app, access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers a request; the ASGI interface."""
+        """Answers a request (ASGI interface)."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -78,7 +78,7 @@ class Guard:
 
 
 def live_app(hub: Hub, access: Access) -> Guard:
-    """The page of a running cell."""
+    """Makes the web application of a running cell."""
 
     async def watch(socket: WebSocket) -> None:
         if hub.viewers >= VIEWERS:
@@ -95,7 +95,7 @@ def live_app(hub: Hub, access: Access) -> Guard:
 
 
 def recording_app(recording: RecordedFrames, access: Access) -> Guard:
-    """The page of a recording."""
+    """Makes the web application of a recording."""
 
     def about(request: Request) -> Response:
         return JSONResponse(recording.about())
@@ -138,7 +138,7 @@ def _number(request: Request, name: str) -> int:
 
 
 async def _show(socket: WebSocket, hub: Hub) -> None:
-    """Sends what is new, for ever; waits for a slow viewer and for nobody else."""
+    """Sends new frames until cancelled; a slow viewer delays only itself."""
     seen = (0, 0)
     while True:
         news = await hub.after(seen)
@@ -150,7 +150,7 @@ async def _show(socket: WebSocket, hub: Hub) -> None:
 
 
 async def _until_it_leaves(socket: WebSocket, work: Any) -> None:
-    """Works until the viewer has gone; what it says is not read."""
+    """Runs until the viewer has left; ignores its messages."""
     task = asyncio.ensure_future(work)
     try:
         while not task.done():
@@ -168,7 +168,7 @@ async def _until_it_leaves(socket: WebSocket, work: Any) -> None:
 
 
 class WatchServer:
-    """Serves a page from a thread of its own.
+    """Serves a page in its own thread.
 
     Args:
         listener: a listening socket; see `listen`.
@@ -188,19 +188,19 @@ class WatchServer:
         self._started.wait()
 
     def call(self, function: Callable[..., None], *arguments: Any) -> None:
-        """Has something done in the server's loop, soon."""
+        """Calls a function in the server's event loop soon."""
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     def stop(self) -> None:
-        """Ends the server and its viewers."""
+        """Stops the server and disconnects its viewers."""
         if self._server is not None:
             self._server.should_exit = self._server.force_exit = True
         self._thread.join(timeout=5.0)
 
     def wait(self) -> None:
-        """Returns when the server has ended."""
+        """Waits until the server has ended."""
         while self._thread.is_alive():
             self._thread.join(timeout=0.2)
 
@@ -220,7 +220,7 @@ class WatchServer:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A listening socket.
+    """Opens a listening socket.
 
     Raises:
         SloshBringupError: the address is none of this machine's, or the port is taken.
@@ -237,7 +237,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 class News(NamedTuple):
-    """What a viewer has not seen.
+    """Frames and picture that a viewer has not received.
 
     Attributes:
         frames: as JSON, in their order.
@@ -251,7 +251,7 @@ class News(NamedTuple):
 
 
 class Hub:
-    """Takes frames and pictures in the server's loop and gives them to whoever asks.
+    """Distributes frames and pictures to the viewers, in the server's loop.
 
     What is new is put once; each viewer takes what has come since it took last. A slow viewer
     gets more at once and at last misses what is older than the drawing; it holds nobody up.
@@ -268,19 +268,19 @@ class Hub:
         self._news = asyncio.Event()
 
     def put_frame(self, frame: str) -> None:
-        """Takes the next frame."""
+        """Adds the next frame."""
         self._frames.append(frame)
         self._last = (self._last[0] + 1, self._last[1])
         self._tell()
 
     def put_picture(self, picture: bytes) -> None:
-        """Takes the newest picture."""
+        """Sets the newest picture."""
         self._picture = picture
         self._last = (self._last[0], self._last[1] + 1)
         self._tell()
 
     async def after(self, seen: tuple[int, int] = (0, 0)) -> News:
-        """Waits for what is newer than what a viewer has seen."""
+        """Waits for news that a viewer has not received."""
         while seen == self._last:
             await self._news.wait()
         missed = min(self._last[0] - seen[0], len(self._frames))

@@ -1,4 +1,4 @@
-"""What a cell's topics have said, as the frames that its page is drawn from.
+"""Collects the messages of a cell's topics and makes frames for its page.
 
 A frame holds what is new since the one before it, and what is true now. Heights are in metres,
 azimuths in radians, times in seconds from the first stamp; NaN is null. Time is an argument: live
@@ -13,11 +13,15 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from slosh_base.files.nanoseconds import SECOND
 from slosh_bringup.cell_watch import SILENT, NodeReport
 from slosh_bringup.processes import NODES
 from slosh_bringup.watch.verdict import SILENCE, judge
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_model.containers import Container
+from slosh_model.wall import Wall
 from slosh_report.json_values import plain
 
 PERIOD = 0.1
@@ -26,6 +30,8 @@ KEPT_EVENTS, SLOW = 20, 10
 """Events that are shown; every so manieth frame holds events and nodes."""
 MOST_NODES = 40
 """Nodes that are shown, and those of a cell whatever comes: each frame names them all."""
+KEPT_FUSED, NEAR_NS = 200, SECOND // 50
+"""Number of stored fused states, and largest distance of one from its drawn time [ns]."""
 ALONE = SILENCE
 """After so long without a comparison the estimate is drawn by itself [s]."""
 BACKWARDS = 3.0
@@ -35,7 +41,7 @@ START = 0
 
 
 class Compared(NamedTuple):
-    """Of a SloshComparison, what is shown; heights of the nonlinear model."""
+    """The shown part of a SloshComparison; heights of the nonlinear model."""
 
     stamp_ns: int
     measured: float
@@ -51,7 +57,7 @@ class Compared(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """Of a FreeSurface, what is shown: the highest place and the line on the wall."""
+    """The shown part of a FreeSurface: the highest point and the line on the wall."""
 
     stamp_ns: int
     height: float
@@ -62,15 +68,33 @@ class Surface(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Of a SloshEstimate, what is shown: the nonlinear model's highest place."""
+    """The shown part of a SloshEstimate: the nonlinear model's highest point."""
 
     stamp_ns: int
     height: float
     azimuth: float
 
 
+class Fused(NamedTuple):
+    """Displayed fields of a FusedEstimate."""
+
+    stamp_ns: int
+    height: float
+    stddev: float
+
+
+class CalmNews(NamedTuple):
+    """Displayed fields of a Calm: height and tolerance [m], time until calm [s]."""
+
+    calm: bool
+    reason: int
+    bound: float
+    tolerance: float
+    wait: float
+
+
 class LimitNews(NamedTuple):
-    """Of a LimitEvent, what is shown."""
+    """The shown part of a LimitEvent."""
 
     stamp_ns: int
     id: int
@@ -81,7 +105,7 @@ class LimitNews(NamedTuple):
 
 
 class WatchState:
-    """Takes what is said, gives frames.
+    """Collects messages and makes frames.
 
     Args:
         command: the command that finds why the two sides disagree; empty: none fits.
@@ -97,36 +121,48 @@ class WatchState:
         self._compared_at = self._estimated_at = -math.inf
         self._surface: Surface | None = None
         self._estimated: Estimated | None = None
+        self._fused: deque[Fused] = deque(maxlen=KEPT_FUSED)
+        self._calm: tuple[CalmNews, float] | None = None
         self._settings = MonitorSettings()
+        self._wall: Wall | None = None
+        self._container: dict[str, Any] = {}
         self._events: deque[LimitNews] = deque(maxlen=KEPT_EVENTS)
         self._open: dict[int, LimitNews] = {}
         self._nodes: dict[str, tuple[NodeReport, float]] = {}
-        self._rows: list[tuple[float, float, float]] = []
+        self._rows: list[tuple[float, ...]] = []
 
     def is_alone(self, now: float) -> bool:
-        """Whether the estimate has to be drawn by itself: no comparison tells it."""
+        """Whether the estimate is drawn by itself, because no comparison contains it."""
         compared = self._compared
         silent = compared is None or compared.alone or not math.isfinite(compared.estimated)
         return silent or now - self._compared_at > ALONE
 
     def take_comparison(self, compared: Compared, now: float) -> None:
-        """Takes a comparison that came now [s]."""
+        """Stores a comparison received at a time [s]."""
         self._compared, self._compared_at = compared, now
         if math.isfinite(compared.measured) or math.isfinite(compared.estimated):
             self._add(compared.stamp_ns, compared.measured, compared.estimated)
 
     def take_surface(self, surface: Surface) -> None:
-        """Takes a measured surface."""
+        """Stores a measured surface."""
         self._surface = surface
 
     def take_estimate(self, estimated: Estimated, now: float) -> None:
-        """Takes the newest estimate; it is drawn where no comparison holds it."""
+        """Stores the newest estimate; it is drawn if no comparison contains it."""
         self._estimated, self._estimated_at = estimated, now
         if self.is_alone(now):
             self._add(estimated.stamp_ns, math.nan, estimated.height)
 
+    def take_fused(self, fused: Fused) -> None:
+        """Stores a fused state, which is drawn at the times of the other heights."""
+        self._fused.append(fused)
+
+    def take_calm(self, calm: CalmNews, now: float) -> None:
+        """Stores a calm state with its time of arrival [s]."""
+        self._calm = calm, now
+
     def take_event(self, event: LimitNews) -> None:
-        """Takes start or end of an excess."""
+        """Stores the start or end of a limit violation."""
         self._events.append(event)
         if event.kind == START:
             self._open[event.source] = event
@@ -136,7 +172,7 @@ class WatchState:
     def take_parameters(
         self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
     ) -> None:
-        """Takes what a node works with: the monitor's limits; at its start none is exceeded.
+        """Stores the monitor's limits; at its start no limit is exceeded.
 
         Args:
             node: its name.
@@ -149,15 +185,21 @@ class WatchState:
             self._open.clear()
         self._settings = MonitorSettings.from_told(parameters)
 
+    def take_container(self, container: Container) -> None:
+        """Takes the estimator's container: its wall from the side, and how far the rim is."""
+        self._wall = container.wall
+        outline = np.round(container.silhouette, 5).tolist()
+        self._container = {"outline": outline, "rim": container.freeboard}
+
     def take_report(self, report: NodeReport, now: float) -> None:
-        """Takes what a node says of its health; of too many names only those of a cell's nodes."""
+        """Stores a node's diagnostics; limits the number of unknown nodes."""
         known = report.node in self._nodes or report.node in NODES
         if not known and len(self._nodes) >= MOST_NODES:
             return
         self._nodes[report.node] = (report, now)
 
     def frame(self, now: float) -> str:
-        """The next frame, as JSON; to be asked for every PERIOD."""
+        """Returns the next frame as JSON; call it every PERIOD."""
         compared = self._compared
         exceeded = "; ".join(event.description for event in self._open.values())
         judgement = judge(
@@ -177,10 +219,12 @@ class WatchState:
             "rows": [[None if v != v else round(v, 7) for v in row] for row in rows],
             "now": self._now(now),
             "surface": self._shown_surface(now),
+            "calm": self._shown_calm(now),
         }
         if self._count % SLOW == 0:
             frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
             frame |= {"events": self._shown_events(), "command": self._advice()}
+            frame["container"] = self._container
         self._count += 1
         return json.dumps(plain(frame), allow_nan=False, separators=(",", ":"))
 
@@ -191,7 +235,17 @@ class WatchState:
         elif stamp_ns <= self._newest:
             return  # an estimate that a later comparison holds
         self._newest = stamp_ns
-        self._rows.append((self._seconds(stamp_ns), measured, estimated))
+        fused, stddev = self._fused_at(stamp_ns)
+        low = fused - 2.0 * stddev
+        band = (fused, max(low, 0.0) if low == low else low, fused + 2.0 * stddev)
+        self._rows.append((self._seconds(stamp_ns), measured, estimated, *band))
+
+    def _fused_at(self, stamp_ns: int) -> tuple[float, float]:
+        """Returns the fused height at a stamp and its standard deviation [m]; NaN: none near."""
+        near = min(self._fused, key=lambda one: abs(one.stamp_ns - stamp_ns), default=None)
+        if near is None or abs(near.stamp_ns - stamp_ns) > NEAR_NS:
+            return math.nan, math.nan
+        return near.height, near.stddev
 
     def _seconds(self, stamp_ns: int) -> float:
         return round((stamp_ns - self._origin) * 1e-9, 4)
@@ -207,11 +261,23 @@ class WatchState:
             shown["estimated"] = estimated.height
             if now - self._estimated_at > ALONE:
                 shown["estimated"] = math.nan
+        if self._wall is not None:
+            place = self._wall.place
+            shown["to_rim"] = {
+                side: round(float(place(shown.get(side, math.nan)).distance_to_rim), 5)
+                for side in ("measured", "estimated")
+            }
         return shown
 
     def is_fresh(self, now: float) -> bool:
-        """Whether the newest estimate is of now."""
+        """Whether the newest estimate is recent."""
         return now - self._estimated_at <= ALONE
+
+    def _shown_calm(self, now: float) -> dict[str, Any]:
+        """Returns the newest calm state; empty: none was received recently."""
+        if self._calm is None or now - self._calm[1] > ALONE:
+            return {}
+        return self._calm[0]._asdict()
 
     def _shown_surface(self, now: float) -> dict[str, Any]:
         surface, estimated = self._surface, self._estimated
@@ -227,7 +293,7 @@ class WatchState:
         return shown
 
     def _shown_limits(self) -> dict[str, dict[str, Any]]:
-        """Of each quantity that is watched the limit that holds, and what it is."""
+        """Returns the effective limit of each monitored quantity, with its name."""
         settings = self._settings
         return {
             source.name.lower(): {"height": limit, "name": settings.limit_name(source)}
@@ -259,7 +325,7 @@ class WatchState:
         ]
 
     def _advice(self) -> str:
-        """The command for who sees the two sides disagree."""
+        """Returns the command to run if model and camera disagree."""
         limit, compared = self._settings.disagreement_limit, self._compared
         facts = self._nodes["monitor"][0].facts if "monitor" in self._nodes else {}
         disagreeing = facts.get("motions that disagree", "0") not in ("0", "")

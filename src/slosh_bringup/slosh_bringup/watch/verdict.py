@@ -1,4 +1,4 @@
-"""Whether a cell is safe, in one word and one sentence."""
+"""Summarises whether a cell is safe, in one word and one sentence."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OK, WARN, ERROR, STALE, BLIND = range(5)
 
 
 class CellVerdict(Enum):
-    """What an operator reads across the room."""
+    """Safety state of a cell, shown in large letters."""
 
     SAFE = "safe"
     NEAR = "near limit"

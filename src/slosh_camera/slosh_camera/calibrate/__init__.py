@@ -1,1 +1,1 @@
-"""The calibration of a camera: its file, and its pose by a still image of a cup or of a board."""
+"""Camera calibration: its file, and the pose from a still image of a cup or a board."""

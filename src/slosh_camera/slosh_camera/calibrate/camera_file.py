@@ -31,7 +31,11 @@ from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCal
 from slosh_camera.optics.container import WALL
 from slosh_camera.optics.cup import Cup, CupView
 from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInterest
+from slosh_model.containers import SHAPES
+from slosh_model.errors import SloshModelError
+from slosh_model.model_text import container_section, parse_container
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _CONTAINER_KEYS = {
@@ -98,7 +102,7 @@ def read_any_calibration(path: str | Path) -> AnyCalibration:
 def parse_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> Calibration:
-    """Calibration of a cylindrical container from the text of its file.
+    """Parses the calibration of a cylindrical container.
 
     Args:
         text: YAML.
@@ -117,7 +121,7 @@ def parse_calibration(
 def parse_any_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> AnyCalibration:
-    """Calibration from the text of a file, of a cylinder or of a side view.
+    """Parses a calibration, of a cylinder or of a side view.
 
     Args:
         text: YAML.
@@ -135,7 +139,7 @@ def parse_any_calibration(
 
 
 def format_calibration(calibration: AnyCalibration) -> str:
-    """Text of a calibration file; parse_any_calibration of it gives the same calibration."""
+    """Formats a calibration file; parse_any_calibration restores the same calibration."""
     camera, pose = calibration.view.camera, calibration.view.pose
     container = _container_block(calibration)
     document: dict[str, Any] = {
@@ -170,6 +174,11 @@ def format_calibration(calibration: AnyCalibration) -> str:
 
 def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
     """The container's keys, without what is unknown."""
+    view = calibration.view
+    if isinstance(view, RoundView):
+        box = view.box
+        wall = {key: getattr(box, key) for key in WALL if key != "rim_height"}
+        return container_section(view.body) | wall
     if isinstance(calibration, SideCalibration):
         shape, holder = _RECTANGLE, asdict(calibration.view.box)
     else:
@@ -185,12 +194,15 @@ def _calibration(
     _check_calibrated(root, source)
     check_keys(root, _REQUIRED, _OPTIONAL, source, "")
     camera = camera_of(root, source)
-    container = _built(source, "container.", lambda: _container(root, source))
+    container = _built(source, "container.", lambda: _container(root, source, folder))
     pose = _built(source, "pose.", lambda: _pose(root, source))
     region = _built(source, "", lambda: _region(root, source))
     detection = _built(source, "detection.", lambda: _detection(root, source))
     name = camera_name(source)
     still = _still_image(root, source, folder)
+    if isinstance(container, RoundBody):
+        side = _built(source, "", lambda: RoundView(camera, pose, container))
+        return _built(source, "", lambda: SideCalibration(side, name, region, detection, still))
     if isinstance(container, Box):
         face = _built(source, "", lambda: BoxView(camera, pose, container))
         return _built(source, "", lambda: SideCalibration(face, name, region, detection, still))
@@ -199,7 +211,7 @@ def _calibration(
 
 
 def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
-    """Refuse a file that has a camera and a container but no pose, with the way to one."""
+    """Refuse a file without a pose, and say how to obtain one."""
     if "pose" not in root and "container" in root and "camera_matrix" in root:
         raise SloshCameraError(
             f"{place(source, 'pose')}: is missing: the camera is not calibrated yet; run "
@@ -208,13 +220,15 @@ def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
         )
 
 
-def _container(root: Mapping[str, Any], source: YamlDocument) -> Cup | Box:
+def _container(root: Mapping[str, Any], source: YamlDocument, folder: Path | None) -> Cup | Box:
     block = mapping(root["container"], source, "container")
     shape = block.get("shape", _CYLINDER)
+    if isinstance(shape, str) and shape in SHAPES and shape not in _CONTAINER_KEYS:
+        return _body(block, source, folder)
     if not isinstance(shape, str) or shape not in _CONTAINER_KEYS:
         raise SloshCameraError(
             f"{place(source, 'container.shape')}: {shown(shape)}, must be "
-            f"{' or '.join(_CONTAINER_KEYS)}"
+            f"{' or '.join(_CONTAINER_KEYS)}, or a body of revolution"
         )
     required, optional = _CONTAINER_KEYS[shape]
     check_keys(block, required, (*optional, "shape"), source, "container.")
@@ -222,6 +236,21 @@ def _container(root: Mapping[str, Any], source: YamlDocument) -> Cup | Box:
         key: number(block[key], source, f"container.{key}") for key in block if key != "shape"
     }
     return Cup(**values) if shape == _CYLINDER else Box(**values)
+
+
+def _body(block: Mapping[str, Any], source: YamlDocument, folder: Path | None) -> RoundBody:
+    """A container by its contour, as a model has it, with its wall."""
+    wall = {
+        key: number(block[key], source, f"container.{key}")
+        for key in WALL
+        if key in block and key != "rim_height"
+    }
+    section = {key: value for key, value in block.items() if key not in wall}
+    try:
+        container = parse_container(section, folder or Path())
+    except SloshModelError as error:
+        raise SloshCameraError(f"{place(source, 'container')}: {error}") from None
+    return RoundBody.of(container, **wall)
 
 
 def _pose(root: Mapping[str, Any], source: YamlDocument) -> Pose:
@@ -288,7 +317,7 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
 
 
 def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
-    """Build an object; its own error gets the file's name and the key's place."""
+    """Build an object; its errors get the file's name and the key's position."""
     try:
         return build()
     except SloshCameraError as error:

@@ -1,4 +1,4 @@
-"""How far what is told about lens and container may be off, and what a fit makes of it."""
+"""Uncertainty of the given lens and container dimensions, and their corrections by a fit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUANTITIES = 3
 
 @dataclass(frozen=True, slots=True)
 class ToldDeviations:
-    """Standard deviations of what is told; 0: it is known.
+    """1 σ uncertainties of the given dimensions; 0: exact.
 
     Attributes:
         focal_length: relative.
@@ -32,7 +32,7 @@ class ToldDeviations:
 
     @property
     def stddev(self) -> FloatArray:
-        """The three numbers (QUANTITIES,) in the order above."""
+        """The three standard deviations (QUANTITIES,) in the order above."""
         return np.array([self.focal_length, self.wall_thickness, self.fill_height])
 
     @property
@@ -46,7 +46,7 @@ KNOWN = ToldDeviations()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Told:
-    """Lens and container as they were told.
+    """The nominal lens and container.
 
     Attributes:
         camera: the camera.
@@ -59,7 +59,7 @@ class Told:
     doubt: ToldDeviations = KNOWN
 
     def off_by(self, change: FloatArray) -> tuple[PinholeCamera, Cup]:
-        """Camera and container where what was told is off.
+        """Returns camera and container with the nominal values changed.
 
         Args:
             change: (QUANTITIES,) of the focal length's logarithm, the wall's thickness [m] and

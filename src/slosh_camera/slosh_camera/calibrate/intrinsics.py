@@ -1,4 +1,4 @@
-"""Intrinsic parameters from a file of ROS camera_calibration, or from a camera.yaml."""
+"""Reads intrinsic parameters from a ROS camera_calibration file or a camera.yaml."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficie
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownCamera:
-    """What a file tells before a calibration.
+    """Camera and container known before a calibration.
 
     Attributes:
         camera: intrinsic parameters.
@@ -43,7 +43,7 @@ class KnownCamera:
 
 
 def read_known_camera(path: str | Path) -> KnownCamera:
-    """Read the camera's keys, and the container's where there are any; others are left alone.
+    """Read the camera's keys, and the container's if present; ignore others.
 
     Args:
         path: file of ROS camera_calibration, or a camera.yaml.
@@ -65,7 +65,7 @@ def read_known_camera(path: str | Path) -> KnownCamera:
 
 
 def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCamera:
-    """A camera without distortion by its horizontal field of view.
+    """Makes a camera without distortion from its horizontal field of view.
 
     Args:
         width: image width [px].
@@ -87,7 +87,7 @@ def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCame
 
 
 def camera_of(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
-    """The camera of a file with the keys of ROS camera_calibration.
+    """Makes the camera of a file with the keys of ROS camera_calibration.
 
     Args:
         root: the file's keys.
@@ -109,7 +109,7 @@ def camera_of(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
 
 
 def lens_block(camera: PinholeCamera) -> dict[str, Any]:
-    """The keys of a camera's lens in a file."""
+    """Returns the file's keys of a camera's lens."""
     lens = [float(value) for value in camera.distortion]
     return {
         "distortion_model": camera.distortion_model,
@@ -118,14 +118,14 @@ def lens_block(camera: PinholeCamera) -> dict[str, Any]:
 
 
 def _placed(source: YamlDocument, error: SloshCameraError) -> SloshCameraError:
-    """The error with the file's name and the key's place."""
+    """Returns the error with the file's name and the key's position."""
     if str(error).startswith(f"{source.source}:"):
         return error
     return SloshCameraError(f"{source.where(str(error).partition(':')[0])}: {error}")
 
 
 def _lens_model(root: Mapping[str, Any], source: YamlDocument, lens: list[float]) -> str:
-    """The lens by `distortion_model`, or by `camera_model` of a fisheye calibration."""
+    """Returns the lens model from `distortion_model`, or from `camera_model` of a fisheye lens."""
     named = [root[key] for key in ("distortion_model", "camera_model") if root.get(key)]
     models = {
         lens_parameters(str(model), lens)[0]

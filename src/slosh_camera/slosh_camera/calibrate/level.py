@@ -1,4 +1,4 @@
-"""Whether a line across a container is the liquid's level, or may be another one.
+"""Decides whether a line across a container is the liquid's level.
 
 Printed rings, scales and seams lie where a level could. They differ from it: liquid changes what
 is below the line, a ring looks the same below and above; a level runs from side to side, a scale
@@ -27,7 +27,7 @@ from slosh_camera.calibrate.tuning import TUNING
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A line that may be the level.
+    """A candidate line for the level.
 
     Attributes:
         height: above the level of the pose [m].
@@ -42,7 +42,7 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class LevelLines:
-    """The lines on a container's front wall that may be the level.
+    """The candidate lines for the level on a container's front wall.
 
     Attributes:
         own: the one of the pose.
@@ -54,12 +54,12 @@ class LevelLines:
 
     @property
     def shows(self) -> bool:
-        """The level runs from side to side with another colour below, and has no rival."""
+        """Whether the level runs from side to side with another colour below, without a rival."""
         return self.rival is None and self.own.strength >= TUNING.shows
 
 
 def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
-    """The level of a pose as the image shows it, and the strongest line that rivals it.
+    """Returns the level of a pose in the image, and the strongest rival line.
 
     Args:
         edges: the image, without distortion.

@@ -1,4 +1,4 @@
-"""Long, nearly upright lines in an image: where a container's sides may be."""
+"""Finds long, nearly vertical lines in an image: candidates for a container's sides."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAX_PIXELS = 30_000
 
 @dataclass(frozen=True, slots=True)
 class UprightLine:
-    """The line u = column + lean (v - middle row), and how much edge lies on it.
+    """The line u = column + lean (v - middle row), and its edge support.
 
     Attributes:
         column: u in the image's middle row [px].
@@ -36,7 +36,7 @@ class UprightLine:
 
 
 def upright_lines(edges: EdgeImage, count: int, least: float) -> list[UprightLine]:
-    """The strongest upright lines of an image, by a Hough vote.
+    """Finds the strongest near-vertical lines of an image by a Hough transform.
 
     Each line found takes its pixels with it, so that one thick edge gives one line.
 
@@ -78,7 +78,7 @@ def upright_lines(edges: EdgeImage, count: int, least: float) -> list[UprightLin
 
 
 def _edge_pixels(edges: EdgeImage) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Columns, rows from the middle, supports and leans of the pixels on upright edges."""
+    """Returns columns, rows from the middle, supports and leans of near-vertical edge pixels."""
     across = edges.across.astype(np.float64)
     size = np.abs(across)
     steep = np.abs(edges.down) < (TUNING.most_lean + TUNING.lean_error) * size
@@ -114,7 +114,7 @@ def _vote(
 def _refine(
     u: FloatArray, v: FloatArray, weight: FloatArray, start: tuple[float, float]
 ) -> tuple[float, float]:
-    """Weighted straight line through the pixels near the start: column and lean."""
+    """Fits a weighted straight line to the pixels near the start: column and lean."""
     column, lean = start
     for reach in (2.0, 1.2):
         near = np.abs(u - column - lean * v) < reach

@@ -1,4 +1,4 @@
-"""The five numbers that place a round container before a camera, and the pose they give.
+"""The five parameters of a camera's pose relative to a round container.
 
 A turn about the container's own axis cannot be seen; the azimuth of the camera is chosen instead.
 """
@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class CameraPlace:
-    """Where a camera stands about an upright container, and how it looks.
+    """Position and orientation of a camera relative to an upright container.
 
     Attributes:
         distance: of the camera's centre from the container's axis [m].
@@ -36,12 +36,12 @@ class CameraPlace:
 
     @property
     def numbers(self) -> FloatArray:
-        """The five numbers in the order above."""
+        """The five parameters in the order above."""
         return np.array(astuple(self))
 
 
 def pose_of(place: CameraPlace, azimuth: float) -> Pose:
-    """Transform container -> camera.
+    """Returns the transform container -> camera.
 
     Args:
         place: the camera's place.
@@ -61,7 +61,7 @@ def pose_of(place: CameraPlace, azimuth: float) -> Pose:
 
 
 def place_of(pose: Pose) -> tuple[CameraPlace, float]:
-    """The inverse of pose_of: place and azimuth of the camera [rad].
+    """Inverse of pose_of: returns place and azimuth of the camera [rad].
 
     Raises:
         SloshCameraError: the camera stands on the container's axis.
@@ -85,14 +85,14 @@ def place_of(pose: Pose) -> tuple[CameraPlace, float]:
 
 
 def _upright(azimuth: float) -> FloatArray:
-    """Rotation container -> an upright camera that looks at the axis."""
+    """Returns the rotation container -> an upright camera that looks at the axis."""
     c, s = np.cos(azimuth), np.sin(azimuth)
     return np.array([[-s, c, 0.0], [0.0, 0.0, -1.0], [-c, -s, 0.0]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axis:
-    """The container's axis in the camera frame, from its two sides; its ends are still open.
+    """The container's axis in the camera frame from its two sides, without its ends.
 
     Attributes:
         up: (3,) unit vector along the axis.
@@ -106,22 +106,22 @@ class Axis:
 
     @property
     def rotation(self) -> FloatArray:
-        """Container -> camera for a camera at azimuth -90 deg; columns right, forward, up."""
+        """Rotation container -> camera at azimuth -90 deg; columns right, forward, up."""
         return np.column_stack((np.cross(self.forward, self.up), self.forward, self.up))
 
     def pitched(self, angle: float) -> Axis:
-        """The same axis seen from a camera pitched down further [rad]; sides hardly move."""
+        """Returns the axis seen from a camera pitched down further [rad]; sides hardly move."""
         c, s = np.cos(angle), np.sin(angle)
         return Axis(c * self.up + s * self.forward, c * self.forward - s * self.up, self.distance)
 
     def place(self, height: float) -> CameraPlace:
-        """The camera's place when it stands so high above the still level [m]."""
+        """Returns the camera's place for a height above the still level [m]."""
         translation = self.distance * self.forward - height * self.up
         return place_of(Pose(self.rotation, translation))[0]
 
 
 def axis_from_sides(left: FloatArray, right: FloatArray, radius: float) -> Axis | None:
-    """Axis of a cylinder from its two sides: both planes through the camera touch it.
+    """Computes a cylinder's axis from its two sides: both planes through the camera touch it.
 
     Args:
         left: (2, 3) two rays of the left side, in the camera frame.

@@ -1,4 +1,4 @@
-"""Why a pose is refused: too little of it shows, or another one explains the image as well."""
+"""Reasons to refuse a pose: too little is visible, or another pose fits as well."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from slosh_camera.optics.cup import CupView, Wall
 
 
 def find_fault(fit: PlaceFit, answer: StillFit, sure: bool, level_shows: bool) -> str:
-    """Why a fit is not to be used; empty: it may be.
+    """Returns why a fit is unusable; empty: it is usable.
 
     Args:
         fit: of the container's curves.
@@ -81,7 +81,7 @@ def find_fault(fit: PlaceFit, answer: StillFit, sure: bool, level_shows: bool) -
 
 
 def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | None) -> str:
-    """Why the still level is not certain; empty: it is, or it was told.
+    """Returns why the still level is uncertain; empty: it is certain, or was given.
 
     Args:
         fit: of the container's curves.
@@ -115,7 +115,7 @@ def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | N
 
 
 def is_corroborated(fit: PlaceFit) -> bool:
-    """Whether a curve that the pose does not rest on is where it should be, if it can be seen.
+    """Whether a curve not used by the fit is at its predicted position, if visible.
 
     A wall of no thickness shows no glass. Where one line of the level is all that is seen, more of
     it must show: two sides and a line are soon found in other things.
@@ -133,7 +133,7 @@ def is_corroborated(fit: PlaceFit) -> bool:
 
 
 def _speaks_against(fit: PlaceFit, answer: StillFit, level_shows: bool) -> list[str]:
-    """What is off that alone is a matter of a warning, in words."""
+    """Lists contradictions each of which alone gives only a warning."""
     level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
     reasons = {
         "the floor is not where it should be": fit.share(Curve.BASE) < TUNING.least_share,
@@ -146,7 +146,7 @@ def _speaks_against(fit: PlaceFit, answer: StillFit, level_shows: bool) -> list[
 
 
 def check_rival(view: CupView, best: PlaceFit, rival: PlaceFit) -> None:
-    """Refuse where two different poses explain the image equally well.
+    """Refuse if two different poses explain the image equally well.
 
     Raises:
         SloshCameraError: `rival` moves heights that `view`, the view of `best`, would tell.
@@ -175,7 +175,7 @@ def check_rival(view: CupView, best: PlaceFit, rival: PlaceFit) -> None:
 
 
 def check_enclosed(best: PlaceFit, fits: list[PlaceFit]) -> None:
-    """Refuse what stands between the sides of another container: a part of that, or behind it.
+    """Refuse a fit between the sides of another container: a part of it, or behind it.
 
     The other one need not be good enough to be used: of clear glass with droplets little is seen.
 
@@ -194,7 +194,7 @@ def check_enclosed(best: PlaceFit, fits: list[PlaceFit]) -> None:
 
 
 def _encloses(wide: PlaceFit, narrow: PlaceFit) -> bool:
-    """Whether a fit is clearly wider than another one and has its middle between its sides."""
+    """Whether a fit is clearly wider than another one and encloses its middle."""
     outer, inner = (view_at(fit.camera, fit.cup, fit.place) for fit in (wide, narrow))
     if width_of(outer) < TUNING.wider * width_of(inner):
         return False

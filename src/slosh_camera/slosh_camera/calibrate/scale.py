@@ -1,4 +1,4 @@
-"""A side view's calibration by a known length in the image alone: heights in the image's plane."""
+"""Calibrates a side view by a known length in the image: heights in the image's plane."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from slosh_camera.optics.box import Box, BoxView
 from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.pose import Pose
+from slosh_camera.optics.round_body import RoundBody, RoundView
 from slosh_camera.settings import DetectionSettings
 
 FloatArray = NDArray[np.float64]
@@ -26,8 +27,10 @@ def calibrate_by_scale(
     length: float,
     fill_height: float,
     rim_height: float | None = None,
+    body: RoundBody | None = None,
+    distance: float | None = None,
 ) -> SideCalibration:
-    """Calibration of a camera that looks level from the side, by the still level's two ends.
+    """Calibrates a camera with a horizontal side view by the two ends of the still level.
 
     Args:
         size: width and height of the image [px].
@@ -36,10 +39,14 @@ def calibrate_by_scale(
         length: of the line between the two [m].
         fill_height: of the liquid at rest [m].
         rim_height: of the inner wall above the floor [m]; None: unknown.
+        body: a body of revolution that is seen, whose silhouette the line goes across; None: a
+            face, or a wall of which only the image's plane counts.
+        distance: of the camera from that body's axis [m].
 
     Returns:
         A side view of a container as wide as the line, whose heights are those in the image's
-        plane; `detection.scale_error` holds how well the scale is known.
+        plane, of a body those in the plane through its axis; `detection.scale_error`
+        holds how well the scale is known.
 
     Raises:
         SloshCameraError: the ends are outside the image, alike, or no level line.
@@ -63,16 +70,40 @@ def calibrate_by_scale(
         raise SloshCameraError(
             f"scale: the line is inclined by {np.rad2deg(roll):.0f} deg, must be the still level"
         )
-    distance = _FAR * length
-    focal = pixels / length * distance
+    if body is None:
+        distance, ratio = _FAR * length, pixels / length
+    else:
+        distance = _checked(distance, body)
+        ratio = pixels / (length / body.width * body.seen_width(distance))
+    focal = ratio * distance
     camera = PinholeCamera(*size, focal, focal, 0.5 * (size[0] - 1), 0.5 * (size[1] - 1))
     c, s = np.cos(roll), np.sin(roll)
     rotation = np.array([[c, 0.0, s], [s, 0.0, -c], [0.0, 1.0, 0.0]])
     middle = np.append((ends.mean(axis=0) - (camera.cx, camera.cy)) / focal, 1.0)
-    view = BoxView(
-        camera,
-        Pose(rotation, distance * middle),
-        Box(length, fill_height, rim_height=rim_height),
+    pose = Pose(rotation, distance * middle)
+    view = (
+        BoxView(camera, pose, Box(length, fill_height, rim_height=rim_height))
+        if body is None
+        else RoundView(camera, pose, body)
     )
     error = float(np.hypot(np.sqrt(2.0) * TUNING.scale_click / pixels, TUNING.one_scale))
     return SideCalibration(view, detection=DetectionSettings(scale_error=error))
+
+
+def _checked(distance: float | None, body: RoundBody) -> float:
+    """The distance of the camera.
+
+    Raises:
+        SloshCameraError: it is not known, or too short to see both sides.
+    """
+    if distance is None:
+        raise SloshCameraError(
+            "distance: is needed for a body of revolution: that of the camera from its axis [m], "
+            "within 10 percent"
+        )
+    if not (np.isfinite(distance) and distance > body.width):
+        raise SloshCameraError(
+            f"distance: {distance:g} m, must be more than the container's width of "
+            f"{body.width:.3g} m"
+        )
+    return float(distance)

@@ -1,4 +1,4 @@
-"""What is known about a pose: where its curves lie on the image's edges, and how sure it is."""
+"""Quality of a pose: agreement of its curves with the image's edges, and uncertainty."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STEP = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class CurveCheck:
-    """How well a curve of the container lies on the image's edges.
+    """Agreement of a curve of the container with the image's edges.
 
     Attributes:
         name: of the curve.
@@ -45,7 +45,7 @@ class CurveCheck:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StillFit:
-    """A pose with what is known about its quality.
+    """A pose with its quality.
 
     Attributes:
         view: camera, pose and container.
@@ -73,7 +73,7 @@ class StillFit:
 
 
 def still_fit(fit: PlaceFit, camera: PinholeCamera, azimuth: float) -> StillFit:
-    """The pose that was fitted, and how good it is.
+    """Returns the fitted pose and its quality.
 
     Args:
         fit: of the container's curves to an image without distortion.
@@ -103,7 +103,7 @@ def still_fit(fit: PlaceFit, camera: PinholeCamera, azimuth: float) -> StillFit:
 
 
 def height_shift(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
-    """How much higher a view reads points of the wall, at HEIGHTS, that another one sees [m].
+    """Returns the height error of a view for wall points of another one, at HEIGHTS [m].
 
     NaN where a ray misses the view's wall.
     """
@@ -119,7 +119,7 @@ def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
 
 
 def _height_stddev(view: CupView, fit: PlaceFit, wall: Wall) -> float:
-    """Largest standard error of a height, by the covariance of all that was fitted [m]."""
+    """Largest standard error of a height, from the covariance of all fitted parameters [m]."""
     told = Told(fit.camera, fit.cup)
     here = _heights(view, view, wall)
     columns = []
@@ -134,12 +134,12 @@ def _height_stddev(view: CupView, fit: PlaceFit, wall: Wall) -> float:
 
 
 def _doubtful(fit: PlaceFit) -> float:
-    """Factor of the standard errors where curves contradict each other, or edges their curve."""
+    """Returns the factor on standard errors for contradicting curves or edges."""
     return float(np.nanmax([fit.tension, fit.rms / TUNING.usual_residual, 1.0]))
 
 
 def _heights(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
-    """Heights that a view reads where another one sees points of the wall [m]."""
+    """Returns the heights that a view measures at another view's wall points [m]."""
     arc = AZIMUTH + (_ARC if wall is Wall.FRONT else np.pi - _ARC)
     azimuth, height = np.tile(arc, len(HEIGHTS)), np.repeat(HEIGHTS, arc.size)
     return view.on_wall(truth.project_wall(azimuth, height, wall), wall)[1]

@@ -1,4 +1,4 @@
-"""A container's front wall unrolled, and what its rows show: lines, changes of colour, sides."""
+"""Features in the unrolled front wall of a container: lines, colour changes, sides."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Strip:
 
 
 def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
-    """The front wall between two heights [m], a row for about a pixel."""
+    """Unrolls the front wall between two heights [m], about one row per pixel."""
     cup = view.cup
     left, right = sides_of(view)
     step = 2.0 * cup.radius / float(np.hypot(*(right - left)))
@@ -65,7 +65,7 @@ def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
 
 
 def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
-    """How much of an edge runs from side to side at each height (N,), 0 to 1."""
+    """Returns how much of an edge runs from side to side at each height (N,), 0 to 1."""
     support = edges.support(slopes_of(strip)).astype(np.float32)
     support = np.asarray(
         cv2.dilate(support, np.ones((2 * TUNING.strip_slack + 1, 1), np.uint8)), np.float32
@@ -75,12 +75,12 @@ def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
 
 
 def own_lines(edges: EdgeImage, view: CupView, strip: Strip) -> FloatArray:
-    """The same, less where a line goes on beside the container."""
+    """Returns `lines_across`, reduced where a line continues outside the container."""
     return lines_across(edges, strip) * (1.0 - TUNING.behind * beside(edges, view, strip.heights))
 
 
 def level_like(line: FloatArray, change: FloatArray, largest: float) -> FloatArray:
-    """How much each height (N,) looks like a level, 0 to 1.
+    """Returns how much each height (N,) looks like a level, 0 to 1.
 
     Args:
         line: (N,) how much of a line is there, 0 to 1.
@@ -93,14 +93,14 @@ def level_like(line: FloatArray, change: FloatArray, largest: float) -> FloatArr
 
 
 def slopes_of(strip: Strip) -> FloatArray:
-    """Change of colour from row to row (N, M) [levels/px]; 0 outside the image."""
+    """Returns the change of colour from row to row (N, M) [levels/px]; 0 outside the image."""
     apart = np.hypot(*np.moveaxis(np.gradient(strip.pixels, axis=0), 2, 0))
     slope = np.abs(np.gradient(strip.colours, axis=0)).max(axis=2) / np.maximum(apart, 1e-3)
     return np.nan_to_num(np.asarray(slope, np.float64))
 
 
 def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
-    """How much the colour changes at each height (N,), and stays changed [grey levels]."""
+    """Returns the lasting change of colour at each height (N,) [grey levels]."""
     step = float(strip.heights[1] - strip.heights[0])
     rear = np.maximum(rear_above(cup, place, strip.heights), 0.0) / step
     change = np.full(strip.heights.size, np.inf)
@@ -111,7 +111,7 @@ def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
 
 
 def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
-    """How much of a line at each height (N,) goes on to both sides of the container, 0 to 1."""
+    """Returns how much of a line at each height (N,) continues outside the container, 0 to 1."""
     outer = view.cup.radius + view.cup.wall_thickness
     across = np.array([-np.sin(view.camera_azimuth), np.cos(view.camera_azimuth)])
     tall = np.ones((4 * TUNING.strip_slack + 1, 1), np.uint8)
@@ -128,7 +128,7 @@ def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
 
 
 def _values(chart: NDArray[np.generic], pixels: FloatArray) -> FloatArray:
-    """Values of the nearest pixels (N, 2); 0 outside."""
+    """Returns values of the nearest pixels (N, 2); 0 outside."""
     # OpenCV's types do not know that one map may hold both coordinates.
     found = cv2.remap(  # type: ignore[call-overload]
         np.asarray(chart, np.float32), pixels.astype(np.float32)[:, np.newaxis], None,
@@ -138,7 +138,7 @@ def _values(chart: NDArray[np.generic], pixels: FloatArray) -> FloatArray:
 
 
 def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> FloatArray:
-    """Change of colour (N,) from above a level's rear line to below its front line [grey levels].
+    """Colour change (N,) from above a level's rear line to below its front line [grey levels].
 
     Args:
         colours: (N, M, channels) of the strip, from below.
@@ -160,14 +160,14 @@ def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> Flo
 
 
 def rear_above(cup: Cup, place: CameraPlace, height: FloatOrArray) -> FloatOrArray:
-    """How much higher on the front wall the rear line of a level at some height appears [m]."""
+    """Returns how much higher the level's rear line appears on the front wall [m]."""
     return (place.height - height) * 2.0 * cup.radius / (place.distance + cup.radius)
 
 
 def walls_below(
     edges: EdgeImage, view: CupView, heights: FloatArray, start: float, depth: float
 ) -> FloatArray:
-    """Part of a depth on which both sides show, from so far below each height (N,) on."""
+    """Returns the share of a depth below each height (N,) on which both sides are visible."""
     step = float(heights[1] - heights[0])
     count = min(max(round(depth / step), 1), _MOST_ROWS)
     z = np.concatenate((heights[0] - step * np.arange(count, 0, -1.0), heights)) - start
@@ -176,7 +176,7 @@ def walls_below(
 
 
 def _sides_seen(edges: EdgeImage, view: CupView, z: FloatArray) -> FloatArray:
-    """Whether both sides show at each height (N,): 0 or 1."""
+    """Whether both sides are visible at each height (N,): 0 or 1."""
     outer = view.cup.radius + view.cup.wall_thickness
     half = np.arccos(min(outer / float(np.hypot(*view.pose.camera_centre[:2])), 1.0))
     support = edges.support(edges.across).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The tuning numbers of finding a camera's pose."""
+"""Tuning numbers for finding a camera's pose."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class CalibrateTuning:
-    """What calibration assumes about edges, containers and still images.
+    """Assumptions of the calibration about edges, containers and still images.
 
     Outline, level and strip were set on every second of a set of photographs of graduated
     cylinders, the others on rendered still images of even number by
@@ -28,7 +28,7 @@ class CalibrateTuning:
     shine: float = number(0.47, "px", "shift of a shiny edge, 0.46 to 0.56 by Fresnel's formulas")
     separate_lines: float = number(6.0, "px", "distance below which front and rear line are one")
     # doubt.py
-    least_told: float = number(0.05, "1", "least part of a length that was told")
+    least_told: float = number(0.05, "1", "least part of a given length")
     # edges.py
     smoothing: float = number(1.0, "px", "smoothing before derivatives, against blocks of JPEG")
     half_edge: float = number(8.0, "grey", "single step that counts as half an edge")
@@ -45,7 +45,7 @@ class CalibrateTuning:
     click_reach: float = number(4.0, "px", "largest error of a click on the still level")
     click_error: float = number(1.5, "px", "standard deviation of such a click")
     inlier: float = number(1.5, "px", "largest error of an edge after the fit")
-    fit_chance: float = number(6.0, "px", "what chance adds to the score, times the width")
+    fit_chance: float = number(6.0, "px", "score by chance, times the width")
     two_lines: float = number(0.15, "1", "bonus for a second line of the level")
     # level.py
     rival: float = number(0.8, "1", "strength of another line that is a rival")
@@ -95,7 +95,7 @@ class CalibrateTuning:
     most_roll: float = number(math.radians(20.0), "rad", "largest roll of a camera")
     row_step: float = number(2.0, "px", "distance of levels that are tried")
     search_slack: int = number(3, "px", "largest error of a coarse curve")
-    search_chance: float = number(2.0, "1", "what chance adds to the score")
+    search_chance: float = number(2.0, "1", "score by chance")
     of_one_place: int = number(3, "1", "most candidates at one place")
     one_distance: float = number(0.15, "1", "relative difference of distances of one place")
     one_yaw: float = number(0.03, "rad", "difference of yaws of one place")
@@ -106,7 +106,7 @@ class CalibrateTuning:
     search_size: int = number(800, "px", "longer side of the image for the rough search")
     alike: float = number(0.02, "1", "difference of rough fits that are one")
     same_level: float = number(0.3e-3, "m", "difference of levels that are one")
-    told_distance: float = number(0.1, "1", "relative error of a distance that is told")
+    told_distance: float = number(0.1, "1", "relative error of a given distance")
     # still_fit.py
     usual_residual: float = number(0.4, "px", "residual above which errors grow")
     # refusals.py

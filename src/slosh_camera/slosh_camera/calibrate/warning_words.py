@@ -1,4 +1,4 @@
-"""What is to be said of a calibration that is given, so that no doubt is silent."""
+"""Texts of a calibration's warnings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_camera.calibrate.tuning import TUNING
 
 
 def warnings_of(fit: StillFit) -> list[str]:
-    """Lines on what the picture shows otherwise than the pose has it, or leaves open."""
+    """Returns warnings about contradictions and ambiguities in the image."""
     checks = {check.name: check for check in fit.curves}
     warnings = []
     floor = checks.get(Curve.BASE.value)

@@ -15,7 +15,7 @@ from slosh_camera.errors import SloshCameraError
 
 
 def read_file(path: str | Path) -> str:
-    """The text of a file."""
+    """Reads a text file."""
     try:
         return read_text(path, LONGEST)
     except TextFileError as error:
@@ -23,7 +23,7 @@ def read_file(path: str | Path) -> str:
 
 
 def parse_mapping(text: str, source: str) -> YamlDocument:
-    """A YAML text whose value is a mapping."""
+    """Parses a YAML text whose value is a mapping."""
     try:
         document = parse_yaml(text, source)
     except YamlError as error:
@@ -34,7 +34,7 @@ def parse_mapping(text: str, source: str) -> YamlDocument:
 
 
 def camera_name(document: YamlDocument) -> str:
-    """Name of the camera that a file describes."""
+    """Returns the name of the camera in a file."""
     name = document.value.get("camera_name", "camera")
     if not isinstance(name, str):
         raise SloshCameraError(f"{place(document, 'camera_name')}: {shown(name)} is not a text")
@@ -42,13 +42,13 @@ def camera_name(document: YamlDocument) -> str:
 
 
 def place(source: YamlDocument, prefix: str, key: str = "") -> str:
-    """File, line and key; the block's place ends in a dot, as in `pose.`."""
+    """Formats file, line and key; a block's prefix ends in a dot, as in `pose.`."""
     above = prefix.rstrip(".").split(".") if prefix else []
     return source.at(*above, *([key] if key else []))
 
 
 def mapping(value: object, source: YamlDocument, key: str) -> Mapping[str, Any]:
-    """The value, refused where it is not a mapping."""
+    """Returns the value; refuses anything but a mapping."""
     if not isinstance(value, Mapping):
         raise SloshCameraError(f"{place(source, key)}: is not a mapping of keys to values")
     return value
@@ -61,7 +61,7 @@ def check_keys(
     source: YamlDocument,
     prefix: str,
 ) -> None:
-    """Refuse unknown and missing keys; `prefix` is the block's own place in the file."""
+    """Refuse unknown and missing keys; `prefix` is the block's own position in the file."""
     for key in block:
         if key not in required and key not in optional:
             known = ", ".join((*required, *optional))
@@ -75,7 +75,7 @@ def check_keys(
 
 
 def number(value: object, source: YamlDocument, key: str) -> float:
-    """The value as a finite number."""
+    """Returns the value as a finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise SloshCameraError(f"{place(source, key)}: {shown(value)} is not a number")
     try:
@@ -88,7 +88,7 @@ def number(value: object, source: YamlDocument, key: str) -> float:
 
 
 def integer(block: Mapping[str, Any], key: str, source: YamlDocument, prefix: str) -> int:
-    """The block's value as a whole number."""
+    """Returns the block's value as a whole number."""
     value = block[key]
     if isinstance(value, bool) or not isinstance(value, int):
         raise SloshCameraError(
@@ -100,7 +100,7 @@ def integer(block: Mapping[str, Any], key: str, source: YamlDocument, prefix: st
 def numbers(
     block: Mapping[str, Any], key: str, count: int, source: YamlDocument, prefix: str
 ) -> list[float]:
-    """The block's value as a list of so many finite numbers."""
+    """Returns the block's value as a list of finite numbers of the given length."""
     values = block[key]
     if not isinstance(values, list) or len(values) != count:
         raise SloshCameraError(f"{place(source, prefix, key)}: must be a list of {count} numbers")

@@ -1,1 +1,1 @@
-"""Detector of the free surface in a cylinder, seen through its wall."""
+"""Detects the free surface in a cylinder, seen through its wall."""

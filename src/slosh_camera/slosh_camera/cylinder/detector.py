@@ -1,4 +1,4 @@
-"""Free-surface detection in one image after another.
+"""Detects the free surface in a sequence of images.
 
 The wall is unrolled along scan lines and reduced to one axis from liquid to background. The end
 of the liquid behind the front wall gives points at known places; a surface of the shapes of DL22,
@@ -50,7 +50,7 @@ _DOUBT = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """The surface that an image shows, and what limits that."""
+    """The detected surface of an image, and its limitations."""
 
     view: Unrolled
     fit: SurfaceFit
@@ -59,7 +59,7 @@ class _Found:
 
 
 class FreeSurfaceDetector:
-    """Detector for one calibrated camera; keeps what a still image and the last images taught."""
+    """Detector for one calibrated camera; it adapts to a still image and to recent images."""
 
     def __init__(
         self, calibration: Calibration, settings: DetectionSettings | None = None
@@ -96,16 +96,16 @@ class FreeSurfaceDetector:
 
     @property
     def still_offset(self) -> float:
-        """Height of the still level against the calibration, subtracted from heights [m]."""
+        """Height of the still level relative to the calibration, subtracted from heights [m]."""
         return float(self._lesson.zero[0])
 
     @property
     def doubt(self) -> str:
-        """What the still image leaves open, in words; empty: nothing."""
+        """Describes ambiguities of the still image; empty: none."""
         return "" if self._lesson.sure else _DOUBT
 
     def learn_still(self, image: Image) -> float:
-        """Take an image of the liquid at rest as the zero of all heights.
+        """Takes an image of the liquid at rest as the zero of all heights.
 
         Args:
             image: (height, width) grey or (height, width, 3) blue-green-red.
@@ -123,7 +123,7 @@ class FreeSurfaceDetector:
         return self.still_offset
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measure the next image of a stream, with what the images before tell of it.
+        """Measures the next image of a stream; uses information from the images before.
 
         One that repeats an image before is flagged FROZEN. Args and errors are those of
         `measure`.
@@ -133,7 +133,7 @@ class FreeSurfaceDetector:
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measure one image by itself.
+        """Measures one image by itself.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -153,7 +153,7 @@ class FreeSurfaceDetector:
         return self._measurement(stamp_ns, self._found(choice, sighting.steps))
 
     def look(self, image: Image) -> Sighting:
-        """What an image shows by itself: most of the work, and independent of other images.
+        """Analyses an image by itself: most of the work, independent of other images.
 
         Args and errors are those of `measure`.
         """
@@ -174,7 +174,7 @@ class FreeSurfaceDetector:
         return replace(self._lesson.comparison.sighting(seen), steps=self._seams.steps(image))
 
     def follow(self, stamp_ns: int, sighting: Sighting) -> Measurement:
-        """The measurement of the next image of a stream, by what it shows and those before.
+        """Measures the next image of a stream from its analysis and the images before.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -201,12 +201,12 @@ class FreeSurfaceDetector:
         return self._measurement(stamp_ns, found)
 
     def _know(self, lesson: StillLesson) -> None:
-        """Take what is known of the images to come; what others told is of another zero."""
+        """Stores the reference data; forgets earlier images, which have another zero."""
         self._lesson = lesson
         self._memory = SurfaceMemory(self._view.cup.radius, self._view.cup.fill_height)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
-        """The surface by what other images told of the fade, and what is told of that now."""
+        """Applies the fade share of other images; returns the surface and the new share."""
         fade = self._memory.fade
         if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade
@@ -216,7 +216,7 @@ class FreeSurfaceDetector:
         return found, found.fit.fade
 
     def _found(self, choice: ChosenSurface, steps: Steps) -> _Found:
-        """The chosen surface with its flags; NOT_FOUND where the picture shows another one."""
+        """Returns the chosen surface with its flags; NOT_FOUND if the picture contradicts it."""
         view, fit = choice.candidate.view, choice.candidate.fit
         prior = self._lesson.comparison.prior_of(choice.candidate)
         if choice.believed:
@@ -234,7 +234,7 @@ class FreeSurfaceDetector:
         return _Found(view, fit, prior, flags)
 
     def _is_torn(self, steps: Steps, view: Unrolled, fit: SurfaceFit) -> bool:
-        """Whether a seam is among the steps, beside a surface's front line and upper edge."""
+        """Whether a seam is among the steps, apart from a surface's front line and upper edge."""
         upper = self._wall.silhouette(fit.heights, view.softness)
         rows = self._wall.front_rows(fit.heights), np.where(upper < 0.0, np.nan, upper)
         places = [self._grid.pixel_at(np.isfinite(each), each) for each in rows]
@@ -250,7 +250,7 @@ class FreeSurfaceDetector:
         return self._read(stamp_ns, found)
 
     def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
-        """Where no surface can be told, but liquid reaches the border: it is at least so high."""
+        """Returns a lower bound of the height if liquid without a surface reaches the border."""
         points = found.fit.points
         cut = points.bound & (self._wall.first_row > 0)
         if Flag.SATURATED not in found.flags or not np.any(cut):

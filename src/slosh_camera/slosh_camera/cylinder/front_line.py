@@ -1,4 +1,4 @@
-"""The front line in one image: where, on each scan line, the liquid behind the front wall ends.
+"""Finds the front line in one image: the end of the liquid on each scan line.
 
 Colours become one axis from liquid to background; what is low on the wall is taken for liquid, and
 the end of what looks like it is found on every line, then to a fraction of a row.
@@ -51,7 +51,7 @@ class FrontLineFinder:
         self.bodies = tuple(self._rows(body) for body in _BODIES)
 
     def tone(self, unrolled: Image, body: slice) -> Tone | None:
-        """The axis from liquid to background, by rows that are mostly liquid; None: there is none.
+        """Finds the axis from liquid to background in rows of mostly liquid; None: not found.
 
         Args:
             unrolled: (rows, lines, channels) the wall.
@@ -67,7 +67,7 @@ class FrontLineFinder:
         surface: float,
         beside: Image | None = None,
     ) -> tuple[Unrolled, WallPoints] | None:
-        """The wall on the axis from liquid to background, and where the liquid ends on it.
+        """Projects the wall on the axis from liquid to background, and finds the liquid's end.
 
         Args:
             unrolled: (rows, lines, channels) the wall.
@@ -112,7 +112,7 @@ class FrontLineFinder:
         return view, self._wall.wall_points(place, width, row <= first)
 
     def why_none(self, unrolled: Image) -> Flag:
-        """Why no liquid can be told from background: too little or too much light, or neither."""
+        """Returns the flags of an image without visible liquid, such as too dark or bright."""
         sparse = unrolled[::_SPARSE, ::_SPARSE]
         seen = sparse[self._grid.inside[::_SPARSE, ::_SPARSE]].reshape(-1, 1)
         dark, bright = percentile(seen, 2.0)[0], percentile(seen, 98.0)[0]
@@ -123,13 +123,13 @@ class FrontLineFinder:
         return Flag.NOT_FOUND
 
     def _rows(self, parts: tuple[float, float]) -> slice:
-        """Rows of a part of the way from the still level to the lowest row."""
+        """Returns the rows at two fractions of the way from the still level to the lowest row."""
         below = self._grid.shape[0] - self._grid.still_row
         top, bottom = (self._grid.still_row + int(part * below) for part in parts)
         return slice(top, bottom)
 
     def _believable(self, tone: Tone) -> bool:
-        """Whether liquid and background differ enough, and in the way that the settings tell."""
+        """Whether liquid and background differ enough, and in the sign that the settings give."""
         bright = max(float(np.max(tone.liquid)), float(np.max(tone.background)))
         if tone.contrast < self._settings.min_contrast or bright < self._settings.max_dark:
             return False

@@ -1,4 +1,4 @@
-"""Edges of a cylindrical container in the image: its sides, its floor and its rim."""
+"""Edges of a cylindrical container in the image: sides, floor and rim."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_camera.optics.cup import CupView
 
 
 def outer_edges(view: CupView) -> list[Edge]:
-    """The two sides below all waves, the floor and, where it is known, the rim, before and behind.
+    """Projects the sides below all waves, the floor and, if known, the rim's front and rear.
 
     Args:
         view: the container as the camera sees it.

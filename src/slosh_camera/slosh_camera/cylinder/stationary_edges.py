@@ -1,4 +1,4 @@
-"""Edges that stand where they stood in the still image, away from the liquid's line.
+"""Edges that are in the still image, too, apart from the liquid's line.
 
 They are of a label, or of what is behind the container; whatever the liquid does, they are not its
 surface's.
@@ -21,12 +21,12 @@ Single = NDArray[np.float32]
 
 
 def no_edges(shape: tuple[int, int]) -> Single:
-    """What is known of a wall (J, M) without a still image: (2, J, M)."""
+    """Returns the empty edges of a wall (J, M) without a still image: (2, J, M)."""
     return np.zeros((2, *shape), np.float32)
 
 
 def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single:
-    """The edges of a still image that are not the liquid's.
+    """Returns the edges of a still image that are not the liquid's.
 
     Args:
         picture: (J, M) the still image.
@@ -54,7 +54,7 @@ def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single
 
 @entry_point(float64[::1](PICTURE, STEPS, GIVEN_1))
 def moved_edges(picture, stationary, place):  # type: ignore[no-untyped-def]
-    """Rows (M,) of edges to a fraction of a row, NaN for those that have always stood there."""
+    """Returns sub-row positions (M,) of edges, NaN for those in the still image."""
     moved = place.copy()
     for i in range(place.size):
         if np.isnan(place[i]):

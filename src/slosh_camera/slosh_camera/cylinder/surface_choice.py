@@ -1,4 +1,4 @@
-"""Which surface an image shows: that of the front line, or the most plausible of many."""
+"""Chooses the surface in an image: by the front line, or the most plausible of several."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SurfaceChooser:
         self._pairs = np.array([(i, j) for i in chosen for j in chosen if j > i])
 
     def fit_certain(self, view: Unrolled, points: WallPoints, prior: Prior) -> SurfaceFit | None:
-        """Fit the surface that nearly all points of the front line agree with.
+        """Fits the surface if nearly all points of the front line agree with it.
 
         Args:
             view: the picture.
@@ -71,7 +71,7 @@ class SurfaceChooser:
     def fit_several(
         self, view: Unrolled, points: WallPoints, prior: Prior
     ) -> list[tuple[SurfaceFit, float]]:
-        """Fit the surfaces that the picture may show.
+        """Fits the surfaces that are possible in the picture.
 
         Returns:
             The fits, and how plausible each is, to be compared with that of other fits.
@@ -92,7 +92,7 @@ class SurfaceChooser:
     def fit_near(
         self, view: Unrolled, points: WallPoints, prior: Prior, start: FloatArray
     ) -> list[tuple[SurfaceFit, float]]:
-        """Fit surfaces near one of given heights (SHAPES,) [m], and how plausible each is."""
+        """Fits surfaces near given heights (SHAPES,) [m] and rates their plausibility."""
         found = []
         for coarse in (TUNING.fine, TUNING.coarse):
             rough = self._fitter.refined(view, points, start, prior, coarse)
@@ -103,7 +103,7 @@ class SurfaceChooser:
     def fit_levels(
         self, view: Unrolled, points: WallPoints, at_rest: Prior, moving: Prior
     ) -> list[tuple[Prior, SurfaceFit, float]]:
-        """Fit liquid of another level, from the level that agrees best with the picture.
+        """Fits liquid of another level, from the level that agrees best with the picture.
 
         Args:
             view: the picture.
@@ -123,23 +123,23 @@ class SurfaceChooser:
         ]
 
     def plausible(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> float:
-        """How well a fit agrees with the picture, less how unlikely a surface it is."""
+        """Rates a fit: agreement with the picture minus the surprise of the surface."""
         return self.plausible_heights(view, fit.heights, prior)
 
     def plausible_heights(self, view: Unrolled, heights: FloatArray, prior: Prior) -> float:
-        """The same of given heights (SHAPES,) [m]; -inf: liquid as high would spill."""
+        """Rates given heights (SHAPES,) [m]; -inf: such liquid would spill."""
         if float(np.max(_AROUND @ heights)) > self._highest:
             return -np.inf
         return self._score(view, heights) - self.surprise(heights, prior)
 
     def surprise(self, heights: FloatArray, prior: Prior) -> float:
-        """How unlikely heights (SHAPES,) [m] are."""
+        """Returns how improbable heights (SHAPES,) [m] are."""
         return prior.surprise(heights, self._wall.radius)
 
     def fit_still(
         self, view: Unrolled, points: WallPoints, prior: Prior
     ) -> tuple[SurfaceFit, float]:
-        """Fit the front line of liquid at rest: a level surface somewhere near the still level.
+        """Fits the front line of liquid at rest: a level surface near the still level.
 
         Returns:
             The fit and how plausible it is.
@@ -153,7 +153,7 @@ class SurfaceChooser:
         return self._fitter.fit_front(both.points, prior, start, TUNING.fine), plausible
 
     def is_suspect(self, still: SurfaceFit) -> bool:
-        """Whether a line at rest may be of something else than a level surface.
+        """Whether a line at rest may belong to something other than a level surface.
 
         Liquid at rest is level. A surface that inclines itself towards its edges has one that is
         not its own - the far edge of a table, which is straight, so that both do not agree - or
@@ -167,7 +167,7 @@ class SurfaceChooser:
         return off > TUNING.off_rows * self._wall.footprint
 
     def surface_tone(self, view: Unrolled, heights: FloatArray) -> float:
-        """What the free surface between a surface's two lines looks like; NaN: it is not seen."""
+        """Returns the tone of the free surface between its two lines; NaN: not visible."""
         front, upper = (
             self._wall.front_rows(heights),
             self._wall.silhouette(heights, view.softness),
@@ -182,7 +182,7 @@ class SurfaceChooser:
     def _best_level(
         self, view: Unrolled, prior: Prior, among: FloatArray
     ) -> tuple[FloatArray, float]:
-        """The most plausible surface (SHAPES,) at rest among levels, and how plausible it is."""
+        """Returns the most plausible surface (SHAPES,) at rest among levels, and its rating."""
         levels = np.tile(prior.centre, (among.size, 1))
         levels[:, 0] += among
         likely = [self.plausible_heights(view, heights, prior) for heights in levels]
@@ -190,7 +190,7 @@ class SurfaceChooser:
         return levels[best], likely[best]
 
     def _without_strays(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> SurfaceFit:
-        """A fit to a level line without points that stand out of it, as those of a label do."""
+        """Fits a level line again without outliers, such as points of a label."""
         known = ~np.isnan(fit.front_error) & ~fit.points.bound
         if not np.any(known):
             return fit
@@ -209,7 +209,7 @@ class SurfaceChooser:
         return self._fitter.again(view, replace(fit, points=points), prior, USUAL_FADE)
 
     def _further_candidates(self, view: Unrolled, points: WallPoints, prior: Prior) -> FloatArray:
-        """First guesses (N, SHAPES) where the front line alone does not decide.
+        """Returns first guesses (N, SHAPES) if the front line alone is ambiguous.
 
         The ends of liquid and of what is far from liquid are tried, on the front and on the rear
         wall: where the free surface looks like the liquid, the liquid's end is the upper edge.
@@ -229,7 +229,7 @@ class SurfaceChooser:
         return np.vstack(starts)
 
     def _most_likely(self, view: Unrolled, starts: FloatArray) -> FloatArray:
-        """The few different surfaces that agree best with the picture."""
+        """Returns the few different surfaces that agree best with the picture."""
         scores = np.array([self._score(view, heights) for heights in starts])
         chosen: list[FloatArray] = []
         for index in np.argsort(-scores):
@@ -244,7 +244,7 @@ class SurfaceChooser:
         return np.array(chosen)
 
     def _score(self, view: Unrolled, heights: FloatArray) -> float:
-        """How well a surface agrees with the picture, on every fourth line."""
+        """Scores the agreement of a surface with the picture, on every fourth line."""
         upper = self._wall.silhouette(heights, view.softness, coarse=True)
         score = edge_search.surface_score(
             view.picture[:, ::SKIP],
@@ -262,7 +262,7 @@ class SurfaceChooser:
     def _candidates(
         self, azimuth: FloatArray, height: FloatArray, bound: BoolArray, prior: Prior
     ) -> tuple[FloatArray, FloatArray]:
-        """First guesses (N, SHAPES) through points of the wall, and the shares that agree."""
+        """Returns first guesses (N, SHAPES) through wall points, and their shares of agreement."""
         offset = silhouette.wall_shapes_of(azimuth) @ prior.centre
         known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
         agree, highest = (

@@ -1,4 +1,4 @@
-"""What an image may show, compared with what the images before foretell."""
+"""Compares the candidate surfaces of an image with the prediction from earlier images."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidateSurface:
-    """A surface that an image may show.
+    """A candidate surface of an image.
 
     Attributes:
         view: the picture.
@@ -38,7 +38,7 @@ class CandidateSurface:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """What an image shows by itself, before it is compared with the images before.
+    """Analysis of one image by itself, before the comparison with earlier images.
 
     Attributes:
         seen: pictures of the wall with the points of the front line.
@@ -57,7 +57,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenSurface:
-    """The surface that an image shows.
+    """The surface chosen for an image.
 
     Attributes:
         candidate: which.
@@ -76,7 +76,7 @@ class ChosenSurface:
 
 
 class SurfaceComparison:
-    """Chooses between the surfaces that an image may show.
+    """Chooses between the candidate surfaces of an image.
 
     Attributes:
         prior: of the heights; its centre is the surface at rest.
@@ -85,7 +85,7 @@ class SurfaceComparison:
     def __init__(
         self, chooser: SurfaceChooser, prior: Prior, footprint: float, at_rest: float = -np.inf
     ) -> None:
-        """Keep what candidates are fitted with.
+        """Store the priors of the candidates' fits.
 
         Args:
             chooser: makes candidates.
@@ -99,7 +99,7 @@ class SurfaceComparison:
         self._least = at_rest - TUNING.worse if np.isfinite(at_rest) else TUNING.level_believed
 
     def sighting(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> Sighting:
-        """The candidates of an image: one where its front line leaves no choice."""
+        """Returns the candidates of an image; only one if its front line is unambiguous."""
         for view, points in seen:
             fit = self._chooser.fit_certain(view, points, self.prior)
             if fit is None:
@@ -110,7 +110,7 @@ class SurfaceComparison:
         return Sighting(seen, self._several(seen))
 
     def choose(self, sighting: Sighting, expected: ExpectedMode | None) -> ChosenSurface:
-        """The surface that a sighting with candidates shows.
+        """Chooses a surface among the candidates of an image.
 
         Args:
             sighting: what the image shows by itself.
@@ -131,18 +131,18 @@ class SurfaceComparison:
         )
 
     def prior_of(self, candidate: CandidateSurface) -> Prior:
-        """What a candidate was fitted with."""
+        """Returns the prior of a candidate's fit."""
         return candidate.changed or self.prior
 
     def level_has_changed(self, candidate: CandidateSurface) -> bool:
-        """Whether its level is less likely an error than a change."""
+        """Whether a changed level is more probable than an error."""
         heights, changed = candidate.fit.heights, candidate.changed
         return changed is not None and (
             self._chooser.surprise(heights, changed) < self._chooser.surprise(heights, self.prior)
         )
 
     def first(self, fit: SurfaceFit) -> FloatArray:
-        """A surface's first mode above rest, (2,) [m]."""
+        """Returns a surface's first mode relative to rest, (2,) [m]."""
         return (fit.heights - self.prior.centre)[1:3]
 
     def _several(
@@ -162,7 +162,7 @@ class SurfaceComparison:
         return (*usual, *changed)
 
     def _more(self, sighting: Sighting, expected: ExpectedMode) -> tuple[CandidateSurface, ...]:
-        """Candidates of an image whose best one is far from what was foretold."""
+        """Returns more candidates if the best one is far from the prediction."""
         candidates = sighting.candidates
         if sighting.certain:
             (sure,) = candidates
@@ -177,7 +177,7 @@ class SurfaceComparison:
         return (*candidates, *foretold)
 
     def _sure(self, view: Unrolled, fit: SurfaceFit) -> CandidateSurface:
-        """A surface that nearly all of the front line agrees with, to be compared with others."""
+        """Rates a surface with which nearly all of the front line agrees."""
         return CandidateSurface(
             view, fit, self._chooser.plausible(view, fit, self.prior) + TUNING.certainly
         )
@@ -185,7 +185,7 @@ class SurfaceComparison:
     def _compared(
         self, candidates: tuple[CandidateSurface, ...], expected: ExpectedMode
     ) -> ChosenSurface:
-        """The surface that agrees best with the picture and with what was foretold."""
+        """Chooses the surface that agrees best with the picture and the prediction."""
         agreement = [
             entry.plausible - expected.surprise(self.first(entry.fit)) for entry in candidates
         ]
@@ -207,7 +207,7 @@ class SurfaceComparison:
         )  # fmt: skip
 
     def _fullest(self, candidates: tuple[CandidateSurface, ...], agreement: list[float]) -> int:
-        """Which candidate agrees best; of fits to the same surface the one of most edges.
+        """Returns the index of the best candidate; among equal surfaces the one with most edges.
 
         A changed level that agrees hardly less, and with far more edges, is preferred to a wave.
         """
@@ -228,13 +228,13 @@ class SurfaceComparison:
         return max(levels, key=lambda k: agreement[k], default=fullest)
 
     def _is_doubtful(self, chosen: CandidateSurface, lead: float) -> bool:
-        """Whether an image does not tell a surface that agrees by a lead better than others."""
+        """Whether a surface's lead over others is too small to be reliable."""
         return lead < TUNING.hardly or chosen.plausible < self._at_rest - TUNING.far_worse
 
     def _others(
         self, candidates: tuple[CandidateSurface, ...], chosen: CandidateSurface
     ) -> list[int]:
-        """Which candidates are other surfaces than the chosen one."""
+        """Returns which candidates are other surfaces than the chosen one."""
         place, apart = chosen.fit.heights[:3], TUNING.other_rows * self._footprint
         return [
             k

@@ -1,4 +1,4 @@
-"""What one image shows of the surface, and what a fit makes of it: values only."""
+"""Values of one image: the unrolled wall, the front points and the fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unrolled:
-    """The unrolled wall in one image.
+    """The unrolled wall of one image.
 
     Attributes:
         picture: (J, M), liquid 0, background 1.
@@ -43,7 +43,7 @@ class Unrolled:
 
     @property
     def scatters(self) -> bool:
-        """Whether the surface looks like its liquid, or differs from the background even more.
+        """Whether the surface looks like its liquid, or contrasts even more with the background.
 
         Such a liquid scatters light, as milk does: it ends at the upper edge, and its front line
         is a mere shade. Other surfaces mirror what is around them.
@@ -74,7 +74,7 @@ class WallPoints:
     scale: FloatArray
 
     def near(self, rows: FloatArray, reach: float) -> Self:
-        """Those within so many rows of given ones (M,); the others are taken for unknown."""
+        """Keeps points within some rows of given ones (M,); others become unknown."""
         far = ~(np.abs(self.place - rows) <= reach) & ~self.bound
         place, height = (np.where(far, np.nan, value) for value in (self.place, self.height))
         return replace(self, place=place, height=height)
@@ -82,7 +82,7 @@ class WallPoints:
 
 @dataclass(frozen=True, slots=True)
 class FadeShare:
-    """Which share of the fade crests show.
+    """Estimated share of the crest fade.
 
     All where liquid ends level at the wall, none where it climbs there, for then the edge that is
     seen is its line on the wall.
@@ -102,7 +102,7 @@ USUAL_FADE = FadeShare(TUNING.fade_mean, TUNING.fade_stddev)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceFit:
-    """Fitted heights of the shapes and how the edges agree with them.
+    """Fitted heights of the shapes, and the agreement of the edges.
 
     Attributes:
         points: of the front line.
@@ -134,6 +134,6 @@ class SurfaceFit:
 
     @property
     def edges(self) -> int:
-        """How many edges agree with the surface."""
+        """Number of edges that agree with the surface."""
         front = np.count_nonzero(self.front_weight > TUNING.inlier)
         return int(front + np.count_nonzero(self.upper_weight > TUNING.inlier))

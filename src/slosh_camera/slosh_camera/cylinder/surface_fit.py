@@ -1,4 +1,4 @@
-"""Edges near a surface, and the surface that fits them."""
+"""Finds edges near a surface and fits the surface to them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SurfaceFitter:
     """Fits surfaces to edges along one camera's scan lines."""
 
     def __init__(self, geometry: WallGeometry) -> None:
-        """Keep the tables of the scan lines."""
+        """Store the tables of the scan lines."""
         self._wall = geometry
 
     def fit_front(
@@ -38,7 +38,7 @@ class SurfaceFitter:
         start: FloatArray | None = None,
         coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
-        """Fit the front line alone.
+        """Fits the front line alone.
 
         Args:
             points: of the front line.
@@ -58,7 +58,7 @@ class SurfaceFitter:
         prior: Prior,
         coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
-        """Look for both lines near a surface and fit them together.
+        """Finds both lines near a surface and fits them together.
 
         Args:
             view: the picture.
@@ -76,7 +76,7 @@ class SurfaceFitter:
         )
 
     def again(self, view: Unrolled, fit: SurfaceFit, prior: Prior, fade: FadeShare) -> SurfaceFit:
-        """Fit the same edges anew, with what other images tell of the fade.
+        """Fits the same edges again with a fade share from other images.
 
         Args:
             view: the picture.
@@ -92,7 +92,7 @@ class SurfaceFitter:
     def _corrected(
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
     ) -> WallPoints:
-        """Points of the front line, looked for again where they are far from a surface's.
+        """Searches again for front points that are far from a surface's front line.
 
         Args:
             view: the picture.
@@ -121,7 +121,7 @@ class SurfaceFitter:
     def _shade(
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
     ) -> WallPoints:
-        """Points of a front line that is a mere shade.
+        """Finds the points of a low-contrast front line.
 
         Liquid and surface end together at the upper edge, and there the points were found: all of
         them are looked for again, below that edge.
@@ -149,7 +149,7 @@ class SurfaceFitter:
     def _looked_for(
         self, view: Unrolled, lines: BoolArray, expected: FloatArray, least: FloatArray
     ) -> tuple[BoolArray, WallPoints]:
-        """Edges near the rows of a front line (M,), below least ones: where found, and the points.
+        """Finds edges near the rows of a front line (M,); returns found lines and points.
 
         Args:
             view: the picture.
@@ -172,7 +172,7 @@ class SurfaceFitter:
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray,
         heights: FloatArray,
     ) -> FloatArray:  # fmt: skip
-        """Rows (M,) of the upper edge near a surface's; NaN where there is none."""
+        """Returns rows (M,) of the upper edge near a surface's; NaN: none."""
         guess = np.where(self._wall.stretched | (upper < 0.0), np.nan, upper)
         size = float(np.hypot(heights[1], heights[2]))
         # The prior's doubt of the surface's shape, in rows.
@@ -203,7 +203,7 @@ class SurfaceFitter:
         return np.where(found, place, np.nan)
 
     def _reversed(self, view: Unrolled, upper: FloatArray) -> FloatArray:
-        """Weights (M,) of upper edges near rows above which it is less like background than below.
+        """Returns weights (M,) of upper edges with reversed contrast.
 
         So it is where a dark table is behind the container, and where the surface mirrors a lamp.
         """

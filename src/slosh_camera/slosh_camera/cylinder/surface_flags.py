@@ -1,4 +1,4 @@
-"""Which flags limit what a fitted surface says."""
+"""Determines the flags that limit the validity of a fitted surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_camera.measurement import Flag
 
 
 def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
-    """Flags of a fit to a picture; NOT_FOUND where too few edges agree with it.
+    """Returns the flags of a fit; NOT_FOUND if too few edges agree with it.
 
     Args:
         wall: tables of the scan lines.
@@ -35,7 +35,7 @@ def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
 
 
 def _is_cut_off(wall: WallGeometry, fit: SurfaceFit) -> bool:
-    """Whether liquid or its surface reaches the image's border, in the image or by the fit."""
+    """Whether liquid or its surface reaches the image's border, by the image or the fit."""
     cut = fit.points.bound & (wall.first_row > 0)
     if np.count_nonzero(cut) >= TUNING.cut_lines:
         return True

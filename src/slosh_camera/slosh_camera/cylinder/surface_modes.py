@@ -1,4 +1,4 @@
-"""Shapes of the free surface that are fitted to what the camera sees [DL22, eqs. (18), (19)].
+"""Shapes of the free surface that are fitted to camera images [DL22, eqs. (18), (19)].
 
 Over the cross-section of radius 1: the still level, the first and the second mode that a lateral
 acceleration excites, J₁(ξ₁₁ρ) and J₁(ξ₁₂ρ), and the two shapes that the first mode drives at
@@ -41,7 +41,7 @@ SHAPES = len(Shape)
 
 
 def _series(order: int, root: float) -> FloatArray:
-    """Coefficients of J_m(ξρ)/(J_m(ξ) ρ^m) in powers of ρ²."""
+    """Returns the coefficients of J_m(ξρ)/(J_m(ξ) ρ^m) in powers of ρ²."""
     half = 0.5 * root
     terms = np.array(
         [
@@ -71,7 +71,10 @@ RADIAL_TABLE = (np.arange(RADIAL_STEPS + 2) / RADIAL_STEPS)[:, np.newaxis] ** np
 
 
 def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:
-    """Heights of all shapes.
+    """Returns the heights of all shapes.
+
+    >>> shapes_at(0.0, 0.0)[0, [Shape.LEVEL, Shape.FIRST_X]].tolist()  # on the axis
+    [1.0, 0.0]
 
     Args:
         x, y: place over the cross-section in radii, (N,).
@@ -98,6 +101,10 @@ def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:
 
 
 def wall_shapes(azimuth: ArrayLike) -> FloatArray:
-    """Heights of all shapes on the wall, (N, SHAPES), by azimuth (N,) [rad]."""
+    """Returns the heights of all shapes on the wall, (N, SHAPES), by azimuth (N,) [rad].
+
+    >>> wall_shapes([0.0])[0, [Shape.FIRST_X, Shape.FIRST_Y]].round(3).tolist()
+    [1.0, 0.0]
+    """
     angle = np.atleast_1d(np.asarray(azimuth, dtype=np.float64))
     return shapes_at(np.cos(angle), np.sin(angle))

@@ -1,4 +1,4 @@
-"""What is known of the surface's shape before an image is seen."""
+"""Prior of the surface's shape."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """What is known of the heights before an image is seen.
+    """Prior of the heights, before the image is used.
 
     Attributes:
         centre: (SHAPES,) [m], at rest.
@@ -34,11 +34,11 @@ class Prior:
     rare: float = 0.0
 
     def of_changed_level(self) -> Self:
-        """The same where liquid was added or taken away."""
+        """Returns the prior for an added or removed amount of liquid."""
         return replace(self, level=TUNING.level_stddev, rare=TUNING.rare)
 
     def at_rest_on_changed_level(self) -> Self:
-        """The same where it was, and stands still now."""
+        """Returns the prior for a changed level with liquid at rest."""
         return replace(
             self,
             first=TUNING.at_rest * self.first,
@@ -50,7 +50,7 @@ class Prior:
     def about(
         self, heights: FloatArray, radius: float, *, front_alone: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Mean (SHAPES,) [m] and inverse covariance (SHAPES, SHAPES) beside a first mode.
+        """Returns mean (SHAPES,) [m] and inverse covariance (SHAPES, SHAPES) given a first mode.
 
         The shapes of second order grow with the square of the first mode. Crests are sharper than
         troughs: the double shape has its crest where the first mode has it. A front line alone
@@ -83,7 +83,7 @@ class Prior:
         return centre, precision
 
     def surprise(self, heights: FloatArray, radius: float) -> float:
-        """How unlikely heights (SHAPES,) [m] are."""
+        """Returns how improbable heights (SHAPES,) [m] are."""
         centre, precision = self.about(heights, radius)
         deviation = heights - centre
         return self.rare + TUNING.prior_surprise * float(deviation @ precision @ deviation)

@@ -1,4 +1,4 @@
-"""The robust fit of surface shapes to edges on the wall and to silhouettes, compiled.
+"""Robust fit of surface shapes to wall edges and silhouettes; compiled.
 
 Two kinds of evidence. A point of the front line lies on the wall: its height is the surface's
 there. An upper edge is a silhouette: along its line of sight from the front to the rear wall the
@@ -38,7 +38,7 @@ def _tukey(ratio, limit):  # type: ignore[no-untyped-def]
 
 @compiled
 def _dot(shapes, heights):  # type: ignore[no-untyped-def]
-    """Height of a surface; for so few numbers a library call would cost more than the sum."""
+    """Returns the height of a surface; faster than a library call for so few numbers."""
     total = 0.0
     for k in range(SHAPES):
         total += shapes[k] * heights[k]
@@ -47,7 +47,7 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
 
 @compiled
 def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """One and a half times the rays' median deviation from a surface; 0 where they are few.
+    """Returns 1.5 × the rays' median deviation from a surface; 0 for few rays.
 
     A surface fitted to the front line alone may lie far below the edge behind it, which most rays
     agree on.
@@ -64,13 +64,13 @@ def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[n
 
 @compiled
 def _one_sided(ratio):  # type: ignore[no-untyped-def]
-    """Weight of a height that the surface has at least."""
+    """Returns the weight of a lower bound of the height."""
     return 1.0 if ratio < 0.0 else 0.0
 
 
 @compiled
 def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
-    """One observation's part of the normal equations, the lower triangle."""
+    """Adds one observation to the normal equations (lower triangle)."""
     for k in range(SHAPES):
         scaled = weight * shapes[k]
         right[k] -= scaled * error
@@ -80,7 +80,7 @@ def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
 
 @compiled
 def _begin(normal, right, heights, centre, precision, share_error, share_precision):  # type: ignore[no-untyped-def]
-    """The prior's part of the normal equations, of the heights and of the share."""
+    """Sets the normal equations to the prior of the heights and of the fade share."""
     for k in range(SHAPES):
         right[k] = 0.0
         for j in range(SHAPES):
@@ -94,7 +94,7 @@ def _begin(normal, right, heights, centre, precision, share_error, share_precisi
 
 @compiled
 def _factorized(normal, held, factor):  # type: ignore[no-untyped-def]
-    """Cholesky's factor of the normal matrix, with more weight on the share where it is held."""
+    """Computes the Cholesky factor of the normal matrix; more weight on a fixed share."""
     for k in range(SHAPES + 1):
         for j in range(k + 1):
             factor[k, j] = normal[k, j]
@@ -105,7 +105,7 @@ def _factorized(normal, held, factor):  # type: ignore[no-untyped-def]
 
 @compiled
 def _solved(factor, right, step):  # type: ignore[no-untyped-def]
-    """Step that solves the normal equations."""
+    """Solves the normal equations for the step."""
     for k in range(SHAPES + 1):
         step[k] = right[k]
     substitute(factor, SHAPES + 1, step)
@@ -113,7 +113,7 @@ def _solved(factor, right, step):  # type: ignore[no-untyped-def]
 
 @compiled
 def _inverse(factor):  # type: ignore[no-untyped-def]
-    """The inverse of the normal matrix, column by column."""
+    """Returns the inverse of the normal matrix."""
     columns = np.zeros((SHAPES + 1, SHAPES + 1))
     for k in range(SHAPES + 1):
         columns[k, k] = 1.0
@@ -130,7 +130,7 @@ def _move(heights, step):  # type: ignore[no-untyped-def]
 
 @compiled
 def _largest(step):  # type: ignore[no-untyped-def]
-    """By how much a height changes at most."""
+    """Returns the largest change of a height."""
     largest = 0.0
     for k in range(SHAPES):
         largest = max(largest, abs(step[k]))
@@ -147,7 +147,7 @@ def solve(  # type: ignore[no-untyped-def]
     front, front_height, front_scale, front_bound, near, far, ray_scale, radius, fade,
     start, centre, precision, share, share_spread, coarse,
 ):  # fmt: skip
-    """Iterated reweighted least squares with a Gaussian prior.
+    """Solves iteratively reweighted least squares with a Gaussian prior.
 
     Args:
         front: (N, SHAPES) shapes at the front points.
@@ -229,7 +229,7 @@ def solve(  # type: ignore[no-untyped-def]
     )
 )
 def around_the_wall(index, residual, trust, bins, kernel, near):  # type: ignore[no-untyped-def]
-    """Residuals of points on a closed curve, spread over their neighbourhood.
+    """Averages the residuals of points on a closed curve over their neighbourhood.
 
     Args:
         index: (N,) bin of each point. residual: (N,) [m]. trust: (N,) weight of each.

@@ -1,4 +1,4 @@
-"""The tuning numbers of the cylinder's detector."""
+"""Tuning numbers of the cylinder's detector."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class CylinderTuning:
-    """What the detector assumes about liquids, images and cameras.
+    """Assumptions of the detector about liquids, images and cameras.
 
     Set on rendered scenes of even number by `validation/studies/camera_accuracy.py out/sequences`.
     The unit "contrast" is the way from liquid to background, "row" a sample along a scan line,
@@ -119,7 +119,7 @@ class CylinderTuning:
     upper_rows: float = number(0.75, "row", "standard deviation of the upper edge")
     far_rows: float = number(6.0, "row", "distance at which a point is looked for again")
     again_rows: int = number(5, "row", "distance within which it is looked for")
-    apart_rows: float = number(3.0, "row", "least distance of two edges that are told apart")
+    apart_rows: float = number(3.0, "row", "least distance of two distinct edges")
     apart_widths: float = number(1.5, "width", "the same in widths of an edge")
     shade_rows: float = number(8.0, "row", "standard deviation of a point of a faint front line")
     shade_band: float = number(40.0, "row", "least height of the surface for that deviation")
@@ -140,7 +140,7 @@ class CylinderTuning:
     amplitude: float = number(0.15, "radius", "usual amplitude of a liquid seen once")
     crest: float = number(2e-3, "m", "least crest that may stand still")
     stands: float = number(2e-4, "m", "largest motion of a standing crest")
-    stood: float = number(4.0 * math.pi, "rad", "phase after which a crest stands")
+    stood: float = number(4.0 * math.pi, "rad", "phase after which a crest is stationary")
     turns: int = number(3, "1", "repetitions that reveal old images")
     forgotten: float = number(1.5, "rad", "phase after which nothing is predicted")
     least_time: float = number(1e-3, "s", "least time between two images")
@@ -158,7 +158,7 @@ class CylinderTuning:
     ordinary: float = number(7.0, "median", "deviation at which a point has no weight")
     stands_out: float = number(2e-3, "m", "least such deviation")
     fit_weight: float = number(4.0, "1", "weight of the fit among the points around")
-    stands_for: float = number(math.radians(25.0), "rad", "angle for which a point stands")
+    stands_for: float = number(math.radians(25.0), "rad", "angle that a point represents")
     at_rear: float = number(0.9, "1", "part of a ray that counts as the rear wall")
     of_scatter: float = number(0.5, "1", "part of the scatter in a height's deviation")
     of_width: float = number(0.05, "1", "part of an edge's width in it")

@@ -1,4 +1,4 @@
-"""Where points of the wall are seen in the image, from a table.
+"""Looks up the image positions of wall points in a table.
 
 Through a wall of glass the way from a point to its pixel is found step by step, which costs more
 than all the rest of a measurement: it is done once for a net of points.
@@ -23,7 +23,7 @@ class WallPixels:
     """Pixels of a calibrated view's wall by azimuth and height."""
 
     def __init__(self, view: CupView) -> None:
-        """Project the net."""
+        """Project the grid."""
         self._view = view
         level = view.cup.rim_level
         top = TUNING.unknown_rim * view.cup.radius if level is None else level
@@ -38,7 +38,7 @@ class WallPixels:
         self._exact = {int(side // _STEP + k) % _AZIMUTHS for side in sides for k in range(-4, 5)}
 
     def __call__(self, azimuth: float, height: float) -> tuple[float, float]:
-        """Column and row of a point [px], to a tenth of a pixel; NaN where it cannot be seen.
+        """Returns column and row of a point [px], to 0.1 px; NaN: not visible.
 
         Args:
             azimuth: [rad].

@@ -1,1 +1,1 @@
-"""The detector that fits a calibration, ready to measure, and pictures of what it found."""
+"""Makes the detector of a calibration, and draws its results."""

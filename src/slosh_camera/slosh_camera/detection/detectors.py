@@ -1,4 +1,4 @@
-"""The detector that fits a calibration."""
+"""Selects the detector of a calibration."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ Image = NDArray[np.uint8]
 
 
 class SurfaceDetector(Protocol):
-    """What every detector can do; images are (height, width) or (height, width, 3)."""
+    """Interface of all detectors; images are (height, width) or (height, width, 3)."""
 
     @property
     def still_offset(self) -> float:
-        """Height that was measured on the liquid at rest and is subtracted since [m]."""
+        """Offset measured on the liquid at rest, which is subtracted from heights [m]."""
 
     @property
     def doubt(self) -> str:
-        """What the still image leaves open of the heights to come, in words; empty: nothing."""
+        """Describes ambiguities of the still image; empty: none."""
 
     def learn_still(self, image: Image, /) -> float:
-        """Learn from an image of the liquid at rest; the offset of its level [m]."""
+        """Learns from an image of the liquid at rest; returns the offset of its level [m]."""
 
     def measure(self, stamp_ns: int, image: Image, /) -> Measurement:
-        """Measure one image by itself."""
+        """Measures one image by itself."""
 
     def update(self, stamp_ns: int, image: Image, /) -> Measurement:
-        """Measure the next image of a sequence; flags it where it repeats the one before."""
+        """Measures the next image of a sequence; flags it if it repeats the previous one."""
 
     def look(self, image: Image, /) -> Any:
-        """What an image shows by itself: most of the work, alike in every process."""
+        """Analyses an image by itself: most of the work, the same in every process."""
 
     def follow(self, stamp_ns: int, sighting: Any, /) -> Measurement:
-        """The measurement of the next image of a sequence, from what `look` told of it."""
+        """Measures the next image of a sequence from the result of `look`."""
 
 
 def detector_for(
     calibration: AnyCalibration, settings: DetectionSettings | None = None
 ) -> FreeSurfaceDetector | SideViewDetector:
-    """Detector for a calibration: of a cylinder or of a rectangular container's side view.
+    """Makes the detector of a calibration: cylinder, or side view of a rectangle.
 
     Args:
         calibration: what the camera looks at.

@@ -1,1 +1,1 @@
-"""Images by themselves: whole, in colour, repeated or moved; words on them."""
+"""Images: decoding, colour, repeated or torn frames, text on them."""

@@ -1,4 +1,4 @@
-"""Images in grey and in colour, each made of the other where it is needed."""
+"""Converts images between grey and colour."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GrayImage = NDArray[np.uint8]
 
 
 def to_gray(image: Image) -> GrayImage:
-    """Grey levels of an image; a grey one is returned as it is.
+    """Returns an image in grey levels; a grey one unchanged.
 
     Args:
         image: (height, width) or (height, width, 3) blue, green, red.
@@ -30,7 +30,7 @@ def to_gray(image: Image) -> GrayImage:
 
 
 def to_colour(image: Image) -> Image:
-    """An image in colour; one that is so already is returned as it is.
+    """Returns an image in colour; a coloured one unchanged.
 
     Args:
         image: (height, width) or (height, width, 3) blue, green, red.

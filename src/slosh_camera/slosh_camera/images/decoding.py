@@ -1,4 +1,4 @@
-"""Images as messages and files carry them, as arrays of 8-bit grey levels or colours.
+"""Decodes images of messages and files to arrays of 8-bit grey levels or colours.
 
 An image is (height, width) grey or (height, width, 3) blue, green, red. Where the pixels of a
 message are stored that way with 8 bits, or with other gaps or another order between them, the
@@ -28,7 +28,7 @@ _BEFORE, _BEHIND = 8, 4
 
 
 class _Layout(NamedTuple):
-    """How an encoding stores a pixel: its bytes, and where blue, green, red or grey lie."""
+    """Memory layout of a pixel's encoding: bytes, and the order of the channels."""
 
     pixel_bytes: int
     places: slice | int
@@ -76,7 +76,7 @@ _COMPRESSED = ("jpeg", "jpg", "png")
 def to_image(
     encoding: str, height: int, width: int, step: int, data: Any, *, big_endian: bool = False
 ) -> Image:
-    """Image from the fields of a sensor_msgs/Image.
+    """Decodes the fields of a sensor_msgs/Image.
 
     Of 16 bits those 8 count that the camera's converter fills: cameras with 10, 12 or 14 bits
     leave the upper ones empty, and no field of the message says so. The converter is the smallest
@@ -126,7 +126,7 @@ def _not_supported(encoding: str) -> str:
 
 
 def _rows(encoding: str, rows: int, width: int, step: int, data: Any, pixel_bytes: int) -> Image:
-    """The message's bytes as (rows, width, pixel_bytes), without the padding."""
+    """Returns the message's bytes as (rows, width, pixel_bytes), without padding."""
     if step < width * pixel_bytes:
         raise SloshCameraError(
             f"image: step {step} is shorter than a row of {width} pixels in {encoding}"
@@ -140,12 +140,12 @@ def _rows(encoding: str, rows: int, width: int, step: int, data: Any, pixel_byte
 
 
 def _words(stored: Image, big_endian: bool) -> NDArray[np.uint16]:
-    """Pairs of bytes (rows, width, 2 K) as numbers (rows, width, K)."""
+    """Converts pairs of bytes (rows, width, 2 K) to numbers (rows, width, K)."""
     return np.ascontiguousarray(stored).view(">u2" if big_endian else "<u2").astype(np.uint16)
 
 
 def to_8_bits(pixels: NDArray[np.uint16]) -> Image:
-    """The upper 8 of the bits that the camera's converter fills; see `to_image`."""
+    """Returns the upper 8 of the used bits; see `to_image`."""
     needed = int(pixels.max(initial=0)).bit_length()
     bits = next(depth for depth in _DEPTHS if depth >= needed)
     return np.asarray(pixels >> (bits - 8), dtype=np.uint8)
@@ -158,7 +158,7 @@ def _converted(pixels: Image, code: int, encoding: str, odd: int) -> Image:
 
 
 def decode_compressed(image_format: str, data: Any) -> Image:
-    """Image from the fields of a sensor_msgs/CompressedImage.
+    """Decodes the fields of a sensor_msgs/CompressedImage.
 
     Args:
         image_format: format as a driver writes it, such as "jpeg", "image/jpeg" or
@@ -191,7 +191,7 @@ def decode_compressed(image_format: str, data: Any) -> Image:
 
 
 def read_image(path: str | Path) -> Image:
-    """Image from a PNG, JPEG, BMP or TIFF file; as decode_compressed.
+    """Reads a PNG, JPEG, BMP or TIFF image; see decode_compressed.
 
     Raises:
         SloshCameraError: the file cannot be read, or is no whole image; the text names it.
@@ -250,7 +250,7 @@ def _bytes(data: Any) -> Image:
 
 
 def _damage(array: Image) -> str:
-    """Why a JPEG or PNG file is not whole; of other formats the decoder must know."""
+    """Returns why a JPEG or PNG file is incomplete; other formats are left to the decoder."""
     signature = array[: len(PNG)].tobytes()
     if signature.startswith(JPEG):
         return jpeg_damage(array)
@@ -258,7 +258,7 @@ def _damage(array: Image) -> str:
 
 
 def png_damage(data: Bytes) -> str:
-    """Why a PNG file is not whole; what is appended behind its end does not matter.
+    """Returns why a PNG file is incomplete; appended bytes are ignored.
 
     Args:
         data: (N,) the file.

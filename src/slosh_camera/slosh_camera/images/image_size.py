@@ -1,4 +1,4 @@
-"""The size that an image file claims, from its head: before a decoder makes room for it.
+"""Reads the size of an image file from its header, before a decoder allocates memory.
 
 A file of some kilobytes can claim a billion pixels. A decoder fills them first and tells later.
 """
@@ -26,7 +26,7 @@ _TIFF_SIZES = (256, 257, 322, 323)  # tags: width and height of the image, of a 
 
 
 class Size(NamedTuple):
-    """Pixels of an image, and how often a decoder goes over them."""
+    """Number of pixels of an image, and of the decoder's passes."""
 
     width: int
     height: int
@@ -34,7 +34,7 @@ class Size(NamedTuple):
 
 
 def check_size(data: bytes) -> None:
-    """Refuses an image that would take too much memory or time to decode.
+    """Refuses an image that would need too much memory or time to decode.
 
     Args:
         data: the file's bytes.
@@ -62,7 +62,7 @@ def check_size(data: bytes) -> None:
 
 
 def too_large(width: int, height: int) -> str:
-    """That an image or a video claims too many pixels, in words; empty: it does not."""
+    """Returns an error text if an image or video has too many pixels; empty: acceptable."""
     if width * height <= MOST_PIXELS:
         return ""
     most = MOST_PIXELS // 1_000_000
@@ -70,7 +70,7 @@ def too_large(width: int, height: int) -> str:
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
-    """The code of each segment of a JPEG before its pixels, and where its content begins."""
+    """Yields the code and content position of each JPEG segment before the pixels."""
     at = 2
     for _ in range(_MOST_SEGMENTS):
         match = _MARKER.search(data, at)  # libjpeg, too, passes over what is between segments
@@ -104,7 +104,7 @@ def _bmp(data: bytes) -> Size:
 
 
 def _tiff(data: bytes) -> Size | None:
-    """The first image's size, or its tiles' where these are larger."""
+    """Returns the first image's size, or its tiles' size if that is larger."""
     order = "<" if data.startswith(b"II") else ">"
     (version,) = struct.unpack_from(f"{order}H", data, 2)
     if version == 43:  # BigTIFF

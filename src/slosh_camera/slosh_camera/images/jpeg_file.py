@@ -1,4 +1,4 @@
-"""Whether a JPEG file is whole: its segments, and its pixels as far as they can be told.
+"""Checks that a JPEG file is complete: its segments and its coded pixels.
 
 Cameras and networks lose parts of images, and some drivers close what is left with a proper end.
 A decoder makes a picture of that without a word, grey where nothing is known.
@@ -49,7 +49,7 @@ _WHY = {
 
 
 class _DamageError(Exception):
-    """The file is not whole; the text says why."""
+    """The file is incomplete; the text says why."""
 
 
 class _Component(NamedTuple):
@@ -60,7 +60,7 @@ class _Component(NamedTuple):
 
 @dataclass(slots=True)
 class _State:
-    """What a file's segments have said up to a scan."""
+    """State of the parser before a scan."""
 
     size: tuple[int, int] = (0, 0)
     components: dict[int, _Component] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class _State:
 
 
 def jpeg_damage(data: Bytes) -> str:
-    """Why a JPEG file is not whole.
+    """Returns why a JPEG file is incomplete.
 
     What cameras and phones append behind the end does not matter.
 
@@ -116,7 +116,7 @@ def _check(data: Bytes) -> None:
 
 
 def _marker(data: Bytes, at: int) -> tuple[int, int]:
-    """Place behind the next marker, and its kind."""
+    """Returns the position behind the next marker, and its kind."""
     if at < len(data) and data[at] != 0xFF:
         raise _DamageError(_HEADER)
     while at < len(data) and data[at] == 0xFF:
@@ -127,7 +127,7 @@ def _marker(data: Bytes, at: int) -> tuple[int, int]:
 
 
 def _segment(data: Bytes, at: int) -> tuple[bytes, int]:
-    """A segment's content, and the place behind it."""
+    """Returns a segment's content, and the position behind it."""
     if at + 2 > len(data):
         raise _DamageError(_CUT)
     length = int(data[at]) << 8 | int(data[at + 1])
@@ -151,7 +151,7 @@ def _read_frame(state: _State, segment: bytes) -> None:
 
 
 def _check_scan(state: _State, segment: bytes, data: Bytes, start: int) -> int:
-    """Read a scan; the place of the marker behind it."""
+    """Reads a scan; returns the position of the marker behind it."""
     parts = [segment[1 + 2 * n : 3 + 2 * n] for n in range(segment[0])]
     codes = state.codes or _usual_codes()
     slots = sorted(codes)
@@ -181,7 +181,7 @@ def _check_scan(state: _State, segment: bytes, data: Bytes, start: int) -> int:
 
 
 def _units(state: _State, names: list[int]) -> int:
-    """Units (MCUs) of a scan: blocks of all its components, or of its only one [T.81, A.2]."""
+    """Returns the number of units (MCUs) of a scan [T.81, A.2]."""
     most_across = max(part.across for part in state.components.values())
     most_down = max(part.down for part in state.components.values())
     width, height = state.size
@@ -194,7 +194,7 @@ def _units(state: _State, names: list[int]) -> int:
 
 @lru_cache(maxsize=16)
 def _code_tables(segment: bytes) -> dict[int, IntArray]:
-    """Code tables by their slot; those of first coefficients from 0, of the others from 16 on."""
+    """Returns code tables by slot: first coefficients from 0, others from 16 on."""
     tables = {}
     for slot, content in _tables_in(segment):
         tables[slot] = code_table(content[:16], content[16:])
@@ -214,7 +214,7 @@ def _tables_in(segment: bytes) -> Iterator[tuple[int, bytes]]:
 
 @lru_cache(maxsize=16)
 def _quanta(segment: bytes) -> dict[int, IntArray]:
-    """Quantisation tables (COEFFICIENTS,) by their slot."""
+    """Returns quantisation tables (COEFFICIENTS,) by slot."""
     tables, at = {}, 0
     while at < len(segment):
         wide, slot = segment[at] >> 4, segment[at] & 15
@@ -229,7 +229,7 @@ def _quanta(segment: bytes) -> dict[int, IntArray]:
 
 @lru_cache(maxsize=1)
 def _usual_codes() -> dict[int, IntArray]:
-    """The codes of T.81, annex K, which motion JPEG leaves out of its images."""
+    """Returns the codes of T.81, annex K, which motion JPEG omits from its images."""
     written = cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8))[1].ravel()
     codes: dict[int, IntArray] = {}
     at, kind = _marker(written, 2)

@@ -1,4 +1,4 @@
-"""Words in pictures, on plates of their own, so that they are read before any background."""
+"""Writes text in pictures on dark plates, readable on any background."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _ROWS = 480
 
 
 def letter_size(picture: Image) -> float:
-    """How much larger than in a picture of 480 rows letters and marks are."""
+    """Returns the scale of letters and marks relative to a picture of 480 rows."""
     return max(float(picture.shape[0]) / _ROWS, 0.75)
 
 
 def text_width(words: str, size: float = 1.0) -> int:
-    """How wide the words are [px]."""
+    """Returns the width of the words [px]."""
     return int(cv2.getTextSize(words, _FONT, _FONT_SCALE * size, max(round(size), 1))[0][0])
 
 
@@ -32,7 +32,7 @@ def put_text(
     size: float = 1.0,
     colour: tuple[int, int, int] = WHITE,
 ) -> None:
-    """White text on a dark plate; `place` is its lower left corner [px]."""
+    """Writes white text on a dark plate; `place` is its lower left corner [px]."""
     scale, thickness = _FONT_SCALE * size, max(round(size), 1)
     (width, height), below = cv2.getTextSize(words, _FONT, scale, thickness)
     x, y = place

@@ -1,4 +1,4 @@
-"""Tells an image that repeats an earlier one: a camera or a driver that is frozen."""
+"""Detects repeated images of a frozen camera or driver."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Digest = tuple[tuple[int, ...], tuple[int, ...]]
 
 
 class RepeatedFrames:
-    """Compares each image with those before by digests of all its rows; keeps no image.
+    """Compares each image with previous ones by digests of its rows; stores no image.
 
     Noise makes every image of a camera that works differ from all others, in every part of it.
     """
@@ -28,7 +28,7 @@ class RepeatedFrames:
         self._stamp_ns: int | None = None
 
     def is_repeat(self, image: Image, stamp_ns: int | None = None) -> bool:
-        """Whether an image has the very pixels of the one before, or repeats those before it.
+        """Whether an image has the same pixels as the previous one, or repeats earlier ones.
 
         A driver that hands out a few old images in turn is told from the second repeat on: a
         single one may be chance in a drawn picture. Of a camera with noise an image is told, too,
@@ -41,7 +41,7 @@ class RepeatedFrames:
         return self.repeats(digest(image), stamp_ns)
 
     def repeats(self, following: Digest, stamp_ns: int | None = None) -> bool:
-        """The same for an image of which only the digest is at hand."""
+        """Whether an image repeats earlier ones, by its digest."""
         if stamp_ns is not None:
             if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
                 while len(self._last) > 1:
@@ -56,7 +56,7 @@ class RepeatedFrames:
         return frozen or in_turn or partly
 
     def _repeats_partly(self, following: Digest) -> bool:
-        """Whether parts that have noise have the very pixels that an image before had there."""
+        """Whether noisy parts have exactly the pixels of an earlier image."""
         shape, bands = following
         old = [
             any(shape == one[0] and band == one[1][at] for one in self._last)
@@ -77,7 +77,7 @@ class RepeatedFrames:
 
 
 def digest(image: Image) -> Digest:
-    """Shape, and CRC-32 of bands of rows: 0.2 ms for 1280x720 grey levels, 0.6 ms in colour.
+    """Returns shape and CRC-32 of bands of rows; 0.2 ms (grey), 0.6 ms (colour) for 1280x720.
 
     CRC-32 is the fastest checksum of the standard library that sees every change of one pixel;
     two images that differ are taken for one another once in 4e9.
@@ -88,5 +88,5 @@ def digest(image: Image) -> Digest:
 
 
 def _in_order_of_memory(image: Image) -> Image:
-    """The same pixels with red, green and blue in the order of memory: much faster to read."""
+    """Returns the same pixels with channels in memory order, which is faster to read."""
     return image[..., ::-1] if image.strides[-1] < 0 else image

@@ -1,4 +1,4 @@
-"""Whether the container is where the image of the liquid at rest shows it.
+"""Checks whether the container is where the still image shows it.
 
 The still image teaches what the picture looks like across the container's sides, below all
 waves, and across its floor and rim. A picture that is upside down, of another camera, shifted or
@@ -31,28 +31,28 @@ PLACES = 24
 
 
 class Edge(NamedTuple):
-    """An edge of a container: pixels (N, 2) along it, and whether it is one of the sides."""
+    """An edge of a container: pixels (N, 2), and whether it is a side."""
 
     pixels: FloatArray
     is_side: bool
 
 
 class _EdgeStrips(NamedTuple):
-    """Rows of the strips that lie across one edge, and whether it is one of the sides."""
+    """Strips of samples across one edge, and whether it is a side."""
 
     rows: slice
     is_side: bool
 
 
 class _Seen(NamedTuple):
-    """Grey levels of a picture across one edge, and the steps from sample to sample."""
+    """Grey levels of a picture across one edge, and their differences."""
 
     grey: Image
     steps: Single
 
     @property
     def clipped(self) -> bool:
-        """Whether a camera has cut off too many of the levels."""
+        """Whether too many grey levels are clipped."""
         return bool(
             ((self.grey <= TUNING.edge_black) | (self.grey >= TUNING.edge_white)).mean()
             > TUNING.edge_clipped
@@ -60,17 +60,17 @@ class _Seen(NamedTuple):
 
     @property
     def edges(self) -> Single:
-        """How marked the steps are, about their mean."""
+        """Returns the strength of the differences, without its mean."""
         sizes = np.abs(self.steps)
         edges = sizes / (sizes + np.float32(TUNING.edge_half))
         return np.asarray(edges - edges.mean(axis=1, keepdims=True), np.float32)
 
 
 class StillEdges:
-    """Learns a container's edges from one image and looks for them in others."""
+    """Learns a container's edges from one image and finds them in others."""
 
     def __init__(self, edges: Sequence[Edge], size: tuple[int, int]) -> None:
-        """Lay strips across the edges; those outside the image are left out.
+        """Place strips across the edges; those outside the image are left out.
 
         Args:
             edges: of the container; the two sides first, from below upwards.
@@ -96,12 +96,12 @@ class StillEdges:
         self._learnt: dict[int, _Seen] = {}
 
     def learn(self, image: Image) -> None:
-        """Take the edges that are well visible in an image for the container's."""
+        """Stores the edges that are clearly visible in a still image."""
         seen = enumerate(self._look(image))
         self._learnt = {number: one for number, one in seen if _is_marked(one)}
 
     def missing(self, image: Image) -> bool:
-        """Whether an image shows neither side, or neither floor nor rim, where it was learnt."""
+        """Whether both learnt sides, or both floor and rim, are missing in an image."""
         if not self._learnt:
             return False
         seen = self._look(image)
@@ -122,12 +122,12 @@ class StillEdges:
 
 
 def along_side(fill_height: float) -> FloatArray:
-    """Heights (PLACES,) above the still level at which no wave uncovers a side [m]."""
+    """Returns heights (PLACES,) above the still level for samples along a side [m]."""
     return fill_height * np.linspace(TUNING.edge_lowest, TUNING.edge_highest, PLACES)
 
 
 def along_end(half: float) -> FloatArray:
-    """Places (PLACES,) along the floor or the rim, not too near to the sides.
+    """Returns positions (PLACES,) along the floor or the rim, away from the sides.
 
     Args:
         half: of the way from side to side, in whatever unit.
@@ -140,7 +140,7 @@ def _is_marked(seen: _Seen) -> bool:
 
 
 def _agree(now: _Seen, learnt: _Seen) -> bool:
-    """Whether the edge of a picture is the learnt one, by its steps or by where they are."""
+    """Whether an edge matches the learnt one, by its steps or by its positions."""
     return _agree_in_place(_correlations(now.steps, learnt.steps)) or _agree_in_place(
         _correlations(now.edges, learnt.edges)
     )
@@ -154,7 +154,7 @@ def _agree_in_place(correlations: FloatArray) -> bool:
 
 @entry_point(float64[::1](given(float32, 2, "A"), given(float32, 2, "A")))
 def _correlations(now, learnt):  # type: ignore[no-untyped-def]
-    """Correlation (2 _LOOKED + 1,) of a picture's strips with the learnt ones, by shift."""
+    """Returns the correlation (2 _LOOKED + 1,) with the learnt strips by shift."""
     shifts = 2 * _LOOKED + 1
     rows, width = learnt.shape[0], learnt.shape[1] - 2 * _LOOKED
     size, together, squares = 0.0, np.zeros(shifts), np.zeros(shifts)

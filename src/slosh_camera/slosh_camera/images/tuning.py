@@ -1,4 +1,4 @@
-"""The tuning numbers of what pictures tell by themselves."""
+"""Tuning numbers of the image checks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class ImagesTuning:
-    """What is assumed about cameras, drivers and torn images.
+    """Assumptions about cameras, drivers and torn images.
 
     Checked on damaged frames of the rendered sequences by `camera_damage.py` and
     `torn_images.py` in validation/studies.

@@ -1,1 +1,1 @@
-"""A camera's intrinsic parameters from pictures of a board, and the board to print."""
+"""Estimates a camera's intrinsic parameters from images of a board; prints boards."""

@@ -1,4 +1,4 @@
-"""A board to print, to scale, as SVG or PDF."""
+"""Makes a printable board to scale, as SVG or PDF."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Sheet:
 
 
 def sheet_of(target: Target) -> Sheet:
-    """The page of a board: on the smallest sheet from A4 on that has room for it.
+    """Makes the page of a board on the smallest sheet from A4 on that holds it.
 
     A line of 50 mm below the board tells whether the printer kept the scale.
 
@@ -64,7 +64,7 @@ def sheet_of(target: Target) -> Sheet:
 
 
 def as_svg(sheet: Sheet) -> str:
-    """The page as SVG; its units are millimetres."""
+    """Formats the page as SVG in millimetres."""
     boxes = "".join(f"M{x:.4f} {y:.4f}h{w:.4f}v{h:.4f}h{-w:.4f}z" for x, y, w, h in sheet.black)
     x, y = sheet.place
     return (
@@ -78,7 +78,7 @@ def as_svg(sheet: Sheet) -> str:
 
 
 def as_pdf(sheet: Sheet) -> bytes:
-    """The page as PDF 1.4 of its own size."""
+    """Formats the page as PDF 1.4 in its own size."""
     scale, top = _POINTS, sheet.height
     boxes = "\n".join(
         f"{scale * x:.4f} {scale * (top - y - h):.4f} {scale * w:.4f} {scale * h:.4f} re"
@@ -104,7 +104,7 @@ def as_pdf(sheet: Sheet) -> bytes:
 
 
 def _pdf(objects: list[str]) -> bytes:
-    """A file of numbered objects, of which the first is the catalogue."""
+    """Formats a PDF file of numbered objects; the first is the catalogue."""
     text, places = "%PDF-1.4\n", []
     for number, content in enumerate(objects, start=1):
         places.append(len(text))
@@ -152,7 +152,7 @@ def _chessboard(board: Chessboard) -> tuple[list[Box], float, float]:
 
 
 def _markers(board: Board) -> tuple[list[Box], float, float]:
-    """Black boxes of markers, and of a ChArUco board its squares without markers."""
+    """Returns the black boxes of markers, and a ChArUco board's empty squares."""
     markers = markers_of(*board.opencv())
     boxes: list[Box] = []
     side = 1e3 * board.size

@@ -1,4 +1,4 @@
-"""Intrinsic parameters that explain a board's views, and how well they are known."""
+"""Estimates intrinsic parameters from a board's views, with standard errors."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _MOST_GROUPS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedView:
-    """A view as the camera explains it.
+    """A view with its reprojection by the estimated camera.
 
     Attributes:
         view: the board as seen.
@@ -59,7 +59,7 @@ class SolvedView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IntrinsicFit:
-    """A camera as its pictures tell it.
+    """A camera estimated from pictures of a board.
 
     Attributes:
         camera: intrinsic parameters.
@@ -172,7 +172,7 @@ def _polynomial(
 def _fisheye(
     used: Sequence[View], size: tuple[int, int], model: str, start: _Solution | None
 ) -> _Solution:
-    """OpenCV's solver for fisheye lenses; it tells no standard errors, the jackknife does."""
+    """Runs OpenCV's fisheye solver, which has no standard errors; see the jackknife."""
     points = [view.points.reshape(1, -1, 3) for view in used]
     pixels = [view.pixels.reshape(1, -1, 2) for view in used]
     matrix = np.eye(3) if start is None else start.matrix.copy()
@@ -192,7 +192,7 @@ def _fisheye(
 
 
 def _projected(found: _Solution, view: View, turn: Array, shift: Array) -> Array:
-    """Where a view's corners should be (N, 2) [px]."""
+    """Returns the predicted corners of a view (N, 2) [px]."""
     if found.model == EQUIDISTANT:
         points = view.points.reshape(1, -1, 3)
         pixels, _ = cv2.fisheye.projectPoints(points, turn, shift, found.matrix, found.lens)
@@ -210,7 +210,7 @@ def _vectors(values: Iterable[Any]) -> list[Array]:
 
 
 def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) -> Array:
-    """Standard errors (4,) by leaving pictures out in turn, single or in groups [px]."""
+    """Returns jackknife standard errors (4,) by leaving out pictures or groups [px]."""
     count = min(len(used), _MOST_GROUPS)
     found = np.array(
         [
@@ -250,7 +250,7 @@ def _solved_views(used: Sequence[View], found: _Solution) -> tuple[SolvedView, .
 
 
 def format_camera(camera: PinholeCamera, name: str) -> str:
-    """Text of an `ost.yaml`; `read_known_camera` reads it back to the same camera."""
+    """Formats an `ost.yaml`; `read_known_camera` restores the same camera."""
     projection = np.column_stack((camera.matrix, np.zeros(3)))
     document = {
         "image_width": camera.width,

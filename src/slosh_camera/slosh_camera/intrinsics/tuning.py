@@ -1,4 +1,4 @@
-"""The tuning numbers of a camera's intrinsic parameters."""
+"""Tuning numbers of the estimation of intrinsic parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class IntrinsicsTuning:
-    """What is asked of the pictures of a board; checked by `test_intrinsics.py`."""
+    """Requirements on the pictures of a board; checked by `test_intrinsics.py`."""
 
     # drawing.py
     least_tilt: float = number(15.0, "deg", "tilt that separates focal length from distance")

@@ -1,4 +1,4 @@
-"""Boards, and the pictures of one that tell something new about the camera, or why they do not."""
+"""Boards, and which pictures of one are useful, with the reason if not."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A board in a picture.
+    """A board detected in a picture.
 
     Attributes:
         name: of the picture.
@@ -40,7 +40,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A picture that is not used.
+    """A picture that is not used, with the reason.
 
     Attributes:
         name: of the picture.
@@ -53,7 +53,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Views:
-    """What pictures of one camera show.
+    """The views of one camera's pictures.
 
     Attributes:
         size: width and height of all of them [px].
@@ -67,7 +67,7 @@ class Views:
 
 
 def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
-    """Look for the board in pictures.
+    """Finds the board in pictures.
 
     Args:
         pictures: names and images.
@@ -110,7 +110,7 @@ def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
 
 
 def _reason(view: View, used: list[View], width: int) -> str:
-    """Why a picture is of no use; empty: it is."""
+    """Returns why a picture is not useful; empty: it is."""
     if not len(view.pixels):
         return "the board is not found: all of it must be seen, sharp and evenly lit"
     if len(view.pixels) < TUNING.least_corners:
@@ -125,7 +125,7 @@ def _reason(view: View, used: list[View], width: int) -> str:
 
 
 def _shift(view: View, other: View) -> float:
-    """RMS way of the common corners from one picture to another [px]; inf: none are common."""
+    """Returns the RMS shift of common corners between pictures [px]; inf: none in common."""
     places = {tuple(point): pixel for point, pixel in zip(other.points, other.pixels, strict=True)}
     ways = [
         pixel - places[tuple(point)]
@@ -136,7 +136,7 @@ def _shift(view: View, other: View) -> float:
 
 
 def _shows_less(image: Image, target: Target) -> bool:
-    """Whether a chessboard with one square less each way is seen."""
+    """Whether a chessboard with one square less each way is visible."""
     if not isinstance(target, Chessboard) or min(target.columns, target.rows) < 4:
         return False
     less = Chessboard(target.columns - 1, target.rows - 1, target.square)
@@ -178,7 +178,7 @@ class Chessboard:
     square: float
 
     def __post_init__(self) -> None:
-        """Refuse a board that cannot be."""
+        """Refuse a board with impossible dimensions."""
         sides = (self.columns, self.rows)
         if not all(_LEAST_SIDE <= side <= _MOST_SIDE for side in sides):
             raise SloshCameraError(
@@ -198,7 +198,7 @@ Target = Chessboard | Board
 
 
 def parse_target(text: str, square: float | None) -> Target:
-    """A board as a command line tells it.
+    """Parses a board from a command-line text.
 
     Args:
         text: inner corners of a chessboard like 9x6, or a board of markers as `parse_board`
@@ -224,7 +224,7 @@ def parse_target(text: str, square: float | None) -> Target:
 
 
 def corners_of(image: Image, target: Target) -> tuple[Array, Array]:
-    """Corners of the board that an image shows.
+    """Finds the corners of the board in an image.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red.

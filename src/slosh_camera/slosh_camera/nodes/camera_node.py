@@ -1,7 +1,8 @@
-"""The camera node: images in, free-surface heights out."""
+"""The camera node: from images to free-surface heights."""
 
 from __future__ import annotations
 
+import math
 import statistics
 import sys
 import time
@@ -16,12 +17,13 @@ from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_base.files.nanoseconds import SECOND
-from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_camera.calibrate.camera_file import format_calibration, read_any_calibration
 from slosh_camera.detection.learnt import learnt_detector
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.images.colour import Image as Pixels
 from slosh_camera.images.decoding import decode_compressed, to_image
 from slosh_camera.measurement import Flag, Measurement, bad_image
+from slosh_camera.nodes.changed_container import FollowingDetector
 from slosh_camera.nodes.driver_info import DriverInfo
 from slosh_camera.nodes.newest_image import FrameGaps, NewestImage
 from slosh_msgs.msg import FreeSurface
@@ -62,7 +64,7 @@ _MOST = 5
 
 
 class CameraNode(PreparedNode):
-    """Decodes, calls the core, publishes. Of the images that wait, only the newest counts.
+    """Decodes images, calls the core and publishes; of waiting images only the newest is used.
 
     Args:
         later: it gets ready by `run_node`.
@@ -73,13 +75,15 @@ class CameraNode(PreparedNode):
         self._given = given = declare(self, PARAMETERS)
         self._frame = given["container_frame"]
         self._calibration = read_any_calibration(given["calibration"])
+        self._rim = self._calibration.view.container.rim_level
         self._is_raw = given["transport"] == "raw"
         self._image = topics.IMAGE if self._is_raw else topics.IMAGE_COMPRESSED
-        settings = SettingsPublisher(
+        self._settings = SettingsPublisher(
             self, sources_digest("slosh_camera"), arithmetic_fingerprint(), given,
             (self._image, topics.FREE_SURFACE),
         )  # fmt: skip
-        settings.publish({"calibration": Path(given["calibration"]).read_text(encoding="utf-8")})
+        text = Path(given["calibration"]).read_text(encoding="utf-8")
+        self._settings.publish({"calibration": text})
         self._publisher = self.create_publisher(FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT)
         self._gaps = FrameGaps(given["frame_rate"])
         self._flags: Counter[Flag] = Counter()
@@ -100,10 +104,16 @@ class CameraNode(PreparedNode):
             self.get_logger().warning(f"still image: {self._detector.doubt}")
 
     def begin(self) -> None:
-        """Listens from now on."""
+        """Subscribes to the images."""
         kind, use = (Image, self._on_image)
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
+        self._looking = FollowingDetector(
+            self, self._calibration, self._detector,
+            lambda found, stamp_ns: self._settings.publish(
+                {"calibration": format_calibration(found)}, stamp_ns
+            ),
+        )  # fmt: skip
         type_name = f"sensor_msgs/msg/{kind.__name__}"
         self._topic = SilentTopic(self, self._image, type_name)
         self._rivals = Rivals(self, self._image, type_name)
@@ -139,7 +149,7 @@ class CameraNode(PreparedNode):
             return
         self._gaps.add(stamp_ns)
         try:
-            measurement = self._detector.update(stamp_ns, decode())
+            measurement = self._looking.update(stamp_ns, decode())
         except SloshCameraError as error:
             self._complain(str(error))
             measurement = bad_image(stamp_ns)
@@ -148,7 +158,7 @@ class CameraNode(PreparedNode):
         self._recent |= measurement.flags
         self._flags.update(measurement.flags)
         self._levels.add(measurement)
-        self._publisher.publish(surface_message(measurement, self._frame))
+        self._publisher.publish(surface_message(measurement, self._frame, self._rim))
         self._report.counts["measurement"] += 1
         self._report.latency(int(self.get_clock().now().nanoseconds) - stamp_ns)
 
@@ -159,13 +169,16 @@ class CameraNode(PreparedNode):
         measured, self._reported = self._images - self._reported, self._images
         dropped, self._dropped = self._input.dropped - self._dropped, self._input.dropped
         recent, self._recent = self._recent, Flag.NONE
-        level = self._levels.report(measured)
+        level = self._levels.report(measured, told=self._looking.is_told)
         self._contested = self._rivals.look()
         if not measured:
             return STALE, f"no image for {self._topic.seconds:.0f} s: {self._topic.reason()}"
         self._topic.heard()
         if self._contested:
             return ERROR, self._contested
+        why_not, wrong = self._looking.why_not
+        if why_not:
+            return ERROR if wrong else OK, why_not
         if Flag.BAD_IMAGE in recent:
             return ERROR, self._complaints.last
         if self._driver.contradiction:
@@ -195,8 +208,8 @@ class CameraNode(PreparedNode):
         }
 
 
-def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
-    """The message of a measurement."""
+def surface_message(measurement: Measurement, frame: str, rim: float | None) -> FreeSurface:
+    """The message of a measurement; `rim`: height above the still level [m]; None: unknown."""
     return filled(
         FreeSurface,
         stamp_ns=measurement.stamp_ns,
@@ -211,6 +224,7 @@ def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
         sh_right=measurement.sh_right,
         azimuth_left=measurement.azimuth_left,
         azimuth_right=measurement.azimuth_right,
+        distance_to_rim=(math.nan if rim is None else rim) - measurement.msh,
         slope_angle=measurement.slope_angle,
         profile_azimuth=measurement.profile_azimuth,
         profile_height=measurement.profile_height,
@@ -222,7 +236,7 @@ def surface_message(measurement: Measurement, frame: str) -> FreeSurface:
 
 
 class Complaints:
-    """Tells each complaint once in a period, and no more than a few different ones.
+    """Logs each complaint once per period, and only a few different ones.
 
     Args:
         tell: takes a line.
@@ -235,7 +249,7 @@ class Complaints:
         self.last = ""
 
     def add(self, complaint: str, now_ns: int) -> None:
-        """Tells a complaint, unless it has just been told.
+        """Logs a complaint, unless it was logged recently.
 
         Args:
             complaint: one line.
@@ -250,31 +264,38 @@ class Complaints:
 
 
 class LevelChanges:
-    """The changes that the images between two reports show."""
+    """Level changes detected between two reports."""
 
     def __init__(self) -> None:
         self._changes: list[tuple[float, float]] = []
 
     def add(self, measurement: Measurement) -> None:
-        """Take note of one measurement."""
+        """Adds one measurement."""
         if Flag.LEVEL_CHANGED in measurement.flags:
             self._changes.append((measurement.level_change, measurement.level_change_stddev))
 
-    def report(self, images: int) -> str:
-        """One line, empty where fewer than half of the images show a change; starts anew.
+    def report(self, images: int, *, told: bool = False) -> str:
+        """Returns one line, empty if fewer than half of the images show a change; resets.
 
         Args:
             images: how many there were since the last report.
+            told: whether the level is that of a fill height that was told, not of a still image.
         """
         changes, self._changes = self._changes, []
         if 2 * len(changes) <= images:
             return ""
         level, stddev = (statistics.median(part) for part in zip(*changes, strict=True))
+        size = f"{1e3 * level:+.1f} ± {max(1e3 * stddev, 0.1):.1f} mm"
+        seen = f"({len(changes)} of {images} images)"
+        if told:
+            return (
+                f"the liquid's level is {size} from the fill height that was told {seen}: check "
+                "the fill height, and which container it is"
+            )
         return (
-            f"the liquid's level has changed by {1e3 * level:+.1f} ± "
-            f"{max(1e3 * stddev, 0.1):.1f} mm since the still image ({len(changes)} of "
-            f"{images} images): heights refer to the old level; record a new still image and "
-            "correct the fill height of camera and model"
+            f"the liquid's level has changed by {size} since the still image {seen}: heights "
+            "refer to the old level; record a new still image and correct the fill height of "
+            "camera and model"
         )
 
 

@@ -1,4 +1,4 @@
-"""What the camera's driver says of its lens, held against the calibration."""
+"""Compares the camera driver's lens with the calibration."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def contradiction(
     k: Sequence[float],
     lens: tuple[str, Sequence[float]] | None = None,
 ) -> str:
-    """What a driver says otherwise than the calibration, in one line; empty: nothing.
+    """Describes how a driver contradicts the calibration in one line; empty: it does not.
 
     Args:
         camera: of the calibration.
@@ -64,7 +64,7 @@ def _other_lens(
     k: Sequence[float],
     lens: tuple[str, Sequence[float]],
 ) -> str:
-    """How far the driver's lens moves a pixel against the calibration's, where it is far."""
+    """Describes how far the driver's lens moves a pixel if that is far."""
     model, coefficients = lens
     try:
         driver = camera_from_info(k, coefficients, width, height, model)
@@ -84,7 +84,7 @@ def _other_lens(
 
 
 class DriverInfo:
-    """Listens to the driver's camera_info. Where none is published there is nothing to hold.
+    """Subscribes to the driver's camera_info, if it is published.
 
     Attributes:
         contradiction: what it says otherwise than the calibration, in one line; empty: nothing.

@@ -1,4 +1,4 @@
-"""Subscription to images that hands out the newest one alone, and the frames that are missing."""
+"""Subscribes to images and passes on only the newest one; counts missing frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ENOUGH = 8
 
 
 class NewestImage:
-    """Reads images; of those that came while one was worked on all but the newest are dropped.
+    """Reads images; drops all but the newest of those that arrived during processing.
 
     The queue holds one image, so that work never lags behind by more than that. It reads
     reliably: of large images read as best effort Fast DDS loses many. Where a publisher offers
@@ -29,7 +29,7 @@ class NewestImage:
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
-        """Subscribes.
+        """Subscribe.
 
         Args:
             node: the node.
@@ -44,7 +44,7 @@ class NewestImage:
 
     @property
     def is_reliable(self) -> bool:
-        """Whether images are read reliably."""
+        """Whether the subscription is reliable."""
         return bool(self._subscription.qos_profile == qos.IMAGE_RELIABLE_IN)
 
     def _subscribe(self, profile: Any) -> Any:
@@ -93,7 +93,7 @@ class FrameGaps:
         self.missing = 0
 
     def add(self, stamp_ns: int) -> None:
-        """Takes the stamp of the next frame [ns]; one that runs back starts anew."""
+        """Adds the stamp of the next frame [ns]; a decreasing stamp resets the counter."""
         last_ns, self._last_ns = self._last_ns, stamp_ns
         if last_ns is None or not 0 < stamp_ns - last_ns <= SECOND:
             return

@@ -1,1 +1,1 @@
-"""What a calibrated camera sees of a container: lens, pose, walls that bend light."""
+"""Optics of a calibrated camera and a container: lens, pose, refracting walls."""

@@ -1,4 +1,4 @@
-"""Where a rectangular container is seen from the side, and what a pixel says about its face.
+"""Projects a rectangular container in a side view, and pixels on its face.
 
 Container frame: origin in the centre of the still free surface, x along the width, y away from
 the camera, z up. The liquid's line is seen on the inner side of the face towards the camera.
@@ -49,13 +49,13 @@ class Box(SeenContainer):
 
     @property
     def face(self) -> float:
-        """The y at which the face towards the camera has its inner side [m]."""
+        """The y coordinate of the inner side of the face towards the camera [m]."""
         return 0.0 if self.depth is None else -0.5 * self.depth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxView:
-    """A rectangular container as a camera sees it from the side.
+    """A rectangular container in a camera's side view.
 
     Attributes:
         camera: the camera.
@@ -69,7 +69,7 @@ class BoxView:
     _centre: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse a face that is not in front of the camera, or not seen from outside."""
+        """Refuse a face that is not in front of the camera or is seen from inside."""
         box, centre = self.box, self.pose.camera_centre
         object.__setattr__(self, "_centre", centre)
         if centre[1] >= box.face - box.wall_thickness:
@@ -90,8 +90,13 @@ class BoxView:
                 "point up"
             )
 
+    @property
+    def container(self) -> Box:
+        """The container."""
+        return self.box
+
     def project_face(self, x: ArrayLike, z: ArrayLike) -> Array:
-        """Project points of the inner side of the face towards the camera.
+        """Project points on the inner side of the face towards the camera.
 
         The direction of a ray leaves it where, with q the tangent of its angle in air,
         a q + t q / sqrt(n^2 + (n^2 - 1) q^2) = r: a the camera's distance from the face's outer
@@ -121,7 +126,7 @@ class BoxView:
         return self.camera.project(outer @ self.pose.rotation.T)
 
     def on_face(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Place pixels on the inner side of the face towards the camera.
+        """Project pixels back on the inner side of the face towards the camera.
 
         Args:
             pixels: (N, 2).
@@ -137,7 +142,7 @@ class BoxView:
         return self._centre[0] + slope_x * way, self._centre[2] + slope_z * way
 
     def on_rear(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Place pixels on the inner side of the rear wall, seen through air above the liquid.
+        """Project pixels back on the inner side of the rear wall, through air above the liquid.
 
         Args:
             pixels: (N, 2).
@@ -164,11 +169,11 @@ class BoxView:
         return np.vstack([self.project_face([-half, half], level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Pixels (N, 2) of heights (N,) [m] on the face's right edge."""
+        """Returns the pixels (N, 2) of heights (N,) [m] on the face's right edge."""
         return self.project_face(0.5 * self.box.width, heights)
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Pixels (N, 2) of the straight line that was fitted; empty where none was."""
+        """Returns the pixels (N, 2) of the fitted straight line; empty: no fit."""
         slope, half = np.tan(measurement.slope_angle), 0.5 * self.box.width
         rest = measurement.profile_height - slope * measurement.profile_x
         if not np.any(np.isfinite(rest)):
@@ -177,17 +182,17 @@ class BoxView:
         return self.project_face(x, np.nanmean(rest) + slope * x)
 
     def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
-        """All: a side view shows the front face alone."""
+        """Returns true for all azimuths: a side view shows only the front face."""
         return np.ones(len(azimuth), dtype=np.bool_)
 
     def height_per_pixel(self, pixel: ArrayLike) -> float:
-        """Footprint of one pixel row on the face [m/px]; NaN where the ray misses it."""
+        """Returns the height of one pixel row on the face [m/px]; NaN: the ray misses it."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_face([[u, v - 0.5], [u, v + 0.5]])
         return float(abs(height[1] - height[0]))
 
     def _slopes(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """How far rays in air go along x and z while they go 1 along y; NaN away from the face."""
+        """Returns the slopes of rays in air along x and z per y; NaN away from the face."""
         direction = self.camera.rays(pixels) @ self.pose.rotation
         ahead = np.where(direction[:, 1] > 0.0, direction[:, 1], np.nan)
         return direction[:, 0] / ahead, direction[:, 2] / ahead
@@ -198,7 +203,7 @@ class BoxView:
         return float(self.box.face - self.box.wall_thickness - self._centre[1])
 
     def _tangent(self, radius: Array) -> Array:
-        """Tangents of the angles in air of the rays that reach lateral distances."""
+        """Returns tangents of the angles in air of the rays that reach lateral distances."""
         air, thickness = self._air, self.box.wall_thickness
         index2 = self.box.wall_refractive_index**2
         tangent = radius / (air + thickness / self.box.wall_refractive_index)

@@ -1,4 +1,4 @@
-"""A calibration: a container as one camera sees it, and how its liquid is looked for."""
+"""A calibration: a container's view by one camera, and the detection settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _View = TypeVar("_View", CupView, BoxView)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration(Generic[_View]):
-    """All that turns a pixel into a height on a container's wall.
+    """Everything that converts a pixel to a height on a container's wall.
 
     Attributes:
         view: camera, pose and container.
@@ -34,7 +34,7 @@ class CameraCalibration(Generic[_View]):
     still_image: Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a region that leaves the image."""
+        """Refuse a region that exceeds the image."""
         region, camera = self.region, self.view.camera
         if region is not None and (
             region.x_offset + region.width > camera.width
@@ -46,13 +46,13 @@ class CameraCalibration(Generic[_View]):
 
 
 class Calibration(CameraCalibration[CupView]):
-    """A calibration for a cylinder, whose wall is seen from all sides through itself."""
+    """A calibration of a cylinder, which is seen from all sides through its wall."""
 
     __slots__ = ()
 
 
 class SideCalibration(CameraCalibration[BoxView]):
-    """A calibration for a rectangular container, whose face is seen from the side."""
+    """A calibration of a rectangular container, whose face is seen from the side."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""The camera: a pinhole and the distortion of its lens, as in OpenCV and ROS."""
+"""The camera: pinhole model and lens distortion, as in OpenCV and ROS."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class PinholeCamera:
     distortion_model: str = PLUMB_BOB
 
     def __post_init__(self) -> None:
-        """Refuse a camera that cannot be."""
+        """Refuse invalid intrinsic parameters."""
         if self.width < 1 or self.height < 1:
             raise SloshCameraError(
                 f"image size: {self.width} x {self.height} pixels, both must be positive"
@@ -71,11 +71,11 @@ class PinholeCamera:
 
     @property
     def distorts(self) -> bool:
-        """Whether the image is another one than a pinhole's."""
+        """Whether the lens distorts the image."""
         return self.distortion_model == EQUIDISTANT or any(self.distortion)
 
     def without_distortion(self) -> PinholeCamera:
-        """The pinhole of the same matrix."""
+        """Returns the pinhole camera with the same matrix."""
         pinhole = (0.0,) * COEFFICIENTS[PLUMB_BOB]
         return replace(self, distortion=pinhole, distortion_model=PLUMB_BOB)
 
@@ -90,7 +90,7 @@ class PinholeCamera:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def check(self, image: NDArray[np.generic]) -> None:
-        """Refuse an image that cannot be of this camera.
+        """Refuse an image whose size or type does not match this camera.
 
         Args:
             image: (height, width) grey or (height, width, 3) in colour, 8-bit.
@@ -128,7 +128,7 @@ class PinholeCamera:
         return normalised * (self.fx, self.fy) + (self.cx, self.cy)
 
     def rays(self, pixels: ArrayLike) -> Array:
-        """Directions in which pixels look.
+        """Returns the viewing directions of pixels.
 
         Args:
             pixels: (N, 2) pixels (u, v).
@@ -152,7 +152,7 @@ def camera_from_info(
     height: int,
     model: str = PLUMB_BOB,
 ) -> PinholeCamera:
-    """Camera from the fields of a sensor_msgs/CameraInfo.
+    """Makes a camera from the fields of a sensor_msgs/CameraInfo.
 
     Args:
         k: camera matrix, nine numbers row by row [px].

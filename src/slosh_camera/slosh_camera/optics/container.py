@@ -1,4 +1,4 @@
-"""What containers of every shape have in common: a wall, a rim and liquid up to some height."""
+"""Common fields of containers of every shape: wall, rim and fill height."""
 
 from __future__ import annotations
 
@@ -30,6 +30,14 @@ class _Filled(Protocol):
     def rim_height(self) -> float | None: ...
 
 
+def _lengths(container: _Filled) -> list[str]:
+    return [
+        entry.name
+        for entry in fields(container)
+        if entry.name not in WALL and entry.metadata.get("is_length", True)
+    ]
+
+
 class SeenContainer:
     """Base of the containers, which are dataclasses with the fields WALL and their own lengths."""
 
@@ -37,7 +45,7 @@ class SeenContainer:
 
     def __post_init__(self: _Filled) -> None:
         """Refuse a container that cannot be."""
-        for name in (entry.name for entry in fields(self) if entry.name not in WALL):
+        for name in _lengths(self):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise SloshCameraError(f"{name}: {value} m, must be positive")

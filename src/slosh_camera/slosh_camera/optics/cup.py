@@ -1,4 +1,4 @@
-"""Where a cylindrical container is seen in an image, and what a pixel says about its wall.
+"""Projects a cylindrical container into an image, and pixels on its wall.
 
 Container frame: origin in the centre of the still free surface, z up along the axis, azimuth
 counted from +x towards +y. Rays to the inner wall bend where they enter and leave the transparent
@@ -27,7 +27,11 @@ _FITTED_POINTS = 241
 
 
 class Wall(Enum):
-    """The two places where a ray meets the container's wall."""
+    """The two intersections of a ray with the container's wall.
+
+    >>> [wall.value for wall in Wall]
+    ['front', 'rear']
+    """
 
     FRONT = "front"
     REAR = "rear"
@@ -36,6 +40,9 @@ class Wall(Enum):
 @dataclass(frozen=True, slots=True)
 class Cup(SeenContainer):
     """A cylindrical container.
+
+    >>> Cup(radius=0.04, fill_height=0.06, rim_height=0.11).rim_level  # m above the still level
+    0.05
 
     Attributes:
         radius: inner radius [m].
@@ -54,7 +61,13 @@ class Cup(SeenContainer):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CupView:
-    """A container as a camera sees it.
+    """A container as seen by a camera.
+
+    >>> from slosh_camera.optics.pose import look_at
+    >>> camera = PinholeCamera(640, 480, fx=800.0, fy=800.0, cx=319.5, cy=239.5)
+    >>> view = CupView(camera, look_at([0.0, -0.4, 0.1], [0.0, 0.0, 0.0]), Cup(0.04, 0.06))
+    >>> view.project([[0.0, 0.0, 0.0]]).round(1).tolist()  # px
+    [[319.5, 239.5]]
 
     Attributes:
         camera: the camera.
@@ -88,8 +101,13 @@ class CupView:
             raise SloshCameraError("pose: the container is not in front of the camera")
 
     @property
+    def container(self) -> Cup:
+        """The container."""
+        return self.cup
+
+    @property
     def camera_azimuth(self) -> float:
-        """Azimuth at which the camera stands about the container's axis [rad]."""
+        """Azimuth of the camera about the container's axis [rad]."""
         return float(np.arctan2(self._centre[1], self._centre[0]))
 
     def project(self, points: ArrayLike) -> Array:
@@ -107,7 +125,7 @@ class CupView:
     def project_wall(
         self, azimuth: ArrayLike, height: ArrayLike, wall: Wall | None = None
     ) -> Array:
-        """Project points of the inner wall, through the wall that light crosses on its way.
+        """Project points of the inner wall, with refraction by the wall.
 
         Args:
             azimuth: (N,) or scalar [rad].
@@ -145,12 +163,12 @@ class CupView:
         return self._centre, self.camera.rays(pixels) @ self.pose.rotation
 
     def trace(self, pixels: ArrayLike) -> WallTrace:
-        """Where the rays of pixels (N, 2) meet the inner wall, in the container frame [m]."""
+        """Intersect the rays of pixels (N, 2) with the inner wall, in the container frame [m]."""
         origin, direction = self.rays(pixels)
         return self._glass.trace(origin, direction)
 
     def on_wall(self, pixels: ArrayLike, wall: Wall) -> tuple[Array, Array]:
-        """Place pixels on the inner wall: the ray's intersection with the cylinder.
+        """Project pixels back on the inner wall: the ray's intersection with the cylinder.
 
         Args:
             pixels: (N, 2).
@@ -165,7 +183,7 @@ class CupView:
         return np.arctan2(points[:, 1], points[:, 0]), points[:, 2]
 
     def tangent_azimuths(self) -> tuple[float, float]:
-        """Ends of the part of the front wall that the camera sees at the still level.
+        """Returns the ends of the visible part of the front wall at the still level.
 
         Returns:
             Azimuths [rad] in (-pi, pi] of the inner wall's left and right edge in the image.
@@ -195,13 +213,13 @@ class CupView:
         return np.vstack([self.project_wall(around, level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Pixels (N, 2) of heights (N,) [m] on the right outer edge, which nothing refracts."""
+        """Returns the pixels (N, 2) of heights (N,) [m] on the right outer edge."""
         points = self.wall_points(self.tangent_azimuths()[1], heights)
         points[:, :2] *= 1.0 + self.cup.wall_thickness / self.cup.radius
         return self.project(points)
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Pixels (N, 2) of the surface that was fitted; empty where none was.
+        """Returns the pixels (N, 2) of the fitted surface; empty: no fit.
 
         On the wall every mode of one azimuthal wave is a cosine.
         """
@@ -212,18 +230,18 @@ class CupView:
         return self.project_wall(around, height * np.cos(around - azimuth))
 
     def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
-        """Which azimuths (N,) [rad] of the wall face the camera."""
+        """Returns which azimuths (N,) [rad] of the wall face the camera."""
         half = abs(_wrapped(np.asarray(self.tangent_azimuths()[0]) - self.camera_azimuth))
         found: NDArray[np.bool_] = np.abs(_wrapped(azimuth - self.camera_azimuth)) <= half + 1e-9
         return found
 
     def height_per_pixel(self, pixel: ArrayLike, wall: Wall) -> float:
-        """Footprint of one pixel row on the wall [m/px]; NaN where the ray misses the wall."""
+        """Returns the height of one pixel row on the wall [m/px]; NaN: the ray misses it."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_wall([[u, v - 0.5], [u, v + 0.5]], wall)
         return float(abs(height[1] - height[0]))
 
 
 def _wrapped(angle: Array) -> Array:
-    """The same angle in (-π, π]."""
+    """Returns the same angle in (-π, π]."""
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), dtype=np.float64)

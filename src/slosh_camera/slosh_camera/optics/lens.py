@@ -1,4 +1,4 @@
-"""Distortion of a lens: how the direction of a ray becomes a place in the image.
+"""Lens distortion: from a ray's direction to an image position.
 
 The models are those of OpenCV and ROS (`sensor_msgs/CameraInfo.distortion_model`). All map
 normalised coordinates (x, y) = (X/Z, Y/Z) of the optical frame to distorted ones; the camera
@@ -44,24 +44,24 @@ _TOLERANCE = 1e-10
 
 
 class Lens(Protocol):
-    """What every model of distortion does."""
+    """Interface of all distortion models."""
 
     def distort(self, normalised: Array) -> tuple[Array, Array]:
-        """Distorted coordinates (N, 2) of normalised ones (N, 2), and their Jacobian (N, 2, 2)."""
+        """Returns distorted coordinates (N, 2) of normalised ones (N, 2); Jacobians (N, 2, 2)."""
 
     def undistort(self, distorted: Array) -> Array:
-        """Normalised coordinates (N, 2) of distorted ones; NaN where there are none."""
+        """Returns normalised coordinates (N, 2) of distorted ones; NaN: no solution."""
 
 
 def lens_of(model: str, coefficients: Sequence[float]) -> Lens:
-    """The lens of a model's name and its coefficients, as `lens_parameters` returns them."""
+    """Makes the lens of a model name and its coefficients; see `lens_parameters`."""
     if model == EQUIDISTANT:
         return EquidistantLens(coefficients)
     return PolynomialLens(coefficients)
 
 
 def lens_parameters(model: str, coefficients: Sequence[float]) -> tuple[str, tuple[float, ...]]:
-    """The model and the coefficients that a camera's file or message means.
+    """Normalises the lens model and the coefficients of a file or message.
 
     Args:
         model: name of the distortion model, as drivers and calibration programs write it.
@@ -95,7 +95,7 @@ def lens_parameters(model: str, coefficients: Sequence[float]) -> tuple[str, tup
 
 
 def _polynomial(name: str, given: tuple[float, ...]) -> tuple[str, tuple[float, ...]]:
-    """The smallest of the polynomial models that holds the coefficients."""
+    """Returns the smallest polynomial model that holds the coefficients."""
     allowed = {PLUMB_BOB: (4, 5), RATIONAL_POLYNOMIAL: (8, 12, _TILTED), THIN_PRISM: (12, _TILTED)}
     given = _exactly(name, given, allowed[name])
     if any(given[12:]):
@@ -127,7 +127,7 @@ def _exactly(name: str, given: tuple[float, ...], counts: tuple[int, ...]) -> tu
 
 
 class PolynomialLens:
-    """Radial, decentring and thin-prism terms.
+    """Lens model with radial, decentring and thin-prism terms.
 
     Args:
         coefficients: 5, 8 or 12 of them.
@@ -160,7 +160,7 @@ class PolynomialLens:
         return distorted, jacobian
 
     def _radial(self, r2: Array) -> tuple[Array, Array]:
-        """The radial factor and its derivative by r²."""
+        """Returns the radial factor and its derivative by r²."""
         k1, k2, k3 = self._k1, self._k2, self._k3
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
@@ -198,7 +198,7 @@ class PolynomialLens:
 
 
 class EquidistantLens:
-    """A fisheye lens.
+    """The equidistant fisheye lens model.
 
     Args:
         coefficients: k1 … k4.
@@ -226,7 +226,7 @@ class EquidistantLens:
         return normalised * across[:, np.newaxis], jacobian
 
     def undistort(self, distorted: Array) -> Array:
-        """See Lens; by Newton's method on the angle. Rays of 90° and more have no place."""
+        """See Lens; by Newton's method on the angle. Rays of 90° and more have no solution."""
         goal = np.hypot(distorted[:, 0], distorted[:, 1])
         angle = np.minimum(goal, 0.5 * np.pi)
         with np.errstate(all="ignore"):
@@ -242,7 +242,7 @@ class EquidistantLens:
         return normalised
 
     def _turned(self, angle: Array) -> tuple[Array, Array]:
-        """θ_d and its derivative by θ."""
+        """Returns θ_d and its derivative by θ."""
         k1, k2, k3, k4 = self._k
         square = angle * angle
         factor = 1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4)))
@@ -260,7 +260,7 @@ def _determinant(jacobian: Array) -> Array:
 
 
 def is_unfolded(jacobian: Array) -> NDArray[np.bool_]:
-    """Where a distortion with these Jacobians (N, 2, 2) keeps the order of neighbouring points."""
+    """Whether distortions with these Jacobians (N, 2, 2) preserve orientation."""
     trace = jacobian[:, 0, 0] + jacobian[:, 1, 1]
     return np.asarray((_determinant(jacobian) > 0.0) & (trace > 0.0))
 

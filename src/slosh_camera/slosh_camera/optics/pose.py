@@ -1,4 +1,4 @@
-"""Where a camera stands: the rigid transform from the container's frame to its own."""
+"""Pose of a camera: the rigid transform from the container's frame to its own."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Pose:
 
 
 def look_at(camera_centre: ArrayLike, target: ArrayLike) -> Pose:
-    """Pose of an upright camera that looks at a point.
+    """Makes the pose of an upright camera that looks at a point.
 
     Args:
         camera_centre: (3,) camera's centre in the container frame [m].

@@ -1,1 +1,1 @@
-"""Detector of the free surface in a rectangular container, seen from the side."""
+"""Detects the free surface in a rectangular container, seen from the side."""

@@ -1,4 +1,4 @@
-"""Free surface of a rectangular container seen from the side [TM20, section 2.1, Fig. 3].
+"""Detects the free surface of a rectangle in a side view [TM20, section 2.1, Fig. 3].
 
 As in TM20 the face is cut out, split into liquid and background and the line found by Canny's
 algorithm, here to a fraction of a pixel. A level and the first three sloshing modes are fitted to
@@ -19,12 +19,16 @@ from slosh_camera.images.seams import SeamFinder
 from slosh_camera.images.still_edges import StillEdges
 from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import SideCalibration
+from slosh_camera.optics.round_body import ELEVATION, RoundView
 from slosh_camera.rectangle.appearance import learnt_appearance
+from slosh_camera.rectangle.fit import FittedLine
 from slosh_camera.rectangle.outer_edges import outer_edges
-from slosh_camera.rectangle.profile import Profile, describe
+from slosh_camera.rectangle.profile import Profile, common_error, describe
 from slosh_camera.rectangle.region import find_side_region
+from slosh_camera.rectangle.round_wall import round_wall
 from slosh_camera.rectangle.trace import Knowledge, Light, TracedLine, trace_line
 from slosh_camera.rectangle.tuning import TUNING
+from slosh_camera.rectangle.waves import BOW
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -70,16 +74,16 @@ class SideViewDetector:
 
     @property
     def still_offset(self) -> float:
-        """Height that was measured on the liquid at rest and is subtracted since [m]."""
+        """Offset measured on the liquid at rest, which is subtracted from heights [m]."""
         return self._knowledge.level
 
     @property
     def doubt(self) -> str:
-        """What the still image leaves open, in words: nothing, a doubtful one is refused."""
+        """Returns no ambiguity: a doubtful still image is refused."""
         return ""
 
     def learn_still(self, image: Image) -> float:
-        """Learn the zero of heights and slope, and what liquid and background look like.
+        """Learns the zero of heights and slope, and the appearance of liquid and background.
 
         Args:
             image: (height, width) or (height, width, 3) image of the liquid at rest.
@@ -106,13 +110,14 @@ class SideViewDetector:
                 f"still image: the liquid's line is inclined by {np.degrees(np.arctan(slope)):.1f}"
                 " deg, check that the liquid is at rest, and the calibration's pose"
             )
-        self._knowledge = self._learnt(light, Knowledge(level, slope))
+        bow = self._bow(line.shape) if isinstance(self._view, RoundView) else None
+        self._knowledge = self._learnt(light, Knowledge(level, slope, bow=bow))
         self._still_edges.learn(image)
         self._seams.learn(image)
         return level
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measure one image of a sequence; flags it where it repeats the one before.
+        """Measures one image of a sequence; flags it if it repeats the previous one.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -129,7 +134,7 @@ class SideViewDetector:
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> SideMeasurement:
-        """Measure one image by itself.
+        """Measures one image by itself.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -151,18 +156,37 @@ class SideViewDetector:
         if not flags and self._is_torn(image, trace.line):
             flags = Flag.AMBIGUOUS
         profile, scale_error = describe(trace.line, self._view), self._settings.scale_error
-        return _measurement(stamp_ns, flags, trace.line, profile, scale_error)
+        found = _measurement(stamp_ns, flags, trace.line, profile, scale_error)
+        return self._on_round_wall(found, trace.line)
 
     def look(self, image: Image) -> SideMeasurement:
-        """What an image shows by itself; args and errors are those of `measure`."""
+        """Analyses an image by itself; arguments and errors are those of `measure`."""
         return self.measure(0, image)
 
     def follow(self, stamp_ns: int, sighting: SideMeasurement) -> SideMeasurement:
-        """The measurement of the next image of a sequence: a side view tells all by itself."""
+        """Returns the measurement of the next image of a sequence, which needs no other image."""
         return replace(sighting, stamp_ns=stamp_ns)
 
+    def _on_round_wall(self, found: SideMeasurement, line: TracedLine) -> SideMeasurement:
+        """The same by what the line says of all of a round wall."""
+        if not isinstance(self._view, RoundView):
+            return found
+        rest = self._knowledge.bow
+        bow = 0.0 if rest is None else abs(float(rest.coefficients[BOW]))
+        wall = round_wall(self._view, line.x, line.z, common_error(line), bow)
+        doubt = Flag.AMBIGUOUS if wall.spread > TUNING.most_spread else Flag.NONE
+        scale = self._settings.scale_error * wall.height
+        stddev = float(np.hypot(wall.stddev, scale))
+        return replace(
+            found,
+            msh=wall.height, msh_stddev=stddev, azimuth=wall.azimuth,
+            fitted_msh=wall.height, fitted_msh_stddev=stddev, fitted_azimuth=wall.azimuth,
+            sh_left=wall.left, sh_right=wall.right,
+            flags=found.flags | doubt,
+        )  # fmt: skip
+
     def _is_torn(self, image: Image, line: TracedLine) -> bool:
-        """Whether an image is of two moments, above and below a row."""
+        """Whether the parts of an image above and below a row are of different times."""
         steps = self._seams.steps(image)
         if not steps.rows.size:
             return False
@@ -171,8 +195,23 @@ class SideViewDetector:
         u, v = self._view.project_face(line.x, heights).T
         return self._seams.is_torn(steps, (u, v))
 
+    def _bow(self, shape: FittedLine) -> FittedLine:
+        """The line at rest on a round wall.
+
+        Raises:
+            SloshCameraError: its bow is that of a camera that is not level.
+        """
+        elevation = float(np.arctan(shape.coefficients[BOW] / (0.5 * shape.width)))
+        if abs(elevation) > ELEVATION:
+            raise SloshCameraError(
+                f"still image: the liquid's line is bent as seen from {np.degrees(elevation):.0f} "
+                f"deg above it, must be within {np.degrees(ELEVATION):.0f} deg: lower or raise "
+                "the camera to the still level and let it look level"
+            )
+        return shape
+
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
-        """What the image of the liquid at rest shows, given where its line lies."""
+        """Learns the appearance from an image of the liquid at rest, given its line."""
         columns = np.arange(self._region.inside.shape[1])
         rows = self._region.rows_at(np.zeros(columns.size))
         corner = np.array([self._region.left, self._region.top])
@@ -195,7 +234,7 @@ def _limits(line: TracedLine) -> Flag:
 def _measurement(
     stamp_ns: int, flags: Flag, line: TracedLine, profile: Profile, scale_error: float
 ) -> SideMeasurement:
-    """The measurement of a line that is found; x > 0 is azimuth 0, x < 0 azimuth pi."""
+    """Makes the measurement of a line; x > 0 is azimuth 0, x < 0 azimuth pi."""
     peak, fitted = profile.peak, profile.fitted
     return SideMeasurement(
         stamp_ns=stamp_ns,

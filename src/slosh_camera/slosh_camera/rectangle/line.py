@@ -1,4 +1,4 @@
-"""The liquid's line in a side view: split of the columns, Canny's edges, fractions of a pixel."""
+"""Traces the liquid's line in a side view: column split, Canny edges, sub-pixel positions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SOBEL_STEP = 8.0 / float(np.sqrt(2.0 * np.pi))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnSplit:
-    """Where columns go over from background to liquid, by columns of half the size.
+    """Rows where columns change from background to liquid, at half resolution.
 
     Attributes:
         rows: (columns,) boundary between rows of half the size: the number of rows above it.
@@ -41,7 +41,7 @@ class ColumnSplit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """Edges of columns to a fraction of a pixel.
+    """Edges in the columns with sub-pixel precision.
 
     Attributes:
         rows: (columns,) counted from the region's top; NaN where there is none.
@@ -53,7 +53,7 @@ class Edges:
 
 
 def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
-    """Most likely boundary of each column: most evidence for background above, liquid below.
+    """Finds the most likely boundary of each column: background above, liquid below.
 
     Args:
         speaks: (rows, columns) evidence of half the size.
@@ -74,8 +74,10 @@ def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - np.argmax(inside[::-1], axis=0)
     wide = inside.any(axis=0)
-    dark_to_top = wide & (rows <= first + 1) & (below > 0.0)
-    seen = wide & ~dark_to_top & (rows < last - 1) & (above > 0.0) & (below > 0.0)
+    ends_open = region.open_above[::2][: rows.size]
+    to_top = wide & (rows <= first + 1) & (below > 0.0)
+    dark_to_top = to_top & ends_open
+    seen = wide & ~to_top & (rows < last - 1) & (above > 0.0) & (below > 0.0)
     full = _reached(dark_to_top, seen, rows - first)
     agreement = (
         float(np.mean((above + below)[seen])) / (2.0 * TUNING.beside_rows) if seen.any() else 0.0
@@ -84,7 +86,7 @@ def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
 
 
 def canny_edges(channel: Image, limits: tuple[float, float]) -> Image:
-    """Canny's edges of the channel; thresholds by the contrast and the noise.
+    """Computes the channel's Canny edges; thresholds depend on contrast and noise.
 
     Args:
         channel: (rows, columns) of the region, blurred.
@@ -100,7 +102,7 @@ def canny_edges(channel: Image, limits: tuple[float, float]) -> Image:
 
 
 def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: float) -> Edges:
-    """Strongest Canny edge near the expected rows, to a fraction of a pixel.
+    """Refines the strongest Canny edge near the expected rows to sub-pixel precision.
 
     The column's grey steps about a blurred edge are a Gaussian over the rows: its logarithm is a
     parabola.
@@ -136,7 +138,7 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
 
 
 def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
-    """Columns whose segment of the line belongs to the line.
+    """Returns the columns whose line segment belongs to the line.
 
     A segment ends where the row jumps. What a droplet or a sticker adds is a segment of its own,
     most of which is away from the fitted shape; a crest that the shape does not follow hangs
@@ -161,7 +163,7 @@ def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
 
 
 def _without_ends(kept: BoolArray) -> BoolArray:
-    """Leave out the columns beside a wide gap: there the edge turns into that of what hides it."""
+    """Removes the columns next to a wide gap, where the edge is the occluding object's."""
     hidden = np.array(~kept, dtype=np.uint8)[np.newaxis]
     wide = cv2.morphologyEx(hidden, cv2.MORPH_OPEN, np.ones((1, TUNING.wide_gap), np.uint8))
     beside = cv2.dilate(wide, np.ones((1, 2 * TUNING.gap_ends + 1), np.uint8))[0] > 0
@@ -171,7 +173,7 @@ def _without_ends(kept: BoolArray) -> BoolArray:
 def _peak(
     steps: FloatArray, place: IntArray, at: IntArray, contrast: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Sub-pixel place of the steepest step and the step's softness."""
+    """Returns the sub-pixel position of the steepest step and its width."""
     around = np.array(
         [steps[np.clip(place + k, 0, len(steps) - 1), at] for k in (-2, -1, 0, 1, 2)]
     )
@@ -186,7 +188,7 @@ def _peak(
 
 
 def _reached(to_top: BoolArray, seen: BoolArray, below_top: IntArray) -> BoolArray:
-    """Of the columns that are liquid up to the top, those that the line leads up to.
+    """Returns the columns of liquid up to the top that are connected to the line.
 
     A dark thing before the face, such as a sticker, ends in the middle of the line instead.
 

@@ -1,4 +1,4 @@
-"""Edges of a rectangular container's face in the image: its sides, its floor and its rim."""
+"""Edges of a rectangular container's face in the image: sides, floor and rim."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from slosh_camera.optics.box import BoxView
 
 
 def outer_edges(view: BoxView) -> list[Edge]:
-    """The two sides below all waves, the floor and, where it is known, the rim.
+    """Projects the two sides below all waves, the floor and, if known, the rim.
 
     Args:
         view: the container as the camera sees it.

@@ -1,4 +1,4 @@
-"""From the traced line of a side view to what is published: profile, highest point, slope."""
+"""Computes the published values of a side view's line: profile, highest point, slope."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from slosh_camera.measurement import NAN
 from slosh_camera.optics.box import BoxView
-from slosh_camera.rectangle.fit import basis, slope_weights, straight_line
+from slosh_camera.rectangle.fit import slope_weights, straight_line
 from slosh_camera.rectangle.trace import TracedLine
 from slosh_camera.rectangle.tuning import TUNING
+from slosh_camera.rectangle.waves import Waves
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +37,7 @@ class Highest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """Heights that one line of a side view shows.
+    """Heights along the line of a side view.
 
     Attributes:
         x: (PLACES,) at equal distances from the left wall to the right wall [m].
@@ -64,7 +65,7 @@ class Profile:
 
 
 def describe(line: TracedLine, view: BoxView) -> Profile:
-    """Profile, highest points and straight line of a traced line.
+    """Computes profile, highest points and straight line of a traced line.
 
     Args:
         line: the line.
@@ -74,13 +75,13 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
         What the line says.
     """
     half = 0.5 * view.box.width
-    x = np.linspace(-half, half, PLACES)
+    x = _places(view.box.width)
     residual = line.z - line.shape.at(line.x)
     height = _resampled(line, residual, x)
     whole = np.where(np.isfinite(height), height, line.shape.at(x))
     level, slope = straight_line(x, whole)
     left, right = (_at_wall(line, residual, wall) for wall in (-half, half))
-    common = _common(line)
+    common = common_error(line)
     covariance = TUNING.correlated_columns * line.shape.scatter**2 * line.shape.covariance
     peak = _peak(line, residual, (left, right), common)
     fitted_x, fitted_height, functions = line.shape.highest()
@@ -89,6 +90,7 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
     # What the shape does not follow may be wrong with it, and a doubt about a part moves it all.
     fitted_variance += line.shape.scatter**2 + float(np.max(doubt)) ** 2
     of_doubt = float(slope_weights(x) @ doubt)
+    of_shape = _slope_stddev(line.shape.waves, slope, common, covariance)
     return Profile(
         x=x,
         height=height,
@@ -99,12 +101,16 @@ def describe(line: TracedLine, view: BoxView) -> Profile:
         right=right,
         level=level,
         slope_angle=float(np.arctan(slope)),
-        slope_stddev=float(np.hypot(_slope_stddev(x, slope, common, covariance), of_doubt)),
+        slope_stddev=float(np.hypot(of_shape, of_doubt)),
     )
 
 
+def _places(width: float) -> FloatArray:
+    return np.linspace(-0.5 * width, 0.5 * width, PLACES)
+
+
 def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
-    """Heights at places: the shape, and the mean of what the points about a place add to it."""
+    """Returns heights at given positions: the shape plus the mean residual of nearby points."""
     reach = max(0.5 * float(x[1] - x[0]), TUNING.reach * line.pixel_height)
     start = np.searchsorted(line.x, x - reach)
     count = np.searchsorted(line.x, x + reach) - start
@@ -115,11 +121,15 @@ def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatAr
 
 
 def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
-    """Height at a wall: the shape, and where a line through what nearby points add leads to.
+    """Extrapolates the height to a wall: the shape plus a line through nearby residuals.
 
-    The last pixels before the wall mix what is on either side, so the line is led on over them.
+    The last pixels before the wall mix what is on either side, so the line is led on over them. On
+    a round wall the shape alone tells it: there the line turns away from the camera.
     """
     width = line.shape.width
+    if line.shape.waves.is_round:
+        near = np.min(np.abs(line.x - wall)) <= TUNING.round_gap * width
+        return float(line.shape.at(np.array([wall]))[0]) if near else NAN
     away = np.abs(line.x - wall)
     near = away < max(TUNING.wall_part * width, 2.0 * TUNING.wall_points * line.pixel_height)
     if np.count_nonzero(near) < TUNING.wall_points or np.min(away) > TUNING.wall_gap * width:
@@ -135,7 +145,7 @@ def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
 def _peak(
     line: TracedLine, residual: FloatArray, walls: tuple[float, float], common: float
 ) -> Highest:
-    """Highest point that is seen: of the line, at a wall, or of columns that are full."""
+    """Returns the highest visible point: on the line, at a wall or in full columns."""
     heights = line.shape.at(line.x) + _running_median(residual)
     half = 0.5 * line.shape.width
     x = np.concatenate((line.x, [-half, half], line.full_x))
@@ -161,20 +171,21 @@ def _running_median(values: FloatArray) -> FloatArray:
     return median
 
 
-def _common(line: TracedLine) -> float:
+def common_error(line: TracedLine) -> float:
     """Standard deviation of what all points are off together [m]."""
     of_softness = TUNING.common_clipped if line.clipped else TUNING.common_softness
     softness = float(np.median(line.softness))
     return line.pixel_height * float(np.hypot(TUNING.common_floor, of_softness * softness))
 
 
-def _slope_stddev(x: FloatArray, slope: float, common: float, covariance: FloatArray) -> float:
+def _slope_stddev(waves: Waves, slope: float, common: float, covariance: FloatArray) -> float:
     """Standard deviation of the straight line's angle [rad].
 
     The straight line's slope is a weighted sum of the heights, and these follow the shape's
     coefficients. What light does to the edge may differ from wall to wall.
     """
-    functions = slope_weights(x) @ basis(x, float(np.ptp(x)))
+    x = _places(waves.width)
+    functions = slope_weights(x) @ waves.basis(x)
     of_light = 2.0 * common / float(np.ptp(x))
     spread = float(np.sqrt(functions @ covariance @ functions + of_light**2))
     return spread / (1.0 + slope**2)

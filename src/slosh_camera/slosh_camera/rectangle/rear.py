@@ -1,4 +1,4 @@
-"""Line on the rear wall in a side view: where the camera looks down on the surface.
+"""Separates the rear wall's line in a side view if the camera looks down on the surface.
 
 A camera above a part of the liquid sees the free surface there, between the line on the face
 and, higher in the image, the line on the rear wall. Where the surface is nearly as dark as the
@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontLine:
-    """The line on the face, after the line on the rear wall was told from it.
+    """The line on the face, separated from the line on the rear wall.
 
     Attributes:
         edges: the line.
@@ -44,7 +44,7 @@ class FrontLine:
 def front_line(
     view: BoxView, region: SideRegion, channel: Image, found: FrontLine, levels: Levels
 ) -> FrontLine:
-    """Line on the face where the line that was found is that on the rear wall.
+    """Finds the line on the face if the detected line is on the rear wall.
 
     Args:
         view: the container as the camera sees it.
@@ -83,7 +83,7 @@ def front_line(
 
 
 def _at(channel: Image, rows: FloatArray, columns: NDArray[np.intp]) -> FloatArray:
-    """Grey levels (N,) at rows (N,), which are fractions, of columns (N,)."""
+    """Interpolates grey levels (N,) at fractional rows (N,) of columns (N,)."""
     last = len(channel) - 2
     above = np.clip(np.floor(np.nan_to_num(rows)), 0, last).astype(np.intp)
     part = np.clip(np.nan_to_num(rows) - above, 0.0, 1.0)
@@ -94,7 +94,7 @@ def _at(channel: Image, rows: FloatArray, columns: NDArray[np.intp]) -> FloatArr
 
 
 def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
-    """Rows by which the lower line draws the upper one's steepest place down.
+    """Returns the shift [rows] of the upper line's steepest point due to the lower line.
 
     Two blurred steps, 1 - surface and surface high, are two Gaussians over the rows; this is one
     step of Newton's method from the upper one's centre to the sum's maximum.
@@ -109,7 +109,7 @@ def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
 def _in_front(
     view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Rows of the line on the face if these are rows of the line on the rear wall.
+    """Returns the face line's rows for given rows of the rear wall's line.
 
     Returns:
         (N,) rows, NaN where the rear wall does not show what stands before it, and (N,) whether
@@ -137,7 +137,7 @@ def _in_front(
 def _visible_depth(
     view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
 ) -> FloatArray:
-    """Rows (N,) by which the rear end of a level surface is seen above its front end."""
+    """Returns rows (N,) between the front and the rear end of a level surface."""
     pixels = np.column_stack((columns + region.left, rows + region.top))
     _, z = view.on_face(pixels)
     _, rear_z = view.on_rear(pixels)

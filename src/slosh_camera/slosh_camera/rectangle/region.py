@@ -1,4 +1,4 @@
-"""Part of a side view's image in which the liquid's line is looked for, prepared once."""
+"""The image region of a side view in which the line is searched, prepared once."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.optics.box import BoxView
+from slosh_camera.optics.round_body import RoundView
 from slosh_camera.rectangle.tuning import TUNING
 from slosh_camera.settings import RegionOfInterest
 
@@ -25,7 +26,7 @@ _LEVELS = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionPlaces:
-    """Places in the region, as index arrays of one shape."""
+    """Positions in the region, as index arrays of equal shape."""
 
     rows: IntArray
     columns: IntArray
@@ -33,7 +34,7 @@ class RegionPlaces:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideRegion:
-    """Rectangle of the image around the face; rows and columns are counted from its corner.
+    """Rectangle of the image around the face; rows and columns count from its corner.
 
     Attributes:
         top: the image's row of the first row; even number of rows and columns follow.
@@ -41,6 +42,8 @@ class SideRegion:
         inside: (rows, columns) where the face is seen.
         wet: places that hold liquid nearly always.
         dry: places that hold none nearly always.
+        open_above: (columns,) whether a column ends at the rim or the image's border, and not at a
+            wall that leans inwards.
         row_of_level: (3, columns) polynomial that gives the row from the height, constant first.
     """
 
@@ -49,23 +52,24 @@ class SideRegion:
     inside: BoolArray
     wet: RegionPlaces
     dry: RegionPlaces
+    open_above: BoolArray
     row_of_level: FloatArray
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """The region's rows and columns of the image."""
+        """Rows and columns of the region in the image."""
         rows, columns = self.inside.shape
         return slice(self.top, self.top + rows), slice(self.left, self.left + columns)
 
     def rows_at(self, level: FloatArray) -> FloatArray:
-        """Rows (columns,) of the heights (columns,) in each column, to a fraction of a pixel."""
+        """Returns the fractional row of a height in each column (columns,)."""
         constant, linear, square = self.row_of_level
         rows: FloatArray = constant + level * (linear + level * square)
         return rows
 
 
 def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegion:
-    """Region of interest from the projected face, cut to the given rectangle.
+    """Finds the region of interest: the projected face within the given rectangle.
 
     Args:
         view: the container as the camera sees it.
@@ -98,13 +102,15 @@ def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegio
     visible = _visible(view, inside, rows_of, (low, high))
     powers = np.linspace(low, high, _LEVELS)[:, np.newaxis] ** np.arange(3)
     polynomial = np.linalg.lstsq(powers, rows_of, rcond=None)[0].astype(np.float64)
-    region = SideRegion(top, left, inside, *visible, polynomial)
+    region = SideRegion(
+        top, left, inside, *visible, _open_above(view, inside, rows_of), polynomial
+    )
     _check_level(region)
     return region
 
 
 def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
-    """Lowest and highest level of the face that may be inside the rectangle [m]."""
+    """Returns the lowest and highest level of the face inside the rectangle [m]."""
     box = view.box
     high = box.rim_level
     if high is None:
@@ -119,7 +125,7 @@ def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
 
 
 def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> BoolArray:
-    """(image rows, image columns) where the face is seen between two levels."""
+    """Returns a mask of the image where the face is visible between two levels."""
     half = 0.5 * view.box.width
     across = np.linspace(-half, half, _OUTLINE_POINTS)
     up = np.linspace(low, high, _OUTLINE_POINTS)
@@ -151,7 +157,7 @@ def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> B
 
 
 def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> FloatArray:
-    """(levels, columns) rows of the image at which levels cross columns."""
+    """Returns image rows (levels, columns) where levels cross columns."""
     half = 0.5 * view.box.width
     # Beyond the walls, so that columns that touch a rolled container are covered as well.
     across = np.linspace(-1.2 * half, 1.2 * half, 4 * _OUTLINE_POINTS)
@@ -166,11 +172,19 @@ def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> Flo
 def _visible(
     view: BoxView, inside: BoolArray, rows_of: FloatArray, levels: tuple[float, float]
 ) -> tuple[RegionPlaces, RegionPlaces]:
-    """Places that are nearly always wet and nearly always dry, of the part inside the image."""
+    """Returns visible positions that are nearly always wet, and nearly always dry."""
     columns = np.flatnonzero(inside.any(axis=0))
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - 1 - np.argmax(inside[::-1], axis=0)
     still = rows_of[0] + (rows_of[-1] - rows_of[0]) * (-levels[0] / (levels[1] - levels[0]))
+    # Beyond the still level's ends a wall that leans shows one of the two alone.
+    both = (first + TUNING.least_rows < still) & (still < last - TUNING.least_rows)
+    columns = columns[both[columns]]
+    if columns.size < TUNING.least_columns:
+        raise SloshCameraError(
+            "pose: the still level is not inside the image or the region of interest with "
+            f"{TUNING.least_rows} rows above and below it"
+        )
     columns = columns[_SAMPLE_COLUMN_STEP // 2 :: _SAMPLE_COLUMN_STEP]
     depth = (last - still)[columns]
     freeboard = (still - first)[columns]
@@ -183,6 +197,15 @@ def _visible(
         RegionPlaces(np.clip(np.rint(wet), 0, limit).astype(np.intp), places),
         RegionPlaces(np.clip(np.rint(dry), 0, limit).astype(np.intp), places),
     )
+
+
+def _open_above(view: BoxView, inside: BoolArray, rows_of: FloatArray) -> BoolArray:
+    """(columns,) whether a column of the region ends at its highest level or at the border."""
+    if not isinstance(view, RoundView):
+        return np.ones(inside.shape[1], np.bool_)
+    first = np.argmax(inside, axis=0)
+    near = np.maximum(rows_of[-1], 0.0) + 2 * TUNING.edge_inset + 1
+    return np.asarray(first <= near, np.bool_)
 
 
 def _check_level(region: SideRegion) -> None:

@@ -1,4 +1,4 @@
-"""From one image of a side view to the places of the liquid's line on the face."""
+"""Traces the liquid's line on the face in one image of a side view."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ from slosh_camera.rectangle.line import (
 from slosh_camera.rectangle.rear import FrontLine, front_line
 from slosh_camera.rectangle.region import SideRegion
 from slosh_camera.rectangle.tuning import TUNING
+from slosh_camera.rectangle.waves import waves_of
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -47,20 +48,24 @@ _NO_BOUNDS = (np.empty(0), np.empty(0))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Knowledge:
-    """What an image of the liquid at rest has taught.
+    """Reference data from an image of the liquid at rest.
 
     Attributes:
         level: of the still line at x = 0 [m].
         slope: of the still line [-].
         appearance: liquid and background; None: each image shows them itself.
+        bow: of the still line on a round wall, which has one where the camera is not quite level.
     """
 
     level: float = 0.0
     slope: float = 0.0
     appearance: Appearance | None = None
+    bow: FittedLine | None = None
 
     def zero(self, x: FloatArray) -> FloatArray:
         """Height of the still line at places x (N,) [m]."""
+        if self.bow is not None:
+            return self.bow.at(x)
         return self.level + self.slope * x
 
 
@@ -83,7 +88,7 @@ class Light:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TracedLine:
-    """The line of one image; N columns show it.
+    """The line of one image, visible in N columns.
 
     Attributes:
         x: (N,) places on the face [m], from left to right.
@@ -116,7 +121,7 @@ class TracedLine:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """What one image shows; `light` and `line` are None where it does not show them."""
+    """Result of tracing one image; `light` and `line` are None if not found."""
 
     flags: Flag
     light: Light | None = None
@@ -130,7 +135,7 @@ def trace_line(
     knowledge: Knowledge,
     image: Image,
 ) -> Trace:
-    """Find the line in one image.
+    """Traces the line in one image.
 
     Args:
         view: the container as the camera sees it.
@@ -181,7 +186,7 @@ def _light(part: Image, region: SideRegion, blur: float, learnt: Appearance | No
 
 
 class _Tracer:
-    """One image's columns on their way to places on the face."""
+    """Converts the columns of one image to positions on the face."""
 
     def __init__(
         self, view: BoxView, region: SideRegion, knowledge: Knowledge, light: Light
@@ -190,6 +195,7 @@ class _Tracer:
         self._region = region
         self._knowledge = knowledge
         self._light = light
+        self._waves = waves_of(view)
         self._columns = np.arange(region.inside.shape[1])
         self._still = region.rows_at(np.zeros(self._columns.size))
         self._upper = np.argmax(region.inside, axis=0).astype(np.float64)
@@ -200,7 +206,7 @@ class _Tracer:
         self._pixel_height = view.height_per_pixel(pixel)
 
     def line(self, split: ColumnSplit) -> TracedLine | None:
-        """The line along the boundary of the columns' split; None where no line is found."""
+        """Refines the line at the columns' split; None: no line is found."""
         at_split = np.repeat(2.0 * split.rows.astype(np.float64) - 0.5, 2)
         seen, full = np.repeat(split.seen, 2), np.repeat(split.full, 2)
         first = self._first(at_split, seen)
@@ -230,13 +236,13 @@ class _Tracer:
         return self._placed(line, full & ~seen, full)
 
     def _first(self, at_split: FloatArray, seen: BoolArray) -> FittedLine:
-        """Shape through most of the boundaries."""
+        """Fits the shape with most agreeing boundaries."""
         columns = self._columns[seen][::2]
         x, z = self._place(at_split[columns], columns)
-        return first_shape(x, z, self._view.box.width, _DRAWS)
+        return first_shape(x, z, self._waves, _DRAWS)
 
     def _rows_of(self, shape: FittedLine) -> FloatArray:
-        """Rows (columns,) at which a shape crosses the columns."""
+        """Returns rows (columns,) where a shape crosses the columns."""
         rows = self._still
         # Only where the camera is rolled or looks askew does a column's place depend on the row.
         for _ in range(2):
@@ -256,7 +262,7 @@ class _Tracer:
         return refine_edges(self._light.channel, edges, expected, self._light.levels.contrast)
 
     def _kept(self, found: Edges, first: FittedLine) -> BoolArray:
-        """Columns whose edge belongs to the line."""
+        """Returns the columns whose edge belongs to the line."""
         rows = np.where(found.rows >= self._upper + TUNING.end_rows, found.rows, np.nan)
         columns = np.flatnonzero(np.isfinite(rows))
         kept = np.zeros(self._columns.size, np.bool_)
@@ -270,7 +276,7 @@ class _Tracer:
         return drop_loose_segments(rows, near)
 
     def _hidden(self, kept: BoolArray, full: BoolArray) -> float:
-        """Part of the columns that could show the line and do not."""
+        """Returns the share of usable columns in which the line is not visible."""
         could = self._could & ~full
         return float(np.count_nonzero(could & ~kept)) / max(int(np.count_nonzero(could)), 1)
 
@@ -281,7 +287,7 @@ class _Tracer:
         order = np.argsort(x)
         x, z = x[order], z[order]
         full_x, full_z = self._place(self._upper[over] + TUNING.end_rows, over)
-        start = first_shape(x, z, self._view.box.width, _DRAWS)
+        start = first_shape(x, z, self._waves, _DRAWS)
         pixels = np.column_stack((columns.astype(np.float64), rows)) + self._corner
         return TracedLine(
             x=x,
@@ -299,7 +305,7 @@ class _Tracer:
         )
 
     def _place(self, rows: FloatArray, columns: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Places on the face and heights above the still line [m]."""
+        """Returns positions on the face, and heights above the still line [m]."""
         x, z = self._on_face(rows, columns)
         return x, z - self._knowledge.zero(x)
 

@@ -1,4 +1,4 @@
-"""The tuning numbers of the side view's detector."""
+"""Tuning numbers of the side view's detector."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class RectangleTuning:
-    """What the detector assumes about containers, edges and cameras.
+    """Assumptions of the detector about containers, edges and cameras.
 
     Checked on traced images by `validation/studies/side_view_tables.py`. The unit "width" is the
     container's, "softness" the standard deviation of a blurred edge [px], "contrast" the levels
@@ -54,18 +54,19 @@ class RectangleTuning:
     end_rows: float = number(4.0, "px", "rows at the region's upper end that hold no line")
     clipped: float = number(252.0, "grey", "level at which the camera clips")
     # rear.py
-    apart_rows: float = number(3.0, "px", "least distance of two lines that are told apart")
+    apart_rows: float = number(3.0, "px", "least distance of two distinct lines")
     apart_softness: float = number(2.4, "softness", "the same for soft edges")
-    sharp_percentile: float = number(10.0, "%", "part of the edges that tells how sharp all are")
+    sharp_percentile: float = number(10.0, "%", "percentile of the edges for the sharpness")
     least_surface: float = number(0.08, "contrast", "least contrast of surface and liquid")
     most_surface: float = number(0.5, "contrast", "contrast at which the front line is sharper")
     margin: float = number(0.02, "width", "part over which heights at the rear wall are continued")
     all_down: float = number(0.99, "1", "part seen from above that counts as all")
     askew: float = number(0.06, "width", "shift of the rear wall at which crests hide it")
     # profile.py
-    wall_part: float = number(0.05, "width", "part whose points tell the height at a wall")
+    wall_part: float = number(0.05, "width", "part whose points determine the height at a wall")
     wall_points: int = number(4, "1", "fewest points that do so")
     wall_gap: float = number(0.03, "width", "gap beside a wall that hides its height")
+    round_gap: float = number(0.15, "width", "the same beside a round wall")
     reach: float = number(4.0, "px", "distance within which points tell the height at a place")
     smoothed_columns: int = number(5, "px", "width of the running median")
     smoothed_noise: float = number(0.8, "1", "its standard deviation over that of its points")
@@ -74,6 +75,15 @@ class RectangleTuning:
     common_clipped: float = number(0.3, "softness", "common error where the camera clips")
     doubt_part: float = number(0.5, "1", "standard deviation of a doubtful height over its doubt")
     correlated_columns: float = number(4.0, "px", "columns over which residuals are correlated")
+    # round_wall.py
+    sideways: float = number(0.25, "1", "cosine below which the highest place is at an end")
+    most_spread: float = number(1e-3, "m", "spread of a height that is not called ambiguous")
+    sure_reading: float = number(0.95, "1", "probability at which a reading is sure")
+    level_sure: float = number(2e-4, "m", "standard deviation of the mean level")
+    level_second: float = number(0.01, "1", "the same as a part of the wave, by second order")
+    second_order: float = number(0.03, "1", "second order as a part of the wave")
+    least_scatter: float = number(5e-5, "m", "least scatter of points on a round wall")
+    reading_error: float = number(1.5e-4, "m", "error of a point by which readings are judged")
     # detector.py
     most_hidden: float = number(0.05, "1", "part of the columns that may be hidden")
     blurred: float = number(3.0, "softness", "softness of a blurred edge")

@@ -1,4 +1,4 @@
-"""Discovery: where a model and measurements disagree, and which effect is missing.
+"""Discovery: finds which effect explains the difference of model and measurements.
 
 Pure: measured motions and a model in, a finding out; no files, no clock.
 """

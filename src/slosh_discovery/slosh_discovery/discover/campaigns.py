@@ -1,4 +1,4 @@
-"""Finds which motions belong together where nobody said so: they show one set-up of the sensor.
+"""Groups motions recorded with the same sensor set-up, if no groups are given.
 
 With the best explanation so far, each motion tells by itself what the parameters of an effect of
 the sensor would be: the fit is linear in them, near neutral, and its normal equations are all that
@@ -29,7 +29,7 @@ Members = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Campaigns:
-    """Which motions belong together.
+    """The motions of each group.
 
     Attributes:
         effect: whose parameters differ between the groups.
@@ -58,7 +58,7 @@ class Normal:
 def find_campaigns(
     one: Fit, motions: Sequence[PreparedMotion], temperature: float
 ) -> Campaigns | None:
-    """The likeliest grouping of the motions by an effect of the sensor.
+    """Finds the most probable grouping of the motions by an effect of the sensor.
 
     Args:
         one: the best explanation of all motions together.
@@ -78,7 +78,7 @@ def find_campaigns(
 
 
 def in_groups(motions: Sequence[PreparedMotion], campaigns: Campaigns) -> list[PreparedMotion]:
-    """The motions, each with the name of its group: `rig_1`, `rig_2` and so on."""
+    """Names the group of each motion: `rig_1`, `rig_2` and so on."""
     names = {
         index: f"rig_{number}"
         for number, members in enumerate(campaigns.members, start=1)
@@ -91,7 +91,7 @@ def in_groups(motions: Sequence[PreparedMotion], campaigns: Campaigns) -> list[P
 
 
 def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
-    """The likeliest grouping of motions, each told of by its normal equations."""
+    """Finds the most probable grouping of motions from their normal equations."""
     groups: list[Members] = [(index,) for index in range(len(normals))]
     whole = _log_odds([tuple(range(len(normals)))], normals)
     best = Campaigns(effect, (tuple(range(len(normals))),), 0.0)
@@ -109,7 +109,7 @@ def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
 def normal_equations(
     one: Fit, name: str, motions: Sequence[PreparedMotion], temperature: float
 ) -> list[Normal]:
-    """What each motion tells of an effect's parameters, near neutral.
+    """Computes each motion's normal equations of an effect's parameters near neutral.
 
     Clock offsets that are unknown follow; what else the explanation has stays.
     """
@@ -136,7 +136,7 @@ def normal_equations(
 
 
 def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -> Normal:
-    """Without what a shift of the clock explains as well."""
+    """Removes the part of the normal equations that a clock offset explains as well."""
     own = clocks[:, np.any(clocks != 0.0, axis=0)]
     columns = np.column_stack([slopes, residual])
     if own.shape[1]:
@@ -146,7 +146,7 @@ def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -
 
 
 def _log_odds(groups: Sequence[Members], normals: Sequence[Normal]) -> float:
-    """Log of a grouping's evidence and of its probability before any data, but for a constant.
+    """Returns the log evidence plus log prior of a grouping, up to a constant.
 
     Before any data a motion joins a group in proportion to its size, or begins a new one like a
     group of one (the Chinese restaurant process).
@@ -168,7 +168,7 @@ def _joined(groups: Sequence[Members], one: Members, other: Members) -> list[Mem
 
 
 def _tells(effect: Effect) -> bool:
-    """Whether it is the sensor's and small about neutral, so that one linear step tells of it."""
+    """Whether an effect acts in the sensor and is nearly linear about its neutral value."""
     return (
         effect.of_rig
         and effect.stages == (Stage.MEASUREMENT,)

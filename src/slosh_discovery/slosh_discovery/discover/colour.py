@@ -1,4 +1,4 @@
-"""Noise that remembers: a first-order autoregression with gaps, and how a residual is freed of it.
+"""Whitens autocorrelated noise: a first-order autoregression with gaps.
 
 A sample's noise is ρ times that of the sample before, and something new. Over a gap of k sampling
 intervals ρᵏ is left of it. Beside it there may be noise that does not remember, of another size
@@ -23,7 +23,7 @@ Places = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Colour:
-    """Noise of a sensor.
+    """Autocorrelated noise of a sensor.
 
     Attributes:
         stddev: of one sample [m], positive.
@@ -35,13 +35,13 @@ class Colour:
 
     @property
     def memory(self) -> float:
-        """ρ of which a residual is freed; 0 where it is no noise's."""
+        """Autocorrelation ρ used for whitening; 0 if it cannot be noise."""
         return self.correlation if abs(self.correlation) <= TUNING.most_colour else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Neighbours:
-    """Which sample of a long row of residuals comes before which.
+    """Predecessor of each sample in concatenated residuals.
 
     Attributes:
         before: (N,) place of the sample before in its series, -1: none.
@@ -54,13 +54,13 @@ class Neighbours:
     frames: Places
 
     def whitened(self, values: Array, colour: Colour) -> Array:
-        """Values (N,) or (N, P) without the colour, in units of the noise."""
+        """Returns whitened values (N,) or (N, P) in units of the noise."""
         return Whitening.of(self, colour.stddev, colour.memory).applied(values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whitening:
-    """A Kalman filter over every series: what of a sample the samples before do not tell.
+    """Whitening by a Kalman filter: the innovation of each sample given the previous ones.
 
     Attributes:
         before: (N,) place of the sample before in its series, -1: none.
@@ -84,7 +84,7 @@ class Whitening:
         correlation: float,
         forgotten: Array | None = None,
     ) -> Whitening:
-        """The filter of a noise.
+        """Makes the whitening filter of a noise.
 
         Args:
             neighbours: the samples.
@@ -101,7 +101,7 @@ class Whitening:
         return cls(before, memory, gain, spread, _series_order(before))
 
     def applied(self, values: Array) -> Array:
-        """Values (N,) or (N, P) [m] as white noise of unit variance."""
+        """Whitens values (N,) or (N, P) [m] to unit variance."""
         if self.order is None:
             expected = _rows(self.memory, values) * values[self.before]
         else:
@@ -113,7 +113,7 @@ class Whitening:
         return white
 
     def foretold(self, values: Array) -> tuple[Array, Array]:
-        """What each value of one series (N,) deviates from what all others foretell.
+        """Returns the deviation of each value (N,) from its leave-one-out prediction.
 
         By the smoother that goes back over the filter's innovations (de Jong 1989).
 
@@ -136,7 +136,7 @@ class Whitening:
         return score, root
 
     def undone(self, white: Array) -> Array:
-        """The values (N,) [m] of which `applied` gives these."""
+        """Inverse of `applied`: returns the values (N,) [m]."""
         surprise = self.spread * white
         brought = self.memory * (self.gain * surprise)[self.before]
         order = _series_order(self.before) if self.order is None else self.order
@@ -149,7 +149,7 @@ class Whitening:
 
 
 def _recursion(order: Places, shares: Array, brought: Array) -> Array:
-    """Solves x[i] = shares[i] x[before[i]] + brought[i]; shares are 0 where a series begins."""
+    """Solves x[i] = shares[i] x[before[i]] + brought[i]; shares are 0 at starts of series."""
     bands = np.ones((2, len(order)))
     bands[1, :-1] = -shares[order][1:]
     solved = np.empty_like(brought)
@@ -164,7 +164,7 @@ def _rows(factors: Array, values: Array) -> Array:
 def _gains(
     before: Places, memory: Array, variance: float, forgotten: Array
 ) -> tuple[Array, Array]:
-    """Gains and spreads of the filter, sample by sample."""
+    """Computes the filter's gains and standard deviations for each sample."""
     gains: list[float] = []
     spreads: list[float] = []
     left: list[float] = []
@@ -181,7 +181,7 @@ def _gains(
 
 
 def _series_order(before: Places) -> Places:
-    """Places such that every sample follows the one before it in its series."""
+    """Returns an order of samples in which each follows its predecessor."""
     if np.array_equal(before, np.arange(-1, len(before) - 1)):
         return np.arange(len(before))
     series: list[int] = []
@@ -196,7 +196,7 @@ def _series_order(before: Places) -> Places:
 
 
 def neighbours_in(t: Array, kept: NDArray[np.bool_]) -> Neighbours:
-    """Of the kept heights of one motion, in the order of `kept`.
+    """Makes the predecessors of the kept heights of one motion, in the order of `kept`.
 
     Args:
         t: (M,) times of the heights [s].
@@ -218,7 +218,7 @@ def neighbours_in(t: Array, kept: NDArray[np.bool_]) -> Neighbours:
 
 
 def estimate_colour(residual: Array, neighbours: Neighbours, parameters: int) -> Colour:
-    """The noise that a residual looks like; outliers do not count.
+    """Estimates the noise of a residual, robust against outliers.
 
     By the scales of sums and differences of neighbours, whose squares are as (1 + ρ) to (1 - ρ)
     (Gnanadesikan and Kettenring).

@@ -1,4 +1,4 @@
-"""How well an explanation predicts motions that were left out of its fit."""
+"""Cross-validation: prediction of motions that were left out of the fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MotionSet = list[tuple[PreparedMotion, float]]
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """The residual of motions that were predicted with parameters fitted to others.
+    """Residual of motions predicted with parameters fitted to others.
 
     Attributes:
         chi_square: sum of its squares, in units of the noise.
@@ -53,7 +53,7 @@ def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
 def _folds(
     motions: Sequence[PreparedMotion], offsets: Sequence[float]
 ) -> Iterator[tuple[MotionSet, MotionSet]]:
-    """What is seen and what is left out, with clock offsets: a third of the motions in turns.
+    """Yields folds (fitted, left out, offsets): each leaves out a third of the motions.
 
     Of fewer than three motions a third of each one's time is left out instead. Of each group as
     many are left out as can be: what is its own can only be seen in its own motions.
@@ -74,7 +74,7 @@ def _folds(
 
 
 def _block(motion: PreparedMotion, fold: int) -> NDArray[np.bool_]:
-    """(M, 1) the samples of one third of a motion's time."""
+    """Returns which samples (M, 1) are in one third of a motion's time."""
     number = np.arange(len(motion.t)) * FOLDS // len(motion.t)
     return np.asarray(number == fold)[:, np.newaxis]
 

@@ -1,4 +1,4 @@
-"""Differences of a high order: they leave the noise of a smooth series, and nothing of itself."""
+"""High-order differences, which remove smooth signals and leave the noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ the others are for records that are too short or full of gaps."""
 def normalised_differences(
     t: Array, height: Array, order: int, *, squared: float | None = None
 ) -> Array:
-    """Differences with the noise's standard deviation.
+    """Computes differences with the standard deviation of the noise.
 
     Args:
         t: (M,) [s].
@@ -50,7 +50,7 @@ def normalised_differences(
 
 
 def _difference_weights(times: Array) -> Array:
-    """(W, P) weights of the divided difference over P times; their squares add up to 1."""
+    """Returns weights (W, P) of the divided difference over P times, with unit sum of squares."""
     gaps = times[:, :, np.newaxis] - times[:, np.newaxis, :]
     gaps[:, range(times.shape[1]), range(times.shape[1])] = 1.0
     weights = 1.0 / np.prod(gaps, axis=2)
@@ -58,7 +58,7 @@ def _difference_weights(times: Array) -> Array:
 
 
 def robust_scale(values: Array, cut: float = 2.5) -> float:
-    """Standard deviation of the Gaussian core: trimmed at `cut`, started at the median."""
+    """Returns the standard deviation of the Gaussian core: trimmed at `cut`."""
     scale = 1.4826 * float(np.median(np.abs(values)))
     inside = special.erf(cut / math.sqrt(2.0))
     # Variance of a Gaussian that is cut off at ±cut.

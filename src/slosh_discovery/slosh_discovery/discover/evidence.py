@@ -1,4 +1,4 @@
-"""How likely explanations are, given the data: Laplace's approximation of the evidence.
+"""Probability of explanations given the data, by Laplace's approximation.
 
 log Z = -χ²/(2T) - ½ dᵀW⁻¹d - ½ log det(I + W H/T), with d the parameters' distance from what was
 expected, W their variances before any data and H = JᵀJ the information of the data on them. The
@@ -33,7 +33,7 @@ Logs = dict[Key, float]
 
 
 def log_evidence(fit: Fit, temperature: float) -> float:
-    """Log of the evidence and of the prior of a fitted explanation."""
+    """Returns log evidence plus log prior of a fitted explanation."""
     spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
@@ -41,7 +41,7 @@ def log_evidence(fit: Fit, temperature: float) -> float:
 
 
 def discounted(logs: Mapping[Key, float], fits: Mapping[Key, Fit], temperature: float) -> Logs:
-    """The logs of the evidence, as far as models can be believed.
+    """Reduces differences of log evidence according to the models' limited accuracy.
 
     No model has what it explains right to the last percent: terms of the second order are left
     out on all sides. Two explanations whose heights differ by no more than that are told apart by
@@ -72,7 +72,7 @@ def discounted(logs: Mapping[Key, float], fits: Mapping[Key, Fit], temperature: 
 
 
 def log_prior(fit: Fit) -> float:
-    """Log of an explanation's probability before any data, but for a constant."""
+    """Returns the log prior of an explanation, up to a constant."""
     explanation = fit.explanation
     surprise = (fit.vector - explanation.centres) / explanation.spreads
     return (
@@ -84,14 +84,14 @@ def log_prior(fit: Fit) -> float:
 
 
 def temperature_of(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
-    """χ² per sample of a fit, times the number of samples whose residuals go together."""
+    """Returns χ² per sample of a fit times the correlation length of its residual."""
     return residual_temperature(fit.residual, len(fit.vector), motions)
 
 
 def residual_temperature(
     residual: Array, parameters: int, motions: Sequence[PreparedMotion]
 ) -> float:
-    """The same of what a number of fitted parameters leaves."""
+    """Returns the temperature of a residual for a number of fitted parameters."""
     count = len(residual) - parameters
     series = residual_series(residual, motions)
     together = correlation_length(series) * columns_together(series)
@@ -99,7 +99,7 @@ def residual_temperature(
 
 
 def columns_together(series: Sequence[Array]) -> float:
-    """Number of azimuths whose residuals go together; 1 for white noise or a single column.
+    """Returns the number of correlated azimuths; 1 for white noise or one column.
 
     K (tr C²)/(tr C)² with the columns' covariance C, averaged over motions with as many columns.
     """
@@ -114,7 +114,7 @@ def columns_together(series: Sequence[Array]) -> float:
 
 
 def correlation_length(series: Sequence[Array]) -> float:
-    """Number of neighbouring samples whose residuals go together; 1 for white noise."""
+    """Returns the correlation length in samples; 1 for white noise."""
     total = np.zeros(LONGEST_LAG + 1)
     for columns in series:
         centred = np.nan_to_num(columns - np.nanmean(columns, axis=0))
@@ -131,19 +131,19 @@ def correlation_length(series: Sequence[Array]) -> float:
 
 
 def residual_series(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
-    """The residual as (M, K) per motion, NaN where there is no sample."""
+    """Returns the residual as (M, K) per motion, NaN where there is no sample."""
     parts = parts_of(residual, motions)
     return [motion.laid(part) for motion, part in zip(motions, parts, strict=True)]
 
 
 def parts_of(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
-    """The residual (N,) parted by motions."""
+    """Splits the residual (N,) by motions."""
     ends = np.cumsum([int(motion.kept.sum()) for motion in motions])
     return np.split(residual, ends[:-1])
 
 
 def probabilities(log_evidences: Sequence[float]) -> Array:
-    """The explanations' probabilities, one of them taken as true."""
+    """Returns the explanations' probabilities; they sum to 1."""
     logs = np.array(log_evidences)
     weights = np.exp(logs - logs.max())
     shares: Array = weights / weights.sum()
@@ -151,7 +151,7 @@ def probabilities(log_evidences: Sequence[float]) -> Array:
 
 
 def standard_errors(fit: Fit, temperature: float) -> Array:
-    """(P,) of the free parameters; at most what was plausible before any data."""
+    """Returns standard errors (P,) of the free parameters, limited by the prior."""
     spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     information += np.eye(len(spreads))

@@ -1,4 +1,4 @@
-"""An explanation: effects that are added to a model, with the parameters that are free."""
+"""An explanation: effects added to a model, with free parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Part = Callable[[str, str | None], Mapping[str, float]]
 
 
 class Free(NamedTuple):
-    """A parameter that a fit may change.
+    """A free parameter of a fit.
 
     Attributes:
         effect, parameter: whose it is.
@@ -44,7 +44,7 @@ class Free(NamedTuple):
 
 @dataclass(frozen=True)
 class Explanation:
-    """Effects in addition to a base model; an effect that the base has already is fitted anew.
+    """Effects in addition to a base model; an effect of the base is fitted again.
 
     Attributes:
         base: the model that they are added to.
@@ -62,12 +62,12 @@ class Explanation:
 
     @property
     def key(self) -> Key:
-        """What tells it from others of the same base."""
+        """Key that distinguishes explanations of the same base."""
         return self.effects, self.per_group
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """The parameters that a fit may change, in the order of its vectors."""
+        """The free parameters, in the order of the fit's vectors."""
         return tuple(
             Free(EFFECTS[name], parameter, group)
             for name in self.effects
@@ -78,20 +78,20 @@ class Explanation:
 
     @cached_property
     def widths(self) -> Array:
-        """(P,) how far each free parameter plausibly spreads."""
+        """(P,) plausible range of each free parameter."""
         ranges = (plausible(one.parameter) for one in self.free)
         return np.array([high - low for low, high in ranges])
 
     @cached_property
     def spreads(self) -> Array:
-        """(P,) standard deviation of each free parameter, before any data."""
+        """(P,) prior standard deviation of each free parameter."""
         even = self.widths * math.sqrt(PRIOR_VARIANCE)
         told = [one.parameter.spread for one in self.free]
         return np.array([e if t is None else t for e, t in zip(even.tolist(), told, strict=True)])
 
     @cached_property
     def centres(self) -> Array:
-        """(P,) what each free parameter is expected to be, before any data."""
+        """(P,) prior mean of each free parameter."""
         return np.array([_centre(one.parameter) for one in self.free])
 
     @cached_property
@@ -106,7 +106,7 @@ class Explanation:
         return lower, upper
 
     def model(self, vector: Array, group: str | None = None) -> Model | None:
-        """The base with these effects, as it holds for the motions of a group.
+        """Returns the base with these effects for the motions of a group.
 
         Args:
             vector: (P,) the free parameters.
@@ -125,7 +125,7 @@ class Explanation:
     def with_effect(
         self, name: str, chosen: Mapping[str, float], *, per_group: bool = False
     ) -> Explanation:
-        """One more effect, with its choices."""
+        """Returns the explanation with one more effect and its choices."""
         return replace(
             self,
             effects=tuple(sorted((*self.effects, name))),
@@ -134,11 +134,11 @@ class Explanation:
         )
 
     def without(self, name: str) -> Explanation:
-        """One effect less."""
+        """Returns the explanation without one effect."""
         return self.only(tuple(effect for effect in self.effects if effect != name))
 
     def only(self, names: Sequence[str]) -> Explanation:
-        """Those of its effects, each as it is in this explanation."""
+        """Returns the explanation with only some of its effects."""
         return replace(
             self,
             effects=tuple(effect for effect in self.effects if effect in names),
@@ -147,16 +147,16 @@ class Explanation:
         )
 
     def shared(self, name: str) -> Explanation:
-        """With the same parameters of an effect for all groups."""
+        """Returns the explanation with common parameters of an effect for all groups."""
         return replace(self, per_group=tuple(e for e in self.per_group if e != name))
 
     def simpler(self) -> list[Explanation]:
-        """With one effect less, and with one's parameters the same for all groups."""
+        """Returns explanations with one effect less, or with common parameters for all groups."""
         less = [self.without(name) for name in self.effects]
         return [*less, *(self.shared(name) for name in self.per_group)]
 
     def part(self, vector: Array, name: str, group: str | None = None) -> dict[str, float]:
-        """One effect's parameters out of a vector, its choices included.
+        """Returns one effect's parameters from a vector, with its choices.
 
         Args:
             vector: (P,).
@@ -172,14 +172,14 @@ class Explanation:
         return {**values, **chosen}
 
     def vector(self, part: Part) -> Array:
-        """The vector of parameters given by effect and group."""
+        """Makes a parameter vector from parameters by effect and group."""
         return np.array(
             [part(one.effect.name, one.group)[one.parameter.name] for one in self.free]
         )
 
 
 def starts(name: str) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
-    """Where a fit of an effect may start: its free parameters and its choices."""
+    """Returns start values of an effect's free parameters, with its choices."""
     parameters = EFFECTS[name].parameters
     values = [
         parameter.choices or parameter.starts or (_centre(parameter),) for parameter in parameters
@@ -193,7 +193,7 @@ def starts(name: str) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
 
 
 def plausible(parameter: Parameter) -> tuple[float, float]:
-    """Where a parameter usually lies."""
+    """Returns the plausible range of a parameter."""
     return parameter.plausible or (parameter.lower, parameter.upper)
 
 

@@ -1,4 +1,4 @@
-"""What a discovery found, as plain values in SI units."""
+"""Result of a discovery, as plain values in SI units."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAN = float("nan")
 
 
 class Verdict(Enum):
-    """How a discovery ends."""
+    """Verdict of a discovery."""
 
     NAMED = "named"
     NONE = "none"
@@ -33,7 +33,7 @@ class Verdict(Enum):
 
 
 class Role(Enum):
-    """What a motion was used for."""
+    """Use of a motion: fitted or held out."""
 
     FIT = "fit"
     HOLDOUT = "holdout"
@@ -54,7 +54,7 @@ class FittedParameters:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
-    """An effect that the verdict names.
+    """An effect of the verdict.
 
     Attributes:
         name: its id.
@@ -78,7 +78,7 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One explanation that was tried: an effect, or several, added to the base model.
+    """An explanation that was tried: one or several effects added to the base model.
 
     Attributes:
         effects: ids; empty: the base model as it is.
@@ -103,13 +103,13 @@ class Candidate:
 
     @property
     def per_group(self) -> tuple[str, ...]:
-        """Ids of the effects whose parameters each group has its own of."""
+        """Ids of the effects with separate parameters for each group."""
         return tuple(next(iter(self.by_group.values()), {}))
 
 
 @dataclass(frozen=True, slots=True)
 class HeightGap:
-    """The disagreement of the highest point of the wall in numbers: root mean squares [m].
+    """Residuals of the wall's highest point: root mean squares [m].
 
     Attributes:
         noise: of the measurement.
@@ -117,6 +117,10 @@ class HeightGap:
         holdout_before, holdout_after: over the others; NaN: none.
         fit_closed, holdout_closed: share of the removable gap that the found model closes on
             these motions, over their own noise: see `closed_share`.
+
+    >>> gap = HeightGap(2e-4, 1e-3, 3e-4, 1e-3, 4e-4, fit_closed=0.95, holdout_closed=0.87)
+    >>> gap.closed  # on held-out motions
+    0.87
     """
 
     noise: float
@@ -129,14 +133,14 @@ class HeightGap:
 
     @property
     def closed(self) -> float:
-        """The share on the held-out motions; on those of the fit where none was held out."""
+        """Closed share on held-out motions; without any, on the fitted ones."""
         held_out = math.isfinite(self.holdout_before)
         return self.holdout_closed if held_out else self.fit_closed
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How one model's heights agree with a motion's: see slosh_metrics.metrics.
+    """Agreement of one model's heights with a motion's: see slosh_metrics.metrics.
 
     Attributes:
         rms: [m].
@@ -153,7 +157,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MotionFinding:
-    """A motion before and after.
+    """A motion with the heights of the base model and of the found model.
 
     Attributes:
         motion: the motion.
@@ -184,7 +188,7 @@ class MotionFinding:
         )
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draws the measured heights, and the model's before and after; of a wall its highest.
+        """Draws the measured heights and both models' heights; for a wall its maximum.
 
         Args:
             axes: matplotlib's; None: of a new figure.
@@ -202,13 +206,13 @@ class MotionFinding:
 
     @property
     def samples(self) -> int:
-        """How many heights were measured."""
+        """Number of measured heights."""
         return int(np.count_nonzero(np.isfinite(self.motion.heights)))
 
 
 @dataclass(frozen=True, slots=True)
 class WhereRow:
-    """A part of the data and how large the residual is in it.
+    """A part of the data and its residual.
 
     Attributes:
         by: "phase", "time", "amplitude", "direction", "frequency" or "input".
@@ -229,7 +233,7 @@ class WhereRow:
 
 @dataclass(frozen=True, slots=True)
 class WorstMoment:
-    """A moment at which the base model is worst.
+    """A time of the base model's largest residual.
 
     Attributes:
         motion: name.
@@ -246,7 +250,7 @@ class WorstMoment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeparatingMotion:
-    """A motion that would tell two explanations apart.
+    """A motion that distinguishes two explanations.
 
     Attributes:
         names: the two explanations, as ids joined by " + ".
@@ -265,7 +269,7 @@ class SeparatingMotion:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A generic term that sparse regression proposes where no listed effect closes the gap.
+    """A generic term proposed by sparse regression if no listed effect closes the gap.
 
     Attributes:
         terms: each term with its coefficient, for people: ("J q̇", 1.3, "1/s").
@@ -280,7 +284,7 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Finding(Shown):
-    """Everything that a discovery found.
+    """The complete result of a discovery.
 
     Attributes:
         verdict: how it ends.
@@ -317,7 +321,7 @@ class Finding(Shown):
 
     @property
     def changed(self) -> bool:
-        """Whether another model goes out than came in."""
+        """Whether the found model differs from the base."""
         return self.model != self.base or bool(self.group_models)
 
     def __repr__(self) -> str:
@@ -333,7 +337,7 @@ class Finding(Shown):
         )
 
     def to_pandas(self) -> DataFrame:
-        """A table of the explanations that were fitted, the likeliest first.
+        """Returns a table of the fitted explanations, the most probable first.
 
         Columns: `probability`, `evidence` (log, over the base model's), `fit_rms` and
         `holdout_rms` [m], by the effects' ids joined by " + "; of the base model "".
@@ -351,7 +355,7 @@ class Finding(Shown):
         )
 
     def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:
-        """Draws a motion before and after; see `MotionFinding.plot`.
+        """Draws a motion with both models; see `MotionFinding.plot`.
 
         Args:
             motion: which of `motions`.

@@ -1,4 +1,4 @@
-"""How noisy an acceleration is: what it does while the container rests.
+"""Estimates the noise of an acceleration while the container is at rest.
 
 Only what lies near the liquid's own frequencies moves it, so the noise is told by its power
 spectral density there. Where the rest is long enough that is seen; else the noise is white.
@@ -28,7 +28,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class InputNoise:
-    """White noise of an acceleration, as far as it moves the liquid.
+    """White noise of an acceleration in the liquid's frequency band.
 
     Attributes:
         density: power spectral density of each horizontal axis, two-sided [m²/s³].
@@ -47,7 +47,7 @@ class InputNoise:
 
 
 def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
-    """The noise of an acceleration's horizontal part; None: it has none, nor a constant."""
+    """Estimates the noise of the horizontal acceleration; None: no noise and no bias."""
     if len(inputs.t) < 2 * TUNING.least_samples:
         return None
     spacing = float(np.median(np.diff(inputs.t)))
@@ -66,7 +66,7 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
 
 
 def _constant(inputs: Inputs) -> tuple[float, float]:
-    """What both horizontal axes show at rest [m/s²]: a motion may begin slowly.
+    """Returns the mean of both horizontal axes at rest [m/s²].
 
     The mean without both ends: the median of rounded values is one of these.
     """
@@ -81,7 +81,7 @@ def _constant(inputs: Inputs) -> tuple[float, float]:
 
 
 def resting(inputs: Inputs, margin: float = 0.0) -> Mask:
-    """(N,) where the container does not move, nor within a margin [s] of a motion.
+    """Returns where (N,) the container is at rest, away from motions by a margin [s].
 
     As `motion_spans` says, but that a bias is no motion, nor the noise of a few samples' mean.
     """
@@ -105,7 +105,7 @@ def resting(inputs: Inputs, margin: float = 0.0) -> Mask:
 
 
 def _longer(marked: Mask, least: int) -> Mask:
-    """The marked ones in runs of at least so many."""
+    """Returns the marked samples in runs of a minimum length."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
     kept = np.zeros_like(marked)
     for start, end in edges.reshape(-1, 2).tolist():
@@ -114,7 +114,7 @@ def _longer(marked: Mask, least: int) -> Mask:
 
 
 def _rough(t: Array, columns: Array) -> float:
-    """Standard deviation of a sample [m/s²] by differences alone, the least of several orders.
+    """Returns the standard deviation of a sample [m/s²] from differences of several orders.
 
     Kinks of a motion are rougher than its noise in some of the orders.
     """
@@ -126,7 +126,7 @@ def _rough(t: Array, columns: Array) -> float:
 
 
 def _white(inputs: Inputs, columns: Array) -> float:
-    """Standard deviation of a sample [m/s²], from neighbours."""
+    """Returns the standard deviation of a sample [m/s²] from neighbouring samples."""
     still = resting(inputs)
     if np.count_nonzero(still) >= 2 * TUNING.least_samples:
         rest = np.where(still, columns, np.nan)
@@ -140,7 +140,7 @@ def _white(inputs: Inputs, columns: Array) -> float:
 
 
 def _quantum(values: Array) -> float:
-    """Step to which values are rounded; 0: they are not, or hardly change."""
+    """Returns the rounding step of the values; 0: not rounded, or nearly constant."""
     levels = np.unique(np.round(values, 9))
     if not 3 <= len(levels) <= TUNING.rounded_levels * len(values):
         return 0.0
@@ -156,7 +156,7 @@ def _quantum(values: Array) -> float:
 
 
 def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
-    """Power spectral density of what rounding hides [m²/s³], on average from the first motion on.
+    """Returns the power spectral density of the rounding error [m²/s³] during motion.
 
     A ramp crosses each level, and its error is zero in the mean. Where the values turn back after
     a while at one level, all of that time may be off by up to half a step.
@@ -176,7 +176,7 @@ def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
 
 
 def _colour(inputs: Inputs, density: float) -> float:
-    """Power at the liquid's frequencies relative to white noise of that density."""
+    """Returns the power at the liquid's frequencies relative to white noise of a density."""
     still = resting(inputs, TUNING.rest_margin)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     power, count = 0.0, 0

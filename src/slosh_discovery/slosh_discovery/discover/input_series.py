@@ -1,4 +1,4 @@
-"""What moves the container, as series at any times: sizes of acceleration, jerk, tilt, rates."""
+"""Inputs of a motion as series: magnitudes of acceleration, jerk, tilt and rates."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class InputSeries:
 
     @classmethod
     def at(cls, inputs: Inputs, times: Array) -> InputSeries:
-        """The series at these times [s]; outside the inputs, as at their ends."""
+        """Interpolates the inputs at times [s]; constant beyond the ends."""
         acceleration = inputs.acceleration
         jerk = (
             np.gradient(acceleration, inputs.t, axis=0)
@@ -54,7 +54,7 @@ class InputSeries:
         )
 
     def quantities(self) -> dict[str, Array]:
-        """(M,) sizes by name, with the unit, in a fixed order."""
+        """Returns magnitudes (M,) by name, with units, in a fixed order."""
         return {
             "‖a‖": np.linalg.norm(self.acceleration, axis=1),
             "z̈₀": np.abs(self.acceleration[:, 2]),
@@ -66,7 +66,7 @@ class InputSeries:
 
 
 def motion_span(inputs: Inputs) -> tuple[float, float]:
-    """When the container's first motion starts and its last one ends [s].
+    """Returns start of the first and end of the last motion of the container [s].
 
     Of a container that never moves both are the inputs' end.
     """
@@ -79,7 +79,7 @@ def motion_span(inputs: Inputs) -> tuple[float, float]:
 
 
 def still_until(inputs: Inputs) -> float:
-    """Until when nothing at all drives the liquid [s]; the inputs' end: nothing ever does.
+    """Returns the time until which nothing excites the liquid [s]; at most the inputs' end.
 
     That is before the first motion starts: an acceleration that is no motion yet raises the
     liquid by a millimetre, which is no noise. With a sensor's noise on the inputs nobody knows,
@@ -93,7 +93,7 @@ def still_until(inputs: Inputs) -> float:
 
 
 def angular_velocity(inputs: Inputs) -> Array:
-    """(N, 3) in the container's frame [rad/s]: as given, or from the attitude; at rest: 0."""
+    """Returns the angular velocity (N, 3) in the container's frame [rad/s]; 0 if unknown."""
     return inputs.poses[:, 4:7] if len(inputs.poses) else np.zeros((len(inputs.t), 3))
 
 

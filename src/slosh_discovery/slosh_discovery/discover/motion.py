@@ -1,4 +1,4 @@
-"""A measured motion: what moved the container and what was seen of the liquid."""
+"""A measured motion: the container's inputs and the liquid's heights."""
 
 from __future__ import annotations
 
@@ -16,6 +16,11 @@ from slosh_model.simulate import Inputs
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MeasuredMotion:
     """A motion and its measured heights.
+
+    >>> t = np.linspace(0.0, 2.0, 201)
+    >>> still = Inputs(t, np.zeros((201, 3)))
+    >>> float(MeasuredMotion("still", still, t, msh=np.zeros(201)).peak_heights.max())  # m
+    0.0
 
     Attributes:
         name: for people; the file's name or the bag's with the motion's number.
@@ -95,7 +100,7 @@ class MeasuredMotion:
 
     @property
     def peak_heights(self) -> Array:
-        """(M,) MSH: as measured, or the highest of the wall heights [m]; NaN: no sample."""
+        """(M,) MSH: measured, or the maximum of the wall heights [m]; NaN: no sample."""
         finite = np.isfinite(self.heights)
         filled = np.where(finite, self.heights, -np.inf).max(axis=1)
         return np.where(finite.any(axis=1), filled, np.nan)

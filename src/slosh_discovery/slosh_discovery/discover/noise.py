@@ -1,4 +1,4 @@
-"""How noisy measured heights are, and how much of a residual is no noise.
+"""Estimates the noise of measured heights, and the part of a residual that is not noise.
 
 Two questions with two ways to answer them:
 
@@ -36,7 +36,7 @@ OVERSAMPLING = 2
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Measurement noise.
+    """Measurement noise of heights.
 
     Attributes:
         stddev: of one sample [m], positive.
@@ -69,7 +69,7 @@ class Removable:
 
     @property
     def stddev(self) -> float:
-        """Standard deviation of `rms` [m]; near zero the largest that is still compatible."""
+        """Standard deviation of `rms` [m]; near zero the largest compatible one."""
         if self.mean_square > self.mean_square_stddev:
             return 0.5 * self.mean_square_stddev / self.rms
         return math.sqrt(self.mean_square_stddev)
@@ -81,7 +81,7 @@ class Removable:
 
 
 def estimate_noise(motion: MeasuredMotion, others: Sequence[MeasuredMotion] = ()) -> Noise:
-    """Measurement noise of a motion's heights.
+    """Estimates the measurement noise of a motion's heights.
 
     From differences of a high order, the still part before the motion, and repeats, weighted by
     their own uncertainty. Where they contradict one another, the differences hold: they are taken
@@ -108,7 +108,7 @@ def estimate_noise(motion: MeasuredMotion, others: Sequence[MeasuredMotion] = ()
 
 
 def _combined(estimates: Sequence[Noise]) -> Noise:
-    """Weighted by relative uncertainty, which does not depend on the estimate's own luck."""
+    """Combines estimates weighted by relative uncertainty."""
     sizes = np.array([estimate.stddev for estimate in estimates])
     relative = np.array([estimate.uncertainty for estimate in estimates]) / sizes
     weights = 1.0 / relative**2
@@ -120,7 +120,7 @@ def _combined(estimates: Sequence[Noise]) -> Noise:
 
 
 def difference_noise(t: Array, heights: Array, *, magnitude: bool = False) -> Noise | None:
-    """Noise from divided differences of a high order, which leave no smooth motion.
+    """Estimates the noise by high-order divided differences, which remove smooth motion.
 
     MSH is the length of a vector. Where the peak jumps to the other side it has a kink, which no
     difference removes; its square is smooth. So where the height stands clear of the noise, its
@@ -171,7 +171,7 @@ def _scale_of(differences: Sequence[Array], order: int) -> Noise | None:
 
 
 def still_noise(motion: MeasuredMotion) -> Noise | None:
-    """Noise from the part before the motion, in which the container has been at rest.
+    """Estimates the noise before the motion, while the container is at rest.
 
     None: the part is too short, the clocks differ, or the heights there do not vary at all (a
     detection that locks on a still surface tells nothing of one that moves).
@@ -193,7 +193,7 @@ def still_noise(motion: MeasuredMotion) -> Noise | None:
 
 
 def repeat_noise(motion: MeasuredMotion, other: MeasuredMotion) -> Noise | None:
-    """Noise from two measurements of the same motion at the same times; None: they are not."""
+    """Estimates the noise from a repeated measurement; None: the motions differ."""
     same = (
         motion.same_clock
         and other.same_clock
@@ -223,7 +223,7 @@ def _same_inputs(first: Inputs, second: Inputs) -> bool:
 
 
 def removable(t: Array, residual: Array, noise: Noise | None = None) -> Removable:
-    """The part of a residual that a better model could remove.
+    """Estimates the part of a residual that a better model could remove.
 
     With γₖ the autocovariance at lag k of the even grid, a parabola through the lags 1 and 2 gives
     (4γ₁ - γ₂)/3 at lag 0, without the white noise that only γ₀ contains. For a sine of 3 Hz at
@@ -264,12 +264,12 @@ def removable(t: Array, residual: Array, noise: Noise | None = None) -> Removabl
 
 
 def is_white(t: Array, residual: Array) -> bool:
-    """Whether a residual may be nothing but white noise; see `whiteness`."""
+    """Whether a residual is consistent with white noise; see `whiteness`."""
     return whiteness(t, residual) > TUNING.significance
 
 
 def whiteness(t: Array, residual: Array) -> float:
-    """Probability that white noise alone has as strong a line or correlation as this residual.
+    """Returns the p-value of white noise for the residual's strongest line or correlation.
 
     The highest line of the spectrum up to SIGNAL_BAND finds one frequency, the autocovariance at
     small lags what is spread over many; the less likely of the two counts, corrected for having
@@ -295,7 +295,7 @@ def whiteness(t: Array, residual: Array) -> float:
 
 
 def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float) -> float:
-    """Probability of the highest line below SIGNAL_BAND, in white noise of the same power."""
+    """Returns the p-value of the highest spectral line below SIGNAL_BAND in white noise."""
     rows = len(filled)
     counts = np.count_nonzero(present, axis=0)
     used = counts > 0
@@ -316,7 +316,7 @@ def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float)
 
 
 def even_grid(t: Array, values: Array) -> Array:
-    """(N, K) values (M,) or (M, K) on an even grid of the median spacing; NaN: no sample."""
+    """Resamples values (M,) or (M, K) to (N, K) on a uniform grid; NaN: no sample."""
     columns = values if values.ndim == 2 else values[:, np.newaxis]
     spacing = float(np.median(np.diff(t)))
     place = np.round((t - t[0]) / spacing).astype(int)
@@ -331,7 +331,7 @@ def _autocovariance(filled: Array, present: NDArray[np.bool_], lag: int) -> floa
 
 
 def _independent_columns(filled: Array, present: NDArray[np.bool_]) -> float:
-    """As how many independent columns they count: (tr C)² / ‖C‖² of their covariance C."""
+    """Returns the effective number of columns: (tr C)² / ‖C‖² of their covariance C."""
     if filled.shape[1] == 1:
         return 1.0
     pairs = np.maximum(present.T.astype(float) @ present.astype(float), 1.0)

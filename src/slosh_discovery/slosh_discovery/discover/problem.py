@@ -1,4 +1,4 @@
-"""Measured motions, laid out so that a model's answer to all of them is computed fast.
+"""Prepares measured motions so that a model's response to all is computed fast.
 
 The inputs are taken at the moments of the measured heights and a few between them, averaged where
 they were sampled more densely. Heights that were sampled very densely, or at very many azimuths,
@@ -33,7 +33,7 @@ MOST_AZIMUTHS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightNoise:
-    """Noise that is not plain and white.
+    """Noise that is not white or differs between samples.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -48,7 +48,7 @@ class HeightNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedNoise:
-    """Noise that samples share, beside white noise of unit variance: of the covariance I + LLᵀ.
+    """Correlated noise in addition to white noise of unit variance: covariance I + LLᵀ.
 
     Attributes:
         directions: (N, R) orthonormal, in which it lies.
@@ -60,21 +60,21 @@ class SharedNoise:
 
     @classmethod
     def of(cls, columns: Array) -> SharedNoise:
-        """From the columns L (N, R)."""
+        """Makes the noise from the columns L (N, R)."""
         directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         matters = sizes**2 > TUNING.least_shared
         return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
 
     def removed(self, values: Array) -> Array:
-        """Values (N,) or (N, P) as white noise of unit variance."""
+        """Whitens values (N,) or (N, P) to unit variance."""
         return self._scaled(values, 1.0 / np.sqrt(1.0 + self.variances) - 1.0)
 
     def added(self, white: Array) -> Array:
-        """The values of which `removed` gives these."""
+        """Inverse of `removed`."""
         return self._scaled(white, np.sqrt(1.0 + self.variances) - 1.0)
 
     def expected(self, values: Array) -> Array:
-        """(N,) the shared part of values, as far as they tell."""
+        """Returns the expected correlated part (N,) of values."""
         share = self.variances / (1.0 + self.variances)
         return np.asarray(self.directions @ (share * (self.directions.T @ values)))
 
@@ -86,7 +86,7 @@ class SharedNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedMotion:
-    """A measured motion, ready to be compared with many models.
+    """A measured motion prepared for comparison with many models.
 
     Attributes:
         motion: the motion.
@@ -150,12 +150,12 @@ class PreparedMotion:
         object.__setattr__(self, "_whitening", whitening)
 
     def in_noises(self, difference: Array) -> Array:
-        """Of the kept heights (N,) [m] what is white noise of unit variance where it is noise."""
+        """Whitens differences of the kept heights (N,) [m] to unit variance."""
         white = self._of_sensor(difference)
         return white if self._shared is None else self._shared.removed(white)
 
     def _of_sensor(self, difference: Array) -> Array:
-        """The same (N,) or (N, P) where the sensor's is the only noise."""
+        """Whitens (N,) or (N, P) if the sensor's noise is the only one."""
         scale = (
             self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
         )
@@ -163,14 +163,14 @@ class PreparedMotion:
         return relative if self._whitening is None else self._whitening.applied(relative)
 
     def of_inputs(self, difference: Array) -> Array:
-        """(N,) the part of differences [m] that the inputs' noise most likely makes."""
+        """Returns the expected part (N,) of differences [m] due to the inputs' noise."""
         if self._shared is None:
             return np.zeros_like(difference)
         return self._undone(self._shared.expected(self._of_sensor(difference)))
 
     @property
     def slow_share(self) -> float:
-        """Share of the noise's variance, beside `driven`, that goes on from sample to sample."""
+        """Share of the noise's variance, without `driven`, that is correlated between samples."""
         blurred = 0.0
         if self.blur is not None:
             blur = self.blur[self.kept]
@@ -179,13 +179,13 @@ class PreparedMotion:
 
     @property
     def driven_rms(self) -> float:
-        """Root mean square of what the inputs' noise does to the kept heights [m]."""
+        """Root mean square of the inputs' noise in the kept heights [m]."""
         if self.driven is None:
             return 0.0
         return float(np.sqrt(np.mean(np.sum(self.driven[self.kept] ** 2, axis=1))))
 
     def in_metres(self, residual: Array) -> Array:
-        """The differences (N,) [m] of which `in_noises` gives this."""
+        """Inverse of `in_noises`: returns differences (N,) [m]."""
         return self._undone(residual if self._shared is None else self._shared.added(residual))
 
     def _undone(self, white: Array) -> Array:
@@ -193,22 +193,22 @@ class PreparedMotion:
         return np.asarray(relative * self._scale)
 
     def laid(self, values: Array) -> Array:
-        """(M, K) values of the kept heights (N,) at their places, NaN elsewhere."""
+        """Places values of the kept heights (N,) in an array (M, K) with NaN elsewhere."""
         laid = np.full(self.kept.shape, np.nan)
         laid[self.kept] = values
         return laid
 
     def simulate(self, model: Model) -> Answer | None:
-        """The model's answer; None where its solution left the finite numbers."""
+        """Returns the model's response; None if the solution is not finite."""
         return simulate_all([(model, self)])[0]
 
     def inputs_for(self, model: Model) -> Inputs:
-        """The inputs at which the model's answer is computed."""
+        """Returns the inputs for computing the model's response."""
         shifted = not (self.motion.same_clock and reading_clock(model).same)
         return self.fine if shifted else self.coarse
 
     def answer(self, model: Model, inputs: Inputs, heights: Array) -> Answer | None:
-        """What the liquid's heights (N, 2) at the inputs say of the measured ones."""
+        """Converts the liquid's heights (N, 2) at the inputs to a response."""
         if not np.isfinite(heights).all():
             return None
         read: _Reader | None = _Reader(model, self.azimuths, float(inputs.t[0]))
@@ -221,7 +221,7 @@ class PreparedMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reader:
-    """Reads heights off the liquid's, moment by moment."""
+    """Converts the liquid's heights to measured ones at each time."""
 
     model: Model
     azimuths: Array | None
@@ -235,7 +235,7 @@ class _Reader:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """A model's answer to a motion, to be read at the measured times.
+    """A model's response to a motion, to be evaluated at the measured times.
 
     Attributes:
         t: (N,) the inputs' times [s].
@@ -252,7 +252,7 @@ class Answer:
     read: _Reader | None
 
     def at(self, times: Array, clock_offset: float) -> Array:
-        """(M, K) the heights at times on the measured clock [m]."""
+        """Returns the heights (M, K) at times on the measured clock [m]."""
         moments = self.clock.moments(times - clock_offset, float(self.t[0]))
         if self.rows is None:
             taken = columns_at(moments, self.t, self.heights)
@@ -262,7 +262,7 @@ class Answer:
 
 
 def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer | None]:
-    """Each model's answer to its motion."""
+    """Returns each model's response to its motion."""
     if not pairs:
         return []
     inputs = [motion.inputs_for(model) for model, motion in pairs]
@@ -280,13 +280,13 @@ def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer |
 
 
 def heights_of_liquids(models: Sequence[Model], inputs: Sequence[Inputs]) -> list[Array]:
-    """The liquid's heights (N, 2) at +x and +y of each model at its inputs [m]."""
+    """Returns the liquid's heights (N, 2) at +x and +y of each model at its inputs [m]."""
     # The search runs a fit per thread already.
     return wall_heights(models, inputs, max_step=LONGEST_STEP, threads=1)
 
 
 def _liquids(models: Sequence[Model]) -> list[Model]:
-    """Each model's liquid; models that differ in what the sensor reads have the same object.
+    """Returns each model's liquid; models that differ only in the sensor share one object.
 
     Many motions share one model, and a model's hash goes through all of its parameters.
     """
@@ -300,7 +300,7 @@ def _liquids(models: Sequence[Model]) -> list[Model]:
 
 
 def liquid_alone(model: Model) -> Model:
-    """The model without what acts on the measurement alone."""
+    """Returns the model without effects of the measurement."""
     kept = tuple(use for use in model.effects if EFFECTS[use.name].stages != (Stage.MEASUREMENT,))
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 
@@ -340,14 +340,14 @@ def prepare(
 
 
 def claimed_noise(motion: MeasuredMotion) -> float:
-    """What the sensor claims of its own standard deviation, in the median [m]; 0: nothing."""
+    """Returns the sensor's median stated standard deviation [m]; 0: unknown."""
     claims = np.empty(0) if motion.stddev is None else motion.stddev
     known = claims[np.isfinite(claims) & (claims > 0.0)]
     return float(np.median(known)) if len(known) else 0.0
 
 
 def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Rows with samples, none closer to the one before than SAMPLE_SPACING."""
+    """Returns rows with samples at least SAMPLE_SPACING apart."""
     rows = np.flatnonzero(present)
     if len(rows) < 2 or float(np.median(np.diff(t[rows]))) >= TUNING.sample_spacing:
         return rows
@@ -356,7 +356,7 @@ def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
-    """The inputs at given moments and on a grid between them."""
+    """Resamples the inputs at given times and on a grid between them."""
     end = max(float(inputs.t[-1]), float(moments[-1]) if len(moments) else -np.inf)
     if len(moments) > 1:
         marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))
@@ -374,7 +374,7 @@ def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
 
 
 def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
-    """Values at moments; averaged over a width where they are sampled more densely than that."""
+    """Interpolates values at times; averages over a width if they are dense."""
     if len(t) < 3 or float(np.median(np.diff(t))) > 0.5 * width:
         return columns_at(moments, t, values)
     steps = np.diff(t)[:, np.newaxis]

@@ -1,4 +1,4 @@
-"""Finds the explanations worth comparing: effects added one after another, and dropped again.
+"""Searches explanations: adds effects one by one and removes them again.
 
 Every single effect is fitted. Where the best leaves more than noise, the best few are extended:
 for each further effect the linearised fit tells what it could gain, and the most promising are
@@ -40,7 +40,7 @@ FORETOLD = tuple(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """Where a fit starts, and how well it could go from there."""
+    """A start of a fit, and its expected improvement."""
 
     explanation: Explanation
     vector: Array
@@ -49,21 +49,21 @@ class Start:
 
 @dataclass(slots=True)
 class Pool:
-    """Every explanation that was fitted, and the effects that do nothing in these motions."""
+    """All fitted explanations, and the effects without influence in these motions."""
 
     motions: Sequence[PreparedMotion]
     fits: dict[Key, Fit] = field(default_factory=dict)
     without_effect: dict[str, str] = field(default_factory=dict)
 
     def add(self, fits: Iterable[Fit]) -> None:
-        """Keeps the better of two fits of the same effects."""
+        """Adds fits; keeps the better of two fits of the same effects."""
         for one in fits:
             known = self.find(one.explanation)
             if known is None or one.chi_square < known.chi_square:
                 self.fits[one.explanation.key] = one
 
     def find(self, explanation: Explanation) -> Fit | None:
-        """The fit of an explanation's effects; None: there is none."""
+        """Returns the fit of an explanation's effects; None: none."""
         return self.fits.get(explanation.key)
 
     @property
@@ -72,13 +72,13 @@ class Pool:
         return self.fits[(), ()]
 
     def ranked(self) -> list[Fit]:
-        """The fits, the likeliest first."""
+        """Returns the fits, the most probable first."""
         temperature = self.temperature
         return sorted(self.fits.values(), key=lambda one: -log_evidence(one, temperature))
 
     @property
     def temperature(self) -> float:
-        """That of the best fit, found by iteration: the best fit depends on it."""
+        """Temperature of the best fit, found by iteration since both depend on each other."""
         best = min(self.fits.values(), key=lambda one: one.chi_square)
         for _ in range(3):
             temperature = temperature_of(best, self.motions)
@@ -102,12 +102,12 @@ class Leftover:
 
     @property
     def adequate(self) -> bool:
-        """Whether it is hardly more than noise, or nothing that is surely more."""
+        """Whether the residual is nearly noise, or not significantly more."""
         return self.mean_square < max(self.tolerated, TUNING.sure * self.stddev)
 
 
 def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
-    """What a fit leaves beside noise."""
+    """Returns the part of a fit's residual that is not noise."""
     parts = [
         removable(motion.t, series)
         for motion, series in zip(motions, residual_series(one.residual, motions), strict=True)
@@ -156,7 +156,7 @@ class Search:
         self._threads = threads
 
     def run(self) -> Pool:
-        """Fits what is worth comparing."""
+        """Fits all explanations worth comparing."""
         pool = Pool(self._motions)
         with ThreadPoolExecutor(self._threads) as executor:
             self._executor = executor
@@ -182,7 +182,7 @@ class Search:
                 self._extend(pool, one, TUNING.promising, 1)
 
     def _add_foretold(self, pool: Pool) -> None:
-        """Extends those of the best that are full by what theory foretells."""
+        """Extends the best full explanations by effects whose size theory predicts."""
         for size in range(TUNING.most_effects, TUNING.most_foretold):
             best = pool.ranked()[: TUNING.beam_foretold]
             full = [one for one in best if len(one.explanation.effects) == size]
@@ -193,7 +193,7 @@ class Search:
                 self._extend(pool, one, TUNING.promising, 1, FORETOLD)
 
     def _replace_unlikely(self, pool: Pool) -> None:
-        """Tries every other effect in the place of one that is named where nothing else will do.
+        """Tries every other effect in place of an improbable one.
 
         What is far from linear, as a wrong fill height is, promises little and does much.
         """
@@ -206,7 +206,7 @@ class Search:
                 self._extend(pool, pool.fits[without.key], len(EFFECTS), TUNING.starts_fitted)
 
     def _refine(self, pool: Pool) -> None:
-        """Fits the best explanations to the end, and the best one with less or more freedom."""
+        """Fits the best explanations to convergence, and the best one's neighbours."""
         self._progress("comparing", 0.9)
         best = pool.ranked()[: 2 * TUNING.beam]
         pool.add(
@@ -233,7 +233,7 @@ class Search:
         starts_each: int,
         among: Iterable[str] = EFFECTS,
     ) -> None:
-        """Fits an explanation with each of the most promising further effects."""
+        """Fits an explanation with each of the most promising additional effects."""
         names = [
             name
             for name in among
@@ -261,7 +261,7 @@ class Search:
 
     @staticmethod
     def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
-        """Whether to fit a further effect's parameters for each group: both where it may be."""
+        """Returns whether to fit common or per-group parameters, or both."""
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
@@ -280,7 +280,7 @@ class Search:
         return list(self._executor.map(run, chosen))
 
     def _starts(self, one: Fit, name: str) -> tuple[list[Start], bool]:
-        """The starts of a further effect, and whether it changes anything."""
+        """Returns the starts of an additional effect, and whether it changes anything."""
         found, visible = [], False
         offsets = np.array(one.clock_offsets)
         carried = _carried(one)
@@ -305,7 +305,7 @@ class Search:
 
 
 def _carried(one: Fit) -> Part:
-    """A fit's parameters by effect and group; what differs between groups is averaged for all."""
+    """Returns a fit's parameters by effect and group; group values are averaged if shared."""
     explanation = one.explanation
 
     def part(name: str, group: str | None) -> dict[str, float]:
@@ -318,12 +318,12 @@ def _carried(one: Fit) -> Part:
 
 
 def _joined(carried: Part, name: str, values: Mapping[str, float]) -> Part:
-    """Parameters by effect and group, with those of one effect more."""
+    """Returns a function of effect and group that also gives one more effect's parameters."""
     return lambda effect, group: values if effect == name else carried(effect, group)
 
 
 def _neighbours(explanation: Explanation) -> list[Explanation]:
-    """With one effect less, with one's parameters shared by all groups, and apart by group."""
+    """Returns explanations with one effect less, shared or per-group parameters."""
     apart = [
         replace(explanation, per_group=tuple(sorted((*explanation.per_group, name))))
         for name in explanation.effects
@@ -333,13 +333,13 @@ def _neighbours(explanation: Explanation) -> list[Explanation]:
 
 
 def _may_differ(explanation: Explanation, name: str) -> bool:
-    """Whether each group may have its own parameters of an effect."""
+    """Whether an effect may have separate parameters for each group."""
     free = any(parameter.choices is None for parameter in EFFECTS[name].parameters)
     return EFFECTS[name].of_rig and free and len(explanation.groups) > 1
 
 
 def _promise(one: Fit, change: Array) -> float:
-    """χ² that the linearised fit expects, the other parameters following; smaller is better.
+    """Returns the χ² expected from the linearised fit; smaller is better.
 
     Once with the change as it is (an effect may be far from small), once with a share of it.
     """
@@ -361,7 +361,7 @@ def _least(residual: Array, columns: NDArray[np.float64]) -> float:
 
 
 def _distinct(best: Sequence[Start], count: int) -> list[Start]:
-    """The best starts, and the best one of each choice between variants."""
+    """Returns the best starts, with the best one of each discrete choice."""
     chosen = list(best[:count])
     variants = {tuple(start.explanation.chosen.items()) for start in chosen}
     for start in best[count:]:

@@ -1,4 +1,4 @@
-"""What a sensor's noise is like: its colour, its outliers, and how its stamps jitter.
+"""Estimates a sensor's noise: autocorrelation, outliers and jitter of time stamps.
 
 Stamps that jitter by τ are white noise of the size τ |dη/dt|, large where the liquid moves fast.
 That tells them from noise that remembers, and both together are the likeliest that the residual
@@ -58,7 +58,7 @@ class SensorNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leftovers:
-    """What a model leaves of a motion.
+    """A model's residual of a motion.
 
     Attributes:
         motion: the motion.
@@ -72,7 +72,7 @@ class Leftovers:
 
     @classmethod
     def of(cls, motion: PreparedMotion, predicted: Array) -> Leftovers:
-        """From the predicted heights (M, K) at the motion's times [m].
+        """Makes the residual from predicted heights (M, K) at the motion's times [m].
 
         A still level that is not known goes together like nothing else, and is no noise. Nor is
         what the inputs' noise most likely does.
@@ -118,7 +118,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """Of a noise, whatever its size.
+    """Shape of a noise, independent of its size.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -129,7 +129,7 @@ class _Shape:
     ratio: float
 
     def near(self, other: _Shape) -> bool:
-        """Whether another round would change nothing."""
+        """Whether both shapes are practically equal."""
         sizes = math.sqrt(self.ratio), math.sqrt(other.ratio)
         return abs(self.correlation - other.correlation) < TUNING.steady and (
             abs(sizes[0] - sizes[1]) <= TUNING.steady * max(sizes)
@@ -141,7 +141,7 @@ _Likelihood = Callable[[Sequence[_Part], _Shape], tuple[float, float]]
 
 
 def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
-    """The noise that the residuals of several motions show; None: it is plain and white.
+    """Estimates the noise in the residuals of several motions; None: white.
 
     Args:
         leftovers: of motions that one sensor has measured.
@@ -178,12 +178,12 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
 
 
 def _slow_part(size: float, shape: _Shape) -> float:
-    """Spectral density at low frequencies of what remembers, but for a factor of all [m²]."""
+    """Returns the low-frequency spectral density of the correlated part, up to a factor [m²]."""
     return size**2 * (1.0 + shape.correlation) / (1.0 - shape.correlation)
 
 
 def _spikes(parts: Sequence[_Part]) -> float:
-    """Share of the samples that are far from their next neighbours, whatever the model lacks."""
+    """Returns the share of samples far from their neighbours, independent of the model."""
     off = np.abs(np.concatenate([_deviations(part, _SMOOTH) for part in parts]))
     return float(np.mean(off > TUNING.spike * robust_scale(off)))
 
@@ -191,7 +191,7 @@ def _spikes(parts: Sequence[_Part]) -> float:
 def _seen_in_differences(
     parts: Sequence[_Part], size: float, shape: _Shape, leftovers: Sequence[Leftovers]
 ) -> bool:
-    """Whether heights differ from sample to sample as that noise does.
+    """Whether differences of the heights agree with a noise.
 
     A smooth series without noise goes together like nothing else: what is left there is all the
     model's. Differences of a high order know, as they see the noise near half the sampling rate.
@@ -203,7 +203,7 @@ def _seen_in_differences(
 
 
 def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
-    """Whether two noises are the same, as far as they matter."""
+    """Whether two noises are practically equal."""
     if one is None or other is None:
         return one is other
     return (
@@ -214,7 +214,7 @@ def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
 
 
 def dressed(one: Leftovers, sensor: SensorNoise) -> PreparedMotion:
-    """The motion with that sensor's noise: what it forgets, remembers, and which are outliers."""
+    """Returns the motion with a sensor's noise and outliers."""
     motion = one.motion
     kept = np.isfinite(motion.heights)
     shape = _Shape(sensor.correlation, (sensor.jitter / sensor.stddev) ** 2)
@@ -241,7 +241,7 @@ def dressed(one: Leftovers, sensor: SensorNoise) -> PreparedMotion:
 
 
 def _claimed(motion: PreparedMotion) -> Array:
-    """(M,) what the sensor claims of its own noise, relative to the median; 1 where nothing."""
+    """Returns the sensor's stated noise (M,) relative to its median; 1 where unknown."""
     stddev = motion.motion.stddev
     if stddev is None:
         return np.ones(len(motion.t))
@@ -253,7 +253,7 @@ def _claimed(motion: PreparedMotion) -> Array:
 
 
 def _claims_hold(leftovers: Sequence[Leftovers]) -> bool:
-    """Whether heights scatter about their neighbours as the sensor claims, rather than evenly."""
+    """Whether the scatter of heights agrees with the sensor's stated noise."""
     bends, sizes = [], []
     for one in leftovers:
         claimed = _claimed(one.motion)
@@ -292,7 +292,7 @@ def _spacing(part: _Part) -> float:
 
 
 def _liquid(part: _Part) -> Array:
-    """(N, B) cosines up to the liquid's band: whatever it does is a sum of these."""
+    """Returns cosines (N, B) up to the liquid's frequency band."""
     span = float(part.t[-1] - part.t[0])
     highest = min(TUNING.liquid_band, TUNING.band_share / _spacing(part))
     count = min(int(2.0 * highest * span) + 1, len(part.t) // 2)
@@ -301,13 +301,13 @@ def _liquid(part: _Part) -> Array:
 
 
 def _whitening(part: _Part, shape: _Shape) -> Whitening:
-    """In units of the part that remembers."""
+    """Makes the whitening filter in units of the correlated part."""
     neighbours = part.neighbours(_spacing(part))
     return Whitening.of(neighbours, 1.0, shape.correlation, shape.ratio * part.speed_square)
 
 
 def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Log of the likelihood, and the size of the noise at which it is largest [m]."""
+    """Returns the log likelihood and the most probable size of the noise [m]."""
     square, volume = 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)
@@ -317,7 +317,7 @@ def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
 
 
 def _likelihood_above(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """The same of what lies above the liquid's band."""
+    """Returns the likelihood and the size from frequencies above the liquid's band."""
     degrees, square, volume = 0, 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)
@@ -339,7 +339,7 @@ def _of_size(square: float, degrees: int, volume: float) -> tuple[float, float]:
 
 
 def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood) -> _Shape:
-    """The shape that makes the residuals likeliest."""
+    """Returns the shape with the largest likelihood of the residuals."""
     speed = math.sqrt(float(np.mean(np.concatenate([part.speed_square for part in parts]))))
     _, size = likelihood(parts, _PLAIN)
     most = TUNING.largest_jitter / size
@@ -371,13 +371,13 @@ def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood)
 
 
 def _deviations(part: _Part, shape: _Shape) -> Array:
-    """(N,) from what all other samples foretell, relative to the part that remembers [m]."""
+    """Returns deviations (N,) from the leave-one-out predictions [m]."""
     score, root = _whitening(part, shape).foretold(part.residual)
     return np.asarray(score / root)
 
 
 def _outliers(part: _Part, size: float, shape: _Shape) -> Mask:
-    """(N,) which samples stand out; the largest first, as it draws its neighbours along."""
+    """Returns which samples (N,) are outliers; removes the largest first."""
     struck = np.zeros(len(part.t), dtype=np.bool_)
     left = part
     while len(left.t) >= 2 * TUNING.least_samples:

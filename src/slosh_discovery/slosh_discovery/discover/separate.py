@@ -1,4 +1,4 @@
-"""The motion that tells two models apart.
+"""Designs a motion that distinguishes two models.
 
 Two models that explain the present motions equally well may answer another motion differently. A
 family of motions that a robot can carry out is searched for those in which the predicted heights
@@ -44,7 +44,7 @@ SIZES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Two models, and what a motion for them must keep to.
+    """Two models, and the limits of a motion for them.
 
     Attributes:
         first, second: the models.
@@ -130,8 +130,8 @@ def separating_motion(
         if other is not None and (best is None or other.relative > best.relative):
             best = other
             remark = (
-                "; the two are about the same for small waves: the difference is that of their "
-                "nonlinear twins, as the real liquid is nonlinear"
+                "; the two agree for small waves: the difference is that of their "
+                "nonlinear variants, since real liquid is nonlinear"
             )
     if best is None:
         raise SloshDiscoveryError(
@@ -149,7 +149,7 @@ def separating_motion(
 
 
 def _search(pair: _Pair) -> _Trial | None:
-    """Of the best of each family, the one that a refit closes least; refined."""
+    """Searches all families; refines the motion least affected by a refit."""
     turning = _needs_rotation(pair)
     found: list[_Trial] = []
     for family in FAMILIES:
@@ -166,7 +166,7 @@ def _search(pair: _Pair) -> _Trial | None:
 
 
 def _refined(pair: _Pair, best: _Trial) -> _Trial:
-    """Other frequencies nearby, and a longer dwell."""
+    """Tries nearby frequencies and a longer dwell."""
     for step in REFINEMENT:
         centre = best.motion
         for sign in (-1.0, 1.0):
@@ -189,7 +189,7 @@ def _by_merit(trial: _Trial) -> float:
 
 
 def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
-    """The motion at the largest size that keeps the liquid in; None: it spills at any."""
+    """Returns the motion at the largest size without spilling; None: it always spills."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
         trial = _try(pair, sized)
@@ -219,7 +219,7 @@ def _try(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
 
 
 def _with_remaining(pair: _Pair, trial: _Trial) -> _Trial:
-    """The trial with what is left of the difference when one of the models is refitted."""
+    """Computes the difference that remains after one model is refitted."""
     times = np.arange(trial.inputs.t[0], trial.inputs.t[-1], 1.0 / TUNING.sample_rate)
     heights = [
         predicted_heights(model, trial.inputs, times, pair.azimuths)
@@ -244,7 +244,7 @@ def _with_remaining(pair: _Pair, trial: _Trial) -> _Trial:
 
 
 def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
-    """Rms difference over the present motions [m]; 0 without any."""
+    """Returns the rms difference over the present motions [m]; 0: none."""
     squares = []
     for inputs in present:
         times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / TUNING.sample_rate)
@@ -259,7 +259,7 @@ def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
 
 
 def _ceiling(model: Model) -> float:
-    freeboard = model.container.freeboard
+    freeboard = model.container.height_below_rim()
     open_height = TUNING.most_height * min(model.container.reaches)
     return (
         open_height if freeboard is None else min(open_height, TUNING.freeboard_share * freeboard)
@@ -271,7 +271,7 @@ def _needs_rotation(pair: _Pair) -> bool:
 
 
 def _difference(first: Model, second: Model) -> Iterator[str]:
-    """Names of the effects in which they differ."""
+    """Returns the names of the effects in which two models differ."""
     ours, theirs = (
         {use.name: dict(use.parameters) for use in model.effects} for model in (first, second)
     )
@@ -294,7 +294,7 @@ def _rms(values: Array) -> float:
 
 
 def variants_of(model: Model) -> Iterator[Model]:
-    """Models with the natural frequency, the damping or one parameter of an effect changed."""
+    """Yields models with changed natural frequency, damping or one effect's parameter."""
     wider = model.container.widened(1.0 + TUNING.width_change)
     if model.natural_frequency is None:
         yield replace(model, container=wider)

@@ -1,4 +1,4 @@
-"""Motions that a robot can carry out, as families with a frequency and a size.
+"""Families of motions for a robot, parameterised by frequency and size.
 
 Every coordinate is p(t) = A w(t) sin(k φ(t) + δ), with a window w that rises from 0 and returns to
 it with three continuous derivatives: so position, velocity and acceleration begin and end at 0.
@@ -36,7 +36,7 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Motions of one shape.
+    """A family of motions of one shape.
 
     Attributes:
         title: for people.
@@ -96,7 +96,7 @@ class CandidateMotion:
 
 
 def inputs_of(motion: CandidateMotion) -> Inputs:
-    """The motion's inputs: still part, swing, dwell."""
+    """Makes the motion's inputs: rest, oscillation, dwell."""
     family = motion.family
     t = np.arange(
         0.0,
@@ -119,7 +119,7 @@ def inputs_of(motion: CandidateMotion) -> Inputs:
 
 
 def text_of(motion: CandidateMotion) -> str:
-    """The motion in words, with its figures."""
+    """Describes the motion with its values."""
     inputs = inputs_of(motion)
     peak = float(np.linalg.norm(inputs.acceleration, axis=1).max())
     parts = [f"{motion.family.title} at {motion.frequency:.2f} Hz"]
@@ -136,7 +136,7 @@ def text_of(motion: CandidateMotion) -> str:
 
 
 def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) -> float:
-    """Amplitude at which acceleration and travel keep to their bounds."""
+    """Returns the amplitude at which acceleration and travel keep their limits."""
     peak = float(np.linalg.norm(acceleration, axis=1).max())
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
     if peak <= 0.0:
@@ -145,7 +145,7 @@ def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) ->
 
 
 def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
-    """Axis, angle [rad] and rate [rad/s]."""
+    """Returns axis, angle [rad] and rate [rad/s]."""
     place, first, _ = _swing(t, motion, 1.0, 0.0)
     family = motion.family
     if family.tilt != 0.0:
@@ -160,7 +160,7 @@ def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
 
 
 def _sweep(motion: CandidateMotion) -> tuple[float, float]:
-    """From, to [Hz]."""
+    """Returns the start and end frequency of the sweep [Hz]."""
     half = math.sqrt(motion.family.sweep)
     return motion.frequency / half, motion.frequency * half
 
@@ -168,7 +168,7 @@ def _sweep(motion: CandidateMotion) -> tuple[float, float]:
 def _swing(
     t: Array, motion: CandidateMotion, harmonic: float, shift: float
 ) -> tuple[Array, Array, Array]:
-    """The product w sin(k φ + δ) with its first and second derivative."""
+    """Returns w sin(k φ + δ) with its first and second derivative."""
     since = np.clip(t - TUNING.family_still, 0.0, TUNING.family_swing)
     low, high = (2.0 * math.pi * each for each in _sweep(motion))
     rate = low + (high - low) * since / TUNING.family_swing
@@ -182,7 +182,7 @@ def _swing(
 
 
 def _window(since: Array) -> tuple[Array, Array, Array]:
-    """Rises to 1 within RAMP and falls at the end likewise, with its derivatives."""
+    """Returns a window that rises to 1 within RAMP and falls likewise, with derivatives."""
     rise, falling = since / TUNING.family_ramp, (TUNING.family_swing - since) / TUNING.family_ramp
     x = np.clip(np.minimum(rise, falling), 0.0, 1.0)
     sign = np.where(rise <= falling, 1.0, -1.0)

@@ -1,4 +1,4 @@
-"""Whether something that changes with time explains more than any effect of constant size.
+"""Tests whether a time-varying parameter explains more than any constant effect.
 
 An effect of the list has one size. Damping that changes while a liquid warms, or a sensor whose
 gain creeps, is something else, and some effects of constant size can make something of it. So
@@ -28,7 +28,7 @@ from slosh_discovery.discover.tuning import TUNING
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A parameter that would have to change.
+    """A parameter that seems to change.
 
     Attributes:
         effect, parameter: whose it is.
@@ -44,18 +44,18 @@ class Change:
     last: float
 
     def text(self) -> str:
-        """What is seen, in a sentence."""
+        """Describes the change in a sentence."""
         when = "from motion to motion" if self.between else "with time within the motions"
         return (
             f"Something changes {when}: the {self.parameter} of {self.effect} from about "
             f"{self.first:.3g} to {self.last:.3g} explains more than any effect of constant size. "
-            "No effect of the list does that, and none is added."
+            "No listed effect changes in this way, so none is added."
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Changing:
-    """A fit with one parameter that changes.
+    """A fit with one time-varying parameter.
 
     Attributes:
         one: the fit with constant parameters.
@@ -75,11 +75,11 @@ class _Changing:
 
     @property
     def gain(self) -> float:
-        """By how much it lowers χ²."""
+        """Returns the reduction of χ²."""
         return self.one.chi_square - float(self.residual @ self.residual)
 
     def log_evidence(self, temperature: float) -> float:
-        """As of a constant one, with one more thing at work."""
+        """Returns the log evidence of the fit, counted as one additional effect."""
         spread = self.one.explanation.spreads[self.index]
         information = np.eye(len(self.steps)) + self.information * spread**2 / temperature
         occam = 0.5 * float(np.linalg.slogdet(information)[1])
@@ -87,7 +87,7 @@ class _Changing:
         return log_evidence(self.one, temperature) + more
 
     def change(self) -> Change:
-        """In words."""
+        """Describes the change."""
         free = self.one.explanation.free[self.index]
         value, bounds = self.one.vector[self.index], (free.parameter.lower, free.parameter.upper)
         # The residual falls where the parameter goes the other way.
@@ -102,7 +102,7 @@ class _Changing:
 def change_with_time(
     pool: Pool, motions: Sequence[PreparedMotion], temperature: float
 ) -> Change | None:
-    """What changes, where that is likelier than any explanation whose parameters are constant.
+    """Returns the change that is more probable than any constant explanation.
 
     Args:
         pool: the explanations.
@@ -130,7 +130,7 @@ def change_with_time(
 
 
 def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing:
-    """A fit whose parameter changes as far as its derivatives tell, the other ones following."""
+    """Linearised fit with a time-varying parameter; the others are refitted."""
     others, _ = np.linalg.qr(one.jacobian)
     columns = shape * one.jacobian[:, index : index + 1]
     columns = columns - others @ (others.T @ columns)
@@ -140,7 +140,7 @@ def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing
 
 
 def _matters(best: _Changing, pool: Pool, motions: Sequence[PreparedMotion]) -> bool:
-    """Whether it is a good part of what a constant one leaves, and of what the effect does."""
+    """Whether a change is a large part of the residual and of the effect."""
     one, count = best.one, len(best.residual)
     name = one.explanation.free[best.index].effect.name
     without = pool.find(one.explanation.without(name)) or pool.base
@@ -152,13 +152,13 @@ def _matters(best: _Changing, pool: Pool, motions: Sequence[PreparedMotion]) -> 
 
 
 def _by_motion(motions: Sequence[PreparedMotion]) -> Array:
-    """(N, motions) 1 in a motion's own samples."""
+    """Returns an indicator (N, motions) of each motion's samples."""
     sizes = [int(motion.kept.sum()) for motion in motions]
     return np.repeat(np.eye(len(motions)), sizes, axis=0)
 
 
 def _by_time(motions: Sequence[PreparedMotion]) -> Array:
-    """(N,) from -1 at a motion's first sample to 1 at its last."""
+    """Returns time (N,) from -1 at a motion's first sample to 1 at its last."""
     parts = []
     for motion in motions:
         middle, half = 0.5 * (motion.t[0] + motion.t[-1]), 0.5 * (motion.t[-1] - motion.t[0])

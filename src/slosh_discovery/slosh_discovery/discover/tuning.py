@@ -1,4 +1,4 @@
-"""The tuning numbers of the discovery."""
+"""Tuning numbers of the discovery."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class DiscoverTuning:
-    """What is assumed about noise, effects, recordings and robots.
+    """Assumptions about noise, effects, recordings and robots.
 
     Checked on blind cases by `validation/studies/blind_tables.py` and on measured recordings by
     `validation/studies/discovery_findings.py`. The unit "σ" is a standard deviation of the noise,
@@ -82,7 +82,7 @@ class DiscoverTuning:
     clock_span: float = number(0.2, "s", "largest change of a clock offset")
     # driven.py
     small_answer: float = number(0.1, "σ", "least answer to an input's noise")
-    flat: float = number(0.1, "1", "change with the liquid below which a reading stands still")
+    flat: float = number(0.1, "1", "change with the liquid below which a measurement is constant")
     # explanation.py
     least_fill: float = number(0.1, "1", "least part of the fill height that is left")
     # evidence.py

@@ -1,4 +1,4 @@
-"""From fitted explanations to a verdict with its confidence."""
+"""Derives a verdict with its confidence from fitted explanations."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CLEARLY = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenExplanation:
-    """Which explanation is chosen, and how sure that is.
+    """The chosen explanation and its probability.
 
     Attributes:
         verdict: how the discovery ends.
@@ -76,7 +76,7 @@ class ChosenExplanation:
 
 
 def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> ChosenExplanation:
-    """Weighs the fitted explanations against each other.
+    """Compares the fitted explanations and judges them.
 
     Where the likeliest leaves nothing but noise, the evidence decides. Where even that leaves
     more, every explanation is wrong, and better ones than others are those that predict motions
@@ -140,12 +140,12 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> ChosenExplanation:
 
 
 def rejected(judgement: ChosenExplanation, base: Fit) -> ChosenExplanation:
-    """The judgement where the chosen explanation turns out to be none."""
+    """Returns the judgement if the chosen explanation is rejected."""
     return replace(judgement, verdict=Verdict.UNEXPLAINED, chosen=base, confidences={}, rivals={})
 
 
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
-    """The likeliest explanations, their parts, and the base."""
+    """Returns the most probable explanations, their parts, and the base."""
     chosen: dict[Key, Fit] = {pool.base.explanation.key: pool.base}
     for one in worthy[: TUNING.contenders]:
         effects = one.explanation.effects
@@ -165,12 +165,12 @@ def _ranked(pool: Pool, logs: Mapping[Key, float]) -> tuple[tuple[Fit, float], .
 
 
 def _without_effects(before: Leftover) -> Verdict:
-    """The verdict where no explanation is better than the base."""
+    """Returns the verdict if no explanation is better than the base."""
     return Verdict.NONE if before.adequate else Verdict.UNEXPLAINED
 
 
 def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict, bool]:
-    """The verdict, and whether the best explanation goes into the model."""
+    """Returns the verdict, and whether the best explanation is added to the model."""
     if not after.adequate:
         closed = 1.0 - after.mean_square / before.mean_square
         if closed < TUNING.closed:
@@ -179,7 +179,7 @@ def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict,
 
 
 def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
-    """The fits none of whose effects could go with no more than a share of the gap coming back.
+    """Returns the fits of which every effect closes more than a share of the gap.
 
     Nor could any be the same for all groups where it is fitted for each.
     """
@@ -201,7 +201,7 @@ def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
 
 
 def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
-    """Whether the measured heights hardly move while the base says that the liquid does.
+    """Whether the heights hardly move although the base predicts motion.
 
     A flat line is what many an effect can make of any wave, and none is the reason.
     """
@@ -217,7 +217,7 @@ def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
 
 
 def _hidden(base: Fit, best: Fit, motions: Sequence[PreparedMotion]) -> bool:
-    """Whether nobody could see what an explanation gains: it is less than the sensor claims."""
+    """Whether an explanation's improvement is below the sensor's stated noise."""
     gained, claimed = 0.0, 0.0
     parts = (parts_of(one.residual, motions) for one in (base, best))
     for motion, before, after in zip(motions, *parts, strict=True):
@@ -233,7 +233,7 @@ def _without_mean(heights: Array) -> Array:
 
 
 def trust_in(before: Leftover, after: Leftover) -> float:
-    """Probability that the cause is a listed one, from the share of the gap that is left.
+    """Returns the probability of a listed cause, from the share of the gap that remains.
 
     Also where what is left is little beside the noise: of a small gap it may be a large part, and
     a law that is nearly the right one leaves no more.
@@ -246,7 +246,7 @@ def trust_in(before: Leftover, after: Leftover) -> float:
 
 
 def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
-    """Effects that stand in an effect's place in explanations about as likely."""
+    """Returns effects that replace an effect in about equally probable explanations."""
     best, share = ranked[0]
     others = set(best.explanation.effects) - {name}
     found: list[str] = []
@@ -265,7 +265,7 @@ def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class OtherFrequency:
-    """Frequency at which the liquid swings, if it is not the model's.
+    """Observed sloshing frequency that differs from the model's.
 
     Attributes:
         expected: the model's first natural frequency [Hz].
@@ -276,17 +276,17 @@ class OtherFrequency:
     seen: float
 
     def text(self) -> str:
-        """The question, in a sentence."""
+        """Asks in a sentence whether the container is the right one."""
         apart = 100.0 * (self.seen / self.expected - 1.0)
         return (
-            f"Is this the container? The liquid swings at {self.seen:.2f} Hz, the model's at "
-            f"{self.expected:.2f} Hz ({apart:+.0f} %): compare shape, size and fill height with "
-            "the model, and the unit of time with the data; then run this again."
+            f"Is this the right container? The liquid oscillates at {self.seen:.2f} Hz, the "
+            f"model at {self.expected:.2f} Hz ({apart:+.0f} %): compare shape, size and fill "
+            "height with the model, and the unit of time with the data; then run this again."
         )
 
 
 def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFrequency | None:
-    """Another frequency that the heights clearly show; None: there is none.
+    """Returns another frequency that the heights clearly show; None: none.
 
     A model of another container is wrong in everything at once, and a few effects can make
     something of any wave: the container is asked for before effects are named.
@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Share of the heights' power that waves at another frequency leave, each motion's as high."""
+    """Returns the share of the heights' power that waves of another frequency leave."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

@@ -1,4 +1,4 @@
-"""Where simulation and measurement disagree: the residual by parts of the data.
+"""Locates the disagreement: the residual by parts of the data.
 
 Each partition (time, phase, amplitude, direction, frequency) divides every measured sample, so its
 shares of the base model's squared residual add up to 1. The inputs are no partition: for each, how
@@ -32,7 +32,7 @@ STILL_WATER = "no wave predicted"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Residual:
-    """One motion's residuals.
+    """Residuals of one motion.
 
     Attributes:
         finding: the motion.
@@ -47,7 +47,7 @@ class _Residual:
 
 
 def where(findings: Sequence[MotionFinding], model: Model) -> tuple[WhereRow, ...]:
-    """The residual by time, phase, amplitude, direction, frequency, and against each input.
+    """Returns the residual by time, phase, amplitude, direction, frequency and input.
 
     In a row by frequency, `before` and `after` are the band's part of the whole residual's rms
     (their squares add up); in the other partitions the rms over the samples of that part.
@@ -85,7 +85,7 @@ def where(findings: Sequence[MotionFinding], model: Model) -> tuple[WhereRow, ..
 
 
 def worst_moments(findings: Sequence[MotionFinding], count: int = 6) -> tuple[WorstMoment, ...]:
-    """The moments at which the base model is worst, the worst first.
+    """Returns the times of the base model's largest residuals, the largest first.
 
     A moment's disagreement is the median over three samples, so that an outlier is none.
 
@@ -157,7 +157,7 @@ def _bin_label(k: int, step: float) -> str:
 
 
 def _round_step(size: float) -> float:
-    """The next of 1, 2, 5 times a power of ten."""
+    """Rounds up to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(size))
     return next((k * power for k in (1.0, 2.0, 5.0) if k * power >= size), 10.0 * power)
 
@@ -182,7 +182,7 @@ def _sector_label(k: int) -> str:
 
 
 def frequency_bands(model: Model) -> tuple[tuple[str, float, float], ...]:
-    """Bands around the characteristic frequencies: label, from, to [Hz]; they do not overlap."""
+    """Returns disjoint bands about the characteristic frequencies: label, from, to [Hz]."""
     first = model.mode_frequency(1) / (2.0 * math.pi)
     second = model.mode_frequency(2) / (2.0 * math.pi)
     centres = sorted([(first, "ω₁"), (2.0 * first, "2ω₁"), (second, "ω₂")])
@@ -216,7 +216,7 @@ def _frequency_rows(residuals: Sequence[_Residual], model: Model) -> Iterator[Wh
 
 
 def _band_energies(t: Array, series: Array, bands: Sequence[tuple[str, float, float]]) -> Array:
-    """Energy in each band and in the rest; by Parseval they add up to the sum of squares."""
+    """Returns the energy of each band and of the rest; their sum is the sum of squares."""
     grid = np.nan_to_num(even_grid(t, series))
     spectrum = np.sum(np.abs(np.fft.fft(grid, axis=0)) ** 2, axis=1) / len(grid)
     frequency = np.abs(np.fft.fftfreq(len(grid), float(np.median(np.diff(t)))))
@@ -253,7 +253,7 @@ def _input_rows(residuals: Sequence[_Residual], model: Model) -> Iterator[WhereR
 
 
 def _envelope(residual: _Residual, series: Array, period: float) -> Array:
-    """(M,) running rms over one period of the first mode; NaN where no sample is."""
+    """Returns the running rms (M,) over one period of the first mode; NaN: no sample."""
     spacing = float(np.median(np.diff(residual.finding.motion.t)))
     width = max(round(period / spacing), 1)
     present = np.isfinite(series)
@@ -264,7 +264,7 @@ def _envelope(residual: _Residual, series: Array, period: float) -> Array:
 
 
 def _following(envelope: Array, quantity: Array) -> float:
-    """Correlation, 0 where the residual shrinks as the quantity grows."""
+    """Returns the correlation; 0 if the residual decreases with the quantity."""
     kept = np.isfinite(envelope) & np.isfinite(quantity)
     one, two = envelope[kept], quantity[kept]
     if len(one) < 3 or not (one.std() > 0.0 and two.std() > 0.0):
@@ -295,7 +295,7 @@ def _worst_of(finding: MotionFinding, count: int) -> list[tuple[float, WorstMome
 
 
 def _median_of_three(size: Array) -> Array:
-    """Median with both neighbours; NaN where no sample is. A gap beside it counts as 0."""
+    """Returns the running median of three; NaN: no sample. Neighbouring gaps count as 0."""
     padded = np.pad(np.nan_to_num(size), ((1, 1), (0, 0)), mode="edge")
     middle = np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
     return np.where(np.isfinite(size), middle, np.nan)

@@ -1,4 +1,4 @@
-"""The workflow: measured motions and a model in, a finding out."""
+"""The workflow of a discovery: from measured motions and a model to a finding."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def discover(
 
 
 def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredMotion]) -> None:
-    """Refuses motions of whose group nothing would be known."""
+    """Refuses motions of unknown groups."""
     known = {motion.group for motion in motions}
     for motion in (*motions, *holdout):
         if motion.group is None and known != {None}:
@@ -142,7 +142,7 @@ def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredM
 
 
 def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
-    """Refuses motions of the fit for which the base has no answer: nothing can be compared."""
+    """Refuses fitted motions for which the base has no solution."""
     for one in motions:
         if one.simulate(base) is None:
             raise SloshDiscoveryError(unanswered(one.motion) + ", or leave the motion out")
@@ -151,7 +151,7 @@ def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
 def _judged(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
 ) -> tuple[Searched, ChosenExplanation]:
-    """Searches and judges; again in groups, where nobody gave any and the motions show some."""
+    """Searches and judges; repeats it with groups found in the motions if none are given."""
     searched = search_in_rounds(base, plain, told, threads)
     best = searched.pool.ranked()[0]
     ungrouped = all(one.motion.group is None for one in plain)
@@ -167,7 +167,7 @@ def _judged(
 
 
 def _placed(motion: MeasuredMotion, chosen: Fit, base: Model) -> MeasuredMotion:
-    """A held-out motion in the group whose model its heights fit best."""
+    """Assigns a held-out motion to the group whose model fits best."""
     one = prepare(motion)
     start = first_offset(one, base)
     group = min(
@@ -179,7 +179,7 @@ def _placed(motion: MeasuredMotion, chosen: Fit, base: Model) -> MeasuredMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Answer:
-    """A model's answer to a motion, on the measured clock and level."""
+    """A model's response to a motion, on the measured clock and level."""
 
     heights: Array
     clock_offset: float
@@ -224,7 +224,7 @@ def _cases(
 
 
 def _answer(one: PreparedMotion, model: Model, start: float) -> _Answer:
-    """A model's answer; clock offset and level are found for it where they are unknown."""
+    """Computes a model's response; estimates clock offset and level if unknown."""
     motion = one.motion
     offset = start
     if not motion.same_clock:
@@ -274,7 +274,7 @@ def _effects(judgement: ChosenExplanation, base: Model) -> tuple[FoundEffect, ..
 
 
 def _fitted(chosen: Fit, errors: Array, name: str, group: str | None) -> FittedParameters:
-    """An effect's parameters with their errors, those of a group where it has its own."""
+    """Returns an effect's parameters with errors, for a group if they differ."""
     explanation = chosen.explanation
     return FittedParameters(
         explanation.part(chosen.vector, name, group),
@@ -287,7 +287,7 @@ def _fitted(chosen: Fit, errors: Array, name: str, group: str | None) -> FittedP
 
 
 def _group_models(chosen: Fit) -> dict[str, Model]:
-    """The model of each group where they differ."""
+    """Returns the model of each group if they differ."""
     explanation = chosen.explanation
     if not explanation.per_group:
         return {}
@@ -339,7 +339,7 @@ def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
 def separating_motions(
     judgement: ChosenExplanation, motions: Sequence[PreparedMotion]
 ) -> tuple[SeparatingMotion, ...]:
-    """For an ambiguous verdict: what would tell the best explanation from each rival."""
+    """Returns motions that distinguish the best explanation from rivals, if ambiguous."""
     if judgement.verdict is not Verdict.AMBIGUOUS:
         return ()
     best, share = judgement.ranked[0]
@@ -364,7 +364,7 @@ def separating_motions(
 
 
 def proposal(judgement: ChosenExplanation, motions: Sequence[PreparedMotion]) -> Proposal | None:
-    """For an unexplained gap: a generic term, on top of the best of the listed effects."""
+    """Proposes a generic term for an unexplained gap, in addition to listed effects."""
     if judgement.verdict is not Verdict.UNEXPLAINED or judgement.elsewhere is not None:
         return None
     return propose(

@@ -1,4 +1,4 @@
-"""Measured motions from files: what a discovery works on.
+"""Reads measured motions for the discovery from files.
 
 Motion tables, bags and folders of tables in; `MeasuredMotion` out. Pure: no ROS, no clock.
 """

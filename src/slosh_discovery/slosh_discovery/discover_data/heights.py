@@ -1,4 +1,4 @@
-"""Measured heights: single spikes left out, still level and noise."""
+"""Measured heights: removal of spikes, still level and noise."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ LEAST = 5
 
 
 class Still(NamedTuple):
-    """Still level and the noise about it [m]."""
+    """Still level and noise about it [m]."""
 
     level: float
     noise: float
 
 
 def without_spikes(height: Array) -> tuple[Array, int]:
-    """The heights with single upward spikes set to NaN, as a replay judges them, and their number.
+    """Replaces single upward spikes by NaN; returns the heights and the number of spikes.
 
     Where the noise is large beside the sloshing, a replay's limit would take its upper half for
     spikes: what is within six standard deviations of the noise stays.
@@ -43,7 +43,7 @@ def without_spikes(height: Array) -> tuple[Array, int]:
 
 
 def sample_noise(height: Array) -> float:
-    """Standard deviation of what differs from sample to sample [m]; 0 with too few samples.
+    """Returns the standard deviation of white noise [m]; 0: too few samples.
 
     A sample's difference from the mean of its neighbours has 3/2 of the noise's variance.
     """
@@ -55,7 +55,7 @@ def sample_noise(height: Array) -> float:
 
 
 def find_still(t: Array, height: Array) -> Still:
-    """Still level and noise: those of the quietest second.
+    """Returns still level and noise of the quietest second.
 
     Args:
         t: (N,) rising times [s].
@@ -72,7 +72,7 @@ def find_still(t: Array, height: Array) -> Still:
 
 
 def rms_about(height: Array, level: float) -> float:
-    """Root mean square about a level [m]; NaN with fewer than LEAST samples."""
+    """Returns the root mean square about a level [m]; NaN: fewer than LEAST samples."""
     known = height[np.isfinite(height)]
     if len(known) < LEAST:
         return float("nan")

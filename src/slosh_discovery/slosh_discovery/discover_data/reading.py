@@ -1,4 +1,4 @@
-"""Files to measured motions."""
+"""Converts files to measured motions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class DayMotion:
-    """A recorded motion and how far the live estimate was off.
+    """A recorded motion and the error of the live estimate.
 
     Attributes:
         motion: the motion.
@@ -61,7 +61,7 @@ class DayMotion:
 
 
 def _quietly(line: str) -> None:
-    """Tells nobody."""
+    """Ignores a line."""
 
 
 def read_motions(
@@ -70,7 +70,7 @@ def read_motions(
     tell: Callable[[str], object] = _quietly,
     tables: TableOptions = FOUND_OUT,
 ) -> list[MeasuredMotion]:
-    """The measured motions of a file or a folder.
+    """Reads the measured motions of a file or a folder.
 
     Args:
         path: a motion table (`.csv`, `.csv.gz`), a bag (folder or `.mcap`, also an unfinished
@@ -95,7 +95,7 @@ def read_motions(
 def motions_of_day(
     path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
 ) -> list[MeasuredMotion]:
-    """The motions of a recording day, those first in which the live estimate was off most.
+    """Reads the motions of a recording day, those with the largest live error first.
 
     Args and errors are those of `read_motions`.
     """
@@ -108,7 +108,7 @@ def day_motions(
     tell: Callable[[str], object] = _quietly,
     tables: TableOptions = FOUND_OUT,
 ) -> list[DayMotion]:
-    """The same with how far the estimate was off.
+    """Reads the motions of a recording day with the error of the live estimate.
 
     Motions of which no comparison was recorded come last, in the order of the recording. A bag of
     an event, among others, may hold no motion: that is told. What several of them hold is one.
@@ -152,10 +152,13 @@ def _overlap(one: DayMotion, other: DayMotion) -> bool:
 
 
 def files_at(path: Path) -> list[Path]:
-    """Tables and bags at a path.
+    """Returns the tables and bags at a path.
 
     Raises:
         SloshDiscoveryError: there are none.
+
+    >>> files_at(Path("move.csv"))
+    [PosixPath('move.csv')]
     """
     if not path.exists():
         raise SloshDiscoveryError(f"{path}: no such file or folder")
@@ -173,7 +176,7 @@ def files_at(path: Path) -> list[Path]:
 def _read(
     path: Path, model: Model | None, tell: Tell, tables: TableOptions
 ) -> Iterator[DayMotion]:
-    """The motions of a table or a bag, with the recorded disagreement."""
+    """Yields the motions of a table or a bag, with the recorded disagreement."""
     if is_motion_table(path):
         yield DayMotion(table_motion(path, tell, model, replace(tables, tell=tell)), NAN)
         return
@@ -217,7 +220,7 @@ def _motions(name: str, recording: BagRecording, tell: Tell) -> Iterator[DayMoti
 
 
 def _motion_of(name: str, recording: BagRecording, part: Part) -> MeasuredMotion | None:
-    """The motion of a part, on seconds since the recording's first input."""
+    """Returns the motion of a part; time is in seconds since the recording's first input."""
     motion, heights = recording.motion, recording.heights
     rows = slice(*np.searchsorted(motion.stamps, (part.start, part.end + 1)))
     samples = slice(*np.searchsorted(heights.stamps, (part.heights_start, part.end + 1)))
@@ -244,7 +247,7 @@ def _motion_of(name: str, recording: BagRecording, part: Part) -> MeasuredMotion
 
 
 def _disagreement(recording: BagRecording, part: Part) -> float:
-    """RMS of the recorded residuals over a part [m]; NaN: there are none."""
+    """Returns the RMS of the recorded residuals over a part [m]; NaN: none."""
     stamps, values = recording.residuals
     first, last = np.searchsorted(stamps, (part.heights_start, part.end + 1))
     if first == last:
@@ -258,7 +261,7 @@ def table_motion(
     model: Model | None = None,
     options: TableOptions = FOUND_OUT,
 ) -> MeasuredMotion:
-    """A table's motion.
+    """Reads a table's motion.
 
     Args:
         path: `.csv` or `.csv.gz`.
@@ -283,7 +286,7 @@ def motion_of_table(
     tell: Callable[[str], object],
     model: Model | None = None,
 ) -> MeasuredMotion:
-    """The motion that a table's values tell.
+    """Makes the motion from a table's values.
 
     Of msh and wall heights the latter are taken: their maximum is the msh, so that nothing is
     lost. Where more moments have an msh than wall heights it is the other way round. A profile
@@ -335,7 +338,7 @@ def motion_of_table(
 def _profile_motion(
     path: Path, name: str, table: MotionTable, model: Model | None
 ) -> MeasuredMotion:
-    """The line nearest to each frame of a profile, as the height at +x (TM20, eqs. (11), (12))."""
+    """Fits a line to each frame of a profile: the height at +x (TM20, eqs. (11), (12))."""
     if model is None:
         raise SloshDiscoveryError(f"{path}: holds a profile; its width is known only with a model")
     assert table.profile is not None and table.profile_x is not None  # noqa: PT018  # by the caller
@@ -354,7 +357,7 @@ def _profile_motion(
 
 
 def _sampled(heights: Array | None) -> NDArray[np.intp]:
-    """Rows with a measured height."""
+    """Returns the rows with a measured height."""
     if heights is None:
         return np.empty(0, dtype=np.intp)
     return np.flatnonzero(np.isfinite(heights.reshape(len(heights), -1)).any(axis=1))

@@ -1,4 +1,4 @@
-"""What a bag holds of a cell's motion and of its measured heights, on the bag's clock.
+"""The motion and the measured heights of a cell in a bag, on the bag's clock.
 
 | input | acceleration | attitude | angular velocity |
 |---|---|---|---|
@@ -52,7 +52,7 @@ _TURN = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 
 
 class Heights(NamedTuple):
-    """Measured heights: stamps (N,) rising [ns], heights (N,) and standard deviations (N,) [m]."""
+    """Measured heights: rising stamps (N,) [ns]; heights and standard deviations (N,) [m]."""
 
     stamps: Stamps
     msh: Array
@@ -60,7 +60,7 @@ class Heights(NamedTuple):
 
 
 class Residuals(NamedTuple):
-    """Recorded measured minus estimated heights: stamps (N,) rising [ns], values (N,) [m]."""
+    """Recorded residuals (measured minus estimated): stamps (N,) [ns], values (N,) [m]."""
 
     stamps: Stamps
     values: Array
@@ -133,7 +133,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
 
 
 class _Container:
-    """Takes what tells the container's motion."""
+    """Collects the messages of the container's motion."""
 
     def __init__(self, sources: Sources, how: InputSettings) -> None:
         self._kind, self._topic = sources.kind, sources.input
@@ -141,7 +141,7 @@ class _Container:
         self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
 
     def takers(self, topics: Mapping[str, TopicInfo]) -> dict[str, Taker]:
-        """Who takes which of a bag's topics beside the input."""
+        """Returns the handlers of a bag's topics besides the input."""
         found: dict[str, Taker] = {}
         if self._kind != "accel":
             return found
@@ -156,16 +156,16 @@ class _Container:
         return found
 
     def add(self, columns: Columns) -> None:
-        """Takes messages of the input that follow each other."""
+        """Adds consecutive messages of the input."""
         self._moved.add(columns)
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """What is wrong with the input, a sentence each; once all has come."""
+        """Faults of the input, one sentence each, after all messages."""
         return self._moved.doubts
 
     def motion(self, path: Path) -> RecordedMotion:
-        """All that came.
+        """Returns the motion of all messages.
 
         Raises:
             SloshBagError: nothing usable, or stamps that go back.
@@ -178,7 +178,7 @@ class _Container:
 
 
 def usable_heights(measured: Measurements) -> tuple[Heights, list[str]]:
-    """The heights that a discovery fits, each stamp once, and what is left out, one line each."""
+    """Returns the heights for a fit, each stamp once, and remarks on omitted ones."""
     unusable = ~np.isfinite(measured.usable_heights)
     saturated = ~unusable & measured.saturated
     told = (
@@ -194,7 +194,7 @@ def usable_heights(measured: Measurements) -> tuple[Heights, list[str]]:
 
 
 class _Comparisons:
-    """Takes SloshComparison messages."""
+    """Collects SloshComparison messages."""
 
     def __init__(self) -> None:
         self._parts: list[Residuals] = []
@@ -207,7 +207,7 @@ class _Comparisons:
         self._parts.append(Residuals(stamps_of(columns)[kept], values[kept]))
 
     def residuals(self) -> Residuals:
-        """All that compare two sides that spoke."""
+        """Returns the residuals of all complete comparisons."""
         if not self._parts:
             return Residuals(np.empty(0, dtype=np.int64), np.empty(0))
         stamps, values = (np.concatenate(column) for column in zip(*self._parts, strict=True))
@@ -216,7 +216,7 @@ class _Comparisons:
 
 
 def sources_of(path: Path) -> tuple[BagReader, Sources]:
-    """A bag's reader and its topics.
+    """Returns a bag's reader and its topics.
 
     Raises:
         SloshBagError: no readable bag, or nothing in it that drives a model.
@@ -226,7 +226,7 @@ def sources_of(path: Path) -> tuple[BagReader, Sources]:
 
 
 class PoseAttitudes:
-    """Takes PoseStamped messages of the container in the world's frame.
+    """Collects PoseStamped messages of the container in the world's frame.
 
     Args:
         world: name of the world's frame.
@@ -243,7 +243,7 @@ class PoseAttitudes:
         self._turns: list[Array] = []
 
     def add(self, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Takes messages that follow each other."""
+        """Adds consecutive messages."""
         turns = np.column_stack([columns[name] for name in _TURN])
         # A quaternion without a length is none; NaN compares false.
         usable = (columns[FRAME] == self._world) & (np.linalg.norm(turns, axis=1) > 0.0)
@@ -251,7 +251,7 @@ class PoseAttitudes:
         self._turns.append(turns[usable])
 
     def added_to(self, motion: RecordedMotion) -> RecordedMotion:
-        """The motion with attitude and angular velocity, where poses lie around all of it."""
+        """Adds attitude and angular velocity to the motion if the poses cover it."""
         if not self._stamps:
             return motion
         stamps, first = np.unique(np.concatenate(self._stamps), return_index=True)
@@ -268,7 +268,7 @@ class PoseAttitudes:
 
 
 def _cover(stamps: Stamps, wanted: Stamps) -> bool:
-    """Whether there are stamps near all of the wanted ones."""
+    """Whether the stamps cover all of the wanted ones."""
     if len(stamps) < 2:
         return False
     after = np.clip(np.searchsorted(stamps, wanted), 1, len(stamps) - 1)
@@ -278,7 +278,7 @@ def _cover(stamps: Stamps, wanted: Stamps) -> bool:
 
 
 def angular_velocity(stamps: Stamps, attitude: Array, span: int) -> Array:
-    """Mean angular velocity about each sample, in the container's frame [rad/s]: (N, 3).
+    """Returns mean angular velocity (N, 3) about each sample, container frame [rad/s].
 
     Args:
         stamps: (N,) rising [ns].

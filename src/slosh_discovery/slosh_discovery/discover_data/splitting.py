@@ -1,4 +1,4 @@
-"""Cuts a recording into motions that begin with the liquid at rest.
+"""Splits a recording into motions that begin with the liquid at rest.
 
 A motion that begins while the liquid still sloshes goes on from a state that only the motion
 before it can tell: the two stay one. Where that would join them for minutes, a later part keeps
@@ -43,7 +43,7 @@ AT_REST_SHARE = 0.02
 
 
 class Part(NamedTuple):
-    """A stretch of a recording that becomes one measured motion [ns].
+    """A section of a recording that becomes one measured motion [ns].
 
     Attributes:
         start, end: of the inputs.
@@ -56,14 +56,14 @@ class Part(NamedTuple):
 
 
 class RecordingParts(NamedTuple):
-    """The parts of a recording, and what is left out, one line each."""
+    """The parts of a recording, and remarks on omitted parts."""
 
     parts: list[Part]
     notes: list[str]
 
 
 def split(recording: BagRecording) -> RecordingParts:
-    """The parts of a recording."""
+    """Splits a recording into parts."""
     stamps, rest = recording.motion.stamps, _Rest(recording.heights)
     spans = recorded_spans(recording.motion)
     gaps = _gaps_in_motion(stamps, spans, recording.max_gap_ns)
@@ -92,7 +92,7 @@ def split(recording: BagRecording) -> RecordingParts:
 
 
 def recorded_spans(motion: RecordedMotion) -> list[MotionSpan]:
-    """When the container of a recording moves.
+    """Returns the time spans in which the container of a recording moves.
 
     What is constant, as with a sensor that is mounted askew or has a bias, is no motion.
     """
@@ -105,7 +105,7 @@ def recorded_spans(motion: RecordedMotion) -> list[MotionSpan]:
 
 
 class _Rest:
-    """Tells from the heights whether the liquid is at rest."""
+    """Decides from the heights whether the liquid is at rest."""
 
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
@@ -117,7 +117,7 @@ class _Rest:
         self._limit = max(AT_REST_NOISES * self._still.noise, AT_REST_SHARE * peak)
 
     def sloshes_before(self, stamp_ns: int, last_end_ns: int) -> bool:
-        """Whether the liquid still moves at a moment, so long after a motion's end [ns]."""
+        """Whether the liquid still moves at a time, given the end of the last motion [ns]."""
         if stamp_ns - last_end_ns > LONG_REST_NS:
             return False
         look_from = max(stamp_ns - LOOK_NS, last_end_ns)
@@ -125,7 +125,7 @@ class _Rest:
         return not rms <= self._limit  # without heights nobody knows
 
     def sloshes_at_the_start(self, stamp_ns: int, span: MotionSpan) -> bool:
-        """Whether a recording that begins with a motion begins in its middle."""
+        """Whether a recording begins in the middle of a motion."""
         if span.start_ns - stamp_ns > LOOK_NS // 2:
             return False
         first = self._between(span.start_ns, span.start_ns + LOOK_NS // 10)
@@ -138,7 +138,7 @@ class _Rest:
 
 
 def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
-    """The motions from the first on that begins at rest."""
+    """Returns the motions from the first one that begins at rest."""
     for index in range(1, len(spans)):
         if not rest.sloshes_before(spans[index].start_ns, spans[index - 1].end_ns):
             return list(spans[index:])
@@ -146,7 +146,7 @@ def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
 
 
 class _Chain(NamedTuple):
-    """Motions that stay one [ns], and whether they go on from those before."""
+    """Motions that stay together [ns], and whether they continue earlier ones."""
 
     start: int
     end: int
@@ -166,7 +166,7 @@ def _chains(spans: Sequence[MotionSpan], rest: _Rest) -> list[_Chain]:
 
 
 def _gaps_in_motion(stamps: Stamps, spans: Sequence[MotionSpan], max_gap_ns: int) -> Stamps:
-    """Starts of the gaps in the inputs that fall into a motion [ns]."""
+    """Returns the starts of input gaps during motions [ns]."""
     before = np.flatnonzero(np.diff(stamps) > max_gap_ns)
     starts, ends = stamps[before], stamps[before + 1]
     inside = [

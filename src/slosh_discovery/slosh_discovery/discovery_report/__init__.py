@@ -1,4 +1,4 @@
-"""What a discovery found, for people and programs: terminal text, HTML page, `discovery.json`."""
+"""Results of a discovery: terminal text, HTML page, `discovery.json`."""
 
 from __future__ import annotations
 

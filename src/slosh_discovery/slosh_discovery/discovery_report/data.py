@@ -1,4 +1,4 @@
-"""What a discovery's page, text and `discovery.json` show."""
+"""Contents of a discovery's page, text and `discovery.json`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command that the reader may type next.
+    """A command that the reader may run next.
 
     Attributes:
         purpose: what it does, a few words.
@@ -46,7 +46,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class DiscoveryReport:
-    """A finding and what its reader must know beside it.
+    """A finding with the additional information for its reader.
 
     Attributes:
         finding: what was found.
@@ -72,7 +72,7 @@ class DiscoveryReport:
 
 
 def discovery_json(report: DiscoveryReport) -> str:
-    """The text of `discovery.json`: strict JSON, the same for the same report.
+    """Formats `discovery.json`: strict JSON, reproducible.
 
     Numbers are in SI units, null: not known. The keys stay as they are within one number of
     `schema`; further keys may come.
@@ -81,7 +81,7 @@ def discovery_json(report: DiscoveryReport) -> str:
 
 
 def discovery_document(report: DiscoveryReport) -> Document:
-    """A report's numbers and names; `json.dumps` takes it as it is.
+    """Returns a report's numbers and names as a JSON-compatible dictionary.
 
     Every number that the page shows in a `<data>` element is in here: the element's `data-path`
     is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.
@@ -114,14 +114,14 @@ def discovery_document(report: DiscoveryReport) -> Document:
 
 
 def _effect(effect: FoundEffect) -> Document:
-    """With the parameters' SI units, "1" for none."""
+    """Returns an effect with the parameters' SI units, "1" for none."""
     sets = [effect.parameters, *(one.parameters for one in effect.by_group.values())]
     units = {name: si_unit(effect.name, name) for one in sets for name in one}
     return {**plain(effect), "units": units}
 
 
 def _gap(gap: HeightGap) -> Document:
-    """Root mean squares of the residual [m] by stage; holdout is null where none was held out.
+    """Returns root mean squares of the residual [m] by stage; null: no held-out motion.
 
     `closed`: see Gap; the other two are the shares by motions' role.
     """
@@ -137,7 +137,7 @@ def _gap(gap: HeightGap) -> Document:
 
 
 def _motion(finding: MotionFinding) -> Document:
-    """`peak`: highest measured height, from its own zero [m]; `closed`: see `closed_share`."""
+    """Returns a motion's facts; `peak`: highest measured height above zero [m]."""
     motion = finding.motion
     before = residual_rms(finding, finding.before_heights)
     after = residual_rms(finding, finding.after_heights)
@@ -159,12 +159,12 @@ def _motion(finding: MotionFinding) -> Document:
 
 
 def _agreement(agreement: Agreement, residual: float) -> Document:
-    """`residual`: root mean square over all measured heights [m]; the others are of the peak's."""
+    """Returns an agreement; `residual`: rms over all heights [m]; other keys: of the peak."""
     return {"residual": residual, **plain(agreement)}
 
 
 def _candidate(candidate: Candidate) -> Document:
-    """`applicable`: whether it was fitted."""
+    """Returns a candidate; `applicable`: whether it was fitted."""
     return {
         "effects": candidate.effects,
         "per_group": candidate.per_group,
@@ -175,7 +175,7 @@ def _candidate(candidate: Candidate) -> Document:
 
 
 def _separating(motion: SeparatingMotion, files: tuple[str, ...]) -> Document:
-    """`file`: its table beside the document; null: it was not written."""
+    """Returns a separating motion; `file`: name of its table; null: not written."""
     return {
         "names": motion.names,
         "description": motion.description,
@@ -196,5 +196,5 @@ def _proposal(proposal: Proposal) -> Document:
 
 
 def _model(model: Model) -> Document:
-    """Its short name and the text of its model.yaml."""
+    """Returns the model's short name and the text of its model.yaml."""
     return {"name": model.name, "text": format_model(model)}

@@ -73,7 +73,7 @@ TURNING = 1e-3
 
 
 def render_discovery(report: DiscoveryReport) -> str:
-    """The page as HTML text, the same for the same report; every text in it is escaped."""
+    """Renders the page as HTML; reproducible; every text in it is escaped."""
     finding, document = report.finding, discovery_document(report)
     drawn = drawn_motions(finding)
     return _template().render(
@@ -106,7 +106,7 @@ def render_discovery(report: DiscoveryReport) -> str:
 
 
 def drawn_motions(finding: Finding) -> list[int]:
-    """Indices of the motions that are drawn: those held out first, the worst before first."""
+    """Returns the indices of the drawn motions: held-out ones first, then by residual."""
     motions = finding.motions
 
     def rank(index: int) -> tuple[bool, float]:
@@ -121,7 +121,7 @@ def drawn_motions(finding: Finding) -> list[int]:
 
 
 def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
-    """SVG text by name."""
+    """Returns the charts as SVG by name."""
     finding = report.finding
     charts: dict[str, str | None] = {}
     for index in drawn:
@@ -146,7 +146,7 @@ def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
 
 
 def _status(finding: Finding) -> str:
-    """How the verdict is coloured."""
+    """Returns the colour class of the verdict."""
     if finding.verdict is Verdict.UNEXPLAINED:
         return "failed"
     doubtful = finding.verdict is Verdict.NAMED and not finding.confidence >= CONFIDENT
@@ -154,7 +154,7 @@ def _status(finding: Finding) -> str:
 
 
 def _winner(document: Document) -> int | None:
-    """Index of the candidate that the verdict names; None: it names none."""
+    """Returns the index of the verdict's candidate; None: none."""
     names = {effect["name"] for effect in document["effects"]}
     apart = {effect["name"] for effect in document["effects"] if effect["by_group"]}
     tried = [entry for entry in enumerate(document["candidates"]) if entry[1]["applicable"]]
@@ -169,13 +169,13 @@ def _winner(document: Document) -> int | None:
 
 
 def _widest(candidates: Sequence[Document]) -> float:
-    """The largest residual of all candidates: the full length of a bar [m]."""
+    """Returns the largest residual of all candidates: the full length of a bar [m]."""
     known = [value for row in candidates for value in (row["fit_rms"], row["holdout_rms"])]
     return max((value for value in known if value is not None), default=0.0)
 
 
 def _groups(rows: Sequence[Document]) -> list[dict[str, Any]]:
-    """Rows of `where` by what they are parts of, with their indices."""
+    """Groups the rows of `where` by kind of part, with their indices."""
     found: dict[str, list[tuple[int, Document]]] = {}
     for index, row in enumerate(rows):
         found.setdefault(row["by"], []).append((index, row))
@@ -188,7 +188,7 @@ def _groups(rows: Sequence[Document]) -> list[dict[str, Any]]:
 
 
 def _seen(document: Document) -> dict[int, str]:
-    """What the charts of each motion show, in words, for those who do not see them."""
+    """Describes the charts of each motion in words, for screen readers."""
     return {
         index: f"Line chart of motion {index + 1}: measured up to {shown(row['peak'], 'mm')} mm, "
         f"before up to {shown(row['before']['peak'], 'mm')} mm, "
@@ -198,7 +198,7 @@ def _seen(document: Document) -> dict[int, str]:
 
 
 def _changes(base: str, model: str) -> list[tuple[bool, str]]:
-    """The model's lines, and which of them are not in the base."""
+    """Returns the model's lines, and whether each is new relative to the base."""
     lines = difflib.ndiff(base.splitlines(), model.splitlines())
     return [(line[0] == "+", line[2:]) for line in lines if line[0] in "+ "]
 
@@ -206,7 +206,7 @@ def _changes(base: str, model: str) -> list[tuple[bool, str]]:
 def parameter(
     path: str, effect: str, name: str, value: float | None, error: float | None
 ) -> Markup:
-    """A fitted parameter's value, and below `standard_errors` its error."""
+    """Formats a fitted parameter's value, or its error for paths in `standard_errors`."""
     entry = shown_parameter(effect, name, *(NAN if v is None else v for v in (value, error)))
     text = data_element(f"{path}/parameters/{name}", value, entry.value)
     if error is not None:
@@ -220,7 +220,7 @@ def fitted(
     parameters: Mapping[str, Mapping[str, float | None]],
     under: str = "/parameters/",
 ) -> Markup:
-    """The parameters of a candidate, one after another."""
+    """Formats the parameters of a candidate."""
     parts = []
     for effect, values in parameters.items():
         for name, value in values.items():
@@ -235,7 +235,7 @@ def fitted(
 def fitted_by_group(
     path: str, groups: Mapping[str, Mapping[str, Mapping[str, float | None]]]
 ) -> Markup:
-    """The parameters of a candidate that each group has its own of."""
+    """Formats a candidate's parameters that differ between groups."""
     return Markup("; ").join(
         Markup("{}: {}").format(group, fitted(f"{path}/by_group/{group}", effects, "/"))
         for group, effects in groups.items()
@@ -243,7 +243,7 @@ def fitted_by_group(
 
 
 def named_set(names: Sequence[str], per_group: Sequence[str] = ()) -> Markup:
-    """A set of effects, whose names stay whole."""
+    """Formats a set of effects; their names are not broken."""
     ids = (
         Markup('<span class="id" title="{}">{}</span>').format(
             words.effect_meaning(name), shown_as
@@ -254,12 +254,12 @@ def named_set(names: Sequence[str], per_group: Sequence[str] = ()) -> Markup:
 
 
 def probability(path: str, value: float | None) -> Markup:
-    """A probability as people read it."""
+    """Formats a probability."""
     return data_element(path, value, shown_confidence(NAN if value is None else value))
 
 
 def bar(value: float | None, length: float, kind: str) -> Markup:
-    """A bar whose full length is `length`; nothing where the value is not known."""
+    """Draws a bar with full length `length`; nothing for an unknown value."""
     if value is None or not length > 0.0:
         return Markup("")
     width = f"{100.0 * float(np.clip(value / length, 0.0, 1.0)):.1f}"
@@ -280,7 +280,7 @@ def _template() -> Template:
 def heights_chart(
     finding: MotionFinding, moments: Mapping[str, float], size: Size, name: str
 ) -> str:
-    """Measured height, base and found model over a motion [mm], as SVG text.
+    """Draws measured heights, base and found model over a motion [mm] as SVG.
 
     Of wall heights by azimuth the highest are shown.
 
@@ -308,7 +308,7 @@ def heights_chart(
 
 
 def residual_chart(finding: MotionFinding, size: Size, name: str) -> str:
-    """Measured minus model before and after, over the band of the noise [mm], as SVG text."""
+    """Draws the residual before and after, with the band of the noise [mm], as SVG."""
     motion = finding.motion
     measured = motion.peak_heights
 
@@ -328,13 +328,13 @@ def residual_chart(finding: MotionFinding, size: Size, name: str) -> str:
 
 
 def acceleration_chart(motion: SeparatingMotion, size: Size, name: str) -> str:
-    """The container's acceleration over a motion [m/s²], as SVG text."""
+    """Draws the container's acceleration over a motion [m/s²] as SVG."""
     inputs = motion.inputs
     return _vector_chart(inputs.t, inputs.acceleration, 1.0, "acceleration [m/s²]", size, name)
 
 
 def turning_chart(motion: SeparatingMotion, size: Size, name: str) -> str | None:
-    """Tilt and yaw of the container over a motion [°], or its rates; None: it does not turn."""
+    """Draws tilt and yaw of the container [°], or its rates, as SVG; None: no rotation."""
     inputs = motion.inputs
     turning = turning_of(inputs)
     if turning is None:
@@ -344,7 +344,7 @@ def turning_chart(motion: SeparatingMotion, size: Size, name: str) -> str | None
 
 
 def turning_of(inputs: Inputs) -> tuple[Array, str] | None:
-    """(N, 2) tilt and yaw [rad], or (N, 3) rates [rad/s], and the axis' label in degrees."""
+    """Returns (N, 2) tilt and yaw [rad], or (N, 3) rates [rad/s], and the axis label."""
     if inputs.attitude is not None:
         x, y, z, w = (inputs.attitude / np.linalg.norm(inputs.attitude, axis=1)[:, None]).T
         upright = np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""A finding as a short text for the terminal."""
+"""Formats a finding as a short text for the terminal."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Row = tuple[str, ...]
 
 
 def discovery_text(report: DiscoveryReport) -> str:
-    """Verdict, effects, gap, where it is widest, and what to type next; lines without an end."""
+    """Formats verdict, effects, gap, its largest parts, and the next commands."""
     finding = report.finding
     blocks = [
         [verdict_sentence(finding)],
@@ -56,7 +56,7 @@ def discovery_text(report: DiscoveryReport) -> str:
 
 
 def _command(command: Command) -> tuple[str, str]:
-    """What a command is for, and its line: whole, where nobody put control characters into it."""
+    """Formats a command with its purpose; control characters are escaped."""
     line = command.line
     return f"# {command.purpose}", line if line.isprintable() else plain_line(line)
 
@@ -81,14 +81,14 @@ def _parameters(effect: FoundEffect) -> list[str]:
 
 
 def _sets(effect: FoundEffect) -> list[tuple[str, FittedParameters]]:
-    """An effect's parameters, or those of each group with its name before them."""
+    """Returns an effect's parameters, or those of each group with its name."""
     if effect.by_group:
         return [(f"{group}: ", one) for group, one in effect.by_group.items()]
     return [("", FittedParameters(effect.parameters, effect.standard_errors))]
 
 
 def _evidence(finding: Finding) -> list[str]:
-    """The likeliest explanations, where the verdict leaves a doubt or rests on a choice."""
+    """Formats the most probable explanations if the verdict is uncertain."""
     tried = [candidate for candidate in finding.candidates if not candidate.reason]
     if len(tried) < 2:
         return []
@@ -135,7 +135,7 @@ def _millimetres(value: float) -> str:
 
 
 def _where(finding: Finding) -> list[str]:
-    """The worst part of each kind, then the worst moments; of noise nothing is the worst."""
+    """Formats the worst part of each kind and the worst times; nothing if only noise remains."""
     if finding.verdict is Verdict.NONE:
         return []
     rows: list[Row] = []
@@ -159,7 +159,7 @@ def _where(finding: Finding) -> list[str]:
 
 
 def worst_parts(rows: Sequence[WhereRow]) -> Iterator[WhereRow]:
-    """Of each kind of part the row with the largest share, of the inputs the most correlated."""
+    """Yields the row with the largest share of each kind; of inputs the most correlated one."""
     for by in dict.fromkeys(row.by for row in rows):
         group = [row for row in rows if row.by == by]
         index = largest_share(row.before if by == "input" else row.share for row in group)

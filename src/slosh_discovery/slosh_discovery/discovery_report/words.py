@@ -1,4 +1,4 @@
-"""A finding in sentences, and the figures that page, text and document show alike."""
+"""Texts and formatted figures of a finding, common to page, text and document."""
 
 from __future__ import annotations
 
@@ -44,39 +44,39 @@ SIGNIFICANT = 4
 
 
 def part_name(by: str) -> str:
-    """What a row of `where` is a part of."""
+    """Returns the name of a kind of parts in `where`."""
     return PARTS.get(by, by)
 
 
 def effect_title(name: str) -> str:
-    """An effect's title; of one that is not known its id."""
+    """Returns an effect's title; of an unknown one its id."""
     return EFFECTS[name].title if name in EFFECTS else name
 
 
 def effect_meaning(name: str) -> str:
-    """What an effect is, in a sentence; of one that is not known nothing."""
+    """Returns the meaning of an effect in a sentence; of an unknown one nothing."""
     return EFFECTS[name].meaning if name in EFFECTS else ""
 
 
 def explanation(names: Iterable[str]) -> str:
-    """A set of effects as one name."""
+    """Formats a set of effects as one name."""
     return " + ".join(names) or AS_IT_IS
 
 
 def marked(names: Iterable[str], per_group: Sequence[str]) -> list[str]:
-    """The ids, those whose parameters each group of motions has its own of marked as such."""
+    """Marks the ids of effects with separate parameters for each group."""
     return [f"{name} {PER_GROUP}" if name in per_group else name for name in names]
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """For example "a, b and c"."""
+    """Joins words, for example "a, b and c"."""
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def headline(finding: Finding) -> str:
-    """The verdict in a few words."""
+    """Formats the verdict in a few words."""
     if finding.verdict is Verdict.NONE:
         return "Nothing is missing"
     if finding.verdict is Verdict.UNEXPLAINED:
@@ -99,7 +99,7 @@ def headline(finding: Finding) -> str:
 
 
 def verdict_sentence(finding: Finding) -> str:
-    """The verdict in one sentence."""
+    """Formats the verdict in one sentence."""
     name = finding.base.name
     if finding.verdict is Verdict.NONE:
         return f"{name} lacks no effect that these motions show: its residual is noise."
@@ -125,7 +125,7 @@ def verdict_sentence(finding: Finding) -> str:
 
 
 def gap_sentence(finding: Finding) -> str:
-    """What became of the gap, in one sentence."""
+    """Formats the change of the gap in one sentence."""
     gap = finding.gap
     held = math.isfinite(gap.holdout_before)
     before = gap.holdout_before if held else gap.fit_before
@@ -145,7 +145,7 @@ def gap_sentence(finding: Finding) -> str:
 
 
 def rivals(finding: Finding) -> list[tuple[str, ...]]:
-    """The explanations that an ambiguous finding leaves, the likeliest first, as sets of ids.
+    """Returns the explanations of an ambiguous finding, the most probable first.
 
     Where no effect stands in another's place, those that are about as likely as the first one.
     """
@@ -165,7 +165,7 @@ def rivals(finding: Finding) -> list[tuple[str, ...]]:
 def apart(
     sets: Sequence[tuple[str, ...]],
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """What all sets share, and what is left of each."""
+    """Returns what all sets have in common, and the rest of each."""
     if len(sets) < 2:
         return (), list(sets)
     common = tuple(name for name in sets[0] if all(name in names for names in sets))
@@ -173,7 +173,7 @@ def apart(
 
 
 def _split(effects: Iterable[FoundEffect]) -> tuple[list[FoundEffect], list[FoundEffect]]:
-    """Those that are new, and those whose parameters changed."""
+    """Splits effects in new ones and those with changed parameters."""
     effects = list(effects)
     return (
         [effect for effect in effects if not effect.refitted],
@@ -183,7 +183,7 @@ def _split(effects: Iterable[FoundEffect]) -> tuple[list[FoundEffect], list[Foun
 
 @dataclass(frozen=True, slots=True)
 class ShownParameter:
-    """A parameter as people read it.
+    """A formatted parameter.
 
     Attributes:
         name: as in model.yaml.
@@ -198,13 +198,13 @@ class ShownParameter:
 
     @property
     def text(self) -> str:
-        """For example "tau = −12.3 ± 0.4 ms"."""
+        """Formats the parameter, for example "tau = −12.3 ± 0.4 ms"."""
         error = "" if self.error == DASH else f" ± {self.error}"
         return f"{self.name} = {self.value}{error}{self.unit and ' '}{self.unit}"
 
 
 def shown_parameter(effect: str, name: str, value: float, error: float = NAN) -> ShownParameter:
-    """How a fitted parameter is shown.
+    """Formats a fitted parameter.
 
     Args:
         effect, name: whose; of an effect that is not known the unit is not either.
@@ -220,19 +220,19 @@ def shown_parameter(effect: str, name: str, value: float, error: float = NAN) ->
 
 
 def parameter_unit(effect: str, name: str) -> tuple[float, str]:
-    """Scale from the SI unit to the shown one, and the shown one's name."""
+    """Returns the scale from the SI unit to the shown unit, and its name."""
     unit = si_unit(effect, name)
     return PARAMETER_UNITS.get(unit, (1.0, unit))
 
 
 def si_unit(effect: str, name: str) -> str:
-    """A parameter's unit, "1" for none; empty: not known."""
+    """Returns a parameter's unit, "1" for none; empty: unknown."""
     parameters = EFFECTS[effect].parameters if effect in EFFECTS else ()
     return next((entry.unit for entry in parameters if entry.name == name), "")
 
 
 def shown_confidence(value: float) -> str:
-    """A probability with two digits; nothing that was measured reads as certain."""
+    """Formats a probability with two digits; never as exactly 0 or 1."""
     if not math.isfinite(value):
         return DASH
     if value >= 0.995:
@@ -243,7 +243,7 @@ def shown_confidence(value: float) -> str:
 
 
 def residual_rms(finding: MotionFinding, heights: Array) -> float:
-    """Root mean square of measured minus model over all measured heights [m].
+    """Returns the root mean square of measured minus model over all heights [m].
 
     Of wall heights by azimuth it counts each, not only the highest.
     """
@@ -253,7 +253,7 @@ def residual_rms(finding: MotionFinding, heights: Array) -> float:
 
 
 def highest(values: Array, measured: Array) -> Array:
-    """(M,) the highest of a model's heights where something was measured [m].
+    """Returns the maximum (M,) of a model's heights where measured [m].
 
     Args:
         values: (M, K) the model's.
@@ -265,7 +265,7 @@ def highest(values: Array, measured: Array) -> Array:
 
 
 def largest_share(shares: Iterable[float]) -> int | None:
-    """Index of the largest known share; None: none is known."""
+    """Returns the index of the largest known share; None: none is known."""
     known = [(share, -index) for index, share in enumerate(shares) if math.isfinite(share)]
     return -max(known)[1] if known else None
 

@@ -1,4 +1,4 @@
-"""What an identification found, for people and programs: text, page, `identification.json`."""
+"""Results of an identification: text, page, `identification.json`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an identification's page, text and `identification.json` show."""
+"""Contents of an identification's page, text and `identification.json`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Beside:
-    """What an earlier identification found, of this container or another.
+    """Result of an earlier identification of this or another container.
 
     Attributes:
         name: for people; its folder.
@@ -42,7 +42,7 @@ class Beside:
 
 @dataclass(frozen=True, slots=True)
 class IdentificationReport:
-    """An identification and what its reader must know beside it.
+    """An identification with the additional information for its reader.
 
     Attributes:
         found: what was found.
@@ -68,13 +68,13 @@ class IdentificationReport:
 
 
 def first_mode(result: IdentifiedModel, name: str) -> FoundParameter:
-    """Natural frequency or damping ratio of the first mode, fitted or following from the fit."""
+    """Returns frequency or damping ratio of the first mode, fitted or derived."""
     entries = (*result.parameters, *result.derived)
     return next(entry for entry in entries if entry.name == name)
 
 
 def identification_json(report: IdentificationReport) -> str:
-    """The text of `identification.json`: strict JSON, the same for the same report.
+    """Formats `identification.json`: strict JSON, reproducible.
 
     Numbers are in SI units, null: not known. The keys stay as they are within one number of
     `schema`; further keys may come.
@@ -83,7 +83,7 @@ def identification_json(report: IdentificationReport) -> str:
 
 
 def identification_document(report: IdentificationReport) -> Document:
-    """A report's numbers and names; `json.dumps` takes it as it is.
+    """Returns a report's numbers and names as a JSON-compatible dictionary.
 
     Every number that the page shows in a `<data>` element is in here: the element's `data-path`
     is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.
@@ -177,5 +177,5 @@ def _beside(entry: Beside) -> Document:
 
 
 def _model(model: Model) -> Document:
-    """Its short name and the text of its model.yaml."""
+    """Returns the model's short name and the text of its model.yaml."""
     return {"name": model.name, "text": format_model(model)}

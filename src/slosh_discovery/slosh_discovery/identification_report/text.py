@@ -1,4 +1,4 @@
-"""An identification as a short text for the terminal."""
+"""Formats an identification as a short text for the terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_DIGITS = 9
 
 
 def identification_text(report: IdentificationReport) -> str:
-    """Parameters, what the motions do not tell, agreement by operating point."""
+    """Formats parameters, unidentifiable ones and the agreement by operating point."""
     found = report.found
     blocks = [
         [headline(report)],
@@ -33,7 +33,7 @@ def identification_text(report: IdentificationReport) -> str:
 
 
 def headline(report: IdentificationReport) -> str:
-    """What was identified from what, in one sentence."""
+    """Formats the identified parameters and the data in one sentence."""
     found = report.found
     motions = sum(point.repetitions for point in found.points)
     names = ", ".join(entry.name for entry in found.overall.parameters)
@@ -43,7 +43,7 @@ def headline(report: IdentificationReport) -> str:
 
 
 def held_sentence(held: Unidentified) -> str:
-    """What the motions do not tell, and what would."""
+    """Formats which parameter the motions do not determine, and which motion would."""
     if held.with_others:
         text = (
             f"These motions cannot distinguish {held.name} from {' and '.join(held.with_others)}"
@@ -103,7 +103,7 @@ def _millimetres(value: float) -> str:
 
 
 def shown_value(name: str, unit: str, value: float, error: float) -> ShownParameter:
-    """A value with its standard error, both rounded to two digits of the error.
+    """Formats a value with its standard error, both with two digits of the error.
 
     Args:
         name: of the parameter.
@@ -119,10 +119,10 @@ def shown_value(name: str, unit: str, value: float, error: float) -> ShownParame
 
 
 def rounded(unit: str, value: float, error: float) -> str:
-    """A number that goes with a value of that error, in the shown unit."""
+    """Formats a number with the rounding of a value of that error, in the shown unit."""
     return shown_value("", unit, value, error).value
 
 
 def minus(text: str) -> str:
-    """With a true minus sign."""
+    """Returns the text with a typographic minus sign."""
     return text.replace("-", "−")

@@ -1,4 +1,4 @@
-"""Identification: a model's parameters from measured motions (TM20, §2.4)."""
+"""Identification: estimates a model's parameters from measured motions (TM20, §2.4)."""
 
 from __future__ import annotations
 

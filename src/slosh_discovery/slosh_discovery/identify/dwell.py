@@ -1,4 +1,4 @@
-"""What is left of the wave while the container dwells: measured, as a line, as simulated."""
+"""Residual vibration during a dwell: measured, as a straight line, and simulated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slosh_metrics.surface_metrics import effective_difference, effective_height
 def dwell_vibration(
     motions: Sequence[MeasuredMotion], shown: Sequence[FittedMotion], half_width: float
 ) -> tuple[DwellVibration, ...]:
-    """Residual vibration of those motions that have a profile, by operating point.
+    """Returns the residual vibration of motions with a profile, by operating point.
 
     Args:
         motions: as measured.

@@ -1,4 +1,4 @@
-"""Least squares that bears coloured noise and outliers, with the covariance that belongs to it.
+"""Robust least squares with autocorrelated noise, and the covariance of the result.
 
 The residual is freed of its colour, and what still stands out counts by its size, not by its
 square (Huber). Colour and fit are found in turns. The covariance is the sandwich A⁻¹BA⁻¹ of an
@@ -33,7 +33,7 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedVector:
-    """Values of all unknowns from a fit, with their covariance.
+    """Fitted values of all unknowns, with their covariance.
 
     Attributes:
         problem: what was fitted.
@@ -60,12 +60,12 @@ class FittedVector:
 
     @property
     def colour(self) -> Colour:
-        """Of the sensor's noise."""
+        """Autocorrelation of the sensor's noise."""
         return self.noise.colour
 
     @property
     def values(self) -> Array:
-        """(P,) of the parameters."""
+        """(P,) fitted values of the parameters."""
         return self.vector[: len(self.problem.parameters)]
 
     @property
@@ -76,25 +76,25 @@ class FittedVector:
 
     @property
     def standard_errors(self) -> Array:
-        """(P,) of the parameters."""
+        """(P,) standard errors of the parameters."""
         errors: Array = np.sqrt(np.diag(self.shared))
         return errors
 
     @property
     def correlations(self) -> Array:
-        """(P, P) of the parameters."""
+        """(P, P) correlations of the parameters."""
         errors = self.standard_errors
         scale = np.where(errors > 0.0, errors, 1.0)
         correlations: Array = self.shared / np.outer(scale, scale)
         return correlations
 
     def interval(self, confidence: float = 0.95) -> tuple[Array, Array]:
-        """(P,) lower and upper ends of the parameters' confidence intervals."""
+        """Returns (P,) lower and upper ends of the parameters' confidence intervals."""
         reach = self.quantile(confidence) * self.standard_errors
         return self.values - reach, self.values + reach
 
     def quantile(self, confidence: float = 0.95) -> float:
-        """Half width of a confidence interval in standard errors."""
+        """Returns the half width of a confidence interval in standard errors."""
         return float(special.stdtrit(self.degrees, 0.5 + 0.5 * confidence))
 
     def band(self) -> Array:
@@ -105,7 +105,7 @@ class FittedVector:
 
 
 def fit(problem: Problem, start: Array) -> FittedVector:
-    """Fits parameters and nuisances.
+    """Fits parameters and nuisance parameters.
 
     Args:
         problem: the data and what is free.
@@ -130,21 +130,21 @@ def fit(problem: Problem, start: Array) -> FittedVector:
 
 
 def _whitening(problem: Problem, before: White, vector: Array, residual: Array) -> White:
-    """What whitens a residual, by what it leaves beside the inputs' noise."""
+    """Makes the whitening of a residual from its part not due to the inputs' noise."""
     left = before.without_inputs(residual)
     colour = estimate_colour(left, before.neighbours, problem.size)
     return White.of(problem, colour, driven_by(problem, vector) if before.shared else ())
 
 
 def information(problem: Problem, vector: Array, colour: Colour) -> Array:
-    """(P, P) what the data tell of the parameters, the nuisances being unknown, too."""
+    """Returns the (P, P) information on the parameters with unknown nuisances."""
     white = White.of(problem, colour, driven_by(problem, vector))
     derivative = white.applied(problem.derivative(vector))
     return shared_information(derivative.T @ derivative, len(problem.parameters))
 
 
 def shared_information(full: Array, count: int) -> Array:
-    """(P, P) from that of the whole vector (V, V): the Schur complement of the nuisances."""
+    """Returns (P, P) from the full information (V, V): Schur complement of the nuisances."""
     own = full[count:, count:]
     mixed = full[:count, count:]
     shared: Array = full[:count, :count] - mixed @ np.linalg.pinv(own, SINGULAR, True) @ mixed.T
@@ -215,14 +215,14 @@ def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) ->
 
 
 def _frame_scores(scores: Array, neighbours: Neighbours) -> Array:
-    """(F, V) the scores of each image's heights together."""
+    """Returns the (F, V) sum of the scores of each image's heights."""
     summed = np.zeros((int(neighbours.frames[-1]) + 1, scores.shape[1]))
     np.add.at(summed, neighbours.frames, scores)
     return summed
 
 
 def _lags(colour: Colour, frames: int) -> int:
-    """How many neighbouring images count together."""
+    """Returns the number of lags in the covariance of neighbouring images."""
     if colour.memory == colour.correlation:
         return TUNING.lags
     remembered = TUNING.memories / (1.0 - abs(colour.correlation))
@@ -230,7 +230,7 @@ def _lags(colour: Colour, frames: int) -> int:
 
 
 def _spread(scores: Array, lags: int) -> Array:
-    """(V, V) variance of the scores' sum, with that of neighbours weighted down (Bartlett)."""
+    """Returns (V, V) variance of the sum of scores; neighbours have Bartlett weights."""
     spread = scores.T @ scores
     for lag in range(1, min(lags, len(scores) - 1) + 1):
         together = scores[lag:].T @ scores[:-lag]
@@ -242,7 +242,7 @@ def _spread(scores: Array, lags: int) -> Array:
 
 
 def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array) -> float:
-    """By how much motions differ more than their noise explains; 1: they do not.
+    """Returns the ratio of the scatter between motions to that by noise; at least 1.
 
     Each motion's score says where it would draw the parameters; their scatter is compared with
     the covariance, the parameters taken together.

@@ -1,4 +1,4 @@
-"""Which parameters the motions tell of, and which motion would tell of the others."""
+"""Determines which parameters the motions identify, and motions for the others."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ACCELERATIONS = (1.0, 4.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unidentified:
-    """A parameter that the motions do not tell of.
+    """A parameter that the motions do not identify.
 
     Attributes:
         name: of the parameter; it keeps its value.
@@ -54,7 +54,7 @@ class Unidentified:
 def unidentified(
     problem: Problem, vector: Array, colour: Colour
 ) -> tuple[tuple[str, ...], list[Unidentified]]:
-    """Parts the parameters into those that the motions tell of, and the others.
+    """Splits the parameters in identified and unidentified ones.
 
     The one that takes the largest part in the least known direction is held, of equals the one
     named last, until what is left is known.
@@ -97,7 +97,7 @@ def _with_help(
     places: Sequence[int],
     candidates: Sequence[tuple[CandidateMotion, Inputs, Array]],
 ) -> Unidentified:
-    """With the first motion that makes it about as well known as any does, if one does.
+    """Adds the first motion that identifies a parameter about as well as the best does.
 
     Args:
         missing: the parameter.
@@ -120,7 +120,7 @@ def _with_help(
 def _candidates(
     problem: Problem, vector: Array, colour: Colour
 ) -> Iterator[tuple[CandidateMotion, Inputs, Array]]:
-    """Motions with the information (P, P) that each would add, in the parameters' widths."""
+    """Yields motions with the information (P, P) that each adds, scaled by widths."""
     model = problem.model_at(vector)
     if model is None:
         return
@@ -137,7 +137,7 @@ def _candidates(
 
 
 def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
-    """(N, P) by how much the heights change with each parameter [m per width]; None: no answer."""
+    """Returns (N, P) changes of the heights by parameter [m per width]; None: no solution."""
     azimuths = problem.trials[0].prepared.azimuths
     columns = []
     for place, parameter in enumerate(problem.parameters):

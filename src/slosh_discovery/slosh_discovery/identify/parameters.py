@@ -1,4 +1,4 @@
-"""What of a model can be fitted: damping, natural frequency, fill height, effects' parameters."""
+"""Parameters that can be fitted: damping, frequency, fill height, effects' parameters."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ALIASES = {"p": "accel_gain.gain", "fill_height": FILL_HEIGHT}
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """A parameter that is fitted.
+    """A parameter to fit.
 
     Attributes:
         name: as in model.yaml: `damping_ratio`, `natural_frequency`, `container.fill_height`,
@@ -52,7 +52,7 @@ class FreeParameter:
 
 
 def free_parameters(model: Model, names: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """The parameters of these names, which start as the model has them.
+    """Returns the named parameters, with start values from the model.
 
     Raises:
         SloshDiscoveryError: none of a name, a name twice, or none at all.
@@ -67,7 +67,7 @@ def free_parameters(model: Model, names: Sequence[str]) -> tuple[FreeParameter, 
 
 
 def fitted_model(model: Model, values: Mapping[str, float]) -> Model | None:
-    """The model with these values of its parameters; None: together they are impossible."""
+    """Returns the model with given parameter values; None: impossible together."""
     named = {name.partition(".")[0] for name in values if name not in _OF_THE_MODEL}
     try:
         for effect in named:
@@ -123,7 +123,7 @@ def _effect_parameter(model: Model, name: str) -> FreeParameter:
 
 
 def _values(model: Model, effect: str) -> dict[str, float]:
-    """An effect's parameters as the model has them, or where they do as good as nothing."""
+    """Returns an effect's parameters in the model, or values with practically no effect."""
     for use in model.effects:
         if use.name == effect:
             return dict(use.parameters)

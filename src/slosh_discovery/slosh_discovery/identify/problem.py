@@ -1,4 +1,4 @@
-"""The least-squares problem: measured minus predicted heights, by parameters and nuisances.
+"""The least-squares problem: measured minus predicted heights by parameters and nuisances.
 
 Nuisances are a motion's own: the offset of its clock where inputs and heights have two, and the
 state in which a free decay begins. A still level that is unknown is taken out of the residual.
@@ -67,11 +67,11 @@ class Problem:
 
     @property
     def starts(self) -> Array:
-        """(P,) of the parameters."""
+        """(P,) start values of the parameters."""
         return np.array([parameter.start for parameter in self.parameters])
 
     def start(self, values: Array) -> Array:
-        """(V,) the parameters' values, and nuisances that suit them."""
+        """Returns the start vector (V,): parameters' values and matching nuisances."""
         vector = np.zeros(self.size)
         vector[: len(values)] = values
         model = self.model_at(vector)
@@ -82,7 +82,7 @@ class Problem:
         return vector
 
     def bounds(self, start: Array) -> tuple[Array, Array]:
-        """(V,) lower and upper."""
+        """Returns lower and upper bounds (V,)."""
         reach = self.widths * np.where(np.arange(self.size) < len(self.parameters), 0.0, 1.0)
         for clock in self.clocks:
             reach[list(clock)] = DISCOVER.clock_span
@@ -95,7 +95,7 @@ class Problem:
 
     @property
     def widths(self) -> Array:
-        """(V,) what is known of parameters and nuisances before any data."""
+        """(V,) prior widths of parameters and nuisances."""
         widths = np.full(self.size, TUNING.clock_width)
         widths[: len(self.parameters)] = [parameter.width for parameter in self.parameters]
         gain = self.model.height_gains()[0]
@@ -104,12 +104,12 @@ class Problem:
         return widths
 
     def model_at(self, vector: Array) -> Model | None:
-        """The model with the vector's parameters; None: they are impossible."""
+        """Returns the model with the vector's parameters; None: they are impossible."""
         values = {p.name: float(v) for p, v in zip(self.parameters, vector, strict=False)}
         return fitted_model(self.model, values)
 
     def predicted(self, vectors: Sequence[Array]) -> list[list[Array | None]]:
-        """For each vector and trial the heights (M, K) at the measured times [m]; None: none."""
+        """Returns heights (M, K) by vector and trial [m]; None: no solution."""
         models = [self.model_at(vector) for vector in vectors]
         liquid = self._from_rest(models)
         return [
@@ -121,7 +121,7 @@ class Problem:
         ]
 
     def residuals(self, vectors: Sequence[Array]) -> Array:
-        """(N, number of vectors) measured minus predicted [m], all kept heights in a row."""
+        """Returns (N, vectors) measured minus predicted [m], all kept heights in a row."""
         columns = []
         for answers in self.predicted(vectors):
             parts = [self._part(t, a) for t, a in zip(self.trials, answers, strict=True)]
@@ -130,7 +130,7 @@ class Problem:
         return np.column_stack(columns) if columns else np.empty((count, 0))
 
     def derivative(self, vector: Array) -> Array:
-        """(N, V) of the residual, by central differences.
+        """Returns derivatives (N, V) of the residual by central differences.
 
         A trial's residual knows its own nuisances alone, so that all trials' first ones are moved
         at a time, and so on.
@@ -149,7 +149,7 @@ class Problem:
         return jacobian
 
     def _moved_together(self) -> list[list[tuple[int, int | None]]]:
-        """Places of the vector that are moved at a time, each with the trial that it is of."""
+        """Returns the groups of unknowns that are varied together, each with its trial."""
         groups: list[list[tuple[int, int | None]]] = [
             [(place, None)] for place in range(len(self.parameters))
         ]
@@ -162,7 +162,7 @@ class Problem:
         return groups
 
     def _moved(self, vector: Array, group: list[tuple[int, int | None]]) -> list[Array]:
-        """The vector with these places a step ahead and a step back, within their bounds."""
+        """Returns the vector with a group a step forward and back, within the bounds."""
         places = [place for place, _ in group]
         lower, upper = self.bounds(vector)
         moved = []
@@ -173,7 +173,7 @@ class Problem:
         return moved
 
     def _from_rest(self, models: Sequence[Model | None]) -> list[dict[int, Array]]:
-        """For each model the liquid's heights at the inputs, by the inputs' identity."""
+        """Returns the liquid's heights of each model by the identity of the inputs."""
         pairs: list[tuple[int, Inputs]] = []
         for number, model in enumerate(models):
             if model is not None:
@@ -218,7 +218,7 @@ class Problem:
 
 
 def state_basis(prepared: PreparedMotion) -> Array:
-    """(4, D) which states of a mode the heights tell of: x, y and the velocities over ω [m].
+    """Returns (4, D) observable states of a mode: x, y, velocities / ω [m].
 
     Heights along one line tell of the state along it; the maximum over the wall does not tell how
     the path is turned, and it is turned so that it begins on the x axis.
@@ -233,7 +233,7 @@ def state_basis(prepared: PreparedMotion) -> Array:
 
 
 def decayed(prepared: PreparedMotion, model: Model, state: Array) -> Array:
-    """(N, 2) the liquid's heights at +x and +y after it was let go, at the inputs' moments [m].
+    """Returns the liquid's heights (N, 2) at +x and +y in free decay from a state [m].
 
     Args:
         prepared: the motion.
@@ -245,7 +245,7 @@ def decayed(prepared: PreparedMotion, model: Model, state: Array) -> Array:
 
 
 def guessed_state(prepared: PreparedMotion, model: Model) -> Array:
-    """(D,) the state, in `state_basis`, from which the model decays about as measured."""
+    """Returns the initial state (D,), in `state_basis`, estimated from the measurement."""
     if prepared.azimuths is None:
         return _guess_from_maximum(prepared, model)
     basis, kept = state_basis(prepared), prepared.kept
@@ -270,7 +270,7 @@ def _response(inputs: Inputs, model: Model, state: Array) -> Response:
 
 
 def _guess_from_maximum(prepared: PreparedMotion, model: Model) -> Array:
-    """Of the maximum's square, which has no kinks: a constant and a wave of twice the frequency.
+    """Estimates the state from the squared maximum: a constant and a wave at 2 × frequency.
 
     Both decay alike. An ellipse with the half axes P and Q gives (P² ± Q²)/2 of the two.
     """

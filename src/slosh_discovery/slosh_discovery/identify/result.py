@@ -1,4 +1,4 @@
-"""What an identification found."""
+"""Result of an identification."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Strategy(Enum):
-    """For how many operating points a model stands (TM20, §2.4)."""
+    """Number of operating points that a model covers (TM20, §2.4)."""
 
     SOSM = "sosm"
     MOSM = "mosm"
@@ -29,7 +29,7 @@ class Strategy(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FoundParameter:
-    """A parameter with what is known of it.
+    """A parameter with value, error and confidence interval.
 
     Attributes:
         name: as in model.yaml; of derived ones their own.
@@ -51,7 +51,7 @@ class FoundParameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentifiedModel:
-    """A model and what it was identified from.
+    """A model and the data from which it was identified.
 
     Attributes:
         label: of the operating point; "all" for one of all motions.
@@ -84,7 +84,7 @@ class IdentifiedModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedMotion:
-    """A motion and what the identified model says of it.
+    """A motion with the identified model's response.
 
     Attributes:
         name: of the motion.
@@ -120,7 +120,7 @@ class FittedMotion:
 
 @dataclass(frozen=True, slots=True)
 class PointAgreement:
-    """How well the models describe an operating point.
+    """Agreement of the models with an operating point.
 
     Attributes:
         point: the point.
@@ -158,7 +158,7 @@ class DwellVibration:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Identification(Shown):
-    """Models, parameters and figures that an identification found.
+    """Models, parameters and figures of an identification.
 
     Attributes:
         base: the model that came in.
@@ -198,7 +198,7 @@ class Identification(Shown):
         )
 
     def to_pandas(self) -> DataFrame:
-        """A table of the parameters: `before`, `value`, `error`, `lower`, `upper`, `unit`.
+        """Returns a table of the parameters: `before`, `value`, `error`, `lower`, `upper`, `unit`.
 
         Raises:
             ImportError: pandas is not installed.
@@ -213,7 +213,7 @@ class Identification(Shown):
         )
 
     def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:
-        """Draws the highest measured height of a motion, and the identified model's.
+        """Draws the maximum measured height of a motion, and the identified model's.
 
         Args:
             motion: which of `motions`.

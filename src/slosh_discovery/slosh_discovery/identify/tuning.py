@@ -1,4 +1,4 @@
-"""The tuning numbers of the identification of parameters."""
+"""Tuning numbers of the identification of parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class IdentifyTuning:
-    """What is assumed about parameters, motions and records.
+    """Assumptions about parameters, motions and records.
 
     Checked on simulated and measured runs by `validation/studies/identified_runs.py`. The unit "σ"
     is a standard deviation of the noise.

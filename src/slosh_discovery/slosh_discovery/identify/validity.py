@@ -1,4 +1,4 @@
-"""Up to which operating speed the surface is a straight line, and what an estimator sees of that.
+"""Operating speed up to which the surface is a straight line, and estimator limits.
 
 A model of the surface's slope holds while the surface is a line (TM20, §2.3). How far it is from
 one is measured on profiles, speed by speed. A live estimator knows of no operating speed: what it
@@ -33,7 +33,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class LineError:
-    """How far the surface is from a line at an operating speed.
+    """Deviation of the surface from a line at an operating speed.
 
     Attributes:
         speed: n [1/min].
@@ -53,7 +53,7 @@ class LineError:
 
 @dataclass(frozen=True, slots=True)
 class LineLimit:
-    """The range of operating speeds in which the surface is a line.
+    """Range of operating speeds in which the surface is a line.
 
     Attributes:
         tolerance: the greatest ε̄ of a line [m].
@@ -72,7 +72,7 @@ class LineLimit:
 def line_limit(
     motions: Sequence[MeasuredMotion], ratio: float, tolerance: float = TOLERANCE
 ) -> LineLimit | None:
-    """The range of speeds in which the surface is a line.
+    """Determines the range of speeds in which the surface is a line.
 
     Args:
         motions: those with a profile and an operating speed count.
@@ -97,14 +97,14 @@ def line_limit(
 
 
 def count_within(errors: Sequence[float], tolerance: float) -> int:
-    """How many speeds, from the slowest, keep to the tolerance; NaN does not."""
+    """Returns how many speeds, from the slowest, keep the tolerance; NaN does not."""
     return next(
         (place for place, error in enumerate(errors) if not error <= tolerance), len(errors)
     )
 
 
 def error_at(speed: float, motions: Sequence[MeasuredMotion]) -> LineError | None:
-    """ε̄ of the repetitions of a motion, in the part in which the container moves (TM20, §2.3)."""
+    """Returns ε̄ of a motion's repetitions while the container moves (TM20, §2.3)."""
     found = []
     for motion in motions:
         start, end = rise_span(motion.inputs)
@@ -125,7 +125,7 @@ def error_at(speed: float, motions: Sequence[MeasuredMotion]) -> LineError | Non
 
 
 def seen_by_estimator(inputs: Inputs) -> tuple[float, float]:
-    """The greatest acceleration and jerk of a motion as an estimator reads them [m/s², m/s³]."""
+    """Returns the greatest acceleration and jerk as an estimator computes them [m/s², m/s³]."""
     count = len(inputs.t)
     stamps = np.round((inputs.t - inputs.t[0]) * SECOND).astype(np.int64)
     samples = Samples(
@@ -137,7 +137,7 @@ def seen_by_estimator(inputs: Inputs) -> tuple[float, float]:
 
 
 def limited(model: Model, limit: LineLimit | None) -> Model:
-    """The model with the limits of a line, where faster motions were seen to exceed them."""
+    """Returns the model with the limits of a line if faster motions exceeded them."""
     if limit is None or not limit.exceeded or not math.isfinite(limit.speed):
         return model
     last = next(error for error in limit.errors if error.speed == limit.speed)

@@ -1,4 +1,4 @@
-"""Frees residuals of several trials of what is noise: the sensor's colour, the inputs' answer."""
+"""Whitens residuals of several trials: sensor noise and noise of the inputs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_discovery.identify.trials import neighbours_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """What the noise of a trial's inputs does to its heights.
+    """Effect of the inputs' noise on a trial's heights.
 
     Attributes:
         rows: of the trial in the residual of all.
@@ -32,7 +32,7 @@ class Driven:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class White:
-    """Makes white noise of the residuals of several trials in a row.
+    """Whitens the concatenated residuals of several trials.
 
     Attributes:
         neighbours: of the samples.
@@ -48,7 +48,7 @@ class White:
 
     @classmethod
     def of(cls, problem: Problem, colour: Colour, driven: tuple[Driven, ...]) -> White:
-        """Of a problem's residuals."""
+        """Makes the whitening of a problem's residuals."""
         neighbours = neighbours_of(problem.trials)
         shared, scale = [], np.ones(len(neighbours.before))
         for one in driven:
@@ -61,7 +61,7 @@ class White:
         return cls(neighbours, colour, scale, tuple(shared))
 
     def applied(self, values: Array) -> Array:
-        """Values (N,) or (N, P) [m] as white noise of unit variance."""
+        """Whitens values (N,) or (N, P) [m] to unit variance."""
         scale = self.scale if values.ndim == 1 else self.scale[:, np.newaxis]
         white = self.neighbours.whitened(values / scale, self.colour)
         for rows, noise in self.shared:
@@ -69,7 +69,7 @@ class White:
         return white
 
     def without_inputs(self, residual: Array) -> Array:
-        """A residual (N,) [m] without what the inputs' noise most likely does to it."""
+        """Subtracts from a residual (N,) [m] the expected effect of the inputs' noise."""
         if not self.shared:
             return residual
         law = Whitening.of(self.neighbours, self.colour.stddev, self.colour.memory)
@@ -80,7 +80,7 @@ class White:
 
 
 def driven_by(problem: Problem, vector: Array) -> tuple[Driven, ...]:
-    """What the noise of the inputs does to the heights of a problem's trials.
+    """Computes the effect of the inputs' noise on the heights of a problem's trials.
 
     Args:
         problem: the data and what is free.

@@ -1,4 +1,4 @@
-"""The workflow: measured motions and a model in, identified models out."""
+"""The workflow of an identification: from measured motions to identified models."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _limited(result: IdentifiedModel, line: LineLimit | None) -> IdentifiedModel
 
 
 def answered(motions: Sequence[MeasuredMotion], model: Model) -> tuple[FittedMotion, ...]:
-    """What a model says of motions, nothing fitted but their clocks and, of decays, first states.
+    """Returns a model's response to motions; fits only clocks and initial states.
 
     Of the answers `before` and `after` are the same.
     """
@@ -142,7 +142,7 @@ def answered(motions: Sequence[MeasuredMotion], model: Model) -> tuple[FittedMot
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Identified:
-    """A result and the fit that it comes from."""
+    """A result and its fit."""
 
     result: IdentifiedModel
     estimate: FittedVector
@@ -178,7 +178,7 @@ def _identified(
 
 
 def _fit_known(problem: Problem) -> tuple[FittedVector, tuple[Unidentified, ...]]:
-    """Fits what the motions tell of; what they do not keeps its value.
+    """Fits the identifiable parameters; the others keep their values.
 
     Raises:
         SloshDiscoveryError: they tell of nothing.
@@ -215,7 +215,7 @@ def _found(estimate: FittedVector) -> tuple[FoundParameter, ...]:
 
 
 def _derived(base: Model, estimate: FittedVector) -> tuple[FoundParameter, ...]:
-    """Frequency and damping of the first mode, and p, where they are not parameters themselves."""
+    """Derives the first mode's frequency and damping, and p, unless they are fitted."""
     problem = estimate.problem
     names = [parameter.name for parameter in problem.parameters]
     wanted: list[tuple[str, str, Callable[[Model], float]]] = [
@@ -235,13 +235,13 @@ def _derived(base: Model, estimate: FittedVector) -> tuple[FoundParameter, ...]:
 
 
 def _factor(model: Model) -> float:
-    """TM20's p = gain ω₀²/g [1/m], eq. (10)."""
+    """Returns TM20's p = gain ω₀²/g [1/m], eq. (10)."""
     gain = next((u.parameters["gain"] for u in model.effects if u.name == "accel_gain"), 1.0)
     return gain * model.mode_constants()[0].natural_frequency ** 2 / GRAVITY
 
 
 def _propagated(estimate: FittedVector, of: Callable[[Model], float]) -> tuple[float, float]:
-    """A function of the model at the fit, and its standard error."""
+    """Evaluates a function of the model at the fit, with its standard error."""
     problem, vector = estimate.problem, estimate.vector
     gradient = np.zeros(len(problem.parameters))
     for place, parameter in enumerate(problem.parameters):
@@ -262,7 +262,7 @@ def _sure(model: Model | None) -> Model:
 
 
 def _shown(base: Model, own: FittedVector, trial: Trial, label: str, role: Role) -> FittedMotion:
-    """A trial with the answers of the base and of an estimate that knows it."""
+    """Returns a trial with the responses of the base and of a fit that includes it."""
     prepared = trial.prepared
     after, offset = _heights_and_clock(own, trial)
     before, _ = _heights_and_clock(_answered(base, trial), trial)
@@ -291,13 +291,13 @@ def _shown(base: Model, own: FittedVector, trial: Trial, label: str, role: Role)
 
 
 def _answered(model: Model, trial: Trial) -> FittedVector:
-    """A model's answer to one trial, with the trial's own nuisances fitted."""
+    """Computes a model's response to one trial with its own nuisances fitted."""
     problem = Problem(model, (), (trial,))
     return fit(problem, problem.start(np.empty(0)))
 
 
 def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, float]:
-    """(M, K) heights on the measured clock and level [m], and the clock's offset [s]."""
+    """Returns heights (M, K) on the measured clock and level [m], and the clock offset [s]."""
     problem = estimate.problem
     place = problem.trials.index(trial)
     heights = problem.predicted([estimate.vector])[0][place]
@@ -311,7 +311,7 @@ def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, flo
 
 
 def _own_part(estimate: FittedVector, trial: Trial, row: Array) -> Array:
-    """A trial's part of a row of all kept heights."""
+    """Returns a trial's part of a row of all kept heights."""
     trials = estimate.problem.trials
     place = trials.index(trial)
     start = sum(other.count for other in trials[:place])
@@ -347,8 +347,8 @@ def _remarks(overall: _Identified) -> tuple[str, ...]:
     remarks = []
     if result.scatter > 1.0:
         remarks.append(
-            "The motions differ by more than their noise explains: the standard errors are "
-            f"{result.scatter:.1f} times what it alone would give."
+            "The motions differ by more than noise: the standard errors are increased by a factor "
+            f"of {result.scatter:.1f}."
         )
     elif not _noise_alone(estimate):
         remarks.append(
@@ -380,7 +380,7 @@ def _line_remarks(line: LineLimit | None) -> tuple[str, ...]:
 
 
 def _noise_alone(estimate: FittedVector) -> bool:
-    """Whether the residual freed of its colour may be white in each motion."""
+    """Whether the whitened residual is consistent with white noise in each motion."""
     trials = estimate.problem.trials
     white = estimate.noise.applied(estimate.residual)
     for trial in trials:
@@ -393,7 +393,7 @@ def _noise_alone(estimate: FittedVector) -> bool:
 
 
 def _highest(heights: Array, kept: NDArray[np.bool_]) -> Array:
-    """(M,) of the heights that were measured [m]; NaN: none."""
+    """Returns the maximum (M,) of the measured heights [m]; NaN: none."""
     highest = np.where(kept, heights, -np.inf).max(axis=1)
     return np.where(kept.any(axis=1), highest, np.nan)
 

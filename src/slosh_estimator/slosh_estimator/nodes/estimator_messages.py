@@ -1,4 +1,4 @@
-"""The estimator's messages: their fields to numbers, and numbers to their fields."""
+"""Converts the estimator's messages to numbers and back."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.estimate_kernel import MODAL
 from slosh_estimator.estimator import Estimate, ModelState
 from slosh_estimator.state import EstimatorState
+from slosh_estimator.tray_estimator import TrayEstimate
+from slosh_model.wall import Wall
 from slosh_msgs import msg as messages
 from slosh_msgs.msg import ExpectedReading, ModelEstimate, SloshEstimate
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -19,7 +21,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 def imu_sample(
     message: Imu,
 ) -> tuple[int, tuple[float, float, float], tuple[float, float, float] | None]:
-    """Stamp, specific force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    """Returns stamp, force, angular velocity; 'not reported' is NaN or covariance[0] = -1."""
     f, w = message.linear_acceleration, message.angular_velocity
     reported = message.angular_velocity_covariance[0] >= 0.0 and w.x == w.x
     force = (f.x, f.y, f.z)
@@ -28,7 +30,7 @@ def imu_sample(
     return to_nanoseconds(message.header.stamp), force, (w.x, w.y, w.z) if reported else None
 
 
-def fill(message: SloshEstimate, estimate: Estimate) -> None:
+def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
     """Writes an estimate, but for its flags, into a message that is used again and again."""
     sample = estimate.sample
     stamp = message.header.stamp
@@ -38,11 +40,23 @@ def fill(message: SloshEstimate, estimate: Estimate) -> None:
     acceleration = message.acceleration
     acceleration[0], acceleration[1], acceleration[2] = sample.ax, sample.ay, sample.az
     message.jerk = estimate.jerk
+    (
+        message.surface_height, message.height_along_wall, message.contact_radius,
+        message.distance_to_rim, message.distance_along_wall,
+    ) = wall.place(estimate.nonlinear.msh)  # fmt: skip
     message.yaw = sample.yaw
 
 
+def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate) -> None:
+    """Writes what is estimated of a tray's containers at a stamp [ns]."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(stamp_ns, SECOND)
+    message.msh, message.azimuth = array("d", tray.msh), array("d", tray.azimuth)
+    message.flags, message.worst = array("H", tray.flags), tray.worst
+
+
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:
-    """Writes what a sensor is expected to read of an estimate, `delay` seconds late."""
+    """Writes the expected sensor measurement of an estimate, `delay` seconds late."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(estimate.sample.stamp_ns, SECOND)
     message.linear = estimate.linear.reading
@@ -53,7 +67,7 @@ def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> 
 def fill_state(
     message: messages.EstimatorState, state: EstimatorState, memory: Sequence[float]
 ) -> None:
-    """Writes what the estimator's next answers depend on; `memory`: of the input's reader."""
+    """Writes the estimator's state; `memory`: state of the input's reader."""
     sample = state.sample
     message.sample_stamp = sample.stamp_ns
     pose = sample.pose or ()

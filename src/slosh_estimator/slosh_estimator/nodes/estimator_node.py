@@ -1,11 +1,14 @@
-"""The estimator node: acceleration in, sloshing height out, at the input's rate."""
+"""The estimator node: computes sloshing heights from acceleration, at the input's rate."""
 
 from __future__ import annotations
 
+import functools
+import operator
 import sys
 import time
 from collections import ChainMap
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from threading import Event
 from typing import Any
@@ -16,10 +19,12 @@ from std_srvs.srv import Trigger
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
+from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.estimator import Estimator
+from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
+from slosh_estimator.held_container import HeldContainer
 from slosh_estimator.inputs import (
     JOINTS,
     MESSAGE_TYPES,
@@ -30,20 +35,25 @@ from slosh_estimator.inputs import (
     AnyInput,
     InputSettings,
 )
-from slosh_estimator.nodes.estimator_messages import fill, fill_reading
+from slosh_estimator.nodes.container_changes import ContainerChanges
+from slosh_estimator.nodes.estimator_messages import fill, fill_reading, fill_tray
 from slosh_estimator.nodes.heard_input import HeardInput
 from slosh_estimator.nodes.input_health import InputHealth, fault_facts, rate_facts
 from slosh_estimator.nodes.observer_output import ObserverOutput
 from slosh_estimator.nodes.requested_model import requested_model
+from slosh_estimator.nodes.second_source import AUTO, CHOICES, SecondSource
 from slosh_estimator.nodes.state_publisher import StatePublisher
 from slosh_estimator.readings import has_readings
 from slosh_estimator.robot import Robot, read_urdf
 from slosh_estimator.sample import Sample
 from slosh_estimator.sampling import modes_of
+from slosh_estimator.tray_estimator import TrayEstimator
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import TILT, Model
-from slosh_model.model_text import format_model, read_model
-from slosh_msgs.msg import ExpectedReading, SloshEstimate
+from slosh_model.model_text import format_model
+from slosh_model.tray import TRAY, format_tray, read_tray
+from slosh_msgs.msg import ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
@@ -55,13 +65,20 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
+TRAY_STAYS = "the cell carries a tray: its containers are those of the tray's file"
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
+_CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
 _GATE = GateSettings()
 _dynamic = partial(ParameterSpec, read_only=False)
 PARAMETERS = (
-    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("input", "accel", "input that drives the models", choices=tuple(MESSAGE_TYPES)),
+    ParameterSpec(
+        "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
+    ),
+    ParameterSpec(
+        "containers", "", "folder of model files NAME.yaml for change_container; empty: none"
+    ),
+    ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
@@ -105,6 +122,10 @@ PARAMETERS = (
         "check_input", True, "check gravity, units and attitude of the input"
     ),
     ParameterSpec(
+        "second_source", AUTO, "motion or sensor with which the input is compared: axes, signs, "
+        "units; auto: the first that is published", choices=CHOICES,
+    ),
+    ParameterSpec(
         "pose_window", POSE_WINDOW,
         "length of the window in which poses are differentiated [s]; estimates are delayed by "
         "half of it; 0.0: the longest window that preserves the model's modes", (0.0, 2.0),
@@ -126,7 +147,7 @@ DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class EstimatorNode(PreparedNode):
-    """Converts, calls the core, publishes.
+    """Converts messages, calls the core and publishes.
 
     Args:
         later: it gets ready by `run_node`.
@@ -139,15 +160,17 @@ class EstimatorNode(PreparedNode):
         )
         # Asked for each message: the clock's own property takes a lock each time.
         self._ros_time_is_active = self.get_clock().handle.get_ros_time_override_is_enabled
-        self._model = read_model(values["model"])
+        self._tray = read_tray(values["model"])
         self._message = SloshEstimate()
         self._reading = ExpectedReading()
+        self._tray_message, self._tray_ns = TrayEstimate(), -(2**62)
         self._message.header.frame_id = values["container_frame"]
         self._reading.header.frame_id = values["container_frame"]
         self._kind = values["input"]
         names = (TOPIC_NAMES[self._kind], topics.ESTIMATE)
         self._given: dict[str, Any] = {}  # by fixed transforms
-        self._known = ChainMap(self._given, values)
+        self._container: dict[str, Any] = {}  # by `change_container`
+        self._known = ChainMap(self._container, self._given, values)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), self._known, names
         )
@@ -156,16 +179,18 @@ class EstimatorNode(PreparedNode):
             ExpectedReading, topics.EXPECTED_READING, qos.STREAM_OUT
         )
         self._states = StatePublisher(self, values["container_frame"])
-        self._flags = self._contested = 0
+        self._flags = self._contested = self._contradicted = 0
         self._observed: ObserverOutput | None = None
         self._described, self._urdf, self._patient = Event(), "", later
         if self._kind == JOINTS:
             self._ask_for_the_robot()
+        elif values["urdf"]:  # for the second source
+            self._urdf = read_urdf(values["urdf"])
         self._watch(self._health, self._facts)
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the models' kernel and what reads the input, and checks them."""
+        """Compiles or loads the kernels of models and inputs, and checks them."""
         load_telling(progress, "slosh_estimator.estimate_kernel")
         if self._values["observer"]:
             load_telling(progress, "slosh_estimator.observer.observer_kernel")
@@ -173,9 +198,9 @@ class EstimatorNode(PreparedNode):
             load_telling(progress, "slosh_estimator.pose_input")
         if self._kind == JOINTS:
             self._await_the_robot()
-        self._estimator = Estimator(
-            self._felt(self._model), at_rest=self._values["starts_at_rest"]
-        )
+        at_rest = self._values["starts_at_rest"]
+        self._estimator = Estimator(self._felt(self._tray.first.placed), at_rest=at_rest)
+        self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
 
     def _ask_for_the_robot(self) -> None:
         """Reads the robot's description, or subscribes to it."""
@@ -203,13 +228,13 @@ class EstimatorNode(PreparedNode):
         self._robot(topic)
 
     def _robot(self, name: str) -> Robot:
-        """Refuses a description that does not fit."""
+        """Makes the robot; refuses a description that does not fit."""
         values = self._values
         tool = values["tool_frame"] or values["container_frame"]
         return Robot(self._urdf, tool, values["world_frame"], name)
 
     def _felt(self, model: Model) -> Model:
-        """The model that runs: poses tell the attitude, so that gravity is felt in it."""
+        """Returns the model that runs; with poses it includes gravity by tilt."""
         felt = model.feeling_gravity() if self._kind in WINDOWED else model
         self._added = "" if felt is model else ADDED
         if self._added:
@@ -217,10 +242,19 @@ class EstimatorNode(PreparedNode):
         return felt
 
     def begin(self) -> None:
-        """Listens from now on."""
+        """Subscribes to the input."""
         self._set_names()
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
+        self._changes = ContainerChanges(
+            self, self._tray.first.model, self._values["containers"],
+            lambda: self._input.gate.last_ns or self._now(), self._take,
+            TRAY_STAYS if self._tray.is_tray else "",
+        )  # fmt: skip
+        if self._tray.is_tray:
+            self._trays = self.create_publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
+            self._tray_message.header.frame_id = self._values["container_frame"]
+            self._tray_message.containers = list(self._tray.names)
         self._announce_start()
         if self._values["observer"]:
             self._observed = ObserverOutput(
@@ -238,10 +272,17 @@ class EstimatorNode(PreparedNode):
         name = TOPIC_NAMES[self._kind]
         self._input_health = InputHealth(self, name, MESSAGE_TYPES[self._kind])
         how = InputSettings.from_parameters(self._values)._replace(urdf=self._urdf)
-        self._heard = HeardInput(self, self._kind, how, self._now, self._answer, self._mount)
+        self._second = SecondSource(
+            self, self._kind, self._values["second_source"],
+            lambda: InputSettings.from_parameters(self._known), self._urdf, self._now,
+        )  # fmt: skip
+        self._heard = HeardInput(
+            self, self._kind, how, self._now, self._answer, self._mount, self._second.told,
+            self._reach,
+        )  # fmt: skip
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Takes what fixed transforms say of the mounting; nothing was used before."""
+        """Applies the mounting from fixed transforms, before any sample is used."""
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
@@ -255,8 +296,14 @@ class EstimatorNode(PreparedNode):
             return int(self.get_clock().now().nanoseconds)
         return time.time_ns()
 
+    def _reach(self, stamp_ns: int) -> None:
+        """Takes what the gripper holds from a moment on, before the first input behind it."""
+        if stamp_ns - self._now() <= self._values["max_age"] * SECOND:
+            self._changes.reach(stamp_ns)
+
     def _answer(self, input_ns: int, *samples: Sample | None) -> None:
         self._report.counts["input"] += 1
+        self._second.follow(input_ns, *samples)
         for sample in samples:
             if sample is not None:
                 self._estimate(input_ns, sample, last=sample is samples[-1])
@@ -265,39 +312,56 @@ class EstimatorNode(PreparedNode):
         estimate = self._estimator.update(sample)
         if last:  # what the reader remembers is behind all samples of the message
             self._states.look(input_ns, self._estimator, self._input)
-        flags = estimate.flags | self._contested
+        flags = estimate.flags | self._contested | self._contradicted
         if self._heard.contested:
             flags |= _CONTESTED
         self._flags |= flags
         gate = self._input.gate
-        fill(self._message, estimate)
+        fill(self._message, estimate, self._wall)
         self._message.flags = flags
         self._message.samples_used = gate.used
         self._message.samples_dropped = gate.dropped
+        if self._tray.is_tray:
+            self._tell_tray(sample, estimate)
         if self._has_readings:
             late = self._estimator.reading_delay(sample.stamp_ns)
             fill_reading(self._reading, estimate, late)
             self._readings.publish(self._reading)
         self._publisher.publish(self._message)
-        if self._observed is not None:
+        if self._observed is not None and not self._estimator.empty:
             self._observed.follow(sample, estimate.flags)
         self._report.counts["output"] += 1
         if gate.used % LATENCY_EVERY == 0:
             self._report.latency(self._now() - sample.stamp_ns)
 
+    def _tell_tray(self, sample: Sample, estimate: Estimate) -> None:
+        """Estimates the further containers; of many samples a second some are told."""
+        tray = self._others.update(sample, estimate)
+        self._flags |= functools.reduce(operator.or_, tray.flags)
+        if not 0 <= sample.stamp_ns - self._tray_ns < TUNING.tray_ns:
+            self._tray_ns = sample.stamp_ns
+            fill_tray(self._tray_message, sample.stamp_ns, tray)
+            self._trays.publish(self._tray_message)
+
+    def _take(self, held: HeldContainer) -> int:
+        """Goes on with what the gripper holds from the next input on; the last stamp before it."""
+        self._estimator.load_model(self._felt(held.model), fresh=held.fresh, empty=held.empty)
+        self._container.update(held.recorded)
+        self._announce_start()
+        self._container.update(replace(held, fresh=False).recorded)  # of this start alone
+        self._set_names()
+        self._observe_anew()
+        self._input.sampling.carry(modes_of(self._estimator.model))
+        return self._input.gate.last_ns or 0
+
     def _on_load_model(
         self, request: LoadModel.Request, response: LoadModel.Response
     ) -> LoadModel.Response:
         try:
-            model = requested_model(request, self.get_logger().warning)
-            self._estimator.load_model(self._felt(model))
-            self._announce_start()
+            self._changes.load(requested_model(request, self.get_logger().warning))
         except ValueError as error:
             response.success, response.message = False, str(error)
         else:
-            self._set_names()
-            self._observe_anew()
-            self._input.sampling.carry(modes_of(self._estimator.model))
             remark = "".join(f"; {line}" for line in (self._unfelt, self._added) if line)
             response.success = True
             response.message = f"loaded; the models start from rest{remark}"
@@ -306,6 +370,7 @@ class EstimatorNode(PreparedNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._estimator.reset()
+        self._others.reset()
         self._observe_anew()
         self._announce_start()
         response.success, response.message = True, "the models start from rest"
@@ -316,14 +381,16 @@ class EstimatorNode(PreparedNode):
             self._observed.load(self._estimator.model)
 
     def _announce_start(self) -> None:
-        """Tells what the models work with from the next sample on, starting from rest."""
+        """Publishes the settings that the models use from the next sample on, from rest."""
         files = {"model": format_model(self._estimator.model)}
+        if self._tray.is_tray:
+            files[TRAY] = format_tray(self._tray.of(self._felt))
         if self._urdf:
             files[ROBOT] = self._urdf
         self._settings.publish(files, self._input.gate.last_ns or 0)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
-        """Judges the inputs by other limits from the next one on."""
+        """Applies changed limits to the next inputs."""
         if self._observed is not None:
             self._observed.set_tolerance(self._values["calm_tolerance"])
         if self.readiness.state == READY:
@@ -335,29 +402,40 @@ class EstimatorNode(PreparedNode):
         linear, nonlinear = self._estimator.names
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
-        self._unfelt = attitude_warning(self._estimator.model, self._kind)
+        others = (other.model for other in self._others.others)
+        unfelt = (attitude_warning(m, self._kind) for m in (self._estimator.model, *others))
+        self._unfelt = next(filter(None, unfelt), "")
+        self._wall = self._estimator.model.container.wall
 
     def _health(self) -> Health:
         fault = self._input_health.look(self._input.gate)
         faults = self._input_health.faults(self._input)
         rivals = self._heard.rivals()
         self._contested = _CONTESTED if self._heard.rivalled else 0
+        wrong_input, second = self._second.look()
+        self._contradicted = _CONTRADICTED if wrong_input else 0
         doubt = self._input.doubt
         wrong = doubt.text if doubt is not None and doubt.wrong else ""
+        wrong = wrong or wrong_input
         warning = rivals or self._heard.trouble() or wrong or self._input.warning()
         if warning:
             return ERROR, warning
         if fault is not None and fault[0] != WARN:
             return fault
-        unfelt = self._unfelt or self._input.sampling.sentence()
+        unfelt = self._unfelt or self._input.sampling.sentence() or second
         remark = unfelt or (doubt.text if doubt is not None else self._input.remark())
         if remark or faults:
             return WARN, remark or faults
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
-        if flags & ~EstimateFlag.LINEAR_ONLY:  # that one is the container's shape, no trouble
-            return WARN, f"validity flags {flags:#x}"
+        if self._estimator.empty:
+            return OK, "no container: the gripper is empty"
+        # That one is the container's shape, no trouble.
+        flags &= ~(EstimateFlag.LINEAR_ONLY | EstimateFlag.NO_CONTAINER)
+        if flags:
+            names = (flag.name or "" for flag in EstimateFlag if flag & flags)
+            return WARN, f"validity flags {flags:#x}: {', '.join(names)}"
         return OK, f"estimating with {', '.join(self._estimator.names)}"
 
     def _facts(self) -> dict[str, Any]:
@@ -369,9 +447,11 @@ class EstimatorNode(PreparedNode):
             "gaps": gate.gaps,
             "divergences": self._estimator.divergences,
             **self._heard.facts(),
+            **self._second.facts(),
             **self._input_health.facts(self._heard.count),
             **rate_facts(self._input),
             **fault_facts(self._input),
+            **self._changes.facts(),
             **(self._observed.facts() if self._observed is not None else {}),
         }
 

@@ -1,4 +1,4 @@
-"""The estimator's input over ROS: its topics, and what turns their messages into samples."""
+"""The estimator's input over ROS: topics, and conversion of messages to samples."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.mounting import Quaternion
 from slosh_estimator.nodes.estimator_messages import imu_sample
 from slosh_estimator.pose_input import PoseInput
+from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
@@ -44,6 +45,8 @@ PATIENCE = 2.0
 TF_TYPE = topics.DRIVING["tf"].type
 Answer = Callable[..., None]
 """Takes the stamp of an input [ns] and the samples that it made known."""
+Told = Callable[[int, str, Vector, Vector | None], None]
+"""Takes a stamp [ns], a frame, an acceleration and an angular velocity, as a sensor says."""
 
 
 class HeardInput:
@@ -56,6 +59,8 @@ class HeardInput:
         now: the time [ns].
         answer: is called with each message's stamp and samples.
         mounted: is told the parameters that fixed transforms give, before the first sample.
+        before: is told the stamp of each input before it is read [ns].
+        told: is told what an imu or accel message says, before anything judges it.
 
     Attributes:
         source: what turns messages into samples.
@@ -76,9 +81,12 @@ class HeardInput:
         now: Callable[[], int],
         answer: Answer,
         mounted: Callable[[Mapping[str, Any]], InputSettings],
+        told: Told | None = None,
+        before: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
         self._node, self._kind, self._now, self._answer = node, kind, now, answer
-        self._settings, self._mounted = settings, mounted
+        self._told = told
+        self._settings, self._mounted, self._before = settings, mounted, before
         self._fixed, self._first = FixedFrames(), 0.0
         self._decided, self._unconnected = kind not in MOUNTED, ""
         self._world = settings.frames[0]
@@ -103,7 +111,7 @@ class HeardInput:
             node.create_subscription(kind_of, topics.TF_STATIC, fixed, qos.EVENT)
 
     def _hear_fixed(self) -> None:
-        """Hears how frames are fixed to each other, where their messages are installed."""
+        """Subscribes to fixed transforms, if their messages are installed."""
         try:
             kind = message_class(TF_TYPE)
         except SloshEstimatorError:
@@ -118,14 +126,14 @@ class HeardInput:
             self.poses.take(links, fixed=True)
 
     def _hear_moving(self) -> None:
-        """Hears how the frame of poses moves, from now on."""
+        """Subscribes to moving transforms of the poses' frame."""
         if isinstance(self.poses, TransformPoses):
             self.poses.take(self._fixed.links, fixed=True)
             take = partial(self._on_transforms, fixed=False)
             self._node.create_subscription(message_class(TF_TYPE), topics.TF, take, qos.STREAM_IN)
 
     def _is_mounted(self, frame: str) -> bool:
-        """Whether it is known how what comes in a frame is mounted; a while is waited for that."""
+        """Whether the mounting of a frame is known; waits some time for transforms."""
         if self._decided:
             return True
         found = self._settings.mounted(self._kind, frame, self._fixed)
@@ -147,11 +155,11 @@ class HeardInput:
 
     @property
     def contested(self) -> bool:
-        """Whether several publishers speak where one may, as of the newest message."""
+        """Whether several publishers send where one is allowed, by the newest message."""
         return self._speakers.contested
 
     def rivals(self) -> str:
-        """Who speaks beside the one that may, in a line; empty: nobody."""
+        """Names additional publishers in one line; empty: none."""
         if self._is_shared:
             return self._too_many()
         found = self._rivals.look()
@@ -162,7 +170,7 @@ class HeardInput:
         return found
 
     def _too_many(self) -> str:
-        """Whether two publishers tell the same joints, in a line; empty: nothing speaks for it."""
+        """Reports two publishers of the same joints in one line; empty: none known."""
         if not isinstance(self.poses, JointPoses):
             return ""
         name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
@@ -173,11 +181,11 @@ class HeardInput:
         return f"{count} publishers on {name} for {self.poses.groups} set of joints: stop one"
 
     def trouble(self) -> str:
-        """Why no pose follows from the messages, in a line; empty: it does."""
+        """Returns in one line why the messages give no pose; empty: they do."""
         return self.poses.trouble() if self.poses is not None else ""
 
     def facts(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Returns facts for the diagnostics."""
         told = {} if self.poses is None else self.poses.facts()
         if self._unconnected:
             told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"
@@ -207,6 +215,9 @@ class HeardInput:
             return
         assert isinstance(self.source, AccelInput)
         stamp = to_nanoseconds(header.stamp)
+        self._before(stamp)
+        if self._told is not None:
+            self._told(stamp, header.frame_id, (a.x, a.y, a.z), None)
         found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
         self._answer(stamp, found)
 
@@ -215,6 +226,9 @@ class HeardInput:
             return
         assert isinstance(self.source, ImuInput)
         stamp, force, rate = imu_sample(message)
+        self._before(stamp)
+        if self._told is not None:
+            self._told(stamp, message.header.frame_id, force, rate)
         self._answer(stamp, self.source.update(stamp, force, rate, self._now()))
 
     def _on_pose(self, message: Any) -> None:
@@ -242,6 +256,7 @@ class HeardInput:
         assert isinstance(self.source, VelocityInput)
         v, w = twist.linear, twist.angular
         stamp = to_nanoseconds(message.header.stamp)
+        self._before(stamp)
         found = Twist(stamp, (v.x, v.y, v.z), (w.x, w.y, w.z), attitude, frame)
         self._answer(stamp, *self.source.update_twist(found, self._now()))
 
@@ -259,6 +274,7 @@ class HeardInput:
     def _on_poses(self, poses: list[TimedPose], frame: str) -> None:
         assert isinstance(self.source, PoseInput)
         for stamp, position, quaternion in poses:
+            self._before(stamp)
             found: list[Sample] = self.source.update(
                 stamp, position, quaternion, self._now(), frame
             )
@@ -266,7 +282,7 @@ class HeardInput:
 
 
 def message_class(name: str) -> Any:
-    """The class of a message type.
+    """Returns the class of a message type.
 
     Raises:
         SloshEstimatorError: it is not installed.

@@ -1,4 +1,4 @@
-"""What has become of the estimator's input since it was last asked."""
+"""Reports changes of the estimator's input since the last check."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TOLD_NS = 30 * SECOND
 
 
 class InputHealth:
-    """Watches the counts of a gate.
+    """Watches the counters of an input filter.
 
     Args:
         node: the node.
@@ -43,7 +43,7 @@ class InputHealth:
         self._faulty_since = 0
 
     def facts(self, total: int) -> dict[str, str]:
-        """What others may hear, and this node does not.
+        """Returns facts about messages that others receive but this node does not.
 
         Args:
             total: messages that it has heard.
@@ -51,7 +51,7 @@ class InputHealth:
         return self._topic.facts(total)
 
     def faults(self, source: AnyInput) -> str:
-        """What sensor, driver or bus has newly done to the input, for a while; empty: nothing.
+        """Describes new faults of sensor, driver or bus for some time; empty: none.
 
         Args:
             source: that reads the input.
@@ -65,7 +65,7 @@ class InputHealth:
         return "; ".join(texts) if texts and told else ""
 
     def look(self, gate: SampleGate) -> Health | None:
-        """What is wrong; None: nothing.
+        """Returns the current fault; None: none.
 
         Args:
             gate: that judges the input.
@@ -97,13 +97,13 @@ class InputHealth:
 
 
 def fault_facts(source: AnyInput) -> dict[str, str]:
-    """What sensor, driver or bus has done to the input since the start."""
+    """Returns all faults of sensor, driver or bus since the start."""
     texts = source.check.faults.texts()
     return {"input faults": "; ".join(texts)} if texts else {}
 
 
 def rate_facts(source: AnyInput) -> dict[str, str]:
-    """The input's rate, what of each mode it carries, and by how much it delays the estimates."""
+    """Returns the input's rate, the carried share of each mode, and the delay."""
     sampling = source.sampling
     if not sampling.interval_ns:
         return {}

@@ -1,4 +1,4 @@
-"""What the monitor says of itself in the diagnostics."""
+"""Diagnostics of the monitor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _INPUTS = {
 
 
 class MonitorHealth:
-    """Judges the monitor once a second.
+    """Evaluates the monitor once a second.
 
     Args:
         node: the node.
@@ -38,7 +38,7 @@ class MonitorHealth:
         self._measured = self._unmatched = 0
 
     def look(self, now_ns: int, measured: int) -> Health:
-        """Level and sentence; the worst that is to be said.
+        """Returns level and sentence of the worst finding.
 
         Args:
             now_ns: the monitor's time [ns].
@@ -49,7 +49,7 @@ class MonitorHealth:
         return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
 
     def facts(self, counts: Mapping[str, int]) -> dict[str, str]:
-        """What others may hear, and the monitor does not.
+        """Returns facts about messages that others receive but the monitor does not.
 
         Args:
             counts: messages so far, by topic.
@@ -86,9 +86,16 @@ class MonitorHealth:
         condition, disagreement = self._core.condition(now_ns), self._core.motions.warning
         if condition is Condition.WARN and self._core.too_slow:
             return WARN, f"WARN: {TOO_SLOW}; see the estimator's diagnostics"
+        level = self._core.level.text
+        if condition is Condition.WARN and level:
+            return WARN, f"WARN: {level}"
         if condition is Condition.WARN and disagreement:
             return WARN, disagreement
-        alone = "" if self._core.settings.camera else "; no camera configured"
+        if self._core.vacant and condition is Condition.OK:
+            return OK, "OK: the gripper is empty"
+        tray = self._core.tray.text if self._core.tray is not None else ""
+        alone = f"; {tray}" if tray else ""
+        alone += "" if self._core.settings.camera else "; no camera configured"
         if condition is not Condition.OK:
             level = ERROR if condition is Condition.ERROR else WARN
             above = self._core.at_rim
@@ -99,7 +106,7 @@ class MonitorHealth:
         return mismatch or (OK, f"{condition.name}{alone}")
 
     def _mismatch(self, measured: int) -> Health | None:
-        """Where many measurements since the last look have found no estimate of their moment."""
+        """Reports many measurements without a matching estimate since the last call."""
         unmatched = self._core.unmatched
         came, self._measured = measured - self._measured, measured
         failed, self._unmatched = unmatched - self._unmatched, unmatched

@@ -1,4 +1,4 @@
-"""The monitor node: compares the camera with the models and flags what exceeds limits."""
+"""The monitor node: compares the camera with the models and reports limit violations."""
 
 from __future__ import annotations
 
@@ -21,14 +21,21 @@ from slosh_estimator.azimuth import Surfaces, measured_waves
 from slosh_estimator.comparison import Comparison, EstimatePoint, MeasuredPoint
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor import Monitor
-from slosh_estimator.monitor_settings import RIM, MonitorSettings
+from slosh_estimator.monitor_settings import (
+    HEIGHT_LIMITS,
+    RIM,
+    RIM_DISTANCE,
+    MonitorSettings,
+)
 from slosh_estimator.nodes.monitor_health import MonitorHealth
 from slosh_estimator.prediction_record import Announced, PredictionRecord
 from slosh_estimator.readings import Reading, ReadingJoiner
 from slosh_estimator.sight import ClockWatch
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_model.tray import TRAY, Tray, parse_tray
 from slosh_msgs.msg import (
+    ContainerChange,
     ExpectedReading,
     FreeSurface,
     LimitEvent,
@@ -37,10 +44,11 @@ from slosh_msgs.msg import (
     PredictionOutcome,
     SloshComparison,
     SloshEstimate,
+    TrayEstimate,
 )
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
-from slosh_msgs_py.node.diagnostics import DiagnosticsReporter, Health
+from slosh_msgs_py.node.diagnostics import ERROR, DiagnosticsReporter, Health
 from slosh_msgs_py.node.guarded import GuardedNode
 from slosh_msgs_py.node.parameters import ParameterSpec, declare
 from slosh_msgs_py.node.run import run_node
@@ -54,6 +62,10 @@ PARAMETERS = (
     _dynamic("measured_limit", 0.02, "limit of the measured height [m]", (0.0, 10.0)),
     _dynamic("estimated_limit", 0.02, "limit of the NL model's height [m]", (0.0, 10.0)),
     _dynamic("disagreement_limit", 0.01, "limit of |measured - NL| [m]", (0.0, 10.0)),
+    _dynamic(
+        "rim_distance", _DEFAULT.rim_distance,
+        "least distance of the liquid to the rim [m]; 0.0: the rim itself", (0.0, 10.0),
+    ),
     _dynamic(
         "warn_share", _DEFAULT.warn_share, "share of a limit above which the state is WARN",
         (0.01, 1.0),
@@ -76,7 +88,7 @@ DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class MonitorNode(GuardedNode):
-    """Converts, calls the core, publishes."""
+    """Converts messages, calls the core and publishes."""
 
     def __init__(self) -> None:
         super().__init__("monitor")
@@ -87,6 +99,8 @@ class MonitorNode(GuardedNode):
         heard = (topics.ESTIMATE, topics.FREE_SURFACE) if given["camera"] else (topics.ESTIMATE,)
         names = (*heard, topics.COMPARISON, topics.LIMIT_EVENT)
         self._rim: dict[str, float] = {}
+        self._model: Model | None = None
+        self._complaint = ""
         known = ChainMap(self._rim, given)
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), known, names
@@ -100,6 +114,7 @@ class MonitorNode(GuardedNode):
         )
         self._events = self.create_publisher(LimitEvent, topics.LIMIT_EVENT, qos.EVENT)
         self.create_subscription(SloshEstimate, topics.ESTIMATE, self._on_estimate, qos.STREAM_IN)
+        self.create_subscription(TrayEstimate, topics.TRAY_ESTIMATE, self._on_tray, qos.STREAM_IN)
         self._joiner = ReadingJoiner()
         self.create_subscription(
             ExpectedReading, topics.EXPECTED_READING, self._on_reading, qos.STREAM_IN
@@ -108,27 +123,71 @@ class MonitorNode(GuardedNode):
             self.create_subscription(
                 FreeSurface, topics.FREE_SURFACE, self._on_free_surface, qos.STREAM_IN
             )
+        self.create_subscription(
+            ContainerChange, topics.CONTAINER, self._on_container, qos.LATCHED_STREAM
+        )
         self.create_subscription(NodeSettings, topics.SETTINGS, self._on_settings, qos.EVENT)
         self.create_service(Trigger, f"monitor/{topics.RESET}", self._on_reset)
         self._judge = MonitorHealth(self, self._core)
         self._predictions = PredictionWatch(self, self._frame)
         self._measured = 0
+        self._level_off = False
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         self.create_timer(CHECK_PERIOD, self._on_check, clock=self._steady)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
+        if RIM_DISTANCE in changed:
+            changed = (*changed, *self._moved_rim())
         wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
         self._settings.publish_change(changed, self._core.change_settings(wanted))
 
+    def _moved_rim(self) -> tuple[str, ...]:
+        """Takes the height that the model's rim allows; its name where it is another one now."""
+        if self._model is None:
+            return ()
+        settings = MonitorSettings.from_parameters(self._given)
+        rim, self._complaint = settings.near_rim(self._model)
+        if self._rim.get(RIM) == rim or not (self._rim or math.isfinite(rim)):
+            return ()
+        self._rim[RIM] = rim
+        return (RIM,)
+
     def _on_settings(self, message: NodeSettings) -> None:
-        """The estimator tells its model, and by that where the rim is."""
+        """Takes the rim from the model in the estimator's settings."""
         model = announced_model(message)
         if model is None:
             return
-        wanted = self._core.settings.under_rim(model)
-        if self._rim.get(RIM) != wanted.rim and (self._rim or math.isfinite(wanted.rim)):
-            self._rim[RIM] = wanted.rim
-            self._on_change((RIM,))
+        tray = announced_tray(message)
+        if tray is not None and (self._core.tray is None or tray != self._core.tray.tray):
+            self._core.carry(tray)
+        self._model = model
+        changed = self._moved_rim()
+        if changed:
+            self._on_change(changed)
+
+    def _on_container(self, message: ContainerChange) -> None:
+        """Watches the limits of another container in later data."""
+        try:
+            model = parse_model(message.model, topics.CONTAINER) if message.model else None
+        except ValueError as error:
+            self.get_logger().error(f"{topics.CONTAINER}: not followed: {error}")
+            return
+        before = dict(self._rim)
+        self._rim.clear()
+        if message.present and message.limit > 0.0:
+            self._rim.update(dict.fromkeys(HEIGHT_LIMITS, message.limit))
+        rim = before.get(RIM, math.nan)
+        if model is not None:
+            self._model, settings = model, MonitorSettings.from_parameters(self._given)
+            rim, self._complaint = settings.near_rim(model)
+        if RIM in before or math.isfinite(rim):
+            self._rim[RIM] = rim
+        if self._rim != before or model is not None:
+            stamp_ns = to_nanoseconds(message.header.stamp)
+            wanted = MonitorSettings.from_parameters({**self._given, **self._rim})
+            self._core.change_settings(wanted, stamp_ns or None)
+            self._core.motions.reset()  # what disagreed was another container
+            self._settings.publish_change(tuple({**before, **self._rim}), stamp_ns)
 
     def _on_estimate(self, message: SloshEstimate) -> None:
         self._report.counts["estimate"] += 1
@@ -142,6 +201,12 @@ class MonitorNode(GuardedNode):
             azimuth=message.nonlinear.azimuth,
         )
         self._add(self._joiner.add_estimate(point, message.nonlinear.model))
+
+    def _on_tray(self, message: TrayEstimate) -> None:
+        if self._core.tray is None or len(message.msh) != len(self._core.tray.tray.containers):
+            return  # not announced yet, or a stranger's
+        self._core.add_tray(to_nanoseconds(message.header.stamp), message.msh.tolist())
+        self._publish([])
 
     def _on_reading(self, message: ExpectedReading) -> None:
         reading = Reading(
@@ -161,8 +226,12 @@ class MonitorNode(GuardedNode):
         self._measured += 1
         stamp_ns = to_nanoseconds(message.header.stamp)
         fields = (getattr(message, name) for name in Surfaces._fields)
-        (wave,), (axis,) = (column.tolist() for column in measured_waves(Surfaces(*fields)))
-        point = MeasuredPoint(stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis)
+        surfaces = Surfaces(*fields)
+        (wave,), (axis,) = (column.tolist() for column in measured_waves(surfaces))
+        point = MeasuredPoint(
+            stamp_ns, message.msh, message.msh_stddev, message.flags, wave, axis,
+            float(surfaces.levels),
+        )  # fmt: skip
         self._publish(self._core.add_measurement(point, self._arrival()))
 
     def _on_check(self) -> None:
@@ -173,13 +242,17 @@ class MonitorNode(GuardedNode):
             else ""
         )
         self._publish(self._core.check(self._arrival()))
+        level = bool(self._core.level.text)
+        if level and not self._level_off:
+            self.get_logger().warning(self._core.level.text)
+        self._level_off = level
         for motion in self._core.motions.take_finished():
             self._predictions.judge(motion)
             if motion.disagrees:
                 self.get_logger().warning(motion.sentence)
 
     def _arrival(self) -> int:
-        """When something comes: elapsed time, with use_sim_time the simulated one.
+        """Returns the arrival time: steady clock, or simulated time with use_sim_time.
 
         By that a slow simulation is no more silent than a fast one.
         """
@@ -208,7 +281,8 @@ class MonitorNode(GuardedNode):
         return response
 
     def _health(self) -> Health:
-        return self._judge.look(self._arrival(), self._measured)
+        level, text = self._judge.look(self._arrival(), self._measured)
+        return (ERROR, f"{self._complaint}; {text}") if self._complaint else (level, text)
 
     def _facts(self) -> dict[str, Any]:
         core = self._core
@@ -224,6 +298,7 @@ class MonitorNode(GuardedNode):
             "estimates out of order": core.late_estimates,
             "estimates without an expected reading": self._joiner.lost,
             **({"rim [mm]": f"{1e3 * core.settings.rim:.1f}"} if self._rim else {}),
+            **(core.tray.facts() if core.tray is not None else {}),
             **core.motions.clocks.facts(),
             **self._predictions.facts(),
             **self._judge.facts(self._report.counts),
@@ -231,7 +306,7 @@ class MonitorNode(GuardedNode):
 
 
 def event_message(event: Event, frame: str) -> LimitEvent:
-    """The message of an event."""
+    """Makes the message of an event."""
     return filled(
         LimitEvent,
         stamp_ns=event.stamp_ns,
@@ -248,7 +323,7 @@ def event_message(event: Event, frame: str) -> LimitEvent:
 
 
 def announced_model(message: NodeSettings) -> Model | None:
-    """What an estimator's announcement says that it runs.
+    """Returns the model in an estimator's settings message.
 
     None: it is another node's, or a stranger's that cannot be read.
     """
@@ -261,8 +336,17 @@ def announced_model(message: NodeSettings) -> Model | None:
         return None
 
 
+def announced_tray(message: NodeSettings) -> Tray | None:
+    """The tray that an estimator's announcement says that it carries; None: as of the model."""
+    try:
+        document = parse_yaml(message.document, "settings of the estimator").value
+        return parse_tray(document["files"][TRAY], "the estimator's tray")
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
 class PredictionWatch:
-    """Takes a node's predictions and motions, publishes outcomes.
+    """Compares a node's predictions with motions, and publishes the outcomes.
 
     Args:
         node: the node.
@@ -280,11 +364,11 @@ class PredictionWatch:
         )
 
     def reset(self) -> None:
-        """Starts the record anew."""
+        """Resets the record."""
         self._record.reset()
 
     def judge(self, motion: MotionAgreement) -> None:
-        """Takes a motion that has ended; publishes what became of its prediction."""
+        """Processes a finished motion; publishes the outcome of its prediction."""
         outcome = self._record.judge(motion)
         if outcome is None:
             return
@@ -293,7 +377,7 @@ class PredictionWatch:
         self._node.get_logger().info(f"planned motion {outcome.id}: {outcome.description}")
 
     def facts(self) -> dict[str, Any]:
-        """For the diagnostics."""
+        """Returns facts for the diagnostics."""
         record, last = self._record, self._record.last
         if last is None:
             return {"predictions": 0}

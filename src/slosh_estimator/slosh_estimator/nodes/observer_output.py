@@ -1,4 +1,4 @@
-"""The estimator node's observer: measured heights in, fused states and calm out."""
+"""Connects the observer to the node: measured heights, fused states and calm topics."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from std_msgs.msg import Bool
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch
-from slosh_estimator.observer.observer import FusedState, Observer, Outcome
+from slosh_estimator.observer.observer import FusedState, Observer, ObserverState, Outcome
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
 from slosh_msgs.action import WaitUntilCalm
 from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate
+from slosh_msgs.msg import ObserverState as ObserverStateMessage
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
 
@@ -28,7 +29,7 @@ _FIELDS = SurfaceHeights._fields
 
 
 class ObserverOutput:
-    """Runs the observer of a node and publishes what it gives.
+    """Runs the observer of a node and publishes its states.
 
     Args:
         node: whose.
@@ -40,6 +41,9 @@ class ObserverOutput:
     def __init__(self, node: Node, frame: str, tolerance: float, model: Model) -> None:
         self._node = node
         self._fused = FusedEstimate()
+        self._state = ObserverStateMessage()
+        self._state_ns = -(2**62)
+        self._state.header.frame_id = frame
         self._calm = Calm()
         self._fused.header.frame_id = self._calm.header.frame_id = frame
         self._watch = CalmWatch(tolerance)
@@ -49,6 +53,9 @@ class ObserverOutput:
         self.load(model)
         self._fused_out = node.create_publisher(
             FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_OUT
+        )
+        self._state_out = node.create_publisher(
+            ObserverStateMessage, topics.OBSERVER_STATE, qos.STREAM_OUT
         )
         self._calm_out = node.create_publisher(Calm, topics.CALM, qos.LATCHED_STREAM)
         self._bool_out = node.create_publisher(Bool, topics.IS_CALM, qos.LATCHED_STREAM)
@@ -60,29 +67,33 @@ class ObserverOutput:
         )  # fmt: skip
 
     def load(self, model: Model) -> None:
-        """Starts anew with another model, or with the same."""
+        """Restarts the observer with a model."""
         self.observer = Observer(model)
         # What a sensor reads of such a model is not the height of the liquid.
         self.hears = not model.uses("reading")
         self._watch = CalmWatch(self._watch.tolerance)
 
     def set_tolerance(self, tolerance: float) -> None:
-        """Judges by another tolerance from now on [m]."""
+        """Sets the tolerance of a calm wave [m]."""
         self._watch = CalmWatch(tolerance)
 
     def close(self) -> None:
-        """Ends what waits."""
+        """Ends all waiting goals."""
         for wait in self._waits:
             wait.done.set_result(None)
         self._action.destroy()
 
     def follow(self, sample: Sample, flags: int) -> None:
-        """Takes an input; flags: of its estimate."""
+        """Updates the observer by an input; flags: those of the estimate."""
         state = self.observer.follow(sample, flags)
         if state is None:
             return
         self._heard = time.monotonic()
         fill_fused(self._fused, state, self.observer)
+        if not 0 <= state.stamp_ns - self._state_ns < TUNING.observer_state_ns:
+            self._state_ns = state.stamp_ns
+            fill_observer_state(self._state, self.observer.state())
+            self._state_out.publish(self._state)
         self._fused_out.publish(self._fused)
         calm = self._watch.update(state)
         for wait in self._waits:
@@ -93,7 +104,7 @@ class ObserverOutput:
             self._tell()
 
     def facts(self) -> dict[str, Any]:
-        """For diagnostics."""
+        """Returns the counts for diagnostics."""
         counts = self.observer.counts
         return {f"heights {outcome.value}": counts[outcome] for outcome in Outcome}
 
@@ -104,7 +115,7 @@ class ObserverOutput:
             self.observer.take(wall_heights(stamp_ns, heights))
 
     def _look(self) -> None:
-        """Tells a silent input; the last word must not stay `calm`."""
+        """Publishes STALE if the input has stopped, so that the last state is not `calm`."""
         if time.monotonic() - self._heard < TUNING.calm_silence:
             return
         calm = self._calm
@@ -133,7 +144,7 @@ class ObserverOutput:
 
 
 class _Wait:
-    """A goal that waits until the liquid is calm."""
+    """Goal that waits until the liquid is calm."""
 
     def __init__(self, goal: Any, tolerance: float, timeout: float) -> None:
         self._goal, self._timeout = goal, timeout if timeout > 0.0 else math.inf
@@ -143,11 +154,11 @@ class _Wait:
         self.done: Future = Future()
 
     def update(self, state: FusedState) -> None:
-        """Takes a fused state."""
+        """Updates the calm state by a fused state."""
         fill_calm(self._state, self._watch.update(state))
 
     def tell(self, told: Calm) -> None:
-        """Tells the client how far it is; ends where it is time."""
+        """Sends feedback to the client; ends when calm, timed out or cancelled."""
         if told.reason == Calm.STALE:
             self._state = told
         self._state.header.frame_id = told.header.frame_id
@@ -157,7 +168,7 @@ class _Wait:
             self.done.set_result(None)
 
     def result(self) -> WaitUntilCalm.Result:
-        """How it ended."""
+        """Ends the goal and returns its result."""
         result, waited = WaitUntilCalm.Result(), time.monotonic() - self._began
         result.calm, result.waited, result.state = self._state.calm, waited, self._state
         if self._goal.is_cancel_requested:
@@ -173,7 +184,7 @@ class _Wait:
 
 
 def words(state: Calm) -> str:
-    """Why the liquid is not calm."""
+    """Returns why the liquid is not calm, in words."""
     return {
         Calm.MOVING: "the container moves",
         Calm.SETTLING: f"the wave reaches {1e3 * state.envelope:.1f} mm",
@@ -183,7 +194,7 @@ def words(state: Calm) -> str:
 
 
 def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) -> None:
-    """Writes a fused state into a message that is used again and again."""
+    """Writes a fused state into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
     message.msh, message.msh_stddev, message.azimuth = state.msh, state.stddev, state.azimuth
@@ -206,8 +217,21 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) ->
     message.heights_rejected = observer.counts[Outcome.REJECTED]
 
 
+def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> None:
+    """Writes an observer's state into a message that is used again and again."""
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
+    message.first_stamp = state.first_ns
+    message.corrected_stamp = -1 if state.corrected_ns is None else state.corrected_ns
+    message.judged_stamp = -1 if state.judged_ns is None else state.judged_ns
+    message.counts, message.rejected_in_turn = array("Q", state.counts), state.rejected
+    message.anchored_at = state.anchored_at
+    for name in ("model", "parameters", "covariance", "changes", "past"):
+        setattr(message, name, array("d", getattr(state, name).tobytes()))
+
+
 def fill_calm(message: Calm, state: CalmState) -> None:
-    """Writes a judgement into a message that is used again and again."""
+    """Writes a calm state into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
     message.calm, message.reason, message.tolerance = (

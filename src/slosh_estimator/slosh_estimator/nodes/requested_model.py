@@ -1,4 +1,4 @@
-"""The model that somebody asks the estimator to load, who may be a stranger."""
+"""The model of a LoadModel request, which is untrusted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_model.model_text import parse_model, read_model
 
 
 def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
-    """The model of a LoadModel request.
+    """Returns the model of a LoadModel request.
 
     Args:
         request: of the service; a path or a text.
@@ -30,7 +30,7 @@ def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
 
 
 def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
-    """The model in a file that a service's caller has named.
+    """Reads the model file named by a service's caller.
 
     Args:
         path: of the file, on this machine.

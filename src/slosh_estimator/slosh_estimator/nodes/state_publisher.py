@@ -1,4 +1,4 @@
-"""Publishes some times a second all that the estimator's next answers depend on."""
+"""Publishes the estimator's complete state several times a second."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PERIOD_NS = SECOND // 4
 
 
 class StatePublisher:
-    """Publishes the state whenever the inputs' stamps have gone on far enough.
+    """Publishes the state at intervals of the inputs' stamps.
 
     Args:
         node: whose.
@@ -33,7 +33,7 @@ class StatePublisher:
         self._last_ns = -PERIOD_NS
 
     def look(self, stamp_ns: int, estimator: Estimator, source: AnyInput) -> None:
-        """Takes the stamp of an input that was used [ns]; publishes where it is time.
+        """Notes the stamp of a used input [ns]; publishes the state when due.
 
         Before the input's estimate goes out: in a recording, too, the state comes first.
         """

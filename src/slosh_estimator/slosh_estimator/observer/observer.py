@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slosh_base.types import Array
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import MAX_STEP
 from slosh_estimator.observer import observer_kernel as kernel
 from slosh_estimator.observer import (
@@ -50,7 +51,7 @@ class WallHeights(NamedTuple):
 
 
 class Outcome(Enum):
-    """What became of a measurement."""
+    """Outcome of a measurement: used, rejected, too late or without a height."""
 
     USED = "used"
     REJECTED = "rejected"
@@ -59,7 +60,7 @@ class Outcome(Enum):
 
 
 class FusedState(NamedTuple):
-    """The liquid's state from model and measurements.
+    """State of the liquid from the model and the measurements.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -101,15 +102,32 @@ class FusedState(NamedTuple):
 
     @property
     def uncorrected(self) -> float:
-        """Time since the last measurement that is used [s]; infinite: none."""
+        """Time since the last used measurement [s]; infinite: none."""
         if self.corrected_ns is None:
             return math.inf
         return max(self.stamp_ns - self.corrected_ns, 0) / 1e9
 
     @property
     def trusted(self) -> bool:
-        """Whether it is surer than an estimate that nothing corrects."""
+        """Whether it is more certain than an uncorrected estimate."""
         return self.corrected_ns is not None and self.stddev <= TUNING.trusted_stddev
+
+
+class ObserverState(NamedTuple):
+    """All that an observer's next fused states depend on, but motions; see ObserverState.msg."""
+
+    stamp_ns: int
+    first_ns: int
+    corrected_ns: int | None
+    judged_ns: int | None
+    counts: tuple[int, ...]
+    rejected: int
+    anchored_at: float
+    model: Array
+    parameters: Array
+    covariance: Array
+    changes: Array
+    past: Array
 
 
 class Observer:
@@ -160,19 +178,20 @@ class Observer:
         self._given_ns = _LONG_AGO
         self._newest_ns = _LONG_AGO
         self._corrected_ns: int | None = None
+        self._judged_ns: int | None = None
         # Inputs since the restart; the one before the anchor; rejected measurements in succession.
         self._count = self._first = self._rejected = 0
         self._anchored_at = 0.0
 
     def take(self, heights: WallHeights) -> None:
-        """Takes a measurement; those in front are used first."""
+        """Queues a measurement; earlier ones are used first."""
         self._waiting.append(heights)
         if len(self._waiting) > TUNING.waiting_heights:
-            self._waiting.popleft()
+            self._judged_ns = self._waiting.popleft().stamp_ns
             self._note(Outcome.LATE)
 
     def follow(self, sample: Sample, flags: int = 0) -> FusedState | None:
-        """Takes an input.
+        """Steps the model by an input and returns the fused state.
 
         Args:
             sample: the input.
@@ -202,8 +221,43 @@ class Observer:
         )  # fmt: skip
         return self._state()
 
+    def state(self) -> ObserverState:
+        """Returns where it stands behind a fused state."""
+        kept = [self._ring[k % len(self._ring)] for k in range(self._first, self._count)]
+        return ObserverState(
+            self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
+            tuple(self.counts.values()), self._rejected, self._anchored_at, self._store.copy(),
+            self._theta.copy(), self._covariance.ravel().copy(), self._blocks.ravel().copy(),
+            np.concatenate(kept),
+        )  # fmt: skip
+
+    def take_up(self, state: ObserverState) -> None:
+        """Continues from where another observer with this model stood.
+
+        Raises:
+            SloshEstimatorError: the state is one of another model or version; nothing changes.
+        """
+        pairs = (
+            (self._store, state.model), (self._theta, state.parameters),
+            (self._covariance.ravel(), state.covariance), (self._blocks.ravel(), state.changes),
+        )  # fmt: skip
+        rows, left = divmod(len(state.past), self._ring.shape[1])
+        fits = all(own.shape == given.shape for own, given in pairs)
+        if not fits or left or not 0 < rows <= len(self._ring):
+            raise SloshEstimatorError("the saved state is one of an observer of another model")
+        for own, given in pairs:
+            own[:] = given
+        self._ring[:rows] = state.past.reshape(rows, -1)
+        self._first, self._count = 0, rows
+        self.counts = dict(zip(Outcome, state.counts, strict=True))
+        self.taken = sum(state.counts)
+        self._epoch_ns, self._newest_ns = state.first_ns, state.stamp_ns
+        self._given_ns, self._corrected_ns = state.stamp_ns, state.corrected_ns
+        self._judged_ns, self._rejected = state.judged_ns, state.rejected
+        self._anchored_at = state.anchored_at
+
     def _step(self, sample: Sample, now: float) -> bool:
-        """Runs the model on; False: it has left the physical range."""
+        """Steps the model; False: it has left the physical range."""
         dt = (sample.stamp_ns - self._newest_ns) / 1e9 if self._count else 0.0
         if self._count - self._first >= len(self._ring) - 1:
             self._move_anchor()
@@ -219,7 +273,7 @@ class Observer:
         return inside
 
     def _follow_motion(self, sample: Sample) -> None:
-        """Averages the acceleration at rest anew from the end of each motion on."""
+        """Restarts the average of the acceleration at rest after each motion."""
         self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         spans = self._motions.spans
         if not spans:
@@ -236,6 +290,7 @@ class Observer:
             if 0 < ahead_ns < TUNING.ahead_ns:
                 return
             heights = self._waiting.popleft()
+            self._judged_ns = heights.stamp_ns
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
 
     def _note(self, outcome: Outcome) -> None:
@@ -257,7 +312,7 @@ class Observer:
         return Outcome.USED
 
     def _is_another_wave(self, moment: float, points: Array) -> bool:
-        """Whether the state is unknown and the points are a wave's: then they are used."""
+        """Resets the state and uses the points if they fit a wave; False: they do not."""
         shown = len(points) >= TUNING.shape_points
         if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
             return False
@@ -269,12 +324,12 @@ class Observer:
         return False
 
     def _move_anchor(self) -> None:
-        """Moves the anchor to the middle of the ring, whose oldest input makes room."""
+        """Moves the anchor to the middle of the ring, to free its oldest inputs."""
         middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
         self._corrected(float(middle[kernel.TIME]), _NO_POINTS)
 
     def _corrected(self, moment: float, points: Array) -> bool:
-        """Corrects by points and moves the anchor there; False: they are rejected."""
+        """Corrects by points and moves the anchor to their time; False: they are rejected."""
         last = self._count - 1
         ratio = self._correct(
             self._store, self._ring, self._first, last, self._blocks, self._theta,
@@ -292,7 +347,7 @@ class Observer:
         return True
 
     def _restart(self, now: float, *, at_rest: bool) -> None:
-        """Puts the model to rest; the liquid is so, or nothing is known of it."""
+        """Resets the model to rest; at_rest: the liquid is at rest, else its state is unknown."""
         run, modes = divided(self._store)
         elapsed = run["elapsed"].copy()
         modes[:] = self._constants
@@ -308,7 +363,7 @@ class Observer:
             self._spread(TUNING.rest_wave)
 
     def _forget(self) -> None:
-        """Takes any wave and any parameter for possible from the anchor on."""
+        """Resets the covariance at the anchor to that of an unknown wave."""
         states = len(self._covariance) - kernel.PARAMETERS
         self._covariance[states:, states:] = np.diag(self._slow_variance)
         self._spread(self._largest)

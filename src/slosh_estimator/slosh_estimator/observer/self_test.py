@@ -1,4 +1,4 @@
-"""The observer's compiled code beside a plain Python evaluation; see slosh_model.self_test."""
+"""Compares the observer's compiled code with plain Python; see slosh_model.self_test."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ INPUTS = 6
 
 
 class _Arrays:
-    """What the compiled functions work on, behind some inputs."""
+    """Arrays of the compiled functions after some inputs."""
 
     def __init__(self, model: Model) -> None:
         self.store = store_of(model.nonlinear(), MAX_STEP)
@@ -41,7 +41,7 @@ class _Arrays:
         ]
 
     def follow(self, at: int) -> tuple[object, ...]:
-        """Arguments of `follow` at an input."""
+        """Returns the arguments of `follow` at an input."""
         return (
             self.store, self.poses, *self.inputs[at], self.ring, at, self.blocks, self.averages,
             self.noise, TUNING.runaway,

@@ -1,4 +1,4 @@
-"""The heights on the wall that a FreeSurface message tells."""
+"""Reads the heights on the wall from a FreeSurface message."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SurfaceHeights(NamedTuple):
 
 
 def wall_heights(stamp_ns: int, surface: SurfaceHeights) -> WallHeights:
-    """Heights with their places: the two edges of the view, the highest point, the zero line.
+    """Returns heights and azimuths: both view edges, the highest point, the zero line.
 
     A fitted wave has no height a quarter of a turn beside its maximum. A side view shows the two
     edges alone. Heights that are lower bounds or do not show this moment are left out.
@@ -60,7 +60,7 @@ def wall_heights(stamp_ns: int, surface: SurfaceHeights) -> WallHeights:
 
 
 def _known(stddev: float) -> float:
-    """A standard deviation [m]; a usual one where it is unknown, and none that is too small."""
+    """Returns a standard deviation [m] with a default and a lower limit."""
     if not math.isfinite(stddev):
         return TUNING.usual_stddev
     return max(stddev, TUNING.least_stddev)

@@ -1,1 +1,1 @@
-"""Checks what an input claims to be, as samples come: gravity, units, frames, faults."""
+"""Streaming checks of an input's gravity, units, frames and faults."""

@@ -1,4 +1,4 @@
-"""Rest is recognised by constancy, not by smallness: one meaning for motions and input checks.
+"""Detects rest by constancy rather than small values, for motions and input checks.
 
 A vector is averaged over bins of BIN_NS. A stretch of bins is constant as long as each bin lies
 near the mean of those before it. What "near" means follows the sensor's noise, which the second
@@ -32,14 +32,14 @@ STRETCH_MEMORY = 13 + TUNING.looked_back
 
 
 class Bin(NamedTuple):
-    """The mean of the samples in a bin: its number (stamp // BIN_NS), and the values."""
+    """Mean of the samples in a bin: its number (stamp // BIN_NS) and the values."""
 
     number: int
     mean: tuple[float, ...]
 
 
 class Bins:
-    """Averages vectors over bins; the same bits from single samples and from blocks.
+    """Averages vectors over bins; equal results for single samples and blocks.
 
     Args:
         width: numbers in a vector.
@@ -51,7 +51,7 @@ class Bins:
         self._count = 0
 
     def add(self, stamp_ns: int, values: Sequence[float]) -> Bin | None:
-        """Takes a sample; returns the bin that it closes."""
+        """Adds a sample; returns the bin that it completes."""
         number = stamp_ns // BIN_NS
         closed = None
         if number != self._number:
@@ -63,7 +63,7 @@ class Bins:
         return closed
 
     def add_many(self, stamps: Integers, values: Array) -> list[tuple[int, Bin]]:
-        """Takes samples; returns the bins that are closed, each with the row that closes it.
+        """Adds samples; returns completed bins, each with the row that completes it.
 
         Args:
             stamps: (N,) [ns], N > 0.
@@ -93,7 +93,7 @@ class Bins:
         return closed
 
     def close(self, number: int = -(2**62)) -> Bin | None:
-        """Ends the bin that is being filled, and begins another; None: it was empty."""
+        """Ends the current bin and begins another; None: it was empty."""
         found = None
         if self._count:
             found = Bin(self._number, tuple(total / self._count for total in self._sums))
@@ -102,17 +102,17 @@ class Bins:
         return found
 
     def memory(self, base: int) -> list[float]:
-        """What the next samples depend on; numbers of bins count from `base`."""
+        """Returns the state; numbers of bins count from `base`."""
         return [_told(self._number, base), float(self._count), *self._sums]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Takes up a `memory`."""
+        """Restores a `memory`."""
         number, count, *sums = memory
         self._number, self._count, self._sums = _heard(number, base), round(count), sums
 
 
 class Stretch:
-    """The constant stretch that the newest bin belongs to.
+    """The constant section to which the newest bin belongs.
 
     Args:
         tolerance: how far from the mean a bin of a noiseless sensor may lie.
@@ -128,7 +128,7 @@ class Stretch:
         self.restart()
 
     def restart(self) -> None:
-        """Forgets all."""
+        """Resets the section."""
         self.mean: Vector = (0.0, 0.0, 0.0)
         self.count = 0
         self._start = self._last = self._all = 0
@@ -138,17 +138,17 @@ class Stretch:
 
     @property
     def unbroken(self) -> bool:
-        """Whether all bins since the start belong to the stretch."""
+        """Whether all bins since the start belong to the section."""
         return self._all == self.count
 
     @property
     def first(self) -> bool:
-        """Whether the stretch is its first bin alone, and none came before."""
+        """Whether the section is only its first bin, without earlier ones."""
         return self.count == 1 and math.isnan(self._two[0])
 
     @property
     def seconds(self) -> float:
-        """How long it has lasted [s]."""
+        """Duration of the section [s]."""
         return (self._last + 1 - self._start) * BIN if self.count else 0.0
 
     @property
@@ -159,7 +159,7 @@ class Stretch:
         return sorted(self._bends)[len(self._bends) // 2] / _MEDIAN
 
     def take(self, number: int, value: Vector) -> bool:
-        """Takes the next bin; returns whether it continues the stretch."""
+        """Adds a bin; returns whether it continues the section."""
         one, two = self._one, self._two
         bend = math.sqrt(sum((value[i] - 2.0 * one[i] + two[i]) ** 2 for i in range(3)))
         if bend == bend:  # two bins are known before it
@@ -183,14 +183,14 @@ class Stretch:
         return continues
 
     def memory(self, base: int) -> list[float]:
-        """What the next bins depend on; numbers of bins count from `base`."""
+        """Returns the state; numbers of bins count from `base`."""
         bends = [*self._bends, *[math.nan] * (TUNING.looked_back - len(self._bends))]
         counts = float(self.count), float(self._all)
         places = [_told(self._start, base), _told(self._last, base), *counts]
         return [*places, *self.mean, *self._one, *self._two, *bends]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Takes up a `memory`."""
+        """Restores a `memory`."""
         start, last, count, total, mx, my, mz, ox, oy, oz, tx, ty, tz, *bends = memory
         self._start, self._last = _heard(start, base), _heard(last, base)
         self.count, self._all, self.mean = round(count), round(total), (mx, my, mz)
@@ -199,7 +199,7 @@ class Stretch:
 
 
 def _told(number: int, base: int) -> float:
-    """A bin's number as a float that loses nothing; NaN: none."""
+    """Encodes a bin's number exactly as a float; NaN: none."""
     return math.nan if number <= -(2**61) else float(number - base)
 
 

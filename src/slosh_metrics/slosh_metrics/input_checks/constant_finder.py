@@ -1,4 +1,4 @@
-"""Finds gravity, a tilt or a bias in an acceleration: a constant that no motion can have."""
+"""Finds a constant part of an acceleration (gravity, tilt, bias) that no motion can have."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class ConstantFinder:
-    """Finds what stays in an acceleration while the container rests."""
+    """Finds the constant part of an acceleration while the container is at rest."""
 
     def __init__(self) -> None:
         self.stretch = Stretch(TOLERANCE, MOST)
         self.restart()
 
     def restart(self) -> None:
-        """Nothing links what follows to what came."""
+        """Resets the integration after a gap."""
         self.stretch.restart()
         self._earlier: Vector | None = None
         self._departed = False
@@ -38,7 +38,7 @@ class ConstantFinder:
         self._speed, self._time, self._last = _ZERO, 0.0, -(2**62)
 
     def take(self, number: int, mean: Vector, felt: Vector | None = None) -> Vector | None:
-        """Takes a bin; returns the constant of a rest, None where nobody knows.
+        """Adds a bin; returns the constant at rest, None if unknown.
 
         Args:
             number: of the bin.
@@ -71,12 +71,12 @@ class ConstantFinder:
         return constant if self._is_no_acceleration(constant) else None
 
     def adopt(self, constant: Vector) -> None:
-        """Takes a constant for the input's own: what differs from it is an acceleration."""
+        """Sets a constant as the input's bias, which is subtracted."""
         self._earlier, self._departed, self.bias = None, False, constant
         self._speed, self._time = _ZERO, 0.0
 
     def _is_no_acceleration(self, constant: Vector) -> bool:
-        """Whether the integral shows that a constant cannot be the container's."""
+        """Whether the integral shows that a constant is not a motion of the container."""
         left = math.dist(constant, self.bias)
         if left * self.stretch.seconds > TOP_SPEED:
             return True
@@ -91,14 +91,14 @@ class ConstantFinder:
         return reached >= 0.5 * TOP_SPEED and rest <= 0.25 * left * self._time
 
     def memory(self, base: int) -> list[float]:
-        """What the next bins depend on; numbers of bins count from `base`."""
+        """Returns the state; numbers of bins count from `base`."""
         last = float(self._last - base) if self._time else math.nan
         earlier = self._earlier or (math.nan,) * 3
         own = [*self._speed, self._time, last, *earlier, float(self._departed), *self.bias]
         return [*own, *self.stretch.memory(base)]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Takes up a `memory`."""
+        """Restores a `memory`."""
         vx, vy, vz, self._time, last, ex, ey, ez, departed, bx, by, bz, *stretch = memory
         self.bias = bx, by, bz
         self._speed = vx, vy, vz

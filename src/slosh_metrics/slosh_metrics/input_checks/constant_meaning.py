@@ -1,4 +1,4 @@
-"""What a constant in an input says: gravity, its unit and direction, a mounting, or a bias.
+"""Interprets a constant of an input: gravity, wrong unit, mounting, or bias.
 
 Of an acceleration without gravity nothing is left at rest. Of a specific force +g along the
 container's z axis is left. Of an attitude the direction of up, which is the container's +z.
@@ -31,7 +31,7 @@ _UPRIGHT: Vector = (0.0, 0.0, 1.0)
 
 
 class Doubt(NamedTuple):
-    """What is wrong with an input.
+    """A fault of an input.
 
     Attributes:
         text: cause and remedy in one sentence.
@@ -43,7 +43,7 @@ class Doubt(NamedTuple):
 
 
 def acceleration_doubt(c: Vector, what: str = "the acceleration at rest") -> Doubt | None:
-    """What a constant acceleration at rest says; None: nothing.
+    """Interprets a constant acceleration at rest; None: no fault.
 
     Args:
         c: gravity should be excluded [m/s²].
@@ -77,14 +77,14 @@ def acceleration_doubt(c: Vector, what: str = "the acceleration at rest") -> Dou
         )
     wrong = size >= GRAVITY * math.sin(WRONG_TILT)
     return Doubt(
-        f"{told}: a bias, gravity of another size, or another unit: no container that rests is "
-        "accelerated; subtract it, or publish m/s² without gravity",
+        f"{told}: a bias, gravity of another size, or another unit: a container at rest has "
+        "no acceleration; subtract it, or publish m/s² without gravity",
         wrong,
     )
 
 
 def force_doubt(f: Vector, rotation: Matrix) -> Doubt | None:
-    """What a constant specific force at rest says; None: nothing.
+    """Interprets a constant specific force at rest; None: no fault.
 
     Args:
         f: in the container's axes; right is +g along z [m/s²].
@@ -117,7 +117,7 @@ def force_doubt(f: Vector, rotation: Matrix) -> Doubt | None:
 
 
 def attitude_doubt(up: Vector, rotation: Matrix, *, first: bool = False) -> Doubt | None:
-    """What the attitude of a container at rest says; None: nothing.
+    """Interprets the attitude of a container at rest; None: no fault.
 
     Args:
         up: the world's z axis in the container's axes.
@@ -142,7 +142,7 @@ def attitude_doubt(up: Vector, rotation: Matrix, *, first: bool = False) -> Doub
 
 
 def direction(v: Vector) -> str:
-    """A direction in words: the axis that is near, and the frame that it suggests."""
+    """Describes a direction: the nearest axis, and the frame that it suggests."""
     place = max(range(3), key=lambda axis: abs(v[axis]))
     sign = "+" if v[place] > 0.0 else "-"
     axis = tuple(math.copysign(float(i == place), v[i]) for i in range(3))
@@ -155,13 +155,13 @@ def direction(v: Vector) -> str:
 
 
 def angle(a: Vector, b: Vector) -> float:
-    """Between two vectors [rad]; 0 for one without length."""
+    """Returns the angle between two vectors [rad]; 0 for a zero vector."""
     cross = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
     return math.atan2(math.hypot(*cross), a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 def upright_rotation(up: Vector, rotation: Matrix) -> Vector:
-    """Roll, pitch, yaw [rad] of container ← sensor by which `up` becomes +z.
+    """Returns roll, pitch, yaw [rad] of container ← sensor that turns `up` to +z.
 
     Args:
         up: what should be +z, in the container's axes with the rotation so far.
@@ -176,7 +176,7 @@ def upright_rotation(up: Vector, rotation: Matrix) -> Vector:
 
 
 def _shortest_turn(up: Vector) -> Matrix:
-    """The rotation by the least angle that takes a direction to +z (Rodrigues)."""
+    """Returns the smallest rotation that turns a direction to +z (Rodrigues)."""
     size = math.hypot(*up)
     x, y, z = up[0] / size, up[1] / size, up[2] / size
     if z < -1.0 + 1e-12:
@@ -186,7 +186,7 @@ def _shortest_turn(up: Vector) -> Matrix:
 
 
 def _contained(c: Vector) -> str:
-    """What to do about gravity that is contained."""
+    """Returns the remedy for gravity contained in an acceleration."""
     where = direction(c)
     if where.startswith("+z"):
         return "gravity is contained, along +z: subtract 9.81 from the z axis"
@@ -202,7 +202,7 @@ def _contained(c: Vector) -> str:
 
 
 def _mounting(f: Vector, rotation: Matrix, link: str) -> str:
-    """That the sensor's axes are not the container's, with the remedy; empty: they are."""
+    """Describes wrong sensor axes with the remedy; empty: they are right."""
     tilt = angle(f, _UPRIGHT)
     if tilt <= WRONG_TILT:
         return ""
@@ -214,7 +214,7 @@ def _mounting(f: Vector, rotation: Matrix, link: str) -> str:
 
 
 def _or_tilt(c: Vector) -> str:
-    """A constant of 1 m/s² along the floor may be a tilt, too."""
+    """Adds that a horizontal constant of 1 m/s² may also be a tilt."""
     if abs(c[2]) > 0.5 * math.hypot(*c):
         return ""
     return f", or the sensor is tilted by {math.degrees(math.asin(1.0 / GRAVITY)):.1f}°"

@@ -1,4 +1,4 @@
-"""Checks an inertial sensor: gravity's size and direction, its mounting, the unit of its rates."""
+"""Checks an inertial sensor: gravity's size and direction, mounting, unit of rates."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class ImuCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Takes a sample; returns whether it is doubtful.
+        """Adds a sample; returns whether it is doubtful.
 
         Args:
             stamp_ns: the moment [ns].
@@ -108,7 +108,7 @@ class ImuCheck(Check):
             self._blame(Cause(CONSTANT, force))
 
     def _spins_askew(self, rate: Vector, force: Vector) -> bool:
-        """Whether the container spins, upright or askew, and its sensor is the one that is askew.
+        """Whether the container spins about an axis that shows a misaligned sensor.
 
         It has not been upright in the sensor's eyes, and spins about what it takes for vertical.
         """
@@ -124,7 +124,7 @@ class ImuCheck(Check):
         return self._spun >= SPUN
 
     def _rest(self, force: Vector, *, certain: bool) -> None:
-        """Takes a constant specific force, in the container's axes; certain: of a rest.
+        """Evaluates a constant specific force in the container's axes; certain: at rest.
 
         One of gravity's size from the first sample on is that of a rest, too.
         """
@@ -141,7 +141,7 @@ class ImuCheck(Check):
         self._up = self._stood = _unit(force)
 
     def _is_honest(self, force: Vector) -> bool:
-        """Whether a force that is not that of an upright rest may be right.
+        """Whether a force other than that of upright rest may be right.
 
         A container that was upright, or that has been turned by its rates, may stand or move
         tilted. What is left of the force beside gravity as it was turned accelerates it.
@@ -154,7 +154,7 @@ class ImuCheck(Check):
         return away * self._finder.stretch.seconds <= TOP_SPEED or away <= GRAVITY * FOLLOWED
 
     def _turn(self, number: int, rate: Vector, force: Vector) -> None:
-        """Turns up as the container turns; slowly it follows the force that is measured.
+        """Integrates the up direction, and slowly corrects it by the measured force.
 
         So it is twice: from the first force on, and from upright on.
         """
@@ -177,7 +177,7 @@ class ImuCheck(Check):
             told = math.degrees(cause.vector[0])
             return Doubt(
                 f"by the angular velocity the container has tilted by {told:.0f}°, by gravity it "
-                "has not: it is in degrees/s; publish rad/s"
+                "has not: the velocity is in degrees/s; publish rad/s"
             )
         return force_doubt(cause.vector, self._rotation) if cause.kind else None
 
@@ -196,7 +196,7 @@ class ImuCheck(Check):
 
 
 def _turned_back(v: Vector, rate: Vector, seconds: float) -> Vector:
-    """A fixed vector in axes that have turned at a rate for some time (Rodrigues)."""
+    """Rotates a fixed vector against a rotation with constant rate (Rodrigues)."""
     speed = math.hypot(*rate)
     if speed == 0.0:
         return v
@@ -211,7 +211,7 @@ def _turned_back(v: Vector, rate: Vector, seconds: float) -> Vector:
 
 
 def _is_weight(force: Vector) -> bool:
-    """Whether a specific force leans as gravity does to a sensor that is askew, by its size.
+    """Whether a specific force has gravity's size, as for a misaligned sensor.
 
     A container that accelerates level feels g / cos(lean): it must be nearer to g than to that.
     """
@@ -221,7 +221,7 @@ def _is_weight(force: Vector) -> bool:
 
 
 def _leant(v: Vector, to: Vector, share: float) -> Vector:
-    """A direction that follows another by a share."""
+    """Moves a direction towards another one by a share."""
     share = min(share, 1.0)
     return _unit(
         (

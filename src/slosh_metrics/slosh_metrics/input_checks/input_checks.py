@@ -1,4 +1,4 @@
-"""Checks what an input claims to be: gravity, units, frames and mountings, as samples come.
+"""Streaming checks of an input's gravity, units, frames and mounting.
 
 Every check also watches for what sensors and drivers do to samples; see `input_faults`.
 
@@ -59,14 +59,14 @@ _ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class Cause(NamedTuple):
-    """Why an input is doubted, and the vector that shows it."""
+    """Reason for doubting an input, with the vector that shows it."""
 
     kind: int = NONE
     vector: Vector = _ZERO
 
 
 class Check(ABC):
-    """What all checks share: the bins, the doubt, the memory.
+    """Base of the checks: bins, doubt, saved state.
 
     Attributes:
         doubt: what is wrong now; None: nothing is known to be.
@@ -90,13 +90,13 @@ class Check(ABC):
         self._bins = Bins(self.WIDTH)
 
     def memory(self, stamp_ns: int) -> list[float]:
-        """What the next samples depend on, behind the sample of this stamp [ns]."""
+        """Returns the state after the sample of this stamp [ns]."""
         base = stamp_ns // BIN_NS
         cause = [float(self._cause.kind), *self._cause.vector]
         return [*cause, *self._bins.memory(base), *self._remembered(base)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Goes on behind the sample of this stamp [ns], with MEMORY numbers of another check."""
+        """Restores the state of another check after the sample of this stamp [ns]."""
         base, bins = stamp_ns // BIN_NS, 6 + self.WIDTH
         kind, x, y, z = memory[:4]
         self._blame(Cause(round(kind), (x, y, z)))
@@ -104,7 +104,7 @@ class Check(ABC):
         self._remember(memory[bins:], base)
 
     def finish(self) -> None:
-        """Takes what is left; no samples follow."""
+        """Processes the remaining samples at the end."""
         self.faults.finish()
         closed = self._bins.close()
         if closed is not None:
@@ -124,23 +124,23 @@ class Check(ABC):
 
     @abstractmethod
     def _doubt_of(self, cause: Cause) -> Doubt | None:
-        """What a cause means; None: nothing is wrong."""
+        """Returns the doubt of a cause; None: no fault."""
 
     @abstractmethod
     def _take(self, closed: Bin) -> None:
-        """Takes the mean of a bin that is complete."""
+        """Evaluates the mean of a complete bin."""
 
     @abstractmethod
     def _remembered(self, base: int) -> list[float]:
-        """The memory of this kind of check, relative to a bin's number."""
+        """Returns the state of this kind of check, relative to a bin's number."""
 
     @abstractmethod
     def _remember(self, memory: Sequence[float], base: int) -> None:
-        """Takes up such a memory."""
+        """Restores such a state."""
 
 
 class AccelCheck(Check):
-    """Checks accelerations, gravity excluded, in axes with z up."""
+    """Checks accelerations without gravity, in axes with z up."""
 
     MEMORY = 4 + 5 + FINDER_MEMORY
 
@@ -149,7 +149,7 @@ class AccelCheck(Check):
         self._finder = ConstantFinder()
 
     def add(self, stamp_ns: int, acceleration: Vector, *, restarted: bool = False) -> bool:
-        """Takes a sample [m/s²]; returns whether it is doubtful."""
+        """Adds a sample [m/s²]; returns whether it is doubtful."""
         if restarted:
             self._restart()
         self.faults.take(stamp_ns, acceleration)
@@ -161,7 +161,7 @@ class AccelCheck(Check):
     def add_many(
         self, stamps: Integers, accelerations: Array, restarted: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Takes samples; returns (N,) which of them are doubtful: the bits that `add` gives.
+        """Adds samples; returns which (N,) are doubtful, the same as `add`.
 
         Args:
             stamps: (N,) [ns].
@@ -233,7 +233,7 @@ class PoseCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Takes a pose of the container [m]; returns whether it is doubtful."""
+        """Adds a pose of the container [m]; returns whether it is doubtful."""
         if restarted:
             self._restart()
         x, y, z, w = quaternion
@@ -245,7 +245,7 @@ class PoseCheck(Check):
         return self.doubtful
 
     def add_many(self, stamps: Integers, position: Array, quaternion: Array) -> None:
-        """Takes poses that follow each other: stamps (N,) [ns], (N, 3) [m], (N, 4), N > 0."""
+        """Adds consecutive poses: stamps (N,) [ns], (N, 3) [m], (N, 4), N > 0."""
         x, y, z, w = quaternion.T
         # As in `add`.
         other = 1.0 - 2.0 / (x * x + y * y + z * z + w * w) * (y * y + z * z)
@@ -303,7 +303,7 @@ class PoseCheck(Check):
 
 
 def too_fast(size: float) -> Doubt:
-    """That an acceleration [m/s²] is none, by what it would do to the speed."""
+    """Makes the doubt for an impossible acceleration [m/s²], by the speed it would cause."""
     return Doubt(
         f"an acceleration of {size:.4g} m/s² for {BIN:g} s changes the speed by "
         f"{size * BIN:.3g} m/s, and no arm moves faster than {TOP_SPEED:g} m/s: is it in mm/s²? "
@@ -312,6 +312,6 @@ def too_fast(size: float) -> Doubt:
 
 
 def up_of(x: _Part, y: _Part, z: _Part, w: _Part) -> tuple[_Part, _Part, _Part]:
-    """The world's z axis in the container's axes, of quaternions world ← container."""
+    """Returns the world's z axis in container axes, for quaternions world ← container."""
     scale = 2.0 / (x * x + y * y + z * z + w * w)
     return scale * (x * z - w * y), scale * (y * z + w * x), 1.0 - scale * (x * x + y * y)

@@ -1,4 +1,4 @@
-"""The acceleration is given too large or too small."""
+"""Effect: the acceleration is scaled by a wrong factor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damping that grows with the height of the wave."""
+"""Effect: damping grows with the wave's height."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A high wave in a rectangle swings slower than a low one; in shallow liquid faster."""
+"""Effect: in a rectangle the frequency decreases with amplitude; in shallow liquid it rises."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FIRST = 2.0
 
 @compiled
 def frequency_shift(depth):  # type: ignore[no-untyped-def]
-    """Δ(ω²)/ω² of a standing wave per (kA)², of A the first order's height at the wall.
+    """Returns Δ(ω²)/ω² of a standing wave per (kA)²; A: first-order height at the wall.
 
     Args:
         depth: kh; below about 0.6 the third order is too little.
@@ -26,7 +26,7 @@ def frequency_shift(depth):  # type: ignore[no-untyped-def]
 
 @compiled
 def _spring(omega, xi, reach, fill, q):  # type: ignore[no-untyped-def]
-    """Force per mass of a cubic spring that shifts the frequency as the third order does.
+    """Returns the force per mass of a cubic spring with the third-order frequency shift.
 
     Waves so high that the third order says nothing any more are kept from running away.
     """

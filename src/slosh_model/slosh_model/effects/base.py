@@ -1,4 +1,4 @@
-"""What an effect is."""
+"""Base of the effects: stages, parameters, hooks."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SETTLING = -1.0
 
 
 class Stage(Enum):
-    """Where an effect acts."""
+    """Stage of the computation at which an effect acts."""
 
     INPUT = "input"
     DYNAMICS = "dynamics"
@@ -77,7 +77,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
 
     def check(self, owner: str, value: float) -> float:
-        """The value as float.
+        """Returns the value as float; refuses a value out of bounds.
 
         Raises:
             SloshModelError: it is not a finite number within the bounds.
@@ -154,11 +154,11 @@ class Effect:
     drift: Callable[[Parameters], float] | None = None
 
     def fits(self, section: str) -> bool:
-        """Whether it has a meaning for a container of that kind."""
+        """Whether the effect applies to a container of that section."""
         return not self.sections or section in self.sections
 
     def complete(self, given: Parameters) -> dict[str, float]:
-        """All parameters in order: the given ones, checked, and the defaults.
+        """Returns all parameters in order: given ones, checked, and defaults.
 
         Raises:
             SloshModelError: a parameter is unknown, missing or out of bounds.

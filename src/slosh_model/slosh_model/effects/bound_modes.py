@@ -1,4 +1,4 @@
-"""The first mode drives a mean rise and a double wave: crests sharper than troughs."""
+"""Effect: the first mode drives second-order waves, so that crests exceed troughs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _REFINED = 4
 
 @compiled
 def _advance(memory, at, along, square, k, overlap, radius, fill, damping, dt):  # type: ignore[no-untyped-def]
-    """Takes one of a cylinder's bound modes over the interval."""
+    """Advances one of a cylinder's bound modes over an interval."""
     first = FIRST * math.tanh(FIRST * fill / radius)
     rate = k * math.tanh(k * fill / radius)
     rise = overlap * (0.5 * k * k - rate * first) / (radius * radius)
@@ -44,7 +44,7 @@ def _advance(memory, at, along, square, k, overlap, radius, fill, damping, dt): 
 
 @compiled
 def _wall(x, y, mean, double_c, double_s, azimuth):  # type: ignore[no-untyped-def]
-    """Height at an azimuth, its slope and its curvature by the azimuth."""
+    """Returns height, slope and curvature at an azimuth."""
     c, s = math.cos(azimuth), math.sin(azimuth)
     c2, s2 = c * c - s * s, 2.0 * c * s
     first, second = x * c + y * s, double_c * c2 + double_s * s2
@@ -54,13 +54,13 @@ def _wall(x, y, mean, double_c, double_s, azimuth):  # type: ignore[no-untyped-d
 
 @compiled
 def _to_the_crest(slope, curvature):  # type: ignore[no-untyped-def]
-    """Newton's step towards a maximum, not beyond half the way to the next place [rad]."""
+    """Returns a bounded Newton step towards a maximum [rad]."""
     return max(-_NEAR, min(slope / max(-curvature, 1e-12), _NEAR))
 
 
 @compiled
 def _highest(x, y, mean, double_c, double_s):  # type: ignore[no-untyped-def]
-    """The maximum over the wall [m]: from the place that promises most, by Newton's method."""
+    """Returns the maximum over the wall [m] by Newton's method from the best grid point."""
     start = math.atan2(y, x)
     most, place = -math.inf, start
     for k in range(_ANGLES):
@@ -80,7 +80,7 @@ def _highest(x, y, mean, double_c, double_s):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance_cylinder(memory, place, moved, wall, damping, dt):  # type: ignore[no-untyped-def]
-    """The mean rise, and the double wave by its cosine and its sine."""
+    """Advances the mean rise, and the cosine and sine part of the double wave."""
     radius, fill = wall[WALL_RADIUS], wall[WALL_FILL]
     px, py = place
     # The first mode's potential at the still level, by how fast the wall's height changes.

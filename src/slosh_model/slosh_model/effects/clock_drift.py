@@ -1,4 +1,4 @@
-"""The clock of the heights runs at another rate than that of the inputs."""
+"""Effect: the heights' clock has another rate than the inputs' clock."""
 
 from __future__ import annotations
 

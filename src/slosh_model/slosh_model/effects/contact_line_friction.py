@@ -1,4 +1,4 @@
-"""The contact line sticks to the wall: dry friction against the motion."""
+"""Effect: the contact line sticks to the wall, as dry friction against the motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Crests are sharper than troughs."""
+"""Effect: crests are sharper than troughs."""
 
 from __future__ import annotations
 

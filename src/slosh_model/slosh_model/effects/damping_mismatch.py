@@ -1,4 +1,4 @@
-"""The liquid is damped more or less than the model says."""
+"""Effect: the damping differs from the model's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The wet wall drains slowly and is taken for liquid: measured heights fall slowly."""
+"""Effect: the wet wall drains slowly and is taken for liquid; measured heights fall slowly."""
 
 from __future__ import annotations
 

@@ -1,10 +1,9 @@
-"""The container holds more or less liquid than the model assumes."""
+"""Effect: the fill height differs from the model's."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from slosh_model.containers import RECTANGULAR, ROUND
 from slosh_model.effects.base import Effect, Parameter, Parameters, Stage
 from slosh_model.modes import Mode
 
@@ -24,8 +23,6 @@ EFFECT = Effect(
     equation=r"h \to h + \delta",
     source="DL22, eqs. (3), (4), Tables 1 and 2 with the changed h",
     of_rig=True,
-    sections=(ROUND, RECTANGULAR),
-    instead="change container.fill_height, which computes the modes anew",
     parameters=(
         Parameter(
             name="delta",

@@ -1,4 +1,4 @@
-"""Liquid is lost during the motion: the fill height falls."""
+"""Effect: liquid is lost during the motion, so that the fill height falls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The image ends below the highest crests."""
+"""Effect: the image ends below the highest crests."""
 
 from __future__ import annotations
 

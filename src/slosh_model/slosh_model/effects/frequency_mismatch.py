@@ -1,4 +1,4 @@
-"""The liquid's natural frequencies are not those of the ideal container."""
+"""Effect: the natural frequencies differ from those of the ideal container."""
 
 from __future__ import annotations
 

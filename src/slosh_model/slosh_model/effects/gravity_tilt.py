@@ -1,4 +1,4 @@
-"""Gravity seen from a container that is tilted by its attitude."""
+"""Effect: gravity acts along the floor of a tilted container."""
 
 from __future__ import annotations
 

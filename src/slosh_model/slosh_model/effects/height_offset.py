@@ -1,4 +1,4 @@
-"""The measured heights have a wrong zero."""
+"""Effect: the measured heights have a wrong zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measured heights are too large or too small."""
+"""Effect: the measured heights are scaled by a wrong factor."""
 
 from __future__ import annotations
 

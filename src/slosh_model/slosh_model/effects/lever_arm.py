@@ -1,4 +1,4 @@
-"""The container is not where the acceleration is given: what a turning arm adds."""
+"""Effect: the acceleration is that of a point at a lever arm from the container."""
 
 from __future__ import annotations
 

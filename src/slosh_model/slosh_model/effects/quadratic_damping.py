@@ -1,4 +1,4 @@
-"""Damping that grows with the speed of the liquid."""
+"""Effect: damping grows with the liquid's speed."""
 
 from __future__ import annotations
 

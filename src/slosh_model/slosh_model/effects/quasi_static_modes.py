@@ -1,4 +1,4 @@
-"""The modes that a model leaves out follow the acceleration at once."""
+"""Effect: modes that the model omits follow the acceleration quasi-statically."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Collects the effects of this folder and lays out their parameters for the compiled kernel."""
+"""Registry of the effects, and layout of their parameters for the compiled kernel."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ BY_HOOK: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
 
 
 def _starts(sizes: Mapping[str, int]) -> tuple[Mapping[str, int], int]:
-    """Where each part of a flat array begins, and the array's length."""
+    """Returns the start of each part of a flat array, and its length."""
     starts: dict[str, int] = {}
     end = 0
     for name, size in sizes.items():
@@ -71,7 +71,7 @@ READING_MEMORY, READING_MEMORY_COUNT = _starts(
 
 
 def find_effect(name: str) -> Effect:
-    """The effect of that name.
+    """Returns the effect with that name.
 
     Raises:
         SloshModelError: there is none; the text lists the names.

@@ -1,4 +1,4 @@
-"""The second antisymmetric mode sloshes, too."""
+"""Effect: the second antisymmetric mode sloshes, too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensor follows the height as a first-order low pass."""
+"""Effect: the sensor follows the height as a first-order low pass."""
 
 from __future__ import annotations
 

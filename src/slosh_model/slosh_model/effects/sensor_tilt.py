@@ -1,4 +1,4 @@
-"""The heights' reference plane leans against the container's: a reading depends on the azimuth."""
+"""Effect: the sensor's reference plane is tilted, so that heights depend on the azimuth."""
 
 from __future__ import annotations
 

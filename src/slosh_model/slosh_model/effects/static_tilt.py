@@ -1,4 +1,4 @@
-"""A constant tilt that nobody measured; the same as a constant bias of the accelerometer."""
+"""Effect: an unmeasured constant tilt, equivalent to an accelerometer bias."""
 
 from __future__ import annotations
 

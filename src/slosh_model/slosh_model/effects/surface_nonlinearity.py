@@ -1,4 +1,4 @@
-"""The mass slides on a paraboloid against a cubic spring, the surface is a Bessel one: L → NL."""
+"""Effect: the mass slides on a paraboloid with a cubic spring and a Bessel surface (L → NL)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Surface tension pulls the wave back together with gravity."""
+"""Effect: surface tension restores the wave together with gravity."""
 
 from __future__ import annotations
 

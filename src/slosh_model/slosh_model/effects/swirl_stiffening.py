@@ -1,4 +1,4 @@
-"""A wave that goes round is stiffer than one that goes to and fro."""
+"""Effect: a rotating wave is stiffer than a planar one."""
 
 from __future__ import annotations
 

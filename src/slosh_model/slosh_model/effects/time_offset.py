@@ -1,4 +1,4 @@
-"""The measured heights come late."""
+"""Effect: the measured heights are delayed."""
 
 from __future__ import annotations
 

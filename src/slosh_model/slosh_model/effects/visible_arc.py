@@ -1,4 +1,4 @@
-"""The camera sees a part of the wall: the maximum is that over this part."""
+"""Effect: the camera sees only part of the wall, and measures the maximum there."""
 
 from __future__ import annotations
 

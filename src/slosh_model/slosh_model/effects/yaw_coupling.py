@@ -1,4 +1,4 @@
-"""The container's yaw drags the liquid along."""
+"""Effect: the container's yaw drags the liquid along."""
 
 from __future__ import annotations
 

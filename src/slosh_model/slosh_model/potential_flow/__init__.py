@@ -1,1 +1,1 @@
-"""Sloshing modes by potential flow; needs scikit-fem where they are not known yet."""
+"""Sloshing modes by potential flow; uncached ones need scikit-fem."""

@@ -1,4 +1,4 @@
-"""Waves once around a body of revolution: the linear eigenproblem of the free surface.
+"""Modes of a body of revolution: the linear eigenproblem of the free surface.
 
 The potential φ(r, z) cos θ of the liquid obeys Laplace's equation, no flow crosses the wall, and
 at the still surface ∂φ/∂z = λφ with λ = ω²/g (Faltinsen & Timokha, *Sloshing*, 2009, ch. 4). With
@@ -52,7 +52,7 @@ of the mass above the still surface, and both damping terms."""
 def revolution_modes(
     profile: Sequence[Piece], level: float, count: int
 ) -> tuple[ModeNumbers, ...]:
-    """The first modes of a body of revolution.
+    """Computes the first modes of a body of revolution.
 
     Args:
         profile: from the floor's centre, or a core's top, to the rim [m].
@@ -95,7 +95,7 @@ def revolution_modes(
 
 
 def region(profile: Sequence[Piece], level: float) -> tuple[list[Side], Size, float]:
-    """The meridian's half of the liquid in lengths of R, and the size of its first triangles.
+    """Returns half the liquid's meridian section in units of R, and initial triangle sizes.
 
     Returns:
         sides "wall", "surface" and "axis"; the size; R, the surface's outer radius [m].
@@ -113,7 +113,7 @@ def region(profile: Sequence[Piece], level: float) -> tuple[list[Side], Size, fl
 
 
 def _size(sides: Sequence[Side], width: float) -> Size:
-    """Fine at the surface and where the wall bends, finer at sharp corners and narrow places."""
+    """Makes the size function: fine at the surface, at bends, corners and narrow places."""
     base = width / TUNING.surface_parts
     annular = all(side.name != "axis" for side in sides)
     places, sizes = [], []
@@ -143,7 +143,7 @@ def _size(sides: Sequence[Side], width: float) -> Size:
 
 
 def _solved(mesh: Any, count: int) -> tuple[Array, tuple[Array, Array]]:
-    """Rows of numbers, and the surface: places (S,) and shapes (count, S), 1 at the wall."""
+    """Solves the eigenproblem on a mesh; returns mode constants and surface shapes (count, S)."""
     fem = library()
     inside, surface, wall = bases(mesh, "surface", "wall")
 
@@ -186,7 +186,7 @@ def _solved(mesh: Any, count: int) -> tuple[Array, tuple[Array, Array]]:
 
 
 def _along_surface(w: Any) -> Any:
-    """|∇φ|² r of the velocity along the still surface."""
+    """Returns |∇φ|² r of the velocity along the still surface."""
     r, u = w.x[0], w["u"]
     return r * ((u + r * u.grad[0]) ** 2 + u * u)
 
@@ -209,7 +209,7 @@ class _Wall:
         self._moment, self._layer = fem.Functional(moment), fem.Functional(layer)
 
     def of(self, u: Array) -> tuple[float, float]:
-        """∫ φ (z n_r − r n_z) r ds, and ∫|∇φ|² r ds of the velocity along the wall."""
+        """Returns ∫ φ (z n_r − r n_z) r ds, and ∫|∇φ|² r ds of the velocity along the wall."""
         known = self._basis.interpolate(u)
         moment, layer = (
             form.assemble(self._basis, u=known) for form in (self._moment, self._layer)
@@ -218,7 +218,7 @@ class _Wall:
 
 
 def _bulk(fem: Any, basis: Any, u: Array) -> float:
-    """∫|∇∇φ|² r dA, its second derivatives from a gradient made continuous."""
+    """Returns ∫|∇∇φ|² r dA; second derivatives from a continuous gradient."""
     grad = basis.interpolate(u).grad
     slopes = [basis.project(grad[k]) for k in range(2)]
 

@@ -1,4 +1,4 @@
-"""Computed modes, kept from process to process beside the compiled code."""
+"""Cache of computed modes, in the folder of the compiled code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_model.shapes.mode_numbers import ModeNumbers
 
 @cache
 def _version() -> str:
-    """Of the code that computes them."""
+    """Returns a digest of the code that computes the modes."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     for path in (*sorted(folder.glob("*.py")), *sorted((folder.parent / "shapes").glob("*.py"))):
@@ -30,7 +30,7 @@ def _path(key: str) -> Path:
 
 
 def read(key: str) -> tuple[ModeNumbers, ...] | None:
-    """The modes that were kept; None: none, or not whole."""
+    """Reads cached modes; None: none, or incomplete."""
     try:
         rows = json.loads(_path(key).read_bytes())
         return tuple(
@@ -42,7 +42,7 @@ def read(key: str) -> tuple[ModeNumbers, ...] | None:
 
 
 def write(key: str, modes: tuple[ModeNumbers, ...]) -> None:
-    """Keeps modes; where nothing can be written they are computed again."""
+    """Writes modes to the cache; ignores write errors."""
     text = json.dumps([asdict(mode) for mode in modes])
     with contextlib.suppress(OSError):
         write_bytes(_path(key), text.encode(), sync=False)

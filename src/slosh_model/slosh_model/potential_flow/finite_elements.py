@@ -1,4 +1,4 @@
-"""What the two eigenproblems share: elements of second order on curved triangles, refinement."""
+"""Common parts of both eigenproblems: curved second-order elements, refinement."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from slosh_model.potential_flow.mesh import (
 from slosh_model.shapes.contour import Piece
 
 HOW_TO_GET = (
-    "the modes of this container are not computed yet, and that needs scikit-fem, which is not "
-    "installed (pip install -r requirements/modes.txt); or let `slosh modes MODEL -o OUT.yaml` "
-    "write its modes into a model file where it is"
+    "the modes of this container must be computed with scikit-fem, which is not installed "
+    "(pip install -r requirements/modes.txt); or store them in a model file, with "
+    "`slosh modes MODEL -o OUT.yaml` on a machine that has scikit-fem"
 )
 INTEGRATED = 6
 """Degree to which integrals are exact: r³ times two gradients of second-order elements."""
@@ -34,6 +34,8 @@ ORDER = 4.0
 """Of an eigenvalue's error, by the size of second-order elements (Strang & Fix 1973, ch. 6)."""
 _PLACED = 1e-9
 """Of a place inside a triangle, relative to its size."""
+_SOLVED = 1e-10
+"""Relative to an eigenvalue; its vector is known to the root of that at least."""
 _TRUSTED = (0.6, 1.5)
 """By so much the error's fall may differ from that order for the limit to be extrapolated."""
 
@@ -45,7 +47,7 @@ def available() -> bool:
 
 @cache
 def library() -> Any:
-    """scikit-fem.
+    """Imports scikit-fem.
 
     Raises:
         SloshModelError: it is not installed.
@@ -56,7 +58,7 @@ def library() -> Any:
 
 
 def curved(mesh: Triangles, sides: Sequence[Side]) -> Any:
-    """scikit-fem's mesh of second order, whose edge follows the sides; parts named as they are."""
+    """Makes a second-order mesh of scikit-fem with curved, named boundaries."""
     fem = library()
     straight = fem.MeshTri(mesh.points.T.copy(), mesh.corners.T.copy())
     made = fem.MeshTri2.from_mesh(straight)
@@ -73,7 +75,7 @@ def curved(mesh: Triangles, sides: Sequence[Side]) -> Any:
 
 
 def bases(mesh: Any, *parts: str) -> list[Any]:
-    """Elements of second order inside a mesh, and on parts of its edge."""
+    """Makes second-order bases inside a mesh, and on parts of its boundary."""
     fem = library()
     mapping = mesh.mapping()
     # Its own tolerance is below the rounding of triangles that are small beside their distance.
@@ -89,12 +91,12 @@ def bases(mesh: Any, *parts: str) -> list[Any]:
 
 
 def scaled(piece: Piece, origin: Array, scale: float) -> Piece:
-    """A piece in lengths of a scale from an origin."""
+    """Returns a piece in units of a scale, relative to an origin."""
     return replace(piece, at=lambda t: (piece.at(t) - origin) / scale)
 
 
 def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tuple[Array, Array]:
-    """The lowest eigenvalues of K x = λ M x, and their vectors as columns.
+    """Returns the lowest eigenvalues of K x = λ M x, with eigenvectors as columns.
 
     Args:
         stiffness, mass: K and M, sparse and symmetric.
@@ -103,7 +105,9 @@ def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tupl
     """
     # Always the same start: so are the bits that come out.
     start = 1.0 + np.arange(stiffness.shape[0]) % 7
-    values, vectors = scipy.sparse.linalg.eigsh(stiffness, count, mass, sigma=below, v0=start)
+    values, vectors = scipy.sparse.linalg.eigsh(
+        stiffness, count, mass, sigma=below, v0=start, tol=_SOLVED
+    )
     order = np.argsort(values)
     return values[order], vectors[:, order]
 
@@ -116,7 +120,7 @@ def refined(
     change: float,
     most: int,
 ) -> tuple[list[Array], Any]:
-    """Divides triangles until what is computed stands.
+    """Refines the mesh until the results have converged.
 
     Args:
         sides: of the region.
@@ -140,13 +144,13 @@ def refined(
 
 
 def _stands(numbers: Sequence[Array], change: float) -> bool:
-    """Whether the first three ω of the limit changed by less with the last mesh."""
+    """Whether the first three extrapolated ω changed by less than a tolerance."""
     before, now = (_extrapolated(numbers[k - 1], numbers[k])[:3, 0] for k in (-2, -1))
     return bool((np.abs(np.sqrt(now / before) - 1.0) < change).all())
 
 
 def limit(numbers: Sequence[Array]) -> Array:
-    """The numbers of ever finer meshes, extrapolated where their error falls as it should.
+    """Extrapolates results of successive meshes if their errors decrease as expected.
 
     Richardson's extrapolation by the elements' order where their
     error falls so; where a corner spoils the order, what the finest mesh has.

@@ -1,4 +1,4 @@
-"""Triangles over a plane region within smooth pieces: coarse, then divided along its true edge.
+"""Triangulates a plane region with smooth boundary pieces; refines along the boundary.
 
 The points of the edge are as far apart as a size function says, and points inside are added at
 circumcentres of triangles that are too large for it (Delaunay refinement: Shewchuk, Comput. Geom.
@@ -27,7 +27,7 @@ _GRADING = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """A piece of a region's edge.
+    """A piece of a region's boundary.
 
     Attributes:
         piece: its course, with the region to the left.
@@ -40,7 +40,7 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
-    """Triangles and how their edge lies on the sides.
+    """Triangles, and the position of their edges on the boundary.
 
     Attributes:
         points: (N, 2) [m].
@@ -58,7 +58,7 @@ class Triangles:
 
 
 def graded(sources: Array, sizes: Array) -> Size:
-    """The largest size function with given sizes at places, and a bounded growth from them."""
+    """Makes the largest size function with given sizes at points and bounded growth."""
 
     def size(places: Array) -> Array:
         found = np.full(len(places), np.inf)
@@ -75,7 +75,7 @@ def graded(sources: Array, sizes: Array) -> Size:
 
 
 def triangulated(sides: Sequence[Side], size: Size) -> Triangles:
-    """Triangles over the region within the sides, which follow each other counter-clockwise.
+    """Triangulates the region within the sides, which are in counter-clockwise order.
 
     Raises:
         SloshModelError: the region is too intricate.
@@ -105,7 +105,7 @@ def _attempt(sides: Sequence[Side], size: Size) -> Triangles | None:
 
 
 def _edge(sides: Sequence[Side], size: Size) -> tuple[Array, Integers, Array]:
-    """Points along the edge, and of the part after each the side and the shares of its ends."""
+    """Returns points along the boundary, with the side and the end shares of each part."""
     places, index, shares = [], [], []
     t = np.linspace(0.0, 1.0, _FINE)
     for number, side in enumerate(sides):
@@ -143,7 +143,7 @@ def _filled(points: Array, size: Size) -> Array:
 
 
 def _spread(places: Array, apart: Array) -> Array:
-    """The places, without those that are too near to one before."""
+    """Returns the points without those too close to an earlier one."""
     kept: list[int] = []
     for i in range(len(places)):
         away = np.hypot(*(places[kept] - places[i]).T)
@@ -153,7 +153,7 @@ def _spread(places: Array, apart: Array) -> Array:
 
 
 def _circumcircles(triangles: Array) -> tuple[Array, Array]:
-    """(M, 2) centres and (M,) radii of (M, 3, 2) triangles."""
+    """Returns centres (M, 2) and radii (M,) of the circumcircles of triangles (M, 3, 2)."""
     a, b, c = (triangles[:, k] for k in range(3))
     u, v = b - a, c - a
     double = 2.0 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
@@ -165,7 +165,7 @@ def _circumcircles(triangles: Array) -> tuple[Array, Array]:
 
 
 def _inside(points: Array, edge: Array) -> Integers:
-    """(M, 3) corners of the Delaunay triangles inside the edge, counter-clockwise."""
+    """Returns the corners (M, 3) of Delaunay triangles inside the edge, counter-clockwise."""
     found: Integers = np.asarray(scipy.spatial.Delaunay(points).simplices, dtype=np.int64)
     at = points[found]
     u, v = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
@@ -177,7 +177,7 @@ def _inside(points: Array, edge: Array) -> Integers:
 
 
 def _within(places: Array, edge: Array) -> BoolArray:
-    """Whether places lie inside a polygon."""
+    """Whether points lie inside a polygon."""
     a, b = edge, np.roll(edge, -1, axis=0)
     x, y = places[:, 0, None], places[:, 1, None]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -188,7 +188,7 @@ def _within(places: Array, edge: Array) -> BoolArray:
 
 
 def _smoothed(points: Array, corners: Integers, fixed: int) -> Array:
-    """Every point but the first ones in the middle of its neighbours."""
+    """Moves every point except the first ones to the mean of its neighbours."""
     ends = _all_edges(corners)
     total, count = np.zeros_like(points), np.zeros(len(points))
     for one, other in ((0, 1), (1, 0)):
@@ -202,12 +202,12 @@ def _smoothed(points: Array, corners: Integers, fixed: int) -> Array:
 
 
 def _all_edges(corners: Integers) -> Integers:
-    """(3 M, 2) the sides of triangles; those between two are there twice."""
+    """Returns the triangles' edges (3 M, 2); inner ones appear twice."""
     return np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
 
 
 def divided(mesh: Triangles, sides: Sequence[Side]) -> Triangles:
-    """Every triangle in four; new points of the edge lie on the sides."""
+    """Divides each triangle in four; new boundary points lie on the sides."""
     pairs = np.sort(_all_edges(mesh.corners), axis=1)
     unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
@@ -238,7 +238,7 @@ def divided(mesh: Triangles, sides: Sequence[Side]) -> Triangles:
 
 
 def on_sides(sides: Sequence[Side], side: Integers, shares: Array) -> Array:
-    """(E, 2) places on sides at shares of their ways."""
+    """Returns positions (E, 2) on sides at given shares of their length."""
     places = np.empty((len(shares), 2))
     for number, one in enumerate(sides):
         these = side == number

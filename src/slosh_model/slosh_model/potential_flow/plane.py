@@ -1,4 +1,4 @@
-"""Waves in a prism, a container with vertical walls over any outline: the plane Neumann problem.
+"""Modes of a prism (vertical walls over any outline): the plane Neumann problem.
 
 φ = F(x, y) cosh k(z + h) / cosh kh with ΔF + k²F = 0 in the outline and ∂F/∂n = 0 on it, thus
 ω² = gk tanh kh (Lamb 1932, § 257). An outline with an axis of symmetry has modes that an
@@ -14,7 +14,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,18 +46,51 @@ _SAME = 2e-3
 _MOST_SEARCHED = 200
 
 
-def prism_modes(outline: Sequence[Piece], depth: float, count: int) -> tuple[ModeNumbers, ...]:
+class PlaneModes(NamedTuple):
+    """The modes along one axis of an outline, of whatever depth; lengths of a scale.
+
+    Attributes:
+        axis: 0 along x, 1 along y.
+        scale: the unit of length [m].
+        rows: a row of numbers for each mode.
+        area: of the outline.
+        reach: where heights are given.
+        crests: the largest height of each over that at the wall.
+    """
+
+    axis: int
+    scale: float
+    rows: Array
+    area: float
+    reach: float
+    crests: list[float]
+
+
+def prism_modes(plane: Sequence[PlaneModes], depth: float) -> tuple[ModeNumbers, ...]:
     """The first modes along x, then as many along y.
 
     Args:
-        outline: closed, counter-clockwise, its centre in the origin, symmetric about an axis [m].
+        plane: those of the outline.
         depth: of the liquid [m].
+    """
+    return tuple(mode for family in plane for mode in _filled(family, depth / family.scale))
+
+
+def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
+    """The modes of an outline, along x and along y.
+
+    Args:
+        outline: closed, counter-clockwise, its centre in the origin, symmetric about an axis [m].
         count: number of modes along each axis.
 
     Raises:
         SloshModelError: no axis of symmetry, too intricate, or scikit-fem is missing.
     """
-    places = np.vstack([piece.fine()[:-1] for piece in outline])
+    # Of a straight piece three places tell all.
+    places = np.vstack(
+        [piece.at(np.array([0.0, 0.5])) if piece.straight else piece.fine()[:-1:2]
+         for piece in outline]
+    )  # fmt: skip
     about_x, about_y = _mirrored(places, 1), _mirrored(places, 0)
     if not about_x and not about_y:
         raise SloshModelError(
@@ -72,12 +105,12 @@ def prism_modes(outline: Sequence[Piece], depth: float, count: int) -> tuple[Mod
     found = []
     for axis in (0, 1):
         along = (axis == 1) == (not about_x)
-        found += _family(sides, along, axis, depth / scale, scale, count)
+        found.append(_family(sides, along, axis, scale, count))
     return tuple(found)
 
 
 def _mirrored(places: Array, axis: int) -> bool:
-    """Whether an outline is the same when a coordinate changes its sign."""
+    """Whether an outline is symmetric in a coordinate."""
     other = places.copy()
     other[:, axis] *= -1.0
     away = np.full(len(other), np.inf)
@@ -91,7 +124,7 @@ def _mirrored(places: Array, axis: int) -> bool:
 
 
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
-    """The half to the left of the axis of symmetry, which becomes the x axis; lengths of a scale.
+    """Returns the half left of the symmetry axis, rotated to the x axis, in units of a scale.
 
     Where the axis is y, x and y change places, which reverses the direction.
     """
@@ -113,7 +146,7 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
 
 
 def _quarter(half: Sequence[Side]) -> list[Side]:
-    """The part of a half to the right of its middle."""
+    """Returns the part of a half to the right of its middle."""
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)
@@ -130,15 +163,16 @@ def _swapped(piece: Piece) -> Piece:
     return replace(piece, at=lambda t: piece.at(t)[:, ::-1])
 
 
-def _family(
-    sides: list[Side], along: bool, axis: int, depth: float, scale: float, count: int
-) -> list[ModeNumbers]:
+def _family(sides: list[Side], along: bool, axis: int, scale: float, count: int) -> PlaneModes:
     numbers, more = refined(
         sides, _size(sides), lambda mesh: _solved(mesh, along, count),
         change=TUNING.change, most=TUNING.most_divisions,
     )  # fmt: skip
-    rows = limit(numbers)
-    area, reach, crests = more
+    return PlaneModes(axis, scale, limit(numbers), *more)
+
+
+def _filled(plane: PlaneModes, depth: float) -> list[ModeNumbers]:
+    axis, scale, rows, area, reach, crests = plane
     found = []
     for n, row in enumerate(rows.tolist()):
         k = math.sqrt(row[SQUARE])
@@ -164,7 +198,7 @@ def _family(
 
 
 def _layer(k: float, depth: float, row: Sequence[float]) -> float:
-    """½ ∫|∇φ|² over walls, floor and surface film, by that over the liquid."""
+    """Returns ½ ∫|∇φ|² over walls, floor and surface film, relative to that of the liquid."""
     # cosh⁻² by exp(-x): a deep container must not overflow.
     decay = math.exp(-2.0 * k * depth)
     squared = 4.0 * decay / (1.0 + decay) ** 2
@@ -177,7 +211,7 @@ def _layer(k: float, depth: float, row: Sequence[float]) -> float:
 
 
 def _size(sides: Sequence[Side]) -> Size:
-    """Alike everywhere, finer at bends and sharp corners."""
+    """Makes a uniform size function, finer at bends and sharp corners."""
     t = np.linspace(0.0, 1.0, 65)
     edge = [side.piece.at(t) for side in sides]
     everything = np.vstack(edge)
@@ -198,7 +232,7 @@ def _size(sides: Sequence[Side]) -> Size:
 
 
 def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, float, list[float]]]:
-    """Rows of numbers; the area, the place of the heights, the crests over the wall's."""
+    """Solves the eigenproblem on a mesh; returns mode constants, area and crest ratios."""
     fem = library()
     inside, wall = bases(mesh, "wall")
     stiffness = fem.BilinearForm(
@@ -241,9 +275,9 @@ def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, flo
 def _driven(
     stiffness: Any, mass: Any, offset: Array, spread: float, count: int
 ) -> tuple[Array, Array]:
-    """The lowest modes that an acceleration drives, with ∫F² = 1."""
+    """Returns the lowest modes that an acceleration excites, with ∫F² = 1."""
     most = min(_MOST_SEARCHED, stiffness.shape[0] - 2)
-    wanted = min(8 * count, most)
+    wanted = min(4 * count, most)
     while True:
         values, vectors = lowest(stiffness, mass, wanted, below=-1.0)
         vectors = vectors / np.sqrt((vectors * (mass @ vectors)).sum(axis=0))
@@ -263,7 +297,7 @@ def _driven(
 def _merged(
     values: Array, vectors: Array, offsets: Array, spread: float
 ) -> tuple[Array, Array, Array]:
-    """One mode for modes of the same frequency: their sum that an acceleration drives.
+    """Merges modes of equal frequency to their combination that an acceleration excites.
 
     Returns:
         eigenvalues, vectors as columns, and the share of each in a straight surface.

@@ -1,4 +1,4 @@
-"""Where triangles must be small: at bends and at sharp corners of an edge."""
+"""Mesh sizes at bends and sharp corners of a boundary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slosh_model.potential_flow.tuning import TUNING
 
 
 def bending(at: Array) -> Array:
-    """(N,) radius of curvature along (N, 2) places that follow each other."""
+    """Returns radii of curvature (N,) along consecutive points (N, 2)."""
     first = np.gradient(at, axis=0)
     second = np.gradient(first, axis=0)
     bend = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
@@ -21,7 +21,7 @@ def bending(at: Array) -> Array:
 
 
 def sharp_corners(sides: Sequence[Side]) -> list[tuple[Array, float]]:
-    """Corners off the axis where the gradient grows as the distance to the power π/angle - 1.
+    """Returns corners off the axis with a singular gradient (power π/angle - 1).
 
     Returns:
         the place of each, and the size there relative to that beside it.

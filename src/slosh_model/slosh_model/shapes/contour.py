@@ -1,4 +1,4 @@
-"""Contours of containers: smooth pieces that follow each other, in a plane.
+"""Contours of containers: consecutive smooth pieces in a plane.
 
 A profile is the wall of a body of revolution, r to the right and z up, from the floor to the rim;
 an outline is the wall of a prism as seen from above.
@@ -45,20 +45,20 @@ class Piece:
     straight: bool = False
 
     def part(self, start: float, end: float) -> Piece:
-        """The piece between two shares of its way; backwards where the end lies before."""
+        """Returns the piece between two shares of its length, reversed if the end is smaller."""
         return replace(self, at=lambda t: self.at(start + (end - start) * np.asarray(t)))
 
     def one(self, t: float) -> Array:
-        """(2,) the place at one share."""
+        """Returns the position (2,) at one share."""
         place: Array = self.at(np.array([t]))[0]
         return place
 
     def fine(self) -> Array:
-        """(N, 2) places close to each other along it."""
+        """Returns closely spaced positions (N, 2) along the piece."""
         return self.at(np.linspace(0.0, 1.0, _FINE))
 
     def shares_at(self, value: float, axis: int) -> list[float]:
-        """Where a coordinate passes through a value: shares in increasing order."""
+        """Returns the shares at which a coordinate crosses a value, in increasing order."""
         t = np.linspace(0.0, 1.0, _FINE)
         above = self.at(t)[:, axis] >= value
         found = []
@@ -75,13 +75,13 @@ class Piece:
 
 
 def line(start: Point, end: Point) -> Piece:
-    """A straight piece."""
+    """Makes a straight piece."""
     a, b = np.array(start), np.array(end)
     return Piece(lambda t: a + np.asarray(t)[:, None] * (b - a), straight=True)
 
 
 def arc(centre: Point, radii: Point, start: float, end: float) -> Piece:
-    """A piece of an ellipse, from one angle to another [rad], counter-clockwise from the right."""
+    """Makes an elliptic arc between two angles [rad], counter-clockwise from the right."""
 
     def at(t: Array) -> Array:
         angle = start + (end - start) * np.asarray(t)
@@ -92,7 +92,7 @@ def arc(centre: Point, radii: Point, start: float, end: float) -> Piece:
 
 
 def through(points: Sequence[Point], *, smooth: bool) -> tuple[Piece, ...]:
-    """Pieces through points, divided at the corners.
+    """Makes pieces through points, split at the corners.
 
     Args:
         points: two or more, no two in succession the same.
@@ -119,7 +119,7 @@ def _curve(places: Array) -> Piece:
 
 
 def checked_points(points: object, key: str, least: int) -> Points:
-    """Points of a contour in metres.
+    """Checks points of a contour in metres.
 
     Raises:
         SloshModelError: no list of finite pairs, too few or too many, twice the same in
@@ -159,7 +159,7 @@ def _check_size(places: Array, key: str) -> None:
 
 
 def check_simple(pieces: Sequence[Piece], key: str, *, closed: bool) -> None:
-    """Raises SloshModelError where a contour crosses itself; the text names the place."""
+    """Raises SloshModelError if a contour crosses itself; the text gives the position."""
     places = np.vstack([piece.at(np.linspace(0.0, 1.0, 65)[:-1]) for piece in pieces])
     if not closed:
         places = np.vstack([places, pieces[-1].at(np.array([1.0]))])
@@ -188,7 +188,7 @@ def _cross(one: Array, other: Array) -> Array:
 
 
 def wetted(profile: Sequence[Piece], level: float, key: str = "profile") -> tuple[Piece, ...]:
-    """The part of a profile that liquid up to a level wets, from the axis or a core outwards.
+    """Returns the wetted part of a profile up to a level, from the axis or a core outwards.
 
     Args:
         profile: from the floor's centre, or a core's top, to the rim.
@@ -222,5 +222,5 @@ def wetted(profile: Sequence[Piece], level: float, key: str = "profile") -> tupl
 
 
 def ends_at(pieces: Sequence[Piece]) -> tuple[Array, Array]:
-    """(2,) where a chain begins, and where it ends."""
+    """Returns start and end (2,) of a chain of pieces."""
     return pieces[0].one(0.0), pieces[-1].one(1.0)

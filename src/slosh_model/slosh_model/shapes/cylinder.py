@@ -52,22 +52,22 @@ class Cylinder(Container):
         self._check_heights()
 
     def root(self, n: int) -> float:
-        """ξₙ, the n-th root of J₁′."""
+        """Returns ξₙ, the n-th root of J₁′."""
         return bessel_derivative_root(n)
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """The radius, twice [m]."""
+        """The radius along both axes [m]."""
         return self.radius, self.radius
 
     @property
     def volume(self) -> float:
-        """πR²h [m³]."""
+        """Volume πR²h [m³]."""
         return math.pi * self.radius**2 * self.fill_height
 
     @property
     def described(self) -> str:
-        """Its dimensions for people [mm]."""
+        """Text of its dimensions [mm]."""
         return f"radius {1e3 * self.radius:g} mm, filled to {1e3 * self.fill_height:g} mm"
 
     @property
@@ -77,30 +77,30 @@ class Cylinder(Container):
 
     @property
     def size_name(self) -> str:
-        """Its name."""
+        """Name of the dimension `size`."""
         return "radius"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """mₙ/m_F, the share of the liquid's mass that sloshes in mode n (DL22, eq. (4))."""
+        """Returns mₙ/m_F, the share of the liquid's mass in mode n (DL22, eq. (4))."""
         xi = bessel_derivative_root(n)
         slenderness = xi * self.fill_height / self.radius
         return 2.0 * self.depth_factor(n) / (slenderness * (xi**2 - 1.0))
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """4 h mₙ/(m_F R) (DL22, eq. (22))."""
+        """Returns 4 h mₙ/(m_F R) (DL22, eq. (22))."""
         slenderness = self.fill_height / self.radius
         return 4.0 * slenderness * self.mass_ratio(n)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Of the Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
+        """Returns the gain of the Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
         return self.plane_gain(n) * self.root(n) ** 2 / 4.0
 
     def widened(self, factor: float) -> Self:
-        """The same with a larger radius."""
+        """Returns the cylinder with a scaled radius."""
         return replace(self, radius=self.radius * factor)
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ₁ of a smooth cylinder.
+        """Returns ζ₁ of a smooth cylinder.
 
         The empirical formula in Ibrahim, *Liquid Sloshing Dynamics* (2005), and Dodge, *The New
         "Dynamic Behavior of Liquids in Moving Containers"* (2000).

@@ -1,9 +1,12 @@
-"""What is known of a mode of a container whose modes are computed."""
+"""Computed constants of a mode without closed form."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+
+import numpy as np
 
 from slosh_model.errors import SloshModelError
 
@@ -50,9 +53,40 @@ class ModeNumbers:
             raise SloshModelError(f"axis = {self.axis!r} must be 0 (x) or 1 (y)", ("axis",))
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ of a liquid of viscosity ν [m²/s]."""
+        """Returns ζ for a liquid of viscosity ν [m²/s]."""
         layer = self.layer_damping * math.sqrt(kinematic_viscosity)
         return layer + self.bulk_damping * kinematic_viscosity
+
+
+_KINKED = ("crest_ratio", "crest_place")
+"""Not smooth where a crest begins to be inside."""
+
+
+def interpolated(
+    at: Sequence[float], rows: Sequence[Sequence[ModeNumbers]], place: float
+) -> tuple[ModeNumbers, ...]:
+    """Modes at a place between others: by the polynomial through all of them.
+
+    Args:
+        at: (N,) increasing.
+        rows: (N,) the modes at each, in the same order.
+        place: between the first and the last.
+    """
+    weights = [
+        math.prod((place - b) / (a - b) for m, b in enumerate(at) if m != k)
+        for k, a in enumerate(at)
+    ]
+    found = []
+    for same in zip(*rows, strict=True):
+        values = {}
+        for name in NAMES:
+            column = [getattr(one, name) for one in same]
+            values[name] = (
+                float(np.interp(place, at, column)) if name in _KINKED
+                else math.fsum(w * value for w, value in zip(weights, column, strict=True))
+            )  # fmt: skip
+        found.append(ModeNumbers(**values | {"axis": same[0].axis}))
+    return tuple(found)
 
 
 NAMES = tuple(item.name for item in fields(ModeNumbers) if item.name != "surface")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -52,16 +53,16 @@ class PrismaticContainer(SolvedContainer):
         self._check_heights()
 
     def _check_outline(self) -> None:
-        """Raises SloshModelError where it is impossible."""
+        """Raises SloshModelError for an impossible outline."""
 
     @property
     def widening(self) -> float:
-        """None [1]."""
+        """Change of the radius with height [1]: zero for vertical walls."""
         return 0.0
 
     @property
     def cornered(self) -> bool:
-        """Whether heights along x and y add up: an upper bound of what the wall sees.
+        """Whether heights along x and y add up: an upper bound over the wall.
 
         Not where every direction is alike, as in a hexagon.
         """
@@ -70,12 +71,12 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """As of any container; alike where every direction is."""
+        """Half extents along x and y [m]; equal if all directions are equivalent."""
         along, across = (self.numbers(1, axis).reach for axis in (0, 1))
         return (along, across) if self.cornered else (max(along, across),) * 2
 
     def curved_gain(self, n: int, axis: int = 0) -> float:
-        """As of any container; the larger one where every direction is alike."""
+        """Returns the wall height per displacement [1]; for equivalent axes the larger one."""
         if self.cornered:
             return self.numbers(n, axis).height_per_displacement
         both = [self.numbers(1, one).reach for one in (0, 1)]
@@ -83,17 +84,24 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def places(self) -> Array:
-        """(N, 2) places on the outline, its centre in the origin [m]."""
+        """(N, 2) positions on the outline, with its centre in the origin [m]."""
         return np.vstack([piece.fine()[:-1] for piece in self.contour])
 
+    @property
+    def highest_fill(self) -> float:
+        """The walls have no end [m]."""
+        return math.inf
+
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Its first modes along x and along y, computed."""
+        """Computes its first modes along x and along y."""
         from slosh_model.potential_flow.plane import prism_modes
 
-        return prism_modes(self.contour, self.fill_height, count)
+        # Another fill height has the same outline.
+        outline = replace(self, fill_height=1.0, rim_height=None, table=None)
+        return prism_modes(_plane_modes(outline, count), self.fill_height)
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """A straight line: the shape along x is not kept."""
+        """Returns a straight line, since the shape along x is not stored."""
         places = np.linspace(0.0, self.reaches[0], 2)
         return places, places / places[-1]
 
@@ -104,18 +112,18 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def size_name(self) -> str:
-        """Its name."""
+        """Name of the dimension `size`."""
         return "width"
 
     @property
     def described(self) -> str:
-        """Its dimensions for people [mm]."""
+        """Text of its dimensions [mm]."""
         wide, deep = (1e3 * np.ptp(self.places, axis=0)).tolist()
         return f"{self.shape} {wide:.4g} × {deep:.4g} mm, filled to {1e3 * self.fill_height:g} mm"
 
     @property
     def volume(self) -> float:
-        """Of the liquid [m³]."""
+        """Volume of the liquid [m³]."""
         return area_and_centre(self.contour)[0] * self.fill_height
 
 
@@ -156,7 +164,7 @@ class Prism(PrismaticContainer):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Counter-clockwise, its centre in the origin."""
+        """The outline, counter-clockwise, with its centre in the origin."""
         pieces = self._as_given
         area, centre = area_and_centre(pieces)
         moved = [_moved(piece, centre) for piece in pieces]
@@ -165,7 +173,7 @@ class Prism(PrismaticContainer):
         return tuple(piece.part(1.0, 0.0) for piece in reversed(moved))
 
     def widened(self, factor: float) -> Self:
-        """The same with a larger outline."""
+        """Returns the prism with a scaled outline."""
         return replace(self, outline=tuple((factor * x, factor * y) for x, y in self.outline))
 
 
@@ -198,7 +206,7 @@ class Tray(PrismaticContainer):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Four sides and four corners, counter-clockwise."""
+        """The outline: four sides and four corners, counter-clockwise."""
         r = self.corner_radius
         x, y = 0.5 * self.width - r, 0.5 * self.depth - r
         corners = ((x, y), (-x, y), (-x, -y), (x, -y))
@@ -214,11 +222,18 @@ class Tray(PrismaticContainer):
         return tuple(found)
 
     def widened(self, factor: float) -> Self:
-        """The same with a larger outline."""
+        """Returns the tray with a scaled outline."""
         return replace(
             self, width=factor * self.width, depth=factor * self.depth,
             corner_radius=factor * self.corner_radius,
         )  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def _plane_modes(container: PrismaticContainer, count: int) -> Any:
+    from slosh_model.potential_flow.plane import plane_modes
+
+    return plane_modes(container.contour, count)
 
 
 def _moved(piece: Piece, centre: Array) -> Piece:
@@ -226,7 +241,7 @@ def _moved(piece: Piece, centre: Array) -> Piece:
 
 
 def area_and_centre(pieces: tuple[Piece, ...]) -> tuple[float, Array]:
-    """The area that pieces enclose [m²], above 0 counter-clockwise, and (2,) its centroid [m]."""
+    """Returns the area [m²], positive counter-clockwise, and the centroid (2,) [m]."""
     a = np.vstack([piece.at(np.linspace(0.0, 1.0, 2001)[:-1]) for piece in pieces])
     b = np.roll(a, -1, axis=0)
     cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]

@@ -65,7 +65,7 @@ class Rectangle(Container):
         self._check_heights()
 
     def root(self, n: int) -> float:
-        """ξₙ = (2n - 1) π/2: half a wave, three halves and so on lie between the walls."""
+        """Returns ξₙ = (2n - 1) π/2: an odd number of half waves between the walls."""
         check_mode(n)
         return (2 * n - 1) * math.pi / 2.0
 
@@ -76,12 +76,12 @@ class Rectangle(Container):
 
     @property
     def volume(self) -> float:
-        """W d h [m³]."""
+        """Volume W d h [m³]."""
         return self.width * self.depth * self.fill_height
 
     @property
     def described(self) -> str:
-        """Its dimensions for people [mm]."""
+        """Text of its dimensions [mm]."""
         sides = f"width {1e3 * self.width:g} mm, depth {1e3 * self.depth:g} mm"
         return f"{sides}, filled to {1e3 * self.fill_height:g} mm"
 
@@ -92,28 +92,28 @@ class Rectangle(Container):
 
     @property
     def size_name(self) -> str:
-        """Its name."""
+        """Name of the dimension `size`."""
         return "width"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """mₙ/m_F = 2 R tanh(ξₙ h/R)/(ξₙ³ h) (Ibrahim 2005, ch. 5; Dodge 2000, ch. 3)."""
+        """Returns mₙ/m_F = 2 R tanh(ξₙ h/R)/(ξₙ³ h) (Ibrahim 2005, ch. 5; Dodge 2000, ch. 3)."""
         xi = self.root(n)
         return 2.0 * self.depth_factor(n, axis) * self.reaches[axis] / (xi**3 * self.fill_height)
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """ωₙ² R/g: the straight line takes all of a static tilt (TM20, eq. (9), η = θ w/2)."""
+        """Returns ωₙ² R/g: a plane that follows a static tilt (TM20, eq. (9), η = θ w/2)."""
         return self.root(n) * self.depth_factor(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Of a standing wave, sin(ξₙ x/R): 2/ξₙ² of the line's, together with all others all."""
+        """Returns the gain of a standing wave sin(ξₙ x/R): 2/ξₙ² of the line's."""
         return 2.0 / self.root(n) ** 2 * self.plane_gain(n, axis)
 
     def widened(self, factor: float) -> Self:
-        """The same with a larger width and depth."""
+        """Returns the rectangle with scaled width and depth."""
         return replace(self, width=self.width * factor, depth=self.depth * factor)
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ₁ along the longer side, from the layers on floor and walls (Keulegan 1959)."""
+        """Returns ζ₁ along the longer side, from boundary layers (Keulegan 1959)."""
         along, across = max(self.width, self.depth), min(self.width, self.depth)
         axis = X_AXIS if self.width >= self.depth else Y_AXIS
         omega, k = self.natural_frequency(1, axis), math.pi / along

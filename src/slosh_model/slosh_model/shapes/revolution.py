@@ -1,7 +1,9 @@
-"""Bodies of revolution about the vertical, by any profile."""
+"""Bodies of revolution about the vertical axis with any profile."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
@@ -20,6 +22,7 @@ from slosh_model.shapes.contour import (
 )
 from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
 from slosh_model.shapes.solved import SolvedContainer, solved_modes
+from slosh_model.wall import Wall
 
 INSIDE = 1.001
 """Largest height over the surface, of that at the wall, from which the crest is inside."""
@@ -56,30 +59,35 @@ class RevolvedContainer(SolvedContainer):
         wetted(self.contour, self.level)
 
     def _check_profile(self) -> None:
-        """Raises SloshModelError where dimensions are impossible."""
+        """Raises SloshModelError for impossible dimensions."""
 
     @property
     def open_ended(self) -> bool:
-        """Whether its contour ends somewhere above the liquid, not at the rim."""
+        """Whether the contour ends at an arbitrary point instead of the rim."""
         return False
 
     @property
     def level(self) -> float:
-        """The still surface in the contour's z [m]."""
+        """Height of the still surface in the contour's z [m]."""
         return self.floor + self.fill_height
 
     @property
     def floor(self) -> float:
-        """The deepest place in the contour's z [m]."""
+        """Height of the deepest point in the contour's z [m]."""
         return float(min(piece.fine()[:, 1].min() for piece in self.contour))
 
     @property
     def top(self) -> float:
-        """The contour's end above the deepest place [m]."""
+        """Height of the contour's end above the deepest point [m]."""
         return float(self.contour[-1].one(1.0)[1]) - self.floor
 
+    @property
+    def highest_fill(self) -> float:
+        """The contour's end [m]."""
+        return self.top
+
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Its first modes, computed."""
+        """Computes its first modes."""
         from slosh_model.potential_flow.axisymmetric import revolution_modes
 
         return revolution_modes(self.contour, self.level, count)
@@ -97,12 +105,12 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def size_name(self) -> str:
-        """Its name."""
+        """Name of the dimension `size`."""
         return "surface radius"
 
     @property
     def described(self) -> str:
-        """Its dimensions for people [mm]."""
+        """Text of its dimensions [mm]."""
         return (
             f"{self.shape}, surface radius {1e3 * self.size:.4g} mm, filled to "
             f"{1e3 * self.fill_height:g} mm"
@@ -110,7 +118,7 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def volume(self) -> float:
-        """Of the liquid [m³]: by Gauss's theorem, of the wetted wall."""
+        """Volume of the liquid [m³], by Gauss's theorem over the wetted wall."""
         total = 0.0
         for piece in wetted(self.contour, self.level):
             at = piece.at(np.linspace(0.0, 1.0, 2001))
@@ -119,31 +127,23 @@ class RevolvedContainer(SolvedContainer):
             total += float((np.pi * rise * (r * r + r * s + s * s) / 3.0).sum())
         return total
 
-    def wall_at(self, height: float) -> float:
-        """Radius of the wall at a height above the still surface [m]; NaN: beyond the contour."""
-        level = self.level + height
-        radii = [
-            float(piece.one(share)[0])
-            for piece in reversed(self.contour)
-            for share in reversed(piece.shares_at(level, 1))
-        ]
-        return radii[0] if radii else float("nan")
+    @property
+    def wall_line(self) -> tuple[Array, Array, Array]:
+        """Lengths along the wall from the still surface, heights above it, and radii there [m]."""
+        return _joined(self._upwards, self._downwards)
 
-    def along_wall(self, height: float) -> float:
-        """How far the contact line moves along the wall to reach a height [m]; NaN: not at all."""
-        away = np.vstack([piece.fine() for piece in self._above])
-        steps = np.hypot(*np.diff(away, axis=0).T)
-        along: Array = np.concatenate([[0.0], np.cumsum(steps)])
-        high = away[:, 1] - self.level
-        beyond = np.flatnonzero(high >= height)
-        if not len(beyond):
-            return float("nan")
-        last = int(beyond[0])
-        return float(np.interp(height, high[max(last - 1, 0) : last + 1],
-                               along[max(last - 1, 0) : last + 1]))  # fmt: skip
+    @property
+    def wall(self) -> Wall:
+        """Its wall about the still level."""
+        lengths, heights, radii = self.wall_line
+        rim = math.nan if self.rim_height is None else self.rim_height - self.fill_height
+        ratio, place = self.crest(1)
+        inside = {"crest_ratio": ratio, "crest_place": place} if ratio > INSIDE else {}
+        leans = self.widening != 0.0
+        return Wall(heights, lengths, radii, rim, leans=leans, **inside)
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Places from the axis, or a core, to the wall [m], and a mode's height there."""
+        """Returns positions from the axis or core to the wall [m], and a mode's height there."""
         rows = (
             self.numbers(n).surface
             or solved_modes(self, LEAST if n <= LEAST else MOST)[n - 1].surface
@@ -153,27 +153,15 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def silhouette(self) -> Array:
-        """(N, 2) its contour up to the rim, z from the still surface [m]."""
+        """(N, 2) the contour up to the rim, z from the still surface [m]."""
         ends = (np.linspace(0.0, 1.0, 2 if piece.straight else 65) for piece in self.contour)
         places = np.vstack([piece.at(t) for piece, t in zip(self.contour, ends, strict=True)])
         rim = self.floor + (self.rim_height or self.top)
         return cut_above(places, rim) - [0.0, self.level]
 
-    def wall_facts(self, height: float) -> dict[str, float]:
-        """The same height along the wall, the contact line's radius there, a crest inside."""
-        facts = {}
-        if self.widening != 0.0:
-            facts = {
-                "along_wall": self.along_wall(height), "contact_radius": self.wall_at(height)
-            }  # fmt: skip
-        ratio, place = self.crest(1)
-        if ratio > INSIDE:
-            facts |= {"crest_ratio": ratio, "crest_place": place}
-        return facts
-
     @property
-    def _above(self) -> list[Piece]:
-        """The wall above the still surface."""
+    def _upwards(self) -> list[Piece]:
+        """The wall above the still surface, upwards."""
         found: list[Piece] = []
         for piece in reversed(self.contour):
             cuts = piece.shares_at(self.level, 1)
@@ -182,10 +170,15 @@ class RevolvedContainer(SolvedContainer):
             found.insert(0, piece)
         return found
 
+    @property
+    def _downwards(self) -> list[Piece]:
+        """The wall below the still surface, downwards."""
+        return [piece.part(1.0, 0.0) for piece in reversed(wetted(self.contour, self.level))]
+
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Revolution(RevolvedContainer):
-    """A body of revolution by points of its profile.
+    """A body of revolution with a profile through points.
 
     >>> from slosh_model.shapes import Revolution
     >>> Revolution(profile=((0.0, 0.0), (0.03, 0.0), (0.04, 0.09)), fill_height=0.06)
@@ -223,16 +216,16 @@ class Revolution(RevolvedContainer):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Through the points."""
+        """The profile through the points."""
         return through(self.profile, smooth=self.smooth)
 
     def widened(self, factor: float) -> Self:
-        """The same with all radii larger."""
+        """Returns the body with scaled radii."""
         return replace(self, profile=tuple((factor * r, z) for r, z in self.profile))
 
 
 def cut_above(places: Array, height: float) -> Array:
-    """Places that follow each other, from the first up to where they rise above a height."""
+    """Returns consecutive points from the first up to where they exceed a height."""
     above = np.flatnonzero(places[:, 1] > height)
     above = above[above > np.argmin(places[:, 1])]
     if not len(above):
@@ -240,3 +233,22 @@ def cut_above(places: Array, height: float) -> Array:
     low, high = places[above[0] - 1], places[above[0]]
     share = (height - low[1]) / (high[1] - low[1])
     return np.vstack([places[: above[0]], low + share * (high - low)])
+
+
+def _joined(above: Sequence[Piece], below: Sequence[Piece]) -> tuple[Array, Array, Array]:
+    """Lengths along a wall from the still surface, heights above it, and radii there [m].
+
+    Where the wall goes down again on its way, the place is the one that is reached first.
+    """
+    columns = []
+    for pieces, sign in ((below, -1.0), (above, 1.0)):
+        places = np.vstack([piece.fine() for piece in pieces])
+        steps = np.hypot(*np.diff(places, axis=0).T)
+        lengths: Array = np.concatenate([[0.0], np.cumsum(steps)])
+        heights = places[:, 1] - places[0, 1]
+        furthest = np.maximum.accumulate(sign * heights)
+        first = np.concatenate([[True], np.diff(furthest) > 0.0])
+        columns.append(np.column_stack([sign * lengths, heights, places[:, 0]])[first])
+    down, up = columns
+    joined = np.vstack([down[:0:-1], up])
+    return joined[:, 0], joined[:, 1], joined[:, 2]

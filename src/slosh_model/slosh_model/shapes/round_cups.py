@@ -1,4 +1,4 @@
-"""Bodies of revolution by a few lengths: cups, bowls, flasks and bottles."""
+"""Bodies of revolution defined by a few lengths: cups, bowls, flasks and bottles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _QUARTER = 0.5 * math.pi
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class RoundCup(RevolvedContainer):
-    """A body of revolution by lengths in metres."""
+    """A body of revolution defined by lengths in metres."""
 
     wide: ClassVar[tuple[str, ...]] = ()
     """Its lengths across the axis."""
@@ -31,10 +31,10 @@ class RoundCup(RevolvedContainer):
         self._check_lengths()
 
     def _check_lengths(self) -> None:
-        """Raises SloshModelError where lengths do not fit each other."""
+        """Raises SloshModelError for inconsistent lengths."""
 
     def _below(self, length: str, other: str, factor: float = 1.0) -> None:
-        """Raises SloshModelError unless a length is below another, or a multiple of it."""
+        """Raises SloshModelError unless a length is below a multiple of another."""
         given, limit = getattr(self, length), factor * getattr(self, other)
         if not given < limit:
             times = "" if factor == 1.0 else f"{factor:g} "
@@ -44,14 +44,14 @@ class RoundCup(RevolvedContainer):
             )
 
     def widened(self, factor: float) -> Self:
-        """The same with larger lengths across the axis."""
+        """Returns the cup with scaled horizontal lengths."""
         changed = {name: factor * getattr(self, name) for name in self.wide}
         return cast(Self, replace(cast(Any, self), **changed))
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Cone(RoundCup):
-    """A cone with its tip below, such as a funnel.
+    """A cone with its tip at the bottom, such as a funnel.
 
     Attributes:
         top_radius: inner radius at the rim [m].
@@ -66,13 +66,13 @@ class Cone(RoundCup):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """One line."""
+        """The profile: one line."""
         return (line((0.0, 0.0), (self.top_radius, self.height)),)
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Frustum(RoundCup):
-    """A cup with straight walls that lean, such as a paper cup or a pint glass.
+    """A cup with straight inclined walls, such as a paper cup or a pint glass.
 
     >>> from slosh_model.shapes import Frustum
     >>> Frustum(bottom_radius=0.028, top_radius=0.04, height=0.09, fill_height=0.06)
@@ -93,13 +93,13 @@ class Frustum(RoundCup):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Floor and wall."""
+        """The profile: floor and wall."""
         return _along((0.0, 0.0), (self.bottom_radius, 0.0), (self.top_radius, self.height))
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Sphere(RoundCup):
-    """A hollow sphere, or a bowl that is a part of one where the rim is lower.
+    """A hollow sphere, or a bowl if the rim is lower.
 
     Attributes:
         radius: inner radius [m].
@@ -112,11 +112,11 @@ class Sphere(RoundCup):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Half a circle."""
+        """The profile: half a circle."""
         return (arc((0.0, self.radius), (self.radius, self.radius), -_QUARTER, _QUARTER),)
 
     def widened(self, factor: float) -> Self:
-        """A sphere of a larger radius, filled as high in proportion."""
+        """Returns the sphere with a scaled radius and the same relative filling."""
         rim = None if self.rim_height is None else factor * self.rim_height
         return replace(
             self, radius=factor * self.radius, fill_height=factor * self.fill_height,
@@ -126,7 +126,7 @@ class Sphere(RoundCup):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Ellipsoid(RoundCup):
-    """A hollow ellipsoid of revolution, or a bowl that is a part of one.
+    """A hollow ellipsoid of revolution, or a bowl if the rim is lower.
 
     Attributes:
         radius: inner radius where it is widest [m].
@@ -141,7 +141,7 @@ class Ellipsoid(RoundCup):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Half an ellipse."""
+        """The profile: half an ellipse."""
         return (
             arc((0.0, self.semi_height), (self.radius, self.semi_height), -_QUARTER, _QUARTER),
         )
@@ -171,12 +171,12 @@ class Beaker(RoundCup):
 
     @property
     def open_ended(self) -> bool:
-        """Where its rim is unknown."""
+        """Whether the rim's height is unknown."""
         return self.height is None
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Floor, foot and wall."""
+        """The profile: floor, foot and wall."""
         end = self.height or max(self.fill_height, self.rim_height or 0.0) + 2.0 * self.radius
         wall = line((self.radius, self.foot_radius), (self.radius, end))
         return (*_foot(self.radius, self.foot_radius), wall)
@@ -184,7 +184,7 @@ class Beaker(RoundCup):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Flask(RoundCup):
-    """A conical flask (Erlenmeyer): wide at the floor, a straight neck above.
+    """A conical (Erlenmeyer) flask: wide at the floor, with a straight neck.
 
     Attributes:
         bottom_radius: inner radius at the floor [m].
@@ -206,7 +206,7 @@ class Flask(RoundCup):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """Floor, cone and neck."""
+        """The profile: floor, cone and neck."""
         return _along(
             (0.0, 0.0), (self.bottom_radius, 0.0), (self.neck_radius, self.shoulder_height),
             (self.neck_radius, self.height),
@@ -215,7 +215,7 @@ class Flask(RoundCup):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Bottle(RoundCup):
-    """A bottle: rounded foot, straight body, a shoulder that is a quarter of an ellipse, a neck.
+    """A bottle: rounded foot, straight body, elliptic shoulder, neck.
 
     Attributes:
         radius: inner radius of the body [m].
@@ -245,7 +245,7 @@ class Bottle(RoundCup):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """From the floor's centre to the rim."""
+        """The profile from the floor's centre to the rim."""
         r, neck = self.radius, self.neck_radius
         low, high = self.body_height, self.shoulder_height
         return (
@@ -261,6 +261,6 @@ def _along(*points: Point) -> tuple[Piece, ...]:
 
 
 def _foot(radius: float, foot: float) -> tuple[Piece, Piece]:
-    """A floor and the rounding at its edge."""
+    """Returns a floor with a rounded edge."""
     flat = radius - foot
     return line((0.0, 0.0), (flat, 0.0)), arc((flat, foot), (foot, foot), -_QUARTER, 0.0)

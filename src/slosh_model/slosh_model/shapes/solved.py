@@ -1,4 +1,4 @@
-"""Containers whose modes have no closed form: they are computed once and travel with the model."""
+"""Containers whose modes have no closed form; computed once and stored with the model."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slosh_model.containers import X_AXIS, Container
 from slosh_model.errors import SloshModelError
 from slosh_model.limits import ValidityLimits
 from slosh_model.shapes.contour import Piece
-from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers
+from slosh_model.shapes.mode_numbers import LEAST, MOST, ModeNumbers, interpolated
 
 _GIVEN = ("rim_height", "table")
 """Fields on which the modes do not depend."""
@@ -25,13 +25,16 @@ STEEP = 0.3
 its trough is deep (second order of a standing wave: Faltinsen & Timokha 2009, ch. 8)."""
 SHALLOW = 0.2
 """And of the liquid's depth: beyond, crests run faster than troughs."""
+NEAR, NODES = 0.03, 7
+"""Distance [m] up to which modes of another fill height are interpolated, and between how many
+fill heights that are computed."""
 WIDENING = 0.1
 """Relative change of the surface's radius by a wave on a sloped wall, from which it is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModeTable:
-    """The modes of a container, as its model file has them.
+    """The computed modes of a container in its model file.
 
     Attributes:
         digest: of the container to which they belong.
@@ -44,7 +47,7 @@ class ModeTable:
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class SolvedContainer(Container):
-    """A container by its contour.
+    """A container defined by its contour.
 
     Its models are linear: the nonlinear answer is the linear one.
 
@@ -73,11 +76,11 @@ class SolvedContainer(Container):
     @property
     @abstractmethod
     def contour(self) -> tuple[Piece, ...]:
-        """Its contour [m]: the profile of a body of revolution, the outline of a prism."""
+        """The contour [m]: the profile of a body of revolution, the outline of a prism."""
 
     @abstractmethod
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Its first modes along each axis, computed.
+        """Computes the first modes along each axis.
 
         Raises:
             SloshModelError: scikit-fem is missing, or the contour too intricate.
@@ -86,15 +89,15 @@ class SolvedContainer(Container):
     @property
     @abstractmethod
     def widening(self) -> float:
-        """Slope of the wall at the surface: change of its radius per height [1]."""
+        """Slope of the wall at the surface: change of radius with height [1]."""
 
     @property
     def digest(self) -> str:
-        """Of all that its modes depend on."""
+        """Digest of everything that its modes depend on."""
         return _digest(self)
 
     def numbers(self, n: int, axis: int = X_AXIS) -> ModeNumbers:
-        """The n-th mode along an axis.
+        """Returns the n-th mode along an axis.
 
         Raises:
             SloshModelError: n is not in 1 … MOST, or it cannot be computed.
@@ -109,7 +112,7 @@ class SolvedContainer(Container):
         return found[n - 1]
 
     def with_table(self, count: int) -> Self:
-        """The same, with at least so many of its modes known."""
+        """Returns the container with at least `count` computed modes."""
         if len(self._along(self._own, X_AXIS)) >= count:
             return self
         rows = solved_modes(self, LEAST if count <= LEAST else MOST)
@@ -117,8 +120,26 @@ class SolvedContainer(Container):
         return cast(Self, replace(cast(Any, self), table=table))
 
     @property
+    @abstractmethod
+    def highest_fill(self) -> float:
+        """Fill height up to which its contour goes [m]."""
+
+    def filled_to(self, fill_height: float, rim_height: float | None) -> Self:
+        """The same with another fill height; modes of one near by are interpolated.
+
+        Raises:
+            SloshModelError: an impossible fill height, or modes that cannot be computed.
+        """
+        filled = super(SolvedContainer, self).filled_to(fill_height, rim_height)
+        at, rows = _neighbours(replace(cast(Any, self), rim_height=None, table=None))
+        if not at[0] <= fill_height <= at[-1]:
+            return filled
+        table = ModeTable(filled.digest, interpolated(at, rows, fill_height))
+        return cast(Self, replace(cast(Any, filled), table=table))
+
+    @property
     def _own(self) -> tuple[ModeNumbers, ...]:
-        """The modes that it brings along; empty where they were those of other dimensions."""
+        """The stored modes; empty if they belong to other dimensions."""
         if self.table is None or self.table.digest != self.digest:
             return ()
         return self.table.rows
@@ -128,51 +149,51 @@ class SolvedContainer(Container):
         return along or tuple(row for row in rows if row.axis == X_AXIS)
 
     def root(self, n: int) -> float:
-        """ωₙ²R/g along x: what the literature calls its eigenvalue."""
+        """Returns ωₙ²R/g along x, the eigenvalue of the literature."""
         own = self.numbers(n)
         return own.natural_frequency**2 * own.reach / GRAVITY
 
     def natural_frequency(self, n: int, axis: int = X_AXIS) -> float:
-        """ωₙ [rad/s]."""
+        """Returns ωₙ [rad/s]."""
         return self.numbers(n, axis).natural_frequency
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """From the axis to where the heights on the wall are, along x and along y [m]."""
+        """Distance from the axis to the wall heights along x and along y [m]."""
         return self.numbers(1, 0).reach, self.numbers(1, 1).reach
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """mₙ/m_F."""
+        """Returns mₙ/m_F."""
         return self.numbers(n, axis).mass_ratio
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """The mode's own, as `curved_gain`: what is missing to a plane follows at once."""
+        """Returns `curved_gain`; the rest to a plane surface is quasi-static."""
         return self.curved_gain(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Wall height per displacement of the mode's mass [1]."""
+        """Returns the wall height per displacement of the mode's mass [1]."""
         return self.numbers(n, axis).height_per_displacement
 
     def mass_height(self, n: int, axis: int = X_AXIS) -> float:
-        """Height of the mode's mass above the still surface [m]."""
+        """Returns the height of the mode's mass above the still surface [m]."""
         return self.numbers(n, axis).mass_height
 
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
-        """The largest height over the surface relative to the wall's, and its place [m]."""
+        """Returns the maximum height relative to the wall's, and its position [m]."""
         own = self.numbers(n, axis)
         return own.crest_ratio, own.crest_place
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """ζ₁, from the mode's flow."""
+        """Returns ζ₁ from the mode's flow."""
         return self.mode_damping(kinematic_viscosity, 1)
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
-        """ζₙ, from the mode's flow."""
+        """Returns ζₙ from the mode's flow."""
         return self.numbers(n).damping_ratio(kinematic_viscosity)
 
     @property
     def linear_height(self) -> float:
-        """Height from which a wave in it is no linear one [m]: steep, or on a slanted wall."""
+        """Height above which waves are nonlinear [m]: steep, or on an inclined wall."""
         steep = STEEP * GRAVITY / self.natural_frequency(1) ** 2
         slope = abs(self.widening)
         return min(
@@ -193,9 +214,22 @@ def _digest(container: SolvedContainer) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
+@lru_cache(maxsize=64)
+def _neighbours(
+    container: SolvedContainer,
+) -> tuple[tuple[float, ...], tuple[tuple[ModeNumbers, ...], ...]]:
+    """Fill heights about that of a container, in increasing order, and the modes at each."""
+    middle = container.fill_height
+    reach = min(NEAR, 0.6 * middle, 0.6 * (container.highest_fill - middle))
+    turns = (math.cos(math.pi * k / (NODES - 1)) for k in reversed(range(NODES)))
+    at = tuple(middle + reach * turn for turn in turns)
+    changed = (replace(cast(Any, container), fill_height=height) for height in at)
+    return at, tuple(solved_modes(one, LEAST) for one in changed)
+
+
 @lru_cache(maxsize=256)
 def solved_modes(container: SolvedContainer, count: int) -> tuple[ModeNumbers, ...]:
-    """The first modes of a container along each axis: from the cache, or else computed.
+    """Returns the first modes of a container along each axis, cached or computed.
 
     Raises:
         SloshModelError: they cannot be computed.

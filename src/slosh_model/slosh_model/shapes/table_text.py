@@ -1,4 +1,4 @@
-"""Contours and computed modes as they stand in a model file."""
+"""Contours and computed modes in a model file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LONGEST = 64_000
 
 
 def points_of(value: Any, path: KeyPath, folder: Path) -> Any:
-    """A list of pairs as tuples, or the pairs of a .csv file.
+    """Parses a list of pairs, or reads the pairs of a .csv file.
 
     Args:
         value: of the model file.
@@ -68,7 +68,7 @@ def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
 
 
 def solved_section(container: Container, count: int) -> dict[str, Any]:
-    """The keys of a model file that tell the modes of a container, so many at least."""
+    """Returns the model file's keys of at least `count` computed modes."""
     table = cast(SolvedContainer, container).with_table(count).table
     assert table is not None
     rows = [
@@ -81,7 +81,7 @@ def solved_section(container: Container, count: int) -> dict[str, Any]:
 def with_solved(
     container: Container, document: Mapping[str, Any]
 ) -> tuple[Container, tuple[Any, KeyPath]]:
-    """A container with the modes that its model file tells, and the number in use with its key.
+    """Returns a container with the modes in its model file, and the number in use.
 
     Raises:
         SloshModelError: modes of another container, of one that needs none, or impossible ones.
@@ -99,8 +99,8 @@ def with_solved(
     owner = document.get(OWNER, container.digest)
     if owner != container.digest:
         raise SloshModelError(
-            f"{OWNER} = {shown(owner)}: the modes are those of another container, its dimensions "
-            f"were changed since; delete {MODES} and {OWNER}, and they are computed anew",
+            f"{OWNER} = {shown(owner)}: the modes belong to other dimensions than the "
+            f"container's; delete {MODES} and {OWNER} to compute them again",
             (OWNER,),
         )
     if not 1 <= len(rows) <= 2 * MOST:

@@ -1,1 +1,1 @@
-"""What every node shares: parameters, diagnostics, start and end of the process."""
+"""Common parts of all nodes: parameters, diagnostics, start and end of the process."""

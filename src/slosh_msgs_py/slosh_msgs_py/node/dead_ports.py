@@ -1,4 +1,4 @@
-"""What killed processes leave of their shared-memory ports, and what Fast DDS makes of it.
+"""Works around Fast DDS's handling of shared-memory ports of killed processes.
 
 Whoever wrote to a killed process goes on writing into its port's memory until somebody finds out,
 which takes as many seconds as there are processes, and never happens where it was killed between
@@ -75,7 +75,7 @@ class DeadPorts:
         self.names: tuple[str, ...] = ()
 
     def look(self, now: float | None = None, *, close: bool = False) -> tuple[str, ...]:
-        """Holds what has died, and lets go of what nobody has had open for some time.
+        """Locks newly dead ports, and releases those that are no longer open anywhere.
 
         Args:
             now: steady time [s].
@@ -98,7 +98,7 @@ class DeadPorts:
             return self.names
 
     def _hold(self, port: str, close: bool) -> None:
-        """Raises OSError where it is not dead, or not ours."""
+        """Locks a dead port; raises OSError if it is not dead or belongs to another user."""
         path, lock = self._folder / port, self._folder / f"{port}_el"
         if _is_gone(path):
             self._held[port] = shared(lock)
@@ -109,7 +109,7 @@ class DeadPorts:
                 self._mark(path, in_place=True)
 
     def _mark(self, path: Path, *, in_place: bool = False) -> None:
-        """Closes a port: whoever still writes to it has the memory itself, and is told there."""
+        """Closes a port; writers that have it mapped are notified in its memory."""
         if in_place:
             _turn_away(path)
         aside = path.with_name(f"{path.name}_closed_{os.getpid()}")
@@ -122,7 +122,7 @@ class DeadPorts:
         aside.unlink()
 
     def _release(self, port: str) -> None:
-        """The last who holds a port opens it to others; to be called with the lock held."""
+        """Releases a port; the last holder makes it available. Call it with the lock held."""
         descriptor = self._held.pop(port)
         if is_alone(descriptor):
             path = self._folder / port
@@ -131,11 +131,11 @@ class DeadPorts:
         os.close(descriptor)
 
     def _is_for_all(self, port: str) -> bool:
-        """Whether any number of processes may listen on a port: nobody takes such a one over."""
+        """Whether several processes may listen on a port, so that it is never taken over."""
         return (self._folder / f"{port}_sl").exists()
 
     def close(self) -> None:
-        """Lets go of all."""
+        """Releases all ports."""
         with self._lock:
             for port in list(self._held):
                 self._release(port)
@@ -146,7 +146,7 @@ _AT_START = DeadPorts()
 
 
 def hold_dead_ports() -> None:
-    """Holds the dead ports while this process starts, and for a minute more.
+    """Locks the dead ports while this process starts, and for a minute more.
 
     To be called before it opens a port of its own. Who looks after the killed process holds its
     ports for longer.
@@ -158,12 +158,12 @@ def hold_dead_ports() -> None:
 
 
 def held_dead_ports() -> tuple[str, ...]:
-    """Names of the ports that this process holds for its start."""
+    """Returns the names of the ports that this process locks during its start."""
     return _AT_START.names
 
 
 def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_HELD) -> list[str]:
-    """Deletes the ports that killed processes have left locked, or closed.
+    """Deletes ports that killed processes have left locked or closed.
 
     Without a locked one it takes milliseconds, with one `patience`. Whoever comes next makes the
     port anew. Of a port on which somebody alive listens only the mutex goes.
@@ -198,7 +198,7 @@ def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_
 
 
 def _is_listened_to(port: Path) -> bool:
-    """Whether a living process holds the lock of a port's listener."""
+    """Whether a running process holds the lock of a port's listener."""
     try:
         with held(port.with_name(f"{port.name}_el")):
             return False
@@ -209,7 +209,7 @@ def _is_listened_to(port: Path) -> bool:
 
 
 def _turn_away(port: Path) -> None:
-    """Tells those who have a port open that it is one no more; nothing where it looks strange."""
+    """Marks an open port as closed in its memory; ignores unexpected contents."""
     with contextlib.suppress(OSError), port.open("r+b", buffering=0) as memory:
         head = memory.read(_FLAGS_AT + 1)
         number = int(port.name.rpartition("port")[2]).to_bytes(4, sys.byteorder)
@@ -220,17 +220,17 @@ def _turn_away(port: Path) -> None:
 
 
 def _is_gone(port: Path) -> bool:
-    """Whether a port has no name any more, or the mark in its place."""
+    """Whether a port's file is missing or replaced by the mark."""
     return not port.exists() or _is_closed(port)
 
 
 def _is_young(port: Path) -> bool:
-    """Whether who made a port may not have taken its lock yet."""
+    """Whether a port is so new that its owner may not have locked it yet."""
     return time.time() - port.stat().st_mtime < _YOUNG
 
 
 def _is_closed(port: Path) -> bool:
-    """Whether the mark stands in the place of a port's name."""
+    """Whether a port's file is replaced by the mark."""
     try:
         return port.stat().st_size == len(_BROKEN) and port.read_bytes() == _BROKEN
     except OSError:  # gone, or another's
@@ -247,7 +247,7 @@ def _is_locked(mutex: Path) -> bool:
 
 
 def mapped_ports(maps: Path) -> set[tuple[int, str]]:
-    """The ports that a process has open, also such as were deleted: number of the file, and name.
+    """Returns number and name of the port files that a process has open, even deleted ones.
 
     Args:
         maps: the process's list of its memory.
@@ -263,7 +263,7 @@ def mapped_ports(maps: Path) -> set[tuple[int, str]]:
 
 
 def _ports_in_use(processes: Path) -> set[str]:
-    """Names of the ports that processes of this user have open."""
+    """Returns the names of the ports that this user's processes have open."""
     ports: set[str] = set()
     for maps in processes.glob("[0-9]*/maps"):
         with contextlib.suppress(OSError):
@@ -273,7 +273,7 @@ def _ports_in_use(processes: Path) -> set[str]:
 
 @contextlib.contextmanager
 def held(lock: Path) -> Iterator[None]:
-    """Holds a lock file alone.
+    """Locks a file exclusively.
 
     Raises:
         BlockingIOError: somebody else holds it.
@@ -287,7 +287,7 @@ def held(lock: Path) -> Iterator[None]:
 
 
 def shared(lock: Path, *, make: bool = True) -> int:
-    """Holds a lock file together with others.
+    """Locks a file shared with others.
 
     Args:
         lock: its path.
@@ -304,7 +304,7 @@ def shared(lock: Path, *, make: bool = True) -> int:
 
 
 def is_alone(descriptor: int) -> bool:
-    """Whether nobody else holds the lock file that this one shares; then it is held alone."""
+    """Whether no other process shares the lock of a file; then the lock becomes exclusive."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -313,7 +313,7 @@ def is_alone(descriptor: int) -> bool:
 
 
 def _locked(lock: Path, flags: int, how: int) -> int:
-    """The descriptor of a file that is locked now; it does not wait."""
+    """Locks a file without waiting; returns its descriptor."""
     descriptor = os.open(lock, flags | os.O_CLOEXEC, 0o666)
     try:
         fcntl.flock(descriptor, how | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""/diagnostics at 1 Hz: rates, drops, latency, and a sentence on the node's health."""
+"""Publishes /diagnostics at 1 Hz: rates, drops, latency, and the node's health."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Health = tuple[bytes, str]
 
 
 class DiagnosticsReporter:
-    """Counts what a node does and reports it once a second.
+    """Counts a node's activity and reports it once a second.
 
     The timer runs on a steady clock: with use_sim_time and no /clock the node still reports, and
     says so in place of what follows from it.
@@ -72,7 +72,7 @@ class DiagnosticsReporter:
         self._timer = node.create_timer(PERIOD, self.report, clock=self._steady)
 
     def latency(self, nanoseconds: int) -> None:
-        """Time from a message's stamp to the moment when its answer is out [ns].
+        """Adds the time from a message's stamp to the published result [ns].
 
         What is longer than a minute, or as much below zero, is no latency but another clock.
         """
@@ -82,14 +82,14 @@ class DiagnosticsReporter:
             self._other_clock += 1
 
     def latency_percentiles(self) -> tuple[float, float]:
-        """Median and maximum of the recent latencies [s]; NaN without any."""
+        """Returns median and maximum of the recent latencies [s]; NaN: none."""
         if not self._latencies:
             return float("nan"), float("nan")
         ordered = sorted(self._latencies)
         return ordered[len(ordered) // 2] * 1e-9, ordered[-1] * 1e-9
 
     def report(self) -> None:
-        """Publishes the report."""
+        """Publishes a report."""
         state = self._readiness.state
         if state != READY:
             sentence = f"not ready, {self._readiness.sentence}"
@@ -115,7 +115,7 @@ class DiagnosticsReporter:
         self._publisher.publish(self._array(level, sentence, pairs))
 
     def _judged(self) -> Health:
-        """The node's own judgement, or what its callbacks stumbled over since the last one."""
+        """Returns the node's health, or exceptions of its callbacks since the last report."""
         try:
             health = self._health()
         except Exception as error:
@@ -132,7 +132,7 @@ class DiagnosticsReporter:
         return health
 
     def _time_stands_still(self) -> bool:
-        """Whether simulated time has not moved since the last report, or never has."""
+        """Whether simulated time has not advanced since the last report."""
         clock = self._node.get_clock()
         if not clock.ros_time_is_active:
             return False

@@ -1,4 +1,4 @@
-"""A DDS domain that nobody else on this machine speaks in.
+"""Finds a DDS domain that no other process on this machine uses.
 
 A demonstration, a recording, a test must not hear the one beside it. What is claimed is a name
 in the kernel: two processes cannot hold it, and it is free when its holder has ended, however.
@@ -24,7 +24,7 @@ _FIRST_PORT, _PORTS = 7400, 250
 
 @contextmanager
 def own_domain(first: int | None = None) -> Iterator[int]:
-    """Claims a domain for as long as the context lasts.
+    """Claims an unused domain while the context is open.
 
     Args:
         first: the number, modulo how many there are, from which a free one is looked for; None:
@@ -52,7 +52,7 @@ def own_domain(first: int | None = None) -> Iterator[int]:
 
 @contextmanager
 def claimed_namespace(domain: int, namespace: str) -> Iterator[bool]:
-    """Claims the name of a cell for as long as the context lasts.
+    """Claims the name of a cell while the context is open.
 
     Args:
         domain: DDS domain.
@@ -78,7 +78,7 @@ def _bound(claim: socket.socket, address: str) -> bool:
 
 
 def spoken_domains(table: Path = Path("/proc/net/udp")) -> set[int]:
-    """Domains in which some process of this machine takes part already.
+    """Returns the domains in use by processes of this machine.
 
     Args:
         table: the kernel's list of UDP sockets; where there is none, nothing is known.

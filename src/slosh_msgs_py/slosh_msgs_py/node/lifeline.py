@@ -1,4 +1,4 @@
-"""Nodes end with the process that started them, however that ends.
+"""Ends nodes when their parent process ends for any reason.
 
 Whoever starts nodes holds the writing end of a pipe, each node reads the other end: the pipe ends
 with its last writer, killed or not. (PR_SET_PDEATHSIG tells the end of the parent's thread, not of
@@ -26,7 +26,7 @@ PATIENCE = 20.0
 
 
 class Inheritance(NamedTuple):
-    """What a node's process is started with.
+    """Pipes that a node's process inherits.
 
     Attributes:
         descriptors: files that it inherits.
@@ -46,7 +46,7 @@ class Lifelines:
         self._others, self._others_end = os.pipe()
 
     def of_node(self, *, last: bool) -> Inheritance:
-        """What a node inherits.
+        """Returns the pipes that a node inherits.
 
         Args:
             last: it ends after all that are not.
@@ -56,13 +56,13 @@ class Lifelines:
         return Inheritance((*reads, *holds), {VARIABLE: ",".join(map(str, reads))})
 
     def close(self) -> None:
-        """Lets go of the pipes; nodes that still run end."""
+        """Closes the pipes, which ends nodes that still run."""
         for descriptor in (self._starter, self._starter_end, self._others, self._others_end):
             os.close(descriptor)
 
 
 def watch_lifelines(ended: Callable[[], None]) -> None:
-    """Has a thread call `ended` once the process that started this one is gone.
+    """Starts a thread that calls `ended` when the parent process is gone.
 
     Who ends last is called when the others have ended, too, or after PATIENCE.
     """
@@ -83,7 +83,7 @@ def watch_lifelines(ended: Callable[[], None]) -> None:
 
 
 def _pipes(text: str) -> Sequence[int]:
-    """The descriptors in a text; none where one is no pipe."""
+    """Parses the descriptors in a text; none if one is not a pipe."""
     with contextlib.suppress(OSError, ValueError):
         descriptors = [int(word) for word in text.split(",")]
         if all(stat.S_ISFIFO(os.fstat(descriptor).st_mode) for descriptor in descriptors):
@@ -92,7 +92,7 @@ def _pipes(text: str) -> Sequence[int]:
 
 
 def _until_end(descriptor: int, deadline: float | None) -> None:
-    """Waits for the end of a pipe that nobody writes to, at most until a moment [s]."""
+    """Waits until a pipe's writer has closed it, at most until a deadline [s]."""
     poll = select.poll()
     poll.register(descriptor, 0)  # an end is told unasked
     left = None if deadline is None else 1e3 * max(deadline - time.monotonic(), 0.0)

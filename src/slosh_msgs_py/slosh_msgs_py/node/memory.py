@@ -1,4 +1,4 @@
-"""Memory that a node no longer needs."""
+"""Returns free memory of a node to the system."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LARGE = 10_000
 
 
 def give_back_memory() -> None:
-    """Gives memory that is free in the process back to the system.
+    """Returns free memory of the process to the system.
 
     A large message is unpacked into many small objects; when they are gone the C library keeps
     their memory. Only glibc can be asked for it; elsewhere nothing happens.
@@ -24,7 +24,7 @@ def give_back_memory() -> None:
 
 
 class LargeMessages:
-    """Gives what large messages have taken back to the system, once they are answered.
+    """Returns the memory of large messages to the system after they are answered.
 
     Args:
         node: whose messages they are.
@@ -35,7 +35,7 @@ class LargeMessages:
         node.create_timer(1.0, self._give_back)
 
     def add(self, points: int) -> None:
-        """A message with so many points is served."""
+        """Notes a message with a number of points."""
         self._was_large |= points > LARGE
 
     def _give_back(self) -> None:

@@ -1,4 +1,4 @@
-"""Notices whose messages cannot pass, as the two ends of a topic ask for and offer other QoS.
+"""Detects topics whose messages cannot pass because of incompatible QoS.
 
 To the middleware that is no error: nothing comes, as if nobody spoke. It tells by an event, once,
 when it meets such an end; which one it is, and whether it is still there, the graph tells.
@@ -23,7 +23,7 @@ _INFINITE = 2**62
 
 
 class _Met:
-    """A topic on which another end was met that does not fit.
+    """A topic with an incompatible end.
 
     Attributes:
         own: QoS of the node's own end.
@@ -36,7 +36,7 @@ class _Met:
 
 
 class Mismatches:
-    """The ends that do not fit those of a node.
+    """The incompatible ends of a node's topics.
 
     Args:
         node: the node.
@@ -48,16 +48,16 @@ class Mismatches:
         self._published: dict[str, _Met] = {}
 
     def of_subscription(self, topic: str, asked: QoSProfile) -> SubscriptionEventCallbacks:
-        """What watches a subscription of the node: its topic, and what it asks for."""
+        """Makes the event handler of a subscription from its topic and QoS."""
         return SubscriptionEventCallbacks(incompatible_qos=self._note(self._read, topic, asked))
 
     def of_publisher(self, topic: str, offered: QoSProfile) -> PublisherEventCallbacks:
-        """What watches a publisher of the node: its topic, and what it offers."""
+        """Makes the event handler of a publisher from its topic and QoS."""
         watch = self._note(self._published, topic, offered)
         return PublisherEventCallbacks(incompatible_qos=watch)
 
     def look(self) -> str:
-        """Who is not heard or does not hear, why and what to do, in a line; empty: nobody."""
+        """Describes incompatible ends with reason and remedy in one line; empty: none."""
         unheard = _lines(
             self._read, self._node.get_publishers_info_by_topic, "cannot be received",
             lambda own, other: _reason(other, own),
@@ -80,7 +80,7 @@ def _lines(
     what: str,
     reason: Callable[[QoSProfile, QoSProfile], str],
 ) -> list[str]:
-    """The ends that do not fit, a line each; forgets the topics on which they have gone.
+    """Describes incompatible ends, one line each; removes topics whose ends are gone.
 
     Args:
         met: topics on which such an end was met.
@@ -100,7 +100,7 @@ def _lines(
 
 
 def _told(end: TopicEndpointInfo) -> QoSProfile:
-    """QoS of an end without the infinite times by which the graph tells that there are none."""
+    """Returns an end's QoS without the graph's infinite placeholder times."""
     given = end.qos_profile
     has_deadline = given.deadline.nanoseconds < _INFINITE
     return QoSProfile(
@@ -116,7 +116,7 @@ def _line(topic: str, end: TopicEndpointInfo, what: str, why: str) -> str:
 
 
 def _reason(offered: QoSProfile, asked: QoSProfile) -> str:
-    """Why a publisher and a subscription do not speak to each other; empty: they do."""
+    """Returns why a publisher and a subscription are incompatible; empty: they are not."""
     _, text = qos_check_compatible(offered, asked)
     parts = (part.strip() for part in text.split(";"))
     return ", ".join(part.removeprefix(_ERROR) for part in parts if part.startswith(_ERROR))

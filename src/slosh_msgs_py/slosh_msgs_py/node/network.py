@@ -1,4 +1,4 @@
-"""Who can hear a node and speak to it: this machine alone, unless more is asked for.
+"""Restricts DDS communication to this machine by default.
 
 ROS's own LOCALHOST keeps a node from looking for others beyond this machine, but its sockets are
 open on every network, and whoever knows the address is answered. With the profile
@@ -19,7 +19,7 @@ ALONE = ("LOCALHOST", "OFF")
 
 
 def network_environment(given: Mapping[str, str]) -> dict[str, str]:
-    """The variables that bound a process to this machine, or let it out where they ask for that.
+    """Returns the variables that restrict a process to this machine, unless set otherwise.
 
     Args:
         given: the process's environment; what it sets stays.
@@ -31,5 +31,5 @@ def network_environment(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def bound() -> None:
-    """Bounds this process, before it starts ROS."""
+    """Restricts this process before it starts ROS."""
     os.environ.update(network_environment(os.environ))

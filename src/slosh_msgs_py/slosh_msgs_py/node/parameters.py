@@ -59,7 +59,7 @@ class ParameterSpec:
     length: int | None = None
 
     def descriptor(self) -> ParameterDescriptor:
-        """What `ros2 param describe` shows."""
+        """Makes the descriptor that `ros2 param describe` shows."""
         about = self.description
         if self.choices:
             about += f" (one of {', '.join(self.choices)})"
@@ -73,7 +73,7 @@ class ParameterSpec:
         return descriptor
 
     def converted(self, given: Parameter) -> Parameter | None:
-        """The parameter with floats for integers where floats are needed; None: a wrong type."""
+        """Returns the parameter with integers converted to floats if needed; None: wrong type."""
         wanted = _TYPES[type(self.default)]
         if given.type_ == wanted:
             return given
@@ -84,7 +84,7 @@ class ParameterSpec:
         return Parameter(self.name, wanted, float(given.value))
 
     def wrong_type(self, given: Parameter) -> str:
-        """Which type is needed in place of that of a value, in one line."""
+        """Describes a wrong type and the needed one in one line."""
         wanted, found = (
             kind.name.lower().replace("_", " ")
             for kind in (_TYPES[type(self.default)], given.type_)
@@ -95,7 +95,7 @@ class ParameterSpec:
         return f"{self.name} = {value!r}: type {wanted} is needed, not {found}"
 
     def refusal(self, value: Any) -> str | None:
-        """Why a value of the right type does not fit; None: it fits."""
+        """Returns why a value of the right type is invalid; None: it is valid."""
         if self.choices and value not in self.choices:
             return f"{self.name} = {value!r} must be one of {', '.join(self.choices)}"
         if self.length is not None and len(value) != self.length:
@@ -139,7 +139,7 @@ def declare(
     wrong: list[str] = []
 
     def convert(changes: list[Parameter]) -> list[Parameter]:
-        """Remembers values of a wrong type for `judge`: rclpy's own refusal names no parameter."""
+        """Stores values of a wrong type for `judge`, since rclpy's refusal names no parameter."""
         wrong.clear()
         return [_fitting(node, by_name.get(change.name), change, wrong) for change in changes]
 
@@ -174,7 +174,7 @@ def declare(
 def _fitting(
     node: Node, spec: ParameterSpec | None, change: Parameter, wrong: list[str]
 ) -> Parameter:
-    """A change with its type converted; where that is wrong, what holds now, and the reason."""
+    """Converts a change's type; if that fails, returns the present value, and the reason."""
     converted = change if spec is None else spec.converted(change)
     if spec is None or converted is not None:
         return converted or change
@@ -183,13 +183,13 @@ def _fitting(
 
 
 def _given(node: Node) -> dict[str, Parameter]:
-    """What the start of the node sets; rclpy has no other way to ask."""
+    """Returns the parameters set at the node's start; rclpy has no public access to them."""
     given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
     return given
 
 
 def _name_unknown(node: Node) -> None:
-    """Names what was given and is no parameter of the node: ROS drops it without a word.
+    """Warns of unknown parameters given to the node, which ROS ignores silently.
 
     It is no error: a file for several nodes may set, for all of them, what only one has.
     """
@@ -214,5 +214,5 @@ def _declare_one(node: Node, spec: ParameterSpec) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A value of a parameter as Python has it: rclpy gives an array for a list."""
+    """Returns a parameter's value as plain Python; rclpy gives an array for a list."""
     return value if isinstance(value, bool | int | float | str) else list(value)

@@ -1,4 +1,4 @@
-"""Nodes that need compiled code before they can work."""
+"""Nodes that compile code before they can work."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slosh_msgs_py.node.readiness import COMPILING, STARTING, Progress, Readines
 
 
 class PreparedNode(GuardedNode, ABC):
-    """A node that is ready once what it needs is compiled.
+    """A node that becomes ready when its compiled code is available.
 
     The constructor does what is quick and what can be refused: parameters, files, publishers. All
     that is compiled or loaded happens in `prepare`, while the diagnostics already go out; `begin`
@@ -29,7 +29,7 @@ class PreparedNode(GuardedNode, ABC):
 
     @abstractmethod
     def prepare(self, progress: Progress) -> None:
-        """Compiles, or loads what is compiled, in a thread of its own.
+        """Compiles or loads the needed code, in a separate thread.
 
         Args:
             progress: is told what is compiled, where something is.
@@ -40,34 +40,34 @@ class PreparedNode(GuardedNode, ABC):
 
     @abstractmethod
     def begin(self) -> None:
-        """Takes up the work, in the executor's thread."""
+        """Starts the node's work, in the executor's thread."""
 
     def _watch(
         self, health: Callable[[], Health], facts: Callable[[], Mapping[str, Any]]
     ) -> DiagnosticsReporter:
-        """The node's diagnostics; `health` and `facts` are not asked before it is ready."""
+        """Makes the diagnostics; `health` and `facts` are called only when the node is ready."""
         self._report = DiagnosticsReporter(self, health, facts, self.readiness)
         return self._report
 
     def _get_ready(self, *, later: bool) -> None:
-        """Ends a constructor."""
+        """Finishes the constructor: prepares now, or later."""
         if not later:
             self.prepare(self.compiles)
             self.is_prepared()
 
     def compiles(self, what: str) -> None:
-        """Tells what is compiled; the first time in the log, too."""
+        """Reports which function is compiled; the first time also in the log."""
         if not self.readiness.doing:
             self.get_logger().warning(f"not ready yet: {what}")
         self.readiness.compiles(what)
 
     def waits(self, what: str) -> None:
-        """Tells what is waited for; in the log, too."""
+        """Reports the reason of waiting, also in the log."""
         self.get_logger().warning(f"not ready: {what}")
         self.readiness.waits(what)
 
     def is_prepared(self) -> None:
-        """Takes up the work and tells so at once."""
+        """Starts the node's work and reports it at once."""
         self.begin()
         if self.readiness.doing:
             did = "compiled; " if self.readiness.state == COMPILING else ""
@@ -76,7 +76,7 @@ class PreparedNode(GuardedNode, ABC):
         self._report.report()
 
     def tell_news(self) -> None:
-        """Reports at once where it stands, if that has changed."""
+        """Reports the state at once if it has changed."""
         if self.readiness.news():
             self._report.report()
 
@@ -96,7 +96,7 @@ class Preparation:
 
     @property
     def runs(self) -> bool:
-        """Whether it is still at it."""
+        """Whether the preparation is running."""
         return self._thread.is_alive()
 
     def _run(self) -> None:

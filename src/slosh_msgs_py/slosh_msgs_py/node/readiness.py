@@ -1,4 +1,4 @@
-"""How far a node is on its way to its work; its diagnostics tell, and others wait for it."""
+"""State of a node's start, for its diagnostics and for processes that wait for it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Progress = Callable[[str], None]
 
 
 class Readiness:
-    """How far a node is with its start.
+    """State of a node's start.
 
     Attributes:
         state: STARTING, COMPILING, WAITING or READY.
@@ -33,23 +33,23 @@ class Readiness:
         self._told = state, ""
 
     def compiles(self, doing: str) -> None:
-        """Something has to be compiled first."""
+        """Sets the state: something must be compiled first."""
         self.state, self.doing = COMPILING, doing
 
     def waits(self, doing: str) -> None:
-        """Something has to come first."""
+        """Sets the state: something must arrive first."""
         self.state, self.doing = WAITING, doing
 
     def is_ready(self) -> None:
-        """The node works from now on."""
+        """Sets the state: the node is ready."""
         self.state, self.doing = READY, ""
 
     def news(self) -> bool:
-        """Whether something has changed since the last call."""
+        """Whether the state has changed since the last call."""
         before, self._told = self._told, (self.state, self.doing)
         return self._told != before
 
     @property
     def sentence(self) -> str:
-        """State and words in one."""
+        """The state with its text."""
         return f"{self.state}: {self.doing}" if self.doing else self.state

@@ -1,4 +1,4 @@
-"""Notices when more than one publisher speaks on a topic that can have one only."""
+"""Detects more than one publisher on a topic that allows one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNKNOWN = "unknown node"
 
 
 def node_of(info: TopicEndpointInfo) -> str:
-    """Full name of the node that a publisher or a subscription is of.
+    """Returns the full name of the node of a publisher or a subscription.
 
     Names come on their own way, later or, on a busy machine, not at all: until then each process
     is a node of its own, and two of them are two.
@@ -33,7 +33,7 @@ def node_of(info: TopicEndpointInfo) -> str:
 
 
 class Rivals:
-    """The publishers of a topic that a node reads.
+    """Tracks the publishers of a topic that a node reads.
 
     Args:
         node: the node.
@@ -46,7 +46,7 @@ class Rivals:
         self._since: float | None = None
 
     def look(self) -> str:
-        """Who speaks beside the one that may, in a line; empty: nobody.
+        """Names additional publishers in one line; empty: none.
 
         Is to be asked about once a second.
         """

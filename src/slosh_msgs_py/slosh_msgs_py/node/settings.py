@@ -1,4 +1,4 @@
-"""The latched `settings` topic: what a node works with, so that a recording replays itself."""
+"""The latched `settings` topic: a node's settings, needed to replay a recording."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class SettingsPublisher:
         self._send(stamp_ns)
 
     def publish_change(self, changed: Sequence[str], stamp_ns: int) -> None:
-        """Announces that parameters have changed while the node goes on.
+        """Announces changed parameters of a running node.
 
         Before the node's start was announced nothing is published: the start tells the values.
 

@@ -1,4 +1,4 @@
-"""Fast DDS's shared memory: whether this process hears others through it, and what is left over.
+"""Checks whether Fast DDS's shared memory reaches this process, and removes leftovers.
 
 A process that starts in place of a killed one takes over its port. While the others still find
 the dead port out, Fast DDS fails to open it, goes on without, and yet announces it: nobody reaches
@@ -33,7 +33,7 @@ _FIRST_PORT = 7400
 
 
 def is_deaf(process: Path = Path("/proc/self"), of_others: Collection[str] | None = None) -> bool:
-    """True where shared memory is in use, and its port is not open or leads elsewhere.
+    """Whether shared memory is in use but its port is not open or belongs to others.
 
     Args:
         process: folder with `fd`, a folder with a link to each open file, and `maps`, the memory
@@ -55,7 +55,7 @@ def is_deaf(process: Path = Path("/proc/self"), of_others: Collection[str] | Non
 
 
 def remove_leftovers(folder: Path = Path("/dev/shm"), now: float | None = None) -> int:
-    """Deletes the segments of this user's processes that are no more.
+    """Deletes segments of this user's ended processes.
 
     Args:
         folder: where the segments are.
@@ -75,7 +75,7 @@ def remove_leftovers(folder: Path = Path("/dev/shm"), now: float | None = None) 
 
 
 def _remove_free(segment: Path, lock: Path) -> int:
-    """Deletes a segment whose lock nobody holds; returns its size.
+    """Deletes a segment whose lock is free; returns its size.
 
     Raises:
         OSError: somebody holds it, or it is not ours.
@@ -88,7 +88,7 @@ def _remove_free(segment: Path, lock: Path) -> int:
 
 
 def _number(port: Path) -> int:
-    """The number by which the system knows the memory of a name; -1: it has none."""
+    """Returns the inode number of a port; -1: none."""
     try:
         return port.stat().st_ino
     except OSError:

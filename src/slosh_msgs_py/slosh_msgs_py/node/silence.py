@@ -1,4 +1,4 @@
-"""Why nothing comes on a topic, and for how long."""
+"""Explains why nothing arrives on a topic, and since when."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONG: Final = 5.0
 
 
 class SilentTopic:
-    """A topic that a node reads.
+    """A topic that a node subscribes to.
 
     Args:
         node: the node.
@@ -35,15 +35,15 @@ class SilentTopic:
 
     @property
     def seconds(self) -> float:
-        """For how long nothing of use has been heard [s]."""
+        """Time since the last useful message [s]."""
         return time.monotonic() - self._since
 
     def heard(self) -> None:
-        """Something of use has come."""
+        """Notes that a useful message has arrived."""
         self._since = time.monotonic()
 
     def facts(self, total: int) -> dict[str, str]:
-        """What is to be told others, who may hear what this node does not: UNHEARD, or nothing.
+        """Returns the fact UNHEARD if messages are published but do not arrive; else nothing.
 
         Args:
             total: how many messages have come so far, of use or not.
@@ -56,7 +56,7 @@ class SilentTopic:
         return {UNHEARD: f"{self.full_name} {self._type_name}"}
 
     def reason(self) -> str:
-        """Why nothing comes, as far as the middleware knows."""
+        """Describes why nothing arrives, as far as the middleware knows."""
         name = self.full_name
         types = self._types()
         if not types:
@@ -68,6 +68,6 @@ class SilentTopic:
         return f"the publisher of {name} sends no messages{strange}"
 
     def _types(self) -> list[str]:
-        """Of what its publishers send."""
+        """Returns the message types of the topic's publishers."""
         found = self._node.get_publishers_info_by_topic(self.full_name)
         return [info.topic_type for info in found]

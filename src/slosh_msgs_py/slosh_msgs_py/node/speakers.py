@@ -1,4 +1,4 @@
-"""Notices by the messages themselves that more than one publisher speaks on a topic.
+"""Detects several publishers on a topic from the messages themselves.
 
 Each publisher numbers its messages, and the middleware hands the numbers over, though not whose
 they are. One publisher's numbers rise, by as much more than one as messages were lost in the time
@@ -30,7 +30,7 @@ MOST = 8
 
 
 class SpeakerWatch:
-    """Follows the numbers of a topic's messages.
+    """Tracks the sequence numbers of a topic's messages.
 
     Attributes:
         contested: whether several publishers speak, as of the newest message.
@@ -45,7 +45,7 @@ class SpeakerWatch:
         self._joined_ns = -BESIDE_NS
 
     def take(self, number: int | None, arrival_ns: int, matched: int = 1) -> bool:
-        """Takes a message; returns `contested`.
+        """Adds a message; returns `contested`.
 
         Args:
             number: that its publisher gave it; None: the middleware tells none.
@@ -69,7 +69,7 @@ class SpeakerWatch:
         return self.contested
 
     def _change(self, number: int, arrival_ns: int) -> None:
-        """Another publisher than that of the message before goes on, or begins."""
+        """Handles a message of another publisher than before."""
         before = self._own
         known = next((one for one in self._others if one.fits(number, arrival_ns)), None)
         if known is not None:
@@ -101,13 +101,13 @@ class _Stream:
         self.number, self.at_ns, self.interval_ns = number, at_ns, 0.0
 
     def follow(self, number: int, at_ns: int) -> None:
-        """Takes the publisher's next message."""
+        """Adds the publisher's next message."""
         spacing = (at_ns - self.at_ns) / (number - self.number)
         self.interval_ns += (spacing - self.interval_ns) * (0.1 if self.interval_ns else 1.0)
         self.number, self.at_ns = number, at_ns
 
     def fits(self, number: int, at_ns: int) -> bool:
-        """Whether a message may be its next one, with no more lost than time allows."""
+        """Whether a message may be the next one, with a plausible number of losses."""
         missing = number - self.number - 1
         if missing < 0:
             return False
@@ -117,12 +117,12 @@ class _Stream:
         return self.interval_ns > 0.0 and missing <= LOST_SHARE * passed / self.interval_ns
 
     def is_silent(self, now_ns: int) -> bool:
-        """Whether it would have spoken by now."""
+        """Whether the publisher is overdue."""
         return now_ns - self.at_ns > max(PAUSE_NS, PAUSES * self.interval_ns)
 
 
 class WithInfo:
-    """Calls a function with message and info in every executor.
+    """Calls a function with message and info, in every executor.
 
     The executor finds out from the signature what a callback wants. rclpy's events executor then
     hands over both as one pair, the others as two arguments.
@@ -133,6 +133,6 @@ class WithInfo:
         self.__signature__ = inspect.signature(use)
 
     def __call__(self, *given: Any) -> None:
-        """Calls it."""
+        """Calls the function."""
         message, info = given if len(given) == 2 else given[0]
         self._use(message, info)

@@ -1,4 +1,4 @@
-"""The newest estimate, for who asks now and then."""
+"""The newest estimate, polled on demand."""
 
 from __future__ import annotations
 
@@ -18,12 +18,17 @@ from slosh_plan import LiquidState
 
 OLDEST = 0.5
 """An estimate older than this [s] says nothing of the liquid now."""
-UNKNOWN = EstimateFlag.SETTLING | EstimateFlag.AFTER_GAP | EstimateFlag.DIVERGED
+UNKNOWN = (
+    EstimateFlag.SETTLING
+    | EstimateFlag.AFTER_GAP
+    | EstimateFlag.DIVERGED
+    | EstimateFlag.NO_CONTAINER
+)
 """Flags of an estimate whose state is not that of the liquid."""
 
 
 class NewestEstimate:
-    """Lets the middleware keep the newest estimate, and takes it when it is wanted.
+    """Subscribes to estimates without a callback, and takes the newest on demand.
 
     A thousand messages a second must not wake the process. So the subscription is one of a hidden
     node that no executor has. A callback group that never executes is not enough: the events
@@ -50,7 +55,7 @@ class NewestEstimate:
         return self._reader.create_subscription(kind, name, lambda _: None, qos.NEWEST_IN)
 
     def state(self) -> LiquidState:
-        """How the liquid stands now: as measured heights say, where the observer trusts them.
+        """Returns the present state of the liquid, from the observer if that is trusted.
 
         Raises:
             SloshEstimatorError: nobody tells, or what is told is old or no known state.
@@ -88,7 +93,7 @@ class NewestEstimate:
         return self._last.get(kind)
 
     def _age(self, message: Any) -> float:
-        """How old a message is [s]."""
+        """Returns the age of a message [s]."""
         now = self._node.get_clock().now().nanoseconds
         return float(now - to_nanoseconds(message.header.stamp)) / SECOND
 

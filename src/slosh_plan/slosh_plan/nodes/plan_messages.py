@@ -1,4 +1,4 @@
-"""A PlanRequest to plain values, and a plan to a MotionPlan."""
+"""Converts a PlanRequest to plain values, and a plan to a MotionPlan."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ class RequestedPath:
 
     @property
     def attitude(self) -> Array | None:
-        """(4,) that the container keeps; None: not turned, or as the joints turn it."""
+        """(4,) constant attitude of the container; None: not rotated, or given by the joints."""
         return None if self.waypoints is None else self.waypoints.attitude
 
     def path(self, model: Model, stopped: Callable[[], bool]) -> Path:
-        """The smooth path.
+        """Returns the smooth path.
 
         Raises:
             SloshPlanError: there is none.
@@ -75,12 +75,12 @@ class RequestedPath:
 
 
 def points_of(request: Any) -> tuple[Any, Any]:
-    """The points of a request's two trajectories."""
+    """Returns the points of a request's two trajectories."""
     return request.trajectory.points, request.joint_trajectory.points
 
 
 def path_of(request: Any, robot: CarryingRobot | None) -> RequestedPath:
-    """The path of a request.
+    """Makes the path of a request.
 
     Args:
         request: of the service or the action.
@@ -105,7 +105,7 @@ def path_of(request: Any, robot: CarryingRobot | None) -> RequestedPath:
 
 
 def waypoints_of(request: Any) -> Waypoints:
-    """The path of a request.
+    """Makes the waypoints of a request.
 
     Raises:
         SloshEstimatorError, SloshPlanError: there is none, or it cannot be one.
@@ -123,7 +123,7 @@ def waypoints_of(request: Any) -> Waypoints:
 
 
 def _kept(attitude: Array) -> Array:
-    """(4,) the attitude that all (N, 4) are.
+    """Returns the common attitude (4,) of attitudes (N, 4).
 
     Raises:
         SloshEstimatorError: it changes.
@@ -141,23 +141,28 @@ def _kept(attitude: Array) -> Array:
 
 
 def limits_of(request: Any) -> PlanLimits:
-    """The limits of a request.
+    """Makes the limits of a request.
 
     Raises:
         SloshPlanError: a limit that is none.
     """
+    distance = given(request.rim_distance, 0.0)
+    limit = request.limit
+    if distance > 0.0 and math.isnan(limit):
+        limit = math.inf
     return PlanLimits(
-        request.limit,
-        given(request.residual_limit, request.limit),
+        limit,
+        given(request.residual_limit, limit),
         given(request.max_acceleration, ACCELERATION),
         given(request.max_jerk, JERK),
         joint_velocity=given(request.max_velocity_scaling_factor, 1.0),
         joint_acceleration=given(request.max_acceleration_scaling_factor, 1.0),
+        rim_distance=distance,
     )
 
 
 def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan:
-    """The plan as it goes back: header and names as they came."""
+    """Makes the message of a plan; header and names are those of the request."""
     found, upper = answer.found, answer.upper or (math.nan, math.nan)
     places = np.empty((0, 3)) if asked.waypoints is None else asked.waypoints.position
     run = execution_of(found.motion, places)
@@ -168,6 +173,7 @@ def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan
         scaled_duration=float(answer.scaled.found.motion.duration),
         peak=float(found.peak),
         residual=float(found.residual),
+        distance_to_rim=float(answer.distance_to_rim),
         peak_upper=float(upper[0]),
         residual_upper=float(upper[1]),
         acceleration=float(found.acceleration),

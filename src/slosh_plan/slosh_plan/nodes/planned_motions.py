@@ -1,8 +1,9 @@
-"""Watches `planned_trajectory` and tells, before the robot moves, what the liquid will do."""
+"""Predicts the liquid's response to each message of `planned_trajectory`."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
@@ -33,11 +34,11 @@ NAME = "the planned motion"
 
 
 class PlannedMotions:
-    """Takes a node's planned trajectories, publishes predictions.
+    """Receives planned trajectories and publishes predictions.
 
     Args:
         node: the node.
-        model: the model.
+        model: gives the model of what the gripper holds.
         limits: that motions are to keep.
         estimate: tells how the liquid stands.
         frame: of the container.
@@ -49,7 +50,12 @@ class PlannedMotions:
     """
 
     def __init__(
-        self, node: Node, model: Model, limits: HeightLimits, estimate: NewestEstimate, frame: str
+        self,
+        node: Node,
+        model: Callable[[], Model],
+        limits: HeightLimits,
+        estimate: NewestEstimate,
+        frame: str,
     ) -> None:
         self._node, self._model, self._frame = node, model, frame
         self.large = LargeMessages(node)
@@ -69,7 +75,7 @@ class PlannedMotions:
         )  # fmt: skip
 
     def health(self) -> Health | None:
-        """A warning of a motion that is not over yet; None: there is none."""
+        """Returns a warning about a motion that is not over; None: none."""
         last = self._last
         if last is None or last.state == MotionPrediction.KEPT:
             return None
@@ -86,7 +92,7 @@ class PlannedMotions:
         if not record.possible:
             self._node.get_logger().warning(
                 f"a prediction_outcome with sigma {record.sigma:g} m and epsilon "
-                f"{record.epsilon:g} is not used: these cannot be"
+                f"{record.epsilon:g} is not used: the values are invalid"
             )
             return
         self._record = record
@@ -128,19 +134,20 @@ class PlannedMotions:
             raise SloshEstimatorError(
                 f"{NAME}: by its stamp it has ended {-delay - motion.duration:.1f} s ago"
             )
+        model = self._model()
         found = look_ahead(
-            self._model, motion, delay, limits=self.limits, state=state,
+            model, motion, delay, limits=self.limits, state=state,
             error=error_of(self._record),
         )  # fmt: skip
         if delay < 0.0:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
-        added = added_text(self._model, attitude_of(motion))
+        added = added_text(model, attitude_of(motion))
         whence += f"; it {added}" if added else ""
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._message(found, now, start_ns, state is not None, whence)
 
     def _state(self) -> tuple[LiquidState | None, str]:
-        """The liquid's state, and why it is taken to be at rest where it is."""
+        """Returns the liquid's state, and why it is assumed to be at rest if so."""
         try:
             return self._estimate.state(), ""
         except SloshEstimatorError as error:
@@ -171,5 +178,6 @@ class PlannedMotions:
             excess=found.excess,
             residual_excess=found.residual_excess,
             flags=int(found.flags),
+            distance_to_rim=found.distance_to_rim,
             description=said + whence,
         )

@@ -29,6 +29,7 @@ from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.point_arrays import action_with_point_arrays, service_with_point_arrays
 from slosh_plan.nodes import plan_messages
+from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
 from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state, plan
@@ -40,16 +41,16 @@ LONGEST = 600.0
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec(
-        "time_limit", TIME_LIMIT, "of an action's search where its goal has none [s]",
+        "time_limit", TIME_LIMIT, "time limit of an action's search, if its goal has none [s]",
         (0.1, LONGEST),
     ),
     ParameterSpec(
-        "service_time_limit", 5.0, "of the service, from request to reply [s]", (0.1, 60.0)
+        "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
     ),
     ParameterSpec("urdf", "", "robot's description, for paths of its joints; empty: none"),
     ParameterSpec("tool_frame", "", "link of the robot that is the container"),
     ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, beside the description; empty: none"
+        "joint_limits", "", "MoveIt's joint_limits.yaml, besides the URDF's limits; empty: none"
     ),
 )  # fmt: skip
 REPLY = 0.2
@@ -65,7 +66,7 @@ PERIOD = 0.5
 
 
 class PlannerNode(PreparedNode):
-    """Converts, calls the core, answers; one plan at a time.
+    """Converts messages, calls the core and answers; one plan at a time.
 
     Its callbacks take seconds: it needs an executor with THREADS.
 
@@ -88,13 +89,14 @@ class PlannerNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels, one motion and many at once."""
+        """Compiles or loads the kernels for one and for many motions."""
         for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Answers from now on."""
+        """Starts answering."""
         self._settings.publish({"model": format_model(self._model)})
+        self._container = ContainerWatch(self, self._model, self._on_container)
         self._estimate = NewestEstimate(self)
         self._large = LargeMessages(self)
         paths = (("request", "trajectory"), ("request", "joint_trajectory"))
@@ -110,8 +112,13 @@ class PlannerNode(PreparedNode):
             callback_group=ReentrantCallbackGroup(),
         )  # fmt: skip
 
+    def _on_container(self) -> None:
+        """Plans for another container from the next request on."""
+        files = {"model": format_model(self._container.held.model)}
+        self._settings.publish(files, int(self.get_clock().now().nanoseconds))
+
     def close(self) -> None:
-        """Ends a plan that is under way."""
+        """Stops a running plan."""
         self._closing.set()
         if self._busy.acquire(timeout=CLOSING):
             self._busy.release()
@@ -152,7 +159,7 @@ class PlannerNode(PreparedNode):
     def _answer(
         self, request: Any, answer: Any, longest: float, watch: Watch, most: int | None = None
     ) -> None:
-        """Plans; writes success, message and plan, whose motion has `most` rows at most."""
+        """Plans; writes success, message and plan, with at most `most` rows."""
         self._large.add(max(map(len, plan_messages.points_of(request))))
         try:
             if not self._busy.acquire(blocking=False):
@@ -171,9 +178,12 @@ class PlannerNode(PreparedNode):
     def _planned(
         self, request: Any, longest: float, watch: Watch, most: int | None
     ) -> tuple[Any, str]:
-        """The plan's message and a sentence."""
+        """Returns the plan's message and a sentence."""
         path = request.model_path
-        model = model_at(path, self.get_logger().warning, topics.PLAN) if path else self._model
+        if path:
+            model = model_at(path, self.get_logger().warning, topics.PLAN)
+        else:
+            model = self._container.model()
         limits = plan_messages.limits_of(request)
         asked = plan_messages.path_of(request, self._robot)
         if request.from_estimate:
@@ -190,7 +200,7 @@ class PlannerNode(PreparedNode):
         if most is not None and len(motion.t) > most:
             raise SloshEstimatorError(
                 f"the fastest safe motion that was found lasts {motion.duration:.3g} s; the "
-                f"service gives back {most} points, one per millisecond: send the goal to the "
+                f"service returns {most} points, one per millisecond: send the goal to the "
                 f"action {topics.PLAN_MOTION}, or cut the path"
             )
         if request.from_estimate:
@@ -201,21 +211,24 @@ class PlannerNode(PreparedNode):
 
     def _health(self) -> Health:
         busy = ", a plan is under way" if self._busy.locked() else ""
-        return OK, f"planning with {self._model.nonlinear().name}{busy}"
+        held = self._container.held
+        if held.empty:
+            return OK, f"no container: the gripper is empty{busy}"
+        return OK, f"planning with {held.model.nonlinear().name}{busy}"
 
     def _facts(self) -> dict[str, Any]:
-        return {"refused requests": self._refused}
+        return {"container": self._container.held.described, "refused requests": self._refused}
 
 
 class GoalFeedback:
-    """Tells the client of a goal how far it is: at each news, and twice a second."""
+    """Sends a goal's progress to the client: at each change, and twice a second."""
 
     def __init__(self, goal: Any) -> None:
         self._goal = goal
         self._told = PlanProgress("", math.inf, -math.inf)
 
     def tell(self, progress: PlanProgress) -> None:
-        """Takes progress, however often it is told."""
+        """Processes progress reports at any rate."""
         told = self._told
         same = (progress.phase, progress.duration) == (told.phase, told.duration)
         if same and progress.elapsed - told.elapsed < PERIOD:
@@ -228,7 +241,7 @@ class GoalFeedback:
 
     @property
     def cancelled(self) -> bool:
-        """Whether the client has had enough."""
+        """Whether the client has cancelled the goal."""
         return bool(self._goal.is_cancel_requested)
 
 

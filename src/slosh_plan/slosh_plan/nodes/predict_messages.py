@@ -1,4 +1,4 @@
-"""Trajectories and `predict` requests to plain values, and answers to its response.
+"""Converts trajectories and `predict` requests to plain values, and results to responses.
 
 Of several bodies in a trajectory the first is the container.
 """
@@ -26,7 +26,7 @@ Points = PointArrays | Sequence[Any]
 
 
 def trajectory_of(request: Any, arm: Arm | None) -> Trajectory:
-    """The motion of a request.
+    """Makes the motion of a request.
 
     Args:
         request: of the service.
@@ -60,17 +60,18 @@ def trajectory_of(request: Any, arm: Arm | None) -> Trajectory:
 
 
 def limits_of(request: Any) -> HeightLimits:
-    """The limits of a request.
+    """Makes the limits of a request.
 
     Raises:
         SloshPlanError: a limit that is none.
     """
     height = math.inf if math.isnan(request.limit) else request.limit
-    return HeightLimits(height, given(request.residual_limit, math.inf))
+    distance = given(request.rim_distance, 0.0)
+    return HeightLimits(height, given(request.residual_limit, math.inf), rim_distance=distance)
 
 
 def error_of(request: Any) -> ModelError:
-    """The model's measured error of a request.
+    """Makes the model's measured error of a request.
 
     Raises:
         SloshPlanError: impossible values.
@@ -79,7 +80,7 @@ def error_of(request: Any) -> ModelError:
 
 
 def horizon_of(request: Any) -> float | None:
-    """The horizon of a request [s]; None: the usual one."""
+    """Returns the horizon of a request [s]; None: the default."""
     return given(request.horizon, 0.0) or None
 
 
@@ -94,17 +95,18 @@ def fill(response: Any, prediction: Prediction) -> None:
     response.settling_time = nonlinear.settling_time
     response.excess, response.residual_excess = prediction.excess, prediction.residual_excess
     response.flags = int(prediction.flags)
+    response.distance_to_rim = prediction.distance_to_rim
 
 
 def fill_unknown(response: Any) -> None:
-    """NaN in all that only an answer knows."""
+    """Sets all numbers of a failed response to NaN."""
     for name, kind in response.get_fields_and_field_types().items():
         if kind == "double":
             setattr(response, name, math.nan)
 
 
 def fill_scales(response: Any, scales: SafeScales) -> None:
-    """Writes which time scales are safe."""
+    """Writes the safe time scales."""
     response.time_scale = scales.safe_from
     response.safe_from = [low for low, _ in scales.intervals]
     response.safe_to = [high for _, high in scales.intervals]
@@ -112,12 +114,12 @@ def fill_scales(response: Any, scales: SafeScales) -> None:
 
 
 def given(value: float, otherwise: float) -> float:
-    """A number of a request; another where it is NaN or 0."""
+    """Returns a number of a request, or a default for NaN or 0."""
     return otherwise if value == 0.0 or math.isnan(value) else value
 
 
 def trajectory_of_points(points: Points, name: str) -> Trajectory:
-    """The motion of a trajectory's points: by accelerations where all have one, else by poses.
+    """Makes a motion from trajectory points: by accelerations if all have one, else by poses.
 
     Raises:
         SloshEstimatorError, SloshPlanError: it cannot be one, or its fields contradict each other.
@@ -142,7 +144,7 @@ def trajectory_of_points(points: Points, name: str) -> Trajectory:
 def read_points(
     points: Points, most: int = MOST_POINTS, remedy: str = "cut the motion or thin it out"
 ) -> PointArrays:
-    """The points as arrays.
+    """Reads the points as arrays.
 
     Raises:
         SloshEstimatorError: there are more than `most`.
@@ -153,7 +155,7 @@ def read_points(
 
 
 def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
-    """(N, 3) positions [m] and (N, 4) attitudes; None where points lack a transform.
+    """Returns positions (N, 3) [m], attitudes (N, 4); None if points lack a transform.
 
     The attitude is None, too, where the container stands unturned throughout. A rotation of zeros
     is upright.
@@ -167,13 +169,13 @@ def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
 
 
 def _linear_of(points: PointArrays, field: str) -> Array | None:
-    """(N, 3) linear part of each point's velocity or acceleration; None: not all have one."""
+    """Returns the linear part (N, 3) of the points' twist; None: not all have one."""
     twists = points.values[field]
     return None if twists is None else twists[:, :3]
 
 
 def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
-    """The container's motion on a JointTrajectory.
+    """Returns the container's motion of a JointTrajectory.
 
     Velocities and accelerations count where all points have them.
 
@@ -187,7 +189,7 @@ def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
 
 
 def joint_columns(message: Any, name: str) -> tuple[tuple[str, ...], Array, list[Array]]:
-    """Joints, times (N,) [s] and positions of a JointTrajectory, with derivatives if all have any.
+    """Returns joints, times (N,) [s] and positions of a JointTrajectory, with derivatives.
 
     Raises:
         SloshEstimatorError: points whose number of values is not that of the joints.

@@ -1,4 +1,4 @@
-"""The predictor node: answers, before the robot moves, how high the liquid will rise."""
+"""The predictor node: predicts how high the liquid rises before the robot moves."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from slosh_msgs_py.point_arrays import service_with_point_arrays
 from slosh_plan import HeightLimits, predict, safe_scales
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.nodes import predict_messages
+from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.planned_motions import PlannedMotions
 from slosh_plan.robot_file import read_arm
@@ -36,13 +37,18 @@ MOST_SAMPLES = 10_000_000
 """Of all time scales of a request: about a second, in which nothing else is answered."""
 PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
-    ParameterSpec("scales", COUNT, "time scales that a request looks at", (10, 10_000)),
+    ParameterSpec("scales", COUNT, "number of time scales tested per request", (10, 10_000)),
     ParameterSpec(
         "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0),
         read_only=False,
     ),
     ParameterSpec(
         "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
+        read_only=False,
+    ),
+    ParameterSpec(
+        "rim_distance", 0.0,
+        "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
         read_only=False,
     ),
     ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
@@ -53,7 +59,7 @@ LIMITS = ("limit", "residual_limit")
 
 
 class PredictorNode(PreparedNode):
-    """Converts, calls the core, answers; tells of planned motions by itself.
+    """Converts messages, calls the core and answers; predicts planned motions unasked.
 
     Args:
         later: it gets ready by `run_node`.
@@ -74,29 +80,41 @@ class PredictorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels, one motion and many at once."""
+        """Compiles or loads the kernels for one and for many motions."""
         for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Answers from now on."""
+        """Starts answering."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
+        self._container = ContainerWatch(self, self._model, self._on_container)
         self._planned = PlannedMotions(
-            self, self._model, self._limits(), self._estimate, self._values["container_frame"]
-        )
+            self, self._container.model, self._limits(), self._estimate,
+            self._values["container_frame"],
+        )  # fmt: skip
         service = service_with_point_arrays(
             PredictSlosh, (("trajectory",), ("joint_trajectory",)), MOST_POINTS
         )
         self.create_service(service, topics.PREDICT, self._on_predict)
 
     def _limits(self) -> HeightLimits:
-        return HeightLimits(*(self._values[name] or math.inf for name in LIMITS))
+        height, residual = (self._values[name] or math.inf for name in LIMITS)
+        own = self._container.held.limit
+        height = height if math.isnan(own) else own
+        return HeightLimits(height, residual, rim_distance=self._values["rim_distance"])
+
+    def _on_container(self) -> None:
+        self._planned.limits = self._limits()
+        self._settings.publish({"model": format_model(self._container.held.model)}, self._now())
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
         if self.readiness.state == READY:
             self._planned.limits = self._limits()
-            self._settings.publish_change(changed, int(self.get_clock().now().nanoseconds))
+            self._settings.publish_change(changed, self._now())
 
     def _on_predict(
         self, request: PredictSlosh.Request, response: PredictSlosh.Response
@@ -141,17 +159,20 @@ class PredictorNode(PreparedNode):
 
     def _model_of(self, path: str) -> Model:
         if not path:
-            return self._model
+            return self._container.model()
         return model_at(path, self.get_logger().warning, "predict")
 
     def _health(self) -> Health:
-        return self._planned.health() or (
-            OK, f"predicting with {self._model.nonlinear().name}"
-        )  # fmt: skip
+        held = self._container.held
+        doing = "no container: the gripper is empty"
+        if not held.empty:
+            doing = f"predicting with {held.model.nonlinear().name}"
+        return self._planned.health() or (OK, doing)
 
     def _facts(self) -> dict[str, Any]:
         return {
             **{name: self._values[name] for name in LIMITS},
+            "container": self._container.held.described,
             "refused requests": self._refused,
             "planned motions": self._planned.count,
         }

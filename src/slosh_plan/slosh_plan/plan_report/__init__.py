@@ -1,1 +1,1 @@
-"""A plan for people and programs: the page and the document `plan.json`."""
+"""Results of a plan: the page and the document `plan.json`."""

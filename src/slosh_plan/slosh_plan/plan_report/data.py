@@ -1,4 +1,4 @@
-"""What a plan's page and its JSON show."""
+"""Contents of a plan's page and JSON document."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownMotion:
-    """A motion along the path, as it is drawn.
+    """A drawn motion along the path.
 
     Attributes:
         title: for people.
@@ -34,24 +34,24 @@ class ShownMotion:
 
     @property
     def times(self) -> Array:
-        """(M,) of the heights, which go on after the motion's end [s]."""
+        """(M,) times of the heights, which continue after the motion's end [s]."""
         return STEP * np.arange(len(self.found.msh), dtype=np.float64)
 
     @property
     def acceleration(self) -> Array:
-        """(N,) ‖a‖ [m/s²]."""
+        """(N,) magnitude of the acceleration [m/s²]."""
         return np.asarray(np.linalg.norm(self.found.motion.acceleration, axis=1))
 
     @property
     def jerk(self) -> Array:
-        """(N - 1,) change of the acceleration from row to row, by time [m/s³]."""
+        """(N - 1,) magnitude of the jerk from finite differences [m/s³]."""
         steps = np.diff(self.found.motion.acceleration, axis=0)
         return np.asarray(np.linalg.norm(steps, axis=1) / STEP)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanReport:
-    """A plan and what its reader compares it with.
+    """A plan with the motions for comparison.
 
     Attributes:
         plan: the plan.
@@ -85,7 +85,7 @@ class PlanReport:
 
     @property
     def motions(self) -> tuple[ShownMotion, ...]:
-        """What was there before, then what was planned; a scaled law that is the plan once."""
+        """The motions for comparison, then the planned one, without duplicates."""
         before = () if self.proposal is None else (self.proposal,)
         if self.scaled.found is self.planned.found:
             return (*before, self.planned)
@@ -93,12 +93,12 @@ class PlanReport:
 
 
 def plan_json(report: PlanReport) -> str:
-    """The text of `plan.json`: strict JSON, the same for the same report."""
+    """Formats `plan.json`: strict JSON, reproducible."""
     return json.dumps(plan_document(report), indent=2, allow_nan=False) + "\n"
 
 
 def plan_document(report: PlanReport) -> Document:
-    """A report's numbers and names in SI units; `json.dumps` takes it as it is.
+    """Returns a report's numbers and names in SI units as a JSON-compatible dictionary.
 
     Every number that the page shows in a `<data>` element is in here: the element's `data-path`
     is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.

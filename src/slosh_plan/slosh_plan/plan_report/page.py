@@ -59,7 +59,7 @@ WIDE_LABELS = 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChartSeries:
-    """What a chart over time shows.
+    """Data of a chart over time.
 
     Attributes:
         label: of the axis, with the unit.
@@ -75,13 +75,13 @@ class ChartSeries:
 
 
 def drawn(report: PlanReport) -> list[ShownMotion]:
-    """Motions that the charts over time show."""
+    """Returns the motions in the charts over time."""
     longest = LONGER * report.scaled.found.motion.duration
     return [one for one in report.motions if one.found.motion.duration <= longest]
 
 
 def ends(report: PlanReport) -> tuple[float, float]:
-    """Of the time axis, the same for all charts [s]."""
+    """Returns the ends of the common time axis [s]."""
     longest = max(one.found.motion.duration for one in drawn(report))
     after = min(
         AFTER_SHARE * longest, report.planned.times[-1] - report.planned.found.motion.t[-1]
@@ -90,19 +90,19 @@ def ends(report: PlanReport) -> tuple[float, float]:
 
 
 def speed_series(report: PlanReport) -> ChartSeries:
-    """Speed along the path."""
+    """Returns the speed along the path."""
     lines = [(one.found.motion.t, one.found.motion.speed) for one in drawn(report)]
     return ChartSeries("speed [m/s]", 1.0, lines, None)
 
 
 def acceleration_series(report: PlanReport) -> ChartSeries:
-    """‖a‖ against its limit."""
+    """Returns ‖a‖ and its limit."""
     lines = [(one.found.motion.t, one.acceleration) for one in drawn(report)]
     return ChartSeries("‖a‖ [m/s²]", 1.0, lines, report.plan.limits.acceleration)
 
 
 def jerk_series(report: PlanReport) -> ChartSeries:
-    """‖da/dt‖ against its limit."""
+    """Returns ‖da/dt‖ and its limit."""
     lines = [(one.found.motion.t[1:], one.jerk) for one in drawn(report)]
     return ChartSeries("‖jerk‖ [m/s³]", 1.0, lines, report.plan.limits.jerk)
 
@@ -111,13 +111,13 @@ SERIES = {"speed": speed_series, "acceleration": acceleration_series, "jerk": je
 
 
 def heights_series(report: PlanReport) -> ChartSeries:
-    """Height at the wall against its limit."""
+    """Returns the wall height and its limit."""
     lines = [(one.times, one.found.msh) for one in drawn(report)]
     return ChartSeries("height [mm]", 1e3, lines, report.plan.limits.height)
 
 
 def series_chart(report: PlanReport, series: ChartSeries, size: Size, name: str) -> str:
-    """A chart over time as SVG text; the planned motion is the last line."""
+    """Draws a chart over time as SVG; the planned motion is the last line."""
 
     def draw(axes: Any) -> None:
         if series.limit is not None:
@@ -135,7 +135,7 @@ def series_chart(report: PlanReport, series: ChartSeries, size: Size, name: str)
 
 
 def heights_chart(report: PlanReport, size: Size, name: str) -> str:
-    """Heights with the planned motion's band, and both limits, as SVG text."""
+    """Draws heights with the planned motion's band and both limits as SVG."""
     series, planned = heights_series(report), report.planned
 
     def draw(axes: Any) -> None:
@@ -159,7 +159,7 @@ def heights_chart(report: PlanReport, size: Size, name: str) -> str:
 
 
 def line_style(report: PlanReport, motion: ShownMotion) -> tuple[str, float, Any]:
-    """Colour, width and dashes of a motion's lines."""
+    """Returns colour, width and dashes of a motion's lines."""
     if motion is report.planned:
         return NONLINEAR, 1.8, "-"
     if motion is report.proposal:
@@ -168,7 +168,7 @@ def line_style(report: PlanReport, motion: ShownMotion) -> tuple[str, float, Any
 
 
 def views(report: PlanReport) -> dict[str, tuple[int, int]]:
-    """Views of the path: name to the axes that it shows."""
+    """Returns the views of the path: name and shown axes."""
     spans = np.ptp(report.planned.found.motion.position, axis=0)
     along = 0 if spans[0] >= spans[1] else 1
     if spans[2] < FLAT:
@@ -179,13 +179,13 @@ def views(report: PlanReport) -> dict[str, tuple[int, int]]:
 
 
 def tick_spacing(duration: float) -> float:
-    """Time between two dots on the path [s]."""
+    """Returns the time between two dots on the path [s]."""
     fine = [tick for tick in TICKS if duration / tick <= MOST_TICKS]
     return fine[0] if fine else TICKS[-1]
 
 
 def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name: str) -> str:
-    """The path with its waypoints and a dot for each of equal times, as SVG text."""
+    """Draws the path with waypoints and dots at equal times as SVG."""
     motion = report.planned.found.motion
     first, second = axes_shown
     place = 1e3 * motion.position
@@ -211,7 +211,7 @@ def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name
 
 
 def _top(series: ChartSeries) -> float:
-    """Upper end of the axis: all of the planned motion, of the others as far as that allows."""
+    """Returns the axis's upper end: the planned motion fits, others are limited."""
     planned = float(np.max(series.lines[-1][1]))
     if series.limit is not None:
         return HEADROOM * max(series.limit, planned)
@@ -219,7 +219,7 @@ def _top(series: ChartSeries) -> float:
 
 
 def render_plan(report: PlanReport) -> str:
-    """The page as HTML text, the same for the same report; every text in it is escaped."""
+    """Renders the page as HTML; reproducible; every text in it is escaped."""
     document = plan_document(report)
     planned = len(document["motions"]) - 1
     return _template().render(
@@ -239,7 +239,7 @@ def render_plan(report: PlanReport) -> str:
 
 
 def headline(document: Document) -> str:
-    """The plan in one sentence."""
+    """Formats the plan in one sentence."""
     motion, limits = document["motions"][-1], document["limits"]
     return (
         f"{shown(motion['duration'], 's')} s along {shown(document['path']['length'], 'm')} m, "
@@ -248,7 +248,7 @@ def headline(document: Document) -> str:
 
 
 def interval_excess(document: Document) -> float:
-    """By how much the upper end of the heights' interval exceeds a limit [m]; 0: not."""
+    """Returns by how much the interval's upper end exceeds a limit [m]; 0: not at all."""
     if document["upper"] is None:
         return 0.0
     limits = document["limits"]
@@ -259,7 +259,7 @@ def interval_excess(document: Document) -> float:
 
 
 def seen(document: Document) -> str:
-    """What the chart of the heights shows, in words, for those who do not see it."""
+    """Describes the chart of the heights in words, for screen readers."""
     rows = (
         f"{row['title']}: up to {shown(row['peak'], 'mm')} mm, afterwards "
         f"{shown(row['residual'], 'mm')} mm"
@@ -269,7 +269,7 @@ def seen(document: Document) -> str:
 
 
 def _charts(report: PlanReport) -> dict[str, str]:
-    """SVG text by name."""
+    """Returns the charts as SVG by name."""
     charts = {}
     for width, size, low in (("wide", WIDE, LOW), ("narrow", NARROW, LOW_NARROW)):
         charts[f"height-{width}"] = heights_chart(report, size, f"height-{width}")
@@ -282,7 +282,7 @@ def _charts(report: PlanReport) -> dict[str, str]:
 
 
 def _key(report: PlanReport, number: int) -> str:
-    """Class of a motion's key below a chart."""
+    """Returns the style class of a motion's legend entry."""
     motion = report.motions[number]
     if motion is report.planned:
         return "nonlinear"

@@ -1,1 +1,1 @@
-"""The fastest motion along a path that keeps the liquid's height, acceleration and jerk."""
+"""Finds the fastest motion along a path within limits of height, acceleration and jerk."""

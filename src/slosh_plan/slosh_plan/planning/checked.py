@@ -1,4 +1,4 @@
-"""What a motion does to the liquid, by the product's own simulation at the motion's rate."""
+"""Checks motions by simulation at the motion's sample rate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CheckedMotion:
-    """A motion and what it reaches.
+    """A motion with its simulated extremes.
 
     Attributes:
         motion: the motion.
@@ -52,7 +52,7 @@ class CheckedMotion:
     joints: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
-        """By how much of itself each limit is exceeded; not above 0: it is kept."""
+        """Returns the relative excess of each limit; at most 0: the limit is kept."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
         shares |= {name: used / getattr(limits, name) - 1.0 for name, used in self.joints.items()}
@@ -63,18 +63,18 @@ class CheckedMotion:
         }
 
     def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
-        """Whether the motion keeps every limit, but for a share of it."""
+        """Whether the motion keeps every limit within a relative tolerance."""
         return max(self.excess(limits).values()) <= tolerance
 
 
 def horizon(model: Model) -> float:
-    """How long the liquid is looked at after a motion [s]."""
+    """Returns the simulated time after a motion [s]."""
     return PERIODS * first_period(model)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
-    """Simulates motions from a liquid at rest.
+    """Simulates motions from rest.
 
     Attributes:
         model: the model.
@@ -89,7 +89,7 @@ class Checker:
     error: ModelError | None = None
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """What motions reach."""
+        """Returns the simulated extremes of motions."""
         found = checked(self.model, motions, self.attitude)
         if self.error is None:
             return found
@@ -107,12 +107,12 @@ class Checker:
         ]
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """The same without the covariance: not lower than it is."""
+        """Simulates motions without the covariance, for a lower bound."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
 def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
-    """Variances from one standard error to either side."""
+    """Returns variances from one standard error to either side."""
     if not math.isfinite(one.peak + other.peak):
         return math.inf, math.inf
     return (0.25 * (one.peak - other.peak) ** 2, 0.25 * (one.residual - other.residual) ** 2)
@@ -121,7 +121,7 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
 ) -> list[CheckedMotion]:
-    """Simulates motions from a liquid at rest.
+    """Simulates motions from rest.
 
     Args:
         model: the model.
@@ -139,7 +139,7 @@ def checked(
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
-    """(rows, 4) quaternions over a motion and what follows it; None: upright and not turned.
+    """Returns quaternions (rows, 4) over a motion and the rest after it; None: upright.
 
     Args:
         motion: the motion.

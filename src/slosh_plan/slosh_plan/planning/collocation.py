@@ -1,4 +1,4 @@
-"""The problem of a search, put together from its intervals, with sparse derivatives."""
+"""The collocation problem of a search: intervals combined, with sparse derivatives."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegUnknowns:
-    """Where a leg's unknowns stand among all.
+    """Indices of a leg's unknowns among all.
 
     Attributes:
         duration: of the leg.
@@ -44,7 +44,7 @@ class LegUnknowns:
 
     @classmethod
     def after(cls, begin: int, count: int, layout: StateLayout) -> LegUnknowns:
-        """Those of `count` intervals, from the `begin`-th unknown on."""
+        """Makes the indices for `count` intervals, from the `begin`-th unknown on."""
         shapes = ((count + 1, layout.size), (count, layout.driven), (count, LIQUID))
         arrays, at = [], begin + 1
         for shape in shapes:
@@ -54,12 +54,12 @@ class LegUnknowns:
 
     @property
     def end(self) -> int:
-        """Behind the last one."""
+        """Index after the last unknown of the leg."""
         return int(self.middles[-1, -1]) + 1
 
     @property
     def of_intervals(self) -> Indices:
-        """(n, size) those of each interval, in its own order."""
+        """(n, size) unknowns of each interval, in its own order."""
         count = len(self.controls)
         durations = np.full((count, 1), self.duration)
         return np.hstack(
@@ -69,7 +69,7 @@ class LegUnknowns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Some demands: values, and the entries of their derivatives that are not zero."""
+    """Some constraints: values, and the non-zero entries of their derivatives."""
 
     values: Expression
     lower: Array
@@ -83,7 +83,7 @@ class _Part:
 
 
 class CollocationProblem:
-    """A search's unknowns, demands and their derivatives.
+    """Unknowns, constraints and derivatives of a search.
 
     Args:
         flow: the liquid.
@@ -122,7 +122,7 @@ class CollocationProblem:
         self._hessian = self._assembled_hessian(parts, size)
 
     def solver(self, options: dict[str, Any]) -> Any:
-        """IPOPT for the problem."""
+        """Makes IPOPT's solver of the problem."""
         ca = casadi()
 
         x, limits, weights = self._x, self._limits, ca.vertcat(*self._weights)
@@ -138,7 +138,7 @@ class CollocationProblem:
         return ca.nlpsol("plan", "ipopt", problem, derivatives | options)
 
     def sizes(self) -> dict[str, int]:
-        """Numbers of unknowns, demands and parameters, by their names in CasADi."""
+        """Numbers of unknowns, constraints and parameters by their names in CasADi."""
         return {"x": self._x.numel(), "g": len(self.lower), "p": len(LIMITS)}
 
     def _intervals(self, interval: Interval, leg: Leg, place: LegUnknowns) -> _Part:
@@ -172,7 +172,7 @@ class CollocationProblem:
         )
 
     def _residual(self, flow: Flow, layout: StateLayout) -> _Part:
-        """What is left of the wave at the end."""
+        """Returns the constraint on the residual wave at the end."""
         ca = casadi()
 
         where = [*self.legs[-1].states[-1, layout.liquid].tolist(), self._x.numel() - 1]
@@ -202,7 +202,7 @@ class CollocationProblem:
         )
 
     def _joins(self, flow: Flow, path: Path, layout: StateLayout) -> _Part:
-        """Rest at the path's ends and at corners; tilt and liquid as the leg before left them."""
+        """Returns constraints between legs: rest at corners; continuous tilt and liquid."""
         ca = casadi()
 
         rows: list[tuple[dict[int, float], float]] = []
@@ -259,14 +259,14 @@ class CollocationProblem:
 
 
 def _entries(blocks: Expression) -> Expression:
-    """The entries of blocks side by side that are not zero by structure."""
+    """Returns the structurally non-zero entries of adjacent blocks."""
     return blocks.nz[:]
 
 
 def _assembled(
     entries: Expression, rows: Indices, columns: Indices, shape: tuple[int, int]
 ) -> Expression:
-    """A sparse matrix of entries, those of one place added up."""
+    """Assembles a sparse matrix from entries; adds those at the same position."""
     ca = casadi()
 
     flat = columns * shape[0] + rows

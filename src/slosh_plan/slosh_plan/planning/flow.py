@@ -1,4 +1,4 @@
-"""The first mode's equations as CasADi expressions, for the search of a time law.
+"""The first mode's equations as CasADi expressions, for planning.
 
 The same equations as in the model's effects `vertical_acceleration`, `surface_nonlinearity` (DL22,
 eqs. (11), (14)) and `pendulum_nonlinearity` (TM20, eq. (6)); the search uses no others. What it
@@ -21,13 +21,13 @@ Expression = Any
 
 
 def casadi() -> Any:
-    """The module, which is loaded only where something is searched."""
+    """Imports CasADi on first use."""
     return importlib.import_module("casadi")
 
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """What the equations need of a model.
+    """The parameters of a model's first mode.
 
     Attributes:
         frequency: ω along the container's x and y [rad/s].
@@ -52,7 +52,7 @@ class Flow:
     vertical: bool
 
     def acceleration(self, q: Expression, a: Expression) -> list[Expression]:
-        """q̈ [m/s²] of q = (x, y, ẋ, ẏ) under the container's acceleration in its own axes."""
+        """Returns q̈ [m/s²] of q = (x, y, ẋ, ẏ) for the container's acceleration in its axes."""
         lift = 1.0 + a[2] / GRAVITY if self.vertical else 1.0
         if self.pendulum:
             return [self._swing(q[n], q[n + 2], a[n], lift, self.frequency[n]) for n in (0, 1)]
@@ -85,12 +85,12 @@ class Flow:
         return [(myy * fx - mxy * fy) / determinant, (mxx * fy - mxy * fx) / determinant]
 
     def heights(self, q: Expression, limit: Expression) -> list[Expression]:
-        """Expressions that are at most 1 where the height keeps a limit [m]."""
+        """Returns expressions that are at most 1 if the height keeps a limit [m]."""
         x, y = self.gain[0] * q[0] / limit, self.gain[1] * q[1] / limit
         return [x + y, x - y, -x - y, y - x] if self.cornered else [x * x + y * y]
 
     def residual(self, q: Expression, limit: Expression, share: Expression) -> list[Expression]:
-        """Expressions that are at most 0 where a free wave of the linear model keeps a limit [m].
+        """Returns expressions that are at most 0 if a free linear wave keeps a limit [m].
 
         The wave runs on an ellipse whose half axes a, b follow from a² + b² = E, ab = L; its
         largest height is a ≤ 1 where 1 - E + L² ≥ 0 and E ≤ 2 (heights by the limit).
@@ -110,7 +110,7 @@ class Flow:
 
 
 def flow_of(model: Model) -> Flow:
-    """The first mode of a model."""
+    """Makes the equations of a model's first mode."""
     mode = model.mode_constants()[0]
     acting = model.acting
     curved = acting.get("surface_nonlinearity")

@@ -1,4 +1,4 @@
-"""An interval of a search as CasADi functions.
+"""One interval of a search as CasADi functions.
 
 Place along a leg, and the tilt where one is allowed, are polynomials of the time between two
 nodes; the liquid's first mode obeys its equations at the nodes and half-way between two
@@ -39,7 +39,7 @@ SHARES = (0.0, 0.5, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class StateLayout:
-    """What the state of a node holds: s and its rates, the tilts' likewise, the liquid.
+    """Layout of a node's state: s and its rates, the same of the tilts, the liquid.
 
     Attributes:
         tilting: whether the container tilts, about its x and its y.
@@ -49,34 +49,34 @@ class StateLayout:
 
     @property
     def driven(self) -> int:
-        """How many are driven by their third derivatives: s, and the tilts."""
+        """Number of quantities with a third derivative as control: s and the tilts."""
         return 3 if self.tilting else 1
 
     @property
     def size(self) -> int:
-        """Of the state."""
+        """Size of the state."""
         return CHAIN * self.driven + LIQUID
 
     @property
     def scale(self) -> Array:
-        """(size,) of the state: the search sees numbers of about 1."""
+        """(size,) scale of the state, so that the solver's numbers are about 1."""
         tilt = [0.2, 1.0, 10.0] * (self.driven - 1)
         return np.array([1.0, 1.0, 10.0, *tilt, 0.01, 0.01, 0.2, 0.2])
 
     @property
     def control_scale(self) -> Array:
-        """(driven,) of the third derivatives."""
+        """(driven,) scale of the third derivatives."""
         return np.array([50.0, *([100.0] * (self.driven - 1))])
 
     @property
     def liquid(self) -> slice:
-        """Where the liquid stands in the state."""
+        """Indices of the liquid in the state."""
         return slice(self.size - LIQUID, self.size)
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """What is demanded of an interval of a leg.
+    """The constraints of one interval of a leg.
 
     Its unknowns are the leg's duration, the states at both ends, the controls and the liquid
     half-way, one below the other.
@@ -97,7 +97,7 @@ class Interval:
 
     @property
     def curve(self) -> int:
-        """How many columns of the leg are looked up."""
+        """Number of the leg's interpolated columns."""
         return CURVE if self.joints is None else self.joints.width
 
     @property
@@ -106,7 +106,7 @@ class Interval:
         return 1 + 2 * self.layout.size + self.layout.driven + LIQUID
 
     def places(self) -> Any:
-        """Function from the unknowns to s [m] at start, middle and end."""
+        """Makes a function from the unknowns to s [m] at start, middle and end."""
         ca = casadi()
 
         unknowns = ca.SX.sym("unknowns", self.size)
@@ -115,7 +115,7 @@ class Interval:
         return ca.Function("places", [unknowns], [ca.vertcat(*(law[0] for law in laws))])
 
     def demands(self) -> tuple[Any, Any, Any]:
-        """What must be 0 and what must be at most 1; its Jacobian; the Hessian of its sum.
+        """Makes the function of the constraints, their Jacobian and the Hessian of their sum.
 
         Functions of the unknowns, the limits, three places and the curve there, and, the last
         one, of the multipliers; the Hessian is an upper triangle. The curve is given by its Taylor
@@ -138,7 +138,7 @@ class Interval:
         )
 
     def bounds(self) -> tuple[Array, Array]:
-        """Of what `demands` gives."""
+        """Returns the bounds of the constraints."""
         ca = casadi()
 
         unknowns, limits = ca.SX.sym("unknowns", self.size), ca.SX.sym("limits", len(LIMITS))
@@ -177,7 +177,7 @@ class Interval:
         return zero, kept
 
     def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
-        """Step [s], both states, the controls and the liquid half-way, in SI units."""
+        """Returns step [s], both states, controls and the liquid at the middle, in SI units."""
         ca = casadi()
 
         layout = self.layout
@@ -188,7 +188,7 @@ class Interval:
         return duration / self.count, states, control * layout.control_scale, liquid
 
     def _driven(self, full: Expression, thirds: Expression, time: Expression) -> list[Expression]:
-        """What is driven, a time after a node."""
+        """Extrapolates the driven quantities over a time after a node."""
         found: list[Expression] = []
         for n in range(self.layout.driven):
             chain = [full[CHAIN * n + k] for k in range(CHAIN)]
@@ -198,7 +198,7 @@ class Interval:
     def _there(
         self, full: Expression, curve: Expression, limits: Expression
     ) -> tuple[Expression, list[Expression]]:
-        """The liquid's rate in a state, and what must be at most 1."""
+        """Returns the liquid's rate in a state, and expressions that must be at most 1."""
         ca = casadi()
 
         tangent, bend, _ = ca.vertsplit(curve[:CURVE], 3)
@@ -215,7 +215,7 @@ class Interval:
         return ca.vertcat(q[2], q[3], *self.flow.acceleration(q, felt)), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
-        """The acceleration in the container's axes; where it tilts gravity turns with them."""
+        """Returns the acceleration in the container's axes, with gravity if it tilts."""
         ca = casadi()
 
         if self.joints is not None:
@@ -230,7 +230,7 @@ class Interval:
 
 
 def curve_of(leg: Leg) -> Any:
-    """From s to `terms`: the curve's first three derivatives, and theirs up to the second.
+    """Makes a function from s to `terms`: three derivatives of the curve, each to 2nd order.
 
     A spline through many of their values: one look-up in place of three.
     """
@@ -254,25 +254,25 @@ def _look_up(spline: BSpline, order: int) -> Any:
 
 
 def _expanded(terms: Expression, distance: Expression, width: int) -> Expression:
-    """The curve's columns beside the place where they are expanded."""
+    """Evaluates the Taylor expansion of the curve's columns at a distance."""
     value, first, second = casadi().vertsplit(terms, width)
     return value + distance * (first + 0.5 * distance * second)
 
 
 def _later(chain: list[Expression], third: Expression, t: Expression) -> list[Expression]:
-    """A value and its first two derivatives after a time with a constant third."""
+    """Extrapolates a value and two derivatives with a constant third derivative."""
     s, v, a = chain
     return [s + t * (v + t * (a / 2 + t * third / 6)), v + t * (a + t * third / 2), a + t * third]
 
 
 def _jerk(curve: Expression, at: Expression, third: Expression) -> Expression:
-    """d³x/dt³ in the world's axes."""
+    """Returns d³x/dt³ in the world's axes."""
     tangent, bend, change = casadi().vertsplit(curve, 3)
     return tangent * third + 3 * bend * at[1] * at[2] + change * at[1] ** 3
 
 
 def _turned_back(x: Expression, y: Expression, vector: Expression) -> Expression:
-    """A vector in the axes of what is turned by the rotation vector (x, y, 0)."""
+    """Rotates a vector by the inverse of the rotation vector (x, y, 0)."""
     ca = casadi()
 
     # Even functions of the angle, smooth at 0.

@@ -1,4 +1,4 @@
-"""Limits of a robot's joints: from its description, and from MoveIt's joint_limits.yaml."""
+"""Limits of a robot's joints from its description and MoveIt's joint_limits.yaml."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SWITCHES = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLimits:
-    """Limits of joints, (J,) each; infinite where there is none.
+    """Limits of joints, (J,) each; infinite: no limit.
 
     Attributes:
         names: of the joints.
@@ -48,7 +48,7 @@ class JointLimits:
     torque: Array
 
     def check_positions(self, position: Array, where: str, tolerance: float = 1e-6) -> None:
-        """Raises SloshPlanError where (N, J) positions lie outside; names joint and position."""
+        """Raises SloshPlanError if positions (N, J) exceed limits; names joint and position."""
         outside = np.maximum(self.lower - position, position - self.upper)
         if outside.max() > tolerance:
             row, joint = np.unravel_index(int(np.argmax(outside)), outside.shape)
@@ -62,7 +62,7 @@ class JointLimits:
 def limits_of(
     arm: Arm, joints: Sequence[str], given: Mapping[str, Mapping[str, float]] | None = None
 ) -> JointLimits:
-    """The limits of joints: of the description, replaced by those that are given.
+    """Returns the joints' limits of the description, overridden by given ones.
 
     Args:
         arm: the robot.

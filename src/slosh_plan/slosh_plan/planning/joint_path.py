@@ -1,4 +1,4 @@
-"""The path of a container that a robot's joints carry, by the joints' own path.
+"""The path of a container carried by a robot along a joint path.
 
 The joints move on smooth curves q(s); the container's position and attitude follow from the
 robot's kinematics, and are splines through many of them.
@@ -33,7 +33,7 @@ LYING = math.radians(45.0)
 
 @dataclass(frozen=True, kw_only=True)
 class JointLeg(Leg):
-    """A leg by the joints' path length s; `spline` is the container's position over s [m].
+    """A leg by joint path length s; `spline` is the container's position over s [m].
 
     Attributes:
         joints: (J,) the joints over s [rad or m].
@@ -49,7 +49,7 @@ class JointLeg(Leg):
     follows_yaw: bool
 
     def columns(self, s: Array) -> Array:
-        """(N, C) what a search looks up; see `JointDemands`."""
+        """Returns the columns (N, C) for a search; see `JointDemands`."""
         motion = Leg.columns(self, s)
         turned = self._liquid_axes(s).reshape(len(s), -1)
         slope, bend, change = (self.joint_derivative(s, order) for order in (1, 2, 3))
@@ -57,28 +57,28 @@ class JointLeg(Leg):
         return np.column_stack([motion, turned, joint_columns(slope, bend, change, torques)])
 
     def joint_derivative(self, s: Array, order: int) -> Array:
-        """(N, J) the joints or their derivative by s."""
+        """Returns the joint positions (N, J) or their derivative by s."""
         return np.asarray(self.joints(np.clip(s, 0.0, self.length), order))
 
     def torque_terms(self, s: Array) -> Array:
-        """(N, 3, J) what torques are made of; see `Arm.torque_terms`."""
+        """Returns the torque terms (N, 3, J); see `Arm.torque_terms`."""
         assert self.torques is not None
         found = np.asarray(self.torques(np.clip(s, 0.0, self.length)))
         return found.reshape(len(s), 3, -1)
 
     def lean(self) -> tuple[float, float]:
-        """Gravity's share along the floor of the container that rests at the start [m/s²]."""
+        """Gravity along the floor of the container at rest at the start [m/s²]."""
         x, y, _ = GRAVITY * self._liquid_axes(np.zeros(1))[0, :, 2]
         return float(x), float(y)
 
     def attitudes(self, s: Array) -> Array:
-        """(N, 4) the container's quaternions."""
+        """Returns the container's quaternions (N, 4)."""
         found: Array = np.asarray(self.attitude(np.clip(s, 0.0, self.length)))
         length: Array = np.linalg.norm(found, axis=1, keepdims=True)
         return found / length
 
     def _liquid_axes(self, s: Array) -> Array:
-        """(N, 3, 3) from the world's axes to the container's, in a round one but for its yaw."""
+        """Returns the rotation (N, 3, 3) from world to container axes; round ones without yaw."""
         quaternions = self.attitudes(s)
         back: Array = Rotation.from_quat(quaternions).inv().as_matrix()
         if self.follows_yaw:
@@ -96,7 +96,7 @@ def joint_path(
     name: str = "the path",
     stopped: Callable[[], bool] = never,
 ) -> Path:
-    """The path of the container as the joints move through points.
+    """Makes the container's path for a joint path through points.
 
     Args:
         arm: the robot.
@@ -148,7 +148,7 @@ def _carried(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
-    """How joints move.
+    """Motion of the joints.
 
     Attributes:
         limits: of the joints, and their names.
@@ -165,7 +165,7 @@ class JointMotion:
     torque: Array | None
 
     def shares(self, step: float) -> dict[str, float]:
-        """Largest shares of the joints' limits that are used, by the names of JOINT_LIMITS.
+        """Returns the largest used shares of the joints' limits, by the names of JOINT_LIMITS.
 
         Args:
             step: between two rows [s].
@@ -180,7 +180,7 @@ class JointMotion:
 
 
 def joints_along(leg: JointLeg, s: Array, rate: Array, change: Array) -> JointMotion:
-    """How the joints move at places s of a leg, with ds/dt and d²s/dt², (N,) each."""
+    """Computes the joint motion at positions s of a leg, given ds/dt and d²s/dt², (N,) each."""
     assert leg.demands is not None
     slope, bend = leg.joint_derivative(s, 1), leg.joint_derivative(s, 2)
     v, v2, a = rate[:, None], (rate**2)[:, None], change[:, None]
@@ -195,7 +195,7 @@ def joints_along(leg: JointLeg, s: Array, rate: Array, change: Array) -> JointMo
 
 
 def gathered(parts: Sequence[JointMotion]) -> JointMotion:
-    """The motions of legs, one after another, from rest to rest."""
+    """Concatenates the motions of legs, each from rest to rest."""
     columns = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("position", "velocity", "acceleration", "attitude")

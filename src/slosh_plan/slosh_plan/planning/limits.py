@@ -1,11 +1,13 @@
-"""What a planned motion has to keep."""
+"""Limits of a planned motion."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Self
 
 from slosh_model.limits import ValidityLimits
+from slosh_model.model import Model
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 
@@ -25,7 +27,11 @@ LARGEST = 1e6
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits(HeightLimits):
-    """Limits of a motion beside those of the liquid's height; all hold at every moment.
+    """Limits of a motion, including the liquid's height; all hold at every time.
+
+    >>> limits = PlanLimits(height=0.020, residual=0.010)  # m
+    >>> round(limits.lowered(0.002).height, 3)
+    0.018
 
     Attributes:
         acceleration: ‖a‖ of the container's origin [m/s²].
@@ -64,8 +70,13 @@ class PlanLimits(HeightLimits):
                 f"{math.degrees(LARGEST_TILT):g}°"
             )
 
+    def under_rim(self, model: Model) -> Self:
+        """As of HeightLimits; a height after the end that is not limited is limited as well."""
+        kept = HeightLimits.under_rim(self, model)
+        return replace(kept, residual=min(kept.residual, kept.height))
+
     def lowered(self, margin: float) -> PlanLimits:
-        """The same with both heights lower by a margin [m].
+        """Returns the limits with both heights reduced by a margin [m].
 
         Raises:
             SloshPlanError: a negative margin, or one that leaves no height.
@@ -80,7 +91,7 @@ class PlanLimits(HeightLimits):
         return replace(self, height=self.height - margin, residual=self.residual - margin)
 
     def reduced(self, share: float) -> PlanLimits:
-        """The same with both heights lower by a share of themselves."""
+        """Returns the limits with both heights reduced by a fraction."""
         return replace(
             self, height=self.height * (1.0 - share), residual=self.residual * (1.0 - share)
         )

@@ -1,4 +1,4 @@
-"""The fastest time law along a path, by direct collocation (CasADi, IPOPT).
+"""Finds the fastest time law along a path by direct collocation (CasADi, IPOPT).
 
 State at each node: place s, speed and acceleration along the leg, the tilts' likewise where the
 container may tilt, and the liquid's first mode; controls: the third derivatives of what is driven,
@@ -38,7 +38,7 @@ def available() -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegGuess:
-    """A leg's motion and the liquid's answer, at n + 1 nodes evenly spaced in time.
+    """Start of a leg's motion and the liquid, at n + 1 nodes evenly spaced in time.
 
     Attributes:
         duration: of the leg [s].
@@ -56,7 +56,7 @@ class LegGuess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathSolution:
-    """Motion that a search found, and how it ended.
+    """Result of a search: the motion, and the solver's status.
 
     Attributes:
         legs: the motion: where the next search may start.
@@ -72,14 +72,14 @@ class PathSolution:
 
 
 def node_counts(durations: Sequence[float]) -> tuple[int, ...]:
-    """How many intervals each leg gets."""
+    """Returns the number of intervals of each leg."""
     total = sum(durations)
     count = min(max(TUNING.nodes_per_second * total, TUNING.fewest_nodes), TUNING.most_nodes)
     return tuple(max(TUNING.fewest_on_a_leg, round(count * part / total)) for part in durations)
 
 
 class PathSearch:
-    """The problem of one path and one number of nodes; its limits are parameters.
+    """The problem of one path and one number of nodes, with the limits as parameters.
 
     Args:
         flow: the liquid.
@@ -119,7 +119,7 @@ class PathSearch:
         seconds: float,
         stop: Callable[[], bool] = never,
     ) -> PathSolution:
-        """Searches from a guess.
+        """Solves the problem from a start.
 
         Args:
             limits: to be kept.
@@ -142,7 +142,7 @@ class PathSearch:
         )
 
     def _solver(self, seconds: float) -> Any:
-        """IPOPT for the problem; it is made anew where its time limit has become too long."""
+        """Returns IPOPT's solver; makes a new one if its time limit is too long."""
         if self._made is None or seconds < 0.6 * self._made_for:
             options = {
                 "iteration_callback": self._stopper, "ipopt.max_wall_time": max(seconds, 0.1)
@@ -193,7 +193,7 @@ class PathSearch:
 
 
 def _stopper(stop: Callable[[], bool], counts: dict[str, int]) -> Any:
-    """What CasADi calls after each iteration; anything but 0 ends the search."""
+    """Makes CasADi's callback after each iteration; any result but 0 stops the search."""
     ca = casadi()
     rows = {"x": "x", "g": "g", "lam_x": "x", "lam_g": "g", "lam_p": "p", "f": "f"}
     sizes = [counts.get(rows[name], 1) for name in ca.nlpsol_out()]

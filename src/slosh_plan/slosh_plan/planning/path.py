@@ -1,4 +1,4 @@
-"""A smooth path through waypoints, by its length.
+"""A smooth path through waypoints, parameterised by length.
 
 Between corners the path is a spline of the fifth degree through the waypoints, four times
 continuously differentiable: acceleration and jerk along it are bounded. Points that come densely,
@@ -32,7 +32,7 @@ DEGREE = TUNING.degree
 
 @dataclass(frozen=True)
 class Leg:
-    """A smooth part of a path, by its length s.
+    """A smooth part of a path, parameterised by length s.
 
     Attributes:
         spline: (3,) position [m] over s [m].
@@ -50,22 +50,22 @@ class Leg:
         return (self.spline, *(self.spline.derivative(n) for n in (1, 2, 3)))
 
     def at(self, s: Array, orders: int = 3) -> tuple[Array, ...]:
-        """Position [m] and its first derivatives by s, up to three, (N, 3) each."""
+        """Returns position [m] and derivatives by s, up to the third, (N, 3) each."""
         inside = np.clip(s, 0.0, self.length)
         return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 
     def lean(self) -> tuple[float, float]:
-        """Gravity's share along the floor of the container that rests at the start [m/s²]."""
+        """Gravity along the floor of the container at rest at the start [m/s²]."""
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
-        """(N, C) what a search looks up at places: here the derivatives of the position."""
+        """Returns the columns (N, C) for a search: derivatives of the position."""
         return np.column_stack(self.at(s)[1:])
 
 
 @dataclass(frozen=True)
 class Path:
-    """A path: legs one after another, with a stop between two.
+    """A path: consecutive legs with a stop between two.
 
     Attributes:
         legs: at least one.
@@ -82,12 +82,16 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Of all legs [m]."""
+        """Length of all legs [m]."""
         return sum(leg.length for leg in self.legs)
 
 
 def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
-    """The path through waypoints.
+    """Makes the path through waypoints.
+
+    >>> path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.2, 0.0]]))
+    >>> len(path.legs), round(path.length, 3)  # the path stops at the corner
+    (2, 0.5)
 
     Args:
         points: (N, 3) positions [m].
@@ -105,7 +109,7 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
 
 
 def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool] = never) -> Path:
-    """The smooth curves through points of any number of dimensions, by their length.
+    """Makes smooth curves by length through points of any dimension.
 
     Args:
         points: (N, D) [m], of turning joints [rad].
@@ -115,6 +119,10 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
     Raises:
         SloshPlanError: as `path_through`.
         StoppedError: it was stopped before its end.
+
+    >>> path = smooth_path(np.array([[0.0, 0.0], [0.0, 1.2]]), ["joint_1", "joint_2"])
+    >>> round(path.length, 3)  # rad
+    1.2
     """
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != len(names):
@@ -148,7 +156,7 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
 
 
 def _distinct(points: Array) -> Array:
-    """Without the points that lie where the one before them does; the last point stays."""
+    """Removes points that repeat the previous one; the last one is kept."""
     kept = [0]
     for row in range(1, len(points)):
         if not _near(points[row], points[kept[-1]]):
@@ -163,7 +171,7 @@ def _near(one: Array, other: Array) -> bool:
 
 
 def _corners(points: Array) -> tuple[list[int], tuple[bool, ...]]:
-    """Rows of the corners, and which of them lead back."""
+    """Returns the rows of corners, and which of them are reversals."""
     steps = np.diff(points, axis=0)
     directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosines = np.einsum("ij,ij->i", directions[:-1], directions[1:])
@@ -178,7 +186,7 @@ Ends = tuple[Array | None, Array | None]
 
 
 def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
-    """Tangents at the legs' ends; None: free. Two legs of a reversal share theirs."""
+    """Returns the tangents at the legs' ends; None: free. Legs of a reversal share theirs."""
     first: list[Array | None] = [None] * len(parts)
     last: list[Array | None] = [None] * len(parts)
     for n, back in enumerate(reversals):
@@ -192,7 +200,7 @@ def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
 def _leg(
     points: Array, first: Array | None, last: Array | None, stopped: Callable[[], bool]
 ) -> Leg:
-    """A spline by its own length through a part's points."""
+    """Makes a spline by its own length through a leg's points."""
     if stopped():
         raise StoppedError(
             "stopped before a safe motion was found, while the path through the waypoints was "
@@ -218,7 +226,7 @@ def _leg(
 def _thinned(
     at: Array, points: Array, first: Array | None, last: Array | None, tolerance: float = KEPT
 ) -> BSpline:
-    """The spline through as few of the points as keep all of them."""
+    """Makes the spline through the fewest points that approximates all within a tolerance."""
     count = TUNING.fewest_knots
     while count < len(points):
         rows = np.searchsorted(at, np.linspace(0.0, at[-1], count)[1:-1])
@@ -231,7 +239,7 @@ def _thinned(
 
 
 def _through(at: Array, points: Array, first: Array | None, last: Array | None) -> BSpline:
-    """Interpolates; ends of fifth degree need two conditions each, fewer points a lower degree."""
+    """Interpolates points with a quintic spline; a lower degree for few points."""
     if len(points) == 2:
         inside = at[0] + (at[1] - at[0]) * np.linspace(0.0, 1.0, DEGREE + 1)
         share = ((inside - at[0]) / (at[1] - at[0]))[:, None]
@@ -252,7 +260,7 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
 
 
 def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
-    """Scipy takes conditions at both ends or at none: natural ones at an end that is free."""
+    """Returns the end conditions for scipy: natural ones at a free end."""
     if all(end is None for end in ends):
         return None
     none = np.zeros_like(next(end for end in ends if end is not None)[0][1])
@@ -261,7 +269,7 @@ def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
 
 
 def _departure(leg: Leg, points: Array) -> float:
-    """Farthest that a leg lies from the straight lines between its points [m]."""
+    """Returns the largest distance of a leg from the polyline of its points [m]."""
     curve = leg.at(np.linspace(0.0, leg.length, 1000))[0]
     if len(points) > 500:
         return float(KEPT)

@@ -1,4 +1,4 @@
-"""The fastest motion along a path that keeps every limit.
+"""Plans the fastest motion along a path that keeps every limit.
 
 First the fastest of some known laws, slowed until it is safe: something safe is there whatever
 follows. Then the search of the optimal law, from several starts. What a search finds is simulated
@@ -65,6 +65,7 @@ class Plan(Shown):
         path: along which.
         seconds: that the planning took [s].
         attitude: (4,) that the container keeps; None: not turned.
+        distance_to_rim: vertical, left by the highest place of the surface [m]; NaN: unknown.
     """
 
     found: CheckedMotion
@@ -78,6 +79,7 @@ class Plan(Shown):
     path: Path
     seconds: float
     attitude: Array | None = None
+    distance_to_rim: float = math.nan
 
     def __repr__(self) -> str:
         found = self.found
@@ -88,7 +90,7 @@ class Plan(Shown):
         )
 
     def to_pandas(self) -> DataFrame:
-        """The motion table by time: `x`, `y`, `z` [m], the attitude if any, `ax`, `ay`, `az`.
+        """Returns the motion by time: `x`, `y`, `z` [m], attitude if any, `ax`, `ay`, `az`.
 
         Raises:
             ImportError: pandas is not installed.
@@ -104,7 +106,7 @@ class Plan(Shown):
         return table(np.round(motion.t, 6), {**columns, **turns, **acceleration}, units=units)
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draws the height over time, until the liquid is still again.
+        """Draws the height over time until the liquid is at rest.
 
         Args:
             axes: matplotlib's; None: of a new figure.
@@ -126,7 +128,7 @@ def plan(
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
 ) -> Plan:
-    """Plans a motion from rest to rest, of a liquid at rest.
+    """Plans a rest-to-rest motion for liquid at rest.
 
     Args:
         model: the model; the search knows its first mode, the check all of it. Where the
@@ -169,13 +171,15 @@ def plan(
         best, reason = search.run()
     method = scaled.law if best is scaled.found else "optimal"
     upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
+    left = float(model.container.wall.place(best.peak).distance_to_rim)
     return Plan(
-        best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed, attitude
-    )
+        best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed, attitude,
+        left,
+    )  # fmt: skip
 
 
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """The model as it plans: it feels gravity where the container tilts, or may.
+    """Returns the model for planning: with gravity if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
@@ -189,7 +193,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
-    """The limits for heights without the model's error."""
+    """Returns the limits for heights without the model's error."""
     if error is None:
         return limits
     return replace(
@@ -200,7 +204,7 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 def _upper(
     model: Model, motion: PlannedMotion, attitude: Array | None
 ) -> tuple[float, float] | None:
-    """Upper ends of a motion's intervals, as `predict` tells them."""
+    """Returns the upper ends of a motion's intervals, as `predict` computes them."""
     if model.covariance is None:
         return None
     turned = attitudes(motion, attitude, len(motion.t))
@@ -210,10 +214,13 @@ def _upper(
 
 
 def upright_yaw(attitude: Array | None) -> float:
-    """Yaw of a container that stands upright [rad].
+    """Returns the yaw of an upright container [rad].
 
     Raises:
         SloshPlanError: it is tilted.
+
+    >>> round(upright_yaw(np.array([0.0, 0.0, math.sin(0.25), math.cos(0.25)])), 3)  # rad
+    0.5
     """
     if attitude is None:
         return 0.0
@@ -227,14 +234,14 @@ def upright_yaw(attitude: Array | None) -> float:
 
 
 def check_state(model: Model, limits: PlanLimits, state: LiquidState) -> None:
-    """Raises SloshPlanError where the liquid stands above the limit before any motion."""
+    """Raises SloshPlanError if the liquid exceeds the limit before any motion."""
     check_start(model, state, HeightLimits(limits.height))
 
 
 def check_plan_from(
     model: Model, answer: Plan, attitude: Array | None, state: LiquidState
 ) -> None:
-    """Raises SloshPlanError where a plan exceeds its limits if it begins in a state.
+    """Raises SloshPlanError if a plan exceeds its limits from an initial state.
 
     Args:
         model: as it was planned with.

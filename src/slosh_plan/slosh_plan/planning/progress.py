@@ -1,4 +1,4 @@
-"""How far a plan has come, for whoever waits for it, and when it is to end."""
+"""Reports the progress of planning, and decides when to stop."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from slosh_plan.errors import SloshPlanError
 
 
 class StoppedError(SloshPlanError):
-    """A plan was stopped before it had any safe motion."""
+    """Planning was stopped before a safe motion was found."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanProgress:
-    """How far a plan has come.
+    """Progress of planning.
 
     Attributes:
         phase: what is done now: 'known laws', 'search 1 of 2', …
@@ -30,16 +30,16 @@ class PlanProgress:
 
 
 def ignored(_: PlanProgress) -> None:
-    """Nobody waits."""
+    """Ignores the progress."""
 
 
 def never() -> bool:
-    """Nobody stops."""
+    """Never stops the planning."""
     return False
 
 
 class Watch:
-    """Tells a plan's progress and when to end, while it goes on.
+    """Reports the progress of planning, and checks for a stop.
 
     Args:
         progress: is told at every phase, every candidate and every iteration of a search.
@@ -59,20 +59,20 @@ class Watch:
 
     @property
     def elapsed(self) -> float:
-        """Since the planning began [s]."""
+        """Time since the start of planning [s]."""
         return self._clock() - self._began
 
     def enter(self, phase: str) -> None:
-        """A phase begins."""
+        """Begins a phase."""
         self._phase = phase
         self.stopped()
 
     def found(self, duration: float) -> None:
-        """A safe motion was found [s]."""
+        """Notes the duration of a safe motion [s]."""
         self._duration = min(self._duration, duration)
         self.stopped()
 
     def stopped(self) -> bool:
-        """Whether somebody wants the plan to end; tells the progress."""
+        """Whether planning is to stop; reports the progress."""
         self._progress(PlanProgress(self._phase, self._duration, self.elapsed))
         return self._stopped()

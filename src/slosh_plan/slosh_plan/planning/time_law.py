@@ -1,4 +1,4 @@
-"""When to be where on a path: time laws, and the motion at 1 kHz that they make of it.
+"""Time laws along a path, and the motion at 1 kHz that they give.
 
 A law runs over all legs of a path, one after another. That of a leg is given by its third
 derivative, constant between nodes, so that place, speed and acceleration are polynomials, exact at
@@ -27,7 +27,7 @@ STEP = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JerkLaw:
-    """The time law of a leg, by a third derivative that is constant between nodes.
+    """Time law of a leg with piecewise constant third derivative.
 
     Attributes:
         duration: of the leg [s]; the nodes are evenly spaced.
@@ -40,7 +40,7 @@ class JerkLaw:
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
-        """Place s [m], ds/dt and d²s/dt² at times from the leg's start [s], (M,) each."""
+        """Returns s [m], ds/dt and d²s/dt² at times from the leg's start [s], (M,) each."""
         step = self.duration / len(self.jerk)
         nodes = self.nodes()
         row = np.clip((t / step).astype(np.int64), 0, len(self.jerk) - 1)
@@ -54,7 +54,7 @@ class JerkLaw:
         )
 
     def nodes(self) -> Array:
-        """(N + 1, 3) s, ds/dt, d²s/dt² at the nodes."""
+        """Returns (N + 1, 3) s, ds/dt, d²s/dt² at the nodes."""
         step = self.duration / len(self.jerk)
         place, speed, change = self.start
         a = change + np.concatenate([[0.0], np.cumsum(self.jerk) * step])
@@ -63,7 +63,7 @@ class JerkLaw:
         return np.column_stack([place + np.concatenate([[0.0], np.cumsum(ways)]), v, a])
 
     def stretched(self, factor: float) -> JerkLaw:
-        """The same, slower by a factor."""
+        """Returns the law slowed by a factor."""
         place, speed, change = self.start
         start = (place, speed / factor, change / factor**2)
         return JerkLaw(self.duration * factor, self.jerk / factor**3, start)
@@ -71,7 +71,7 @@ class JerkLaw:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedMotion:
-    """A motion from rest to rest, at 1 kHz; coarser where it is only looked at, not returned.
+    """A rest-to-rest motion at 1 kHz; coarser for intermediate checks.
 
     Attributes:
         t: (N,) time from 0 [s].
@@ -91,26 +91,26 @@ class PlannedMotion:
 
     @property
     def attitude(self) -> Array | None:
-        """(N, 4) quaternion x, y, z, w, world ← container; None: it keeps the one it has."""
+        """(N, 4) quaternion x, y, z, w, world ← container; None: constant attitude."""
         if self.joints is not None:
             return self.joints.attitude
         return None if self.tilt is None else self.tilt.attitude
 
     @property
     def duration(self) -> float:
-        """Of the motion [s]."""
+        """Duration of the motion [s]."""
         return float(self.t[-1])
 
     @property
     def step(self) -> float:
-        """Between two rows [s]."""
+        """Sample interval [s]."""
         return float(self.t[1])
 
 
 def motion_along(
     path: Path, laws: Sequence[Law], durations: Sequence[float], step: float = STEP
 ) -> PlannedMotion:
-    """The motion that a time law makes of a path.
+    """Makes the motion of a path by time laws.
 
     Args:
         path: the path.
@@ -140,13 +140,13 @@ def motion_along(
 
 
 def whole_rows(duration: float) -> float:
-    """The next whole number of rows [s]."""
+    """Rounds a duration up to a whole number of rows [s]."""
     return STEP * math.ceil(duration / STEP - 1e-9)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tilt:
-    """A tilt about horizontal axes of the container, by its rotation vector (x, y, 0).
+    """Tilt about the container's horizontal axes, as rotation vector (x, y, 0).
 
     Attributes:
         yaw: of the container before it tilts [rad].
@@ -169,7 +169,7 @@ class Tilt:
 
     @property
     def largest(self) -> tuple[float, float, float]:
-        """Of the angle, its rate and acceleration [rad, rad/s, rad/s²]."""
+        """Largest angle, rate and acceleration [rad, rad/s, rad/s²]."""
         sizes = (np.linalg.norm(one, axis=1).max() for one in
                  (self.vector, self.rate, self.acceleration))  # fmt: skip
         angle, rate, acceleration = (float(size) for size in sizes)

@@ -1,4 +1,4 @@
-"""How large an error of the liquid's frequency a planned motion bears."""
+"""Tolerance of a planned motion to an error of the natural frequency."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ USUAL = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """What an error of the natural frequency does to a plan.
+    """Effect of an error of the natural frequency on a plan.
 
     Attributes:
         error: largest of ERRORS up to which every error keeps both limits of the height, as a

@@ -1,4 +1,4 @@
-"""A path as it is given."""
+"""A path as the user gives it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TURNED = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waypoints:
-    """A path as it is given.
+    """A container path as the user gives it.
 
     Attributes:
         t: (N,) times, a proposal [s].
@@ -31,7 +31,7 @@ class Waypoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointWaypoints:
-    """A path of a robot's joints as it is given.
+    """A joint path as the user gives it.
 
     Attributes:
         names: (J,) of the joints.
@@ -48,7 +48,7 @@ class JointWaypoints:
     acceleration: Array | None = None
 
     def points(self, name: str) -> Array:
-        """(M, J) points of the joints' path, which lies as a controller would run it.
+        """Returns points (M, J) of the joint path as a controller interpolates it.
 
         Without velocities only the points are known, and the path is smooth between them.
 

@@ -1,1 +1,1 @@
-"""Motions that leave no wave of one frequency behind: for machines that run no optimiser."""
+"""Motions without residual waves of one frequency, for machines without an optimiser."""

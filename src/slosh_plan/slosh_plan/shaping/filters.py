@@ -1,4 +1,4 @@
-"""Input shapers: a motion is delayed and averaged so that its parts' waves cancel.
+"""Input shapers: delay and average a motion so that residual waves cancel.
 
 A filter replaces s(t) by Σ Aᵢ s(t − tᵢ) with Σ Aᵢ = 1. A mode with the poles −ζω ± iω_d is left at
 rest where K(p) = Σ Aᵢ exp(−p tᵢ) is zero at its poles; a zero that is double stays small where the
@@ -24,7 +24,10 @@ QUADRATURE = 32
 
 @dataclass(frozen=True, slots=True)
 class Damped:
-    """A mode as filters know it.
+    """A mode's frequency and damping for filters.
+
+    >>> round(Damped(frequency=2.0 * math.pi, damping_ratio=0.01).period, 3)  # s
+    1.0
 
     Attributes:
         frequency: ω, undamped [rad/s].
@@ -61,7 +64,7 @@ class Damped:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Filter:
-    """A filter as impulses.
+    """A filter as a series of impulses.
 
     Attributes:
         name: for tables.
@@ -76,7 +79,7 @@ class Filter:
     length: float
 
     def __call__(self, function: Callable[[Array], Array], t: Array) -> Array:
-        """The filtered function at times t (N,) [s].
+        """Applies the filter to a function at times t (N,) [s].
 
         Args:
             function: (N,) times to (N, …) values.
@@ -86,14 +89,14 @@ class Filter:
         return np.asarray(sum(amplitude * function(t - delay) for delay, amplitude in pairs))
 
     def then(self, other: Filter) -> Filter:
-        """Both filters, one after the other: the zeros of either."""
+        """Returns the convolution of both filters, which has the zeros of both."""
         times = np.add.outer(self.times, other.times).ravel()
         weights = np.multiply.outer(self.amplitudes, other.amplitudes).ravel()
         name = self.name if self.name == other.name else f"{self.name}, {other.name}"
         return Filter(name, times, weights, self.length + other.length)
 
     def residual(self, mode: Damped) -> float:
-        """Wave that is left of a step, by that of the step itself; 1: the filter does nothing.
+        """Returns the residual wave of a step relative to the unfiltered one.
 
         Both at the time when the filtered step ends (Singer, Seering 1990).
         """
@@ -103,19 +106,33 @@ class Filter:
 
 
 def zero_vibration(mode: Damped) -> Filter:
-    """ZV: two impulses half a period apart."""
+    """Makes the ZV shaper: two impulses half a period apart.
+
+    >>> shaper = zero_vibration(Damped(frequency=2.0 * math.pi, damping_ratio=0.0))
+    >>> shaper.times.tolist(), shaper.amplitudes.tolist()
+    ([0.0, 0.5], [0.5, 0.5])
+    """
     k = math.exp(-mode.decay * mode.period / 2.0)
     return _impulses("zv", mode, [1.0, k])
 
 
 def zero_vibration_derivative(mode: Damped) -> Filter:
-    """ZVD: three impulses; the residual's derivative by the frequency is zero, too."""
+    """Makes the ZVD shaper: three impulses; robust to frequency errors to first order.
+
+    >>> shaper = zero_vibration_derivative(Damped(frequency=2.0 * math.pi, damping_ratio=0.0))
+    >>> shaper.times.tolist(), shaper.amplitudes.tolist()
+    ([0.0, 0.5, 1.0], [0.25, 0.5, 0.25])
+    """
     k = math.exp(-mode.decay * mode.period / 2.0)
     return _impulses("zvd", mode, [1.0, 2.0 * k, k * k])
 
 
 def moving_average(mode: Damped) -> Filter:
-    """The average over one period: an FIR filter whose zeros are those of an undamped mode.
+    """Makes the moving average over one period, an FIR filter for an undamped mode.
+
+    >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.0)
+    >>> moving_average(mode).length  # s
+    1.0
 
     It has zeros at all multiples of the frequency; of a damped mode it leaves about ζ.
     """
@@ -124,7 +141,11 @@ def moving_average(mode: Damped) -> Filter:
 
 
 def exponential(mode: Damped) -> Filter:
-    """The exponential filter: an average over one period that decays as the mode does.
+    """Makes the exponential filter: an average over one period that decays as the mode.
+
+    >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.02)
+    >>> exponential(mode).residual(mode) < 1e-6
+    True
 
     Its zeros are those of the damped mode (Biagiotti, Melchiorri, Moriello 2016).
     """

@@ -1,4 +1,4 @@
-"""Motions through a filter: along their path, which stays, or axis by axis, which bends it."""
+"""Filters motions along their path, which is kept, or by axis, which bends it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _BACKWARDS = -1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathCourse:
-    """A motion as its path and when it is where.
+    """A motion split in its path and its time law.
 
     Attributes:
         path: the path.
@@ -51,16 +51,23 @@ class PathCourse:
 
     @property
     def duration(self) -> float:
-        """Of the motion [s]."""
+        """Duration of the motion [s]."""
         return sum(self.durations)
 
     def motion(self) -> PlannedMotion:
-        """As it is, at 1 kHz."""
+        """Returns the original motion at 1 kHz."""
         return _along(self.path, list(self.laws), list(self.durations))
 
 
 def course_of(trajectory: Trajectory) -> PathCourse:
-    """Divides a motion into its path and its time law.
+    """Splits a motion in its path and its time law.
+
+    >>> from slosh_plan.shaping.filters import Damped, zero_vibration
+    >>> t = np.linspace(0.0, 1.0, 1001)
+    >>> move = Trajectory(t, np.outer(np.sin(2.0 * np.pi * t), [1.0, 0.0, 0.0]))  # m/s²
+    >>> course = course_of(move)
+    >>> round(shaped(course, zero_vibration(Damped(16.0, 0.01))).duration, 3)  # s
+    1.197
 
     Args:
         trajectory: from rest to rest; without positions its accelerations are integrated.
@@ -91,13 +98,21 @@ def course_of(trajectory: Trajectory) -> PathCourse:
 
 
 def shaped(course: PathCourse, chosen: Filter) -> PlannedMotion:
-    """A motion filtered along its path's length: every leg for itself, the path as it was."""
+    """Filters a motion along the path's length, each leg separately."""
     laws = [_filtered(law, chosen) for law in course.laws]
     return _along(course.path, laws, [time + chosen.length for time in course.durations])
 
 
 def shaped_per_axis(course: PathCourse, chosen: Filter) -> PlannedMotion:
-    """A motion filtered in x, y and z, as a machine does that knows no path; it bends the path."""
+    """Filters a motion in x, y and z, for machines without a path; it bends the path.
+
+    >>> from slosh_plan.shaping.filters import Damped, zero_vibration
+    >>> t = np.linspace(0.0, 1.0, 1001)
+    >>> course = course_of(Trajectory(t, np.outer(np.sin(2.0 * np.pi * t), [1.0, 0.0, 0.0])))
+    >>> motion = shaped_per_axis(course, zero_vibration(Damped(16.0, 0.01)))
+    >>> deviation(course, motion) < 1e-6  # m; a straight path stays straight
+    True
+    """
     end = course.duration
     duration = whole_rows(end + chosen.length)
     t: Array = STEP * np.arange(round(duration / STEP) + 1, dtype=np.float64)
@@ -117,7 +132,7 @@ def shaped_per_axis(course: PathCourse, chosen: Filter) -> PlannedMotion:
 
 
 def residual_free_motion(course: PathCourse, mode: Damped) -> PlannedMotion:
-    """A motion along the same path in the same time by the residual-free polynomial, leg by leg.
+    """Makes a motion of equal path and duration with the residual-free polynomial.
 
     Raises:
         SloshPlanError: a leg is too short for it.
@@ -130,7 +145,7 @@ def residual_free_motion(course: PathCourse, mode: Damped) -> PlannedMotion:
 
 
 def _on_leg(unit: Law, leg: Leg, duration: float) -> Law:
-    """A law from 0 to 1 as that of a leg."""
+    """Scales a law from 0 to 1 to a leg."""
 
     def law(t: Array) -> tuple[Array, Array, Array]:
         place, rate, change = unit(t / duration)
@@ -141,7 +156,7 @@ def _on_leg(unit: Law, leg: Leg, duration: float) -> Law:
 
 
 def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -> Filter:
-    """A filter for the first mode along every axis in which a motion accelerates the liquid.
+    """Makes a filter for the first mode along every excited axis.
 
     Args:
         model: the model.
@@ -151,6 +166,11 @@ def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -
 
     Raises:
         SloshPlanError: no such filter.
+
+    >>> from slosh_model import read_model
+    >>> model = read_model("cup/model.yaml")
+    >>> round(filter_for(model, "zv", np.ones((9, 3))).length, 2)  # s
+    0.15
     """
     if name not in FILTERS:
         raise SloshPlanError(f"filter {name!r:.40} is not one of {', '.join(FILTERS)}")
@@ -162,7 +182,7 @@ def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -
 
 
 def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[Damped, ...]:
-    """The first mode along the axes in which a motion accelerates; of a round container once."""
+    """Returns the first mode along the axes that a motion excites; once if round."""
     mode = model.mode_constants()[0]
     along, across = (mode.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
     if along == across:
@@ -176,7 +196,7 @@ def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[
 
 
 def deviation(course: PathCourse, motion: PlannedMotion) -> float:
-    """Farthest that a motion is from a path [m]."""
+    """Returns the largest distance of a motion from a path [m]."""
     farthest = np.full(len(motion.t), np.inf)
     for leg in course.path.legs:
         places = leg.at(
@@ -190,7 +210,7 @@ def deviation(course: PathCourse, motion: PlannedMotion) -> float:
 
 
 def _from_segment(points: Array, starts: Array, stops: Array) -> Array:
-    """(N,) distance of points from segments, (N, 3) each [m]."""
+    """Returns the distance (N,) of points from segments, (N, 3) each [m]."""
     steps = stops - starts
     share = np.einsum("ij,ij->i", points - starts, steps) / np.einsum("ij,ij->i", steps, steps)
     nearest = starts + np.clip(share, 0.0, 1.0)[:, None] * steps
@@ -198,13 +218,13 @@ def _from_segment(points: Array, starts: Array, stops: Array) -> Array:
 
 
 def _along(path: Path, laws: list[Law], durations: list[float]) -> PlannedMotion:
-    """The motion, whose last leg rests until the next whole row."""
+    """Makes the motion; the last leg rests until the next whole row."""
     total = sum(durations)
     return motion_along(path, laws, [*durations[:-1], durations[-1] + whole_rows(total) - total])
 
 
 def _integrated(trajectory: Trajectory) -> Array:
-    """Places from accelerations that are linear between the samples, from rest at the origin."""
+    """Integrates piecewise linear accelerations to positions, from rest at the origin."""
     a, steps = trajectory.acceleration, np.diff(trajectory.t)[:, None]
     zero = np.zeros((1, 3))
     speed = np.concatenate([zero, np.cumsum(0.5 * steps * (a[1:] + a[:-1]), axis=0)])
@@ -219,7 +239,7 @@ def _integrated(trajectory: Trajectory) -> Array:
 
 
 def _ends(path: Path, t: Array, way: Array, speed: Array) -> list[float]:
-    """When each leg ends: where the motion is slowest near a corner."""
+    """Returns the end time of each leg: the slowest point near a corner."""
     ends, length = [0.0], 0.0
     for leg in path.legs[:-1]:
         length += leg.length
@@ -244,7 +264,7 @@ def _leg_law(
     high: float,
     size: list[float],
 ) -> Law:
-    """The law of a leg, which rests before and after it; ‖a‖ at its ends is along the path."""
+    """Makes the law of a leg, with rest before and after it."""
     t = np.linspace(start, stop, max(math.ceil((stop - start) / STEP), 20) + 1)
     values = np.clip(along(t) - low, 0.0, high - low)
     values[[0, -1]] = 0.0, high - low
@@ -272,7 +292,7 @@ def _filtered(law: Law, chosen: Filter) -> Law:
 
 
 def residual_free(mode: Damped, duration: float) -> UnitLaw:
-    """The law from 0 to 1 of the thirteenth degree that leaves no wave of a linear mode.
+    """Makes the law of degree 13 from 0 to 1 without residual wave of a linear mode.
 
     To the quintic polynomial u⁴ (1 − u)⁴ Σ cₖ (1 − 2u)ᵏ, k = 0 … 5, is added, which leaves the
     ends as they are. The cₖ make ∫ s̈ exp(−p t) dt zero at the mode's pole p, two real equations;
@@ -285,6 +305,11 @@ def residual_free(mode: Damped, duration: float) -> UnitLaw:
 
     Raises:
         SloshPlanError: so short or so long a motion would run backwards on its way.
+
+    >>> from slosh_plan.shaping.filters import Damped
+    >>> law = residual_free(Damped(frequency=16.0, damping_ratio=0.01), duration=1.5)  # rad/s
+    >>> law(np.array([0.0, 1.0]))[0].round(6).tolist()  # share of the way
+    [0.0, 1.0]
     """
     coefficients = _coefficients(mode, duration)
 
@@ -307,7 +332,7 @@ def residual_free(mode: Damped, duration: float) -> UnitLaw:
 
 
 def _coefficients(mode: Damped, duration: float) -> Array:
-    """(TERMS,) cₖ."""
+    """Returns the coefficients cₖ (TERMS,)."""
     pole = complex(-mode.decay, mode.damped_frequency)
     # As seen at the motion's end: at most 1 in size, so that long motions do not overflow.
     wave = _WEIGHTS * np.exp(pole * duration * (1.0 - _U))
@@ -321,7 +346,7 @@ def _coefficients(mode: Damped, duration: float) -> Array:
 
 
 def _added(u: Array) -> tuple[Array, Array, Array]:
-    """(TERMS, N) u⁴(1 − u)⁴(1 − 2u)ᵏ: value, first and second derivative."""
+    """Returns (TERMS, N) u⁴(1 − u)⁴(1 − 2u)ᵏ with first and second derivative."""
     v, w = u * (1.0 - u), 1.0 - 2.0 * u
     # With v' = w and w' = -2; a negative power only comes with the factor 0.
     powers = [np.zeros_like(w), np.zeros_like(w), *(w**n for n in range(TERMS + 2))]

@@ -1,4 +1,4 @@
-"""Motions of a robot's joints as CSV: `t` [s], and a column of each joint [rad or m].
+"""Joint motions as CSV: `t` [s], and one column per joint [rad or m].
 
 Columns `JOINT.velocity` and `JOINT.acceleration` hold the derivatives by time.
 """
@@ -24,7 +24,7 @@ DERIVATIVES = (".velocity", ".acceleration")
 
 
 def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> JointWaypoints:
-    """Reads a motion of a robot's joints.
+    """Reads a joint motion.
 
     Args:
         path: a text file; one whose name ends in .gz is unpacked.
@@ -50,7 +50,7 @@ def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) ->
 
 
 def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> Trajectory:
-    """The container's motion on a motion of joints, named as the file.
+    """Reads a joint motion and returns the container's motion, named after the file.
 
     Raises:
         SloshFileError: no such table.
@@ -72,7 +72,7 @@ def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OU
 
 
 def write_joint_table(path: Path, motion: PlannedMotion) -> None:
-    """Writes how the joints move: t, the joints, their velocities and accelerations.
+    """Writes a joint motion: t, positions, velocities and accelerations.
 
     Raises:
         OSError: the file cannot be written.

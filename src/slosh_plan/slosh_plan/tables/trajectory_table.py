@@ -1,4 +1,4 @@
-"""Planned motions as CSV: motion tables and tables of poses.
+"""Planned motions as CSV: motion tables and pose tables.
 
 Columns: `t` [s] with `ax,ay,az` [m/s²] or `x,y,z` [m] of the container's origin in the world's
 axes, or both, which must agree; optional `qx,qy,qz,qw` (attitude, world ← container) and, with
@@ -23,7 +23,7 @@ READ = frozenset({"t"}.union(*_GROUPS))
 
 
 def read_trajectory(path: Path, options: TableOptions = FOUND_OUT) -> Trajectory:
-    """Reads a planned motion, named as the file; measured columns of a motion table are left out.
+    """Reads a planned motion, named after the file; ignores measured columns.
 
     Args:
         path: a text file; one whose name ends in .gz is unpacked.

@@ -1,4 +1,4 @@
-"""What a recording holds: its nodes' settings, its topics, its inputs and the motion they tell.
+"""Contents of a recording: nodes' settings, topics, inputs and motion.
 
 Replay, discovery, export and report read it here; each message is decoded once, as columns.
 """

@@ -1,4 +1,4 @@
-"""Facts about a whole bag that its metadata may note: their keys, and what they mean."""
+"""Keys and meanings of facts in a bag's metadata."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ CONTAINER_FILL_HEIGHT: Final = "container_fill_height"
 
 
 def clocks_unrelated(facts: Mapping[str, str]) -> bool:
-    """Whether the stamps of inputs and of heights have nothing to do with each other."""
+    """Whether the stamps of inputs and heights are on unrelated clocks."""
     return facts.get(CLOCKS) == UNRELATED
 
 
 def lost_messages(facts: Mapping[str, str]) -> dict[str, int]:
-    """Messages that were sent and are not in a bag, by topic, so far as its recorder knew.
+    """Returns the lost messages by topic, as far as the recorder knew.
 
     Those of which the topic is not known stand under an empty name.
     """
@@ -53,12 +53,12 @@ def event_lines(facts: Mapping[str, str], start_ns: int) -> tuple[str, ...]:
 
 
 def mixed_topics(facts: Mapping[str, str]) -> frozenset[str]:
-    """Topics of one node on which several publishers spoke."""
+    """Returns single-publisher topics on which several publishers sent."""
     return frozenset(filter(None, facts.get(SEVERAL, "").split(",")))
 
 
 def shared_topics_line(facts: Mapping[str, str]) -> str:
-    """What several publishers on topics of one node mean for a bag; empty: there were none."""
+    """Describes several publishers on single-publisher topics; empty: none."""
     topics = facts.get(SEVERAL, "")
     if not topics:
         return ""
@@ -73,7 +73,7 @@ def shared_topics_line(facts: Mapping[str, str]) -> str:
 
 
 def _with_nodes(topic: str, nodes: Any) -> str:
-    """A topic with the nodes that published it, where they are known."""
+    """Formats a topic with its publishing nodes, if known."""
     if not isinstance(nodes, list) or not nodes:
         return topic
     counts = Counter(str(node) for node in nodes)
@@ -82,7 +82,7 @@ def _with_nodes(topic: str, nodes: Any) -> str:
 
 
 def _json_object(text: str) -> dict[str, Any]:
-    """A JSON object; an empty one where the text is none."""
+    """Parses a JSON object; an invalid text gives an empty one."""
     try:
         document = json.loads(text)
     except ValueError:
@@ -91,7 +91,7 @@ def _json_object(text: str) -> dict[str, Any]:
 
 
 def noted_container(facts: Mapping[str, str]) -> Cylinder | None:
-    """The container that was recorded; None: the facts do not tell.
+    """Returns the recorded container; None: not in the facts.
 
     Raises:
         SloshModelError: they tell of an impossible one.

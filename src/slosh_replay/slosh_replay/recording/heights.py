@@ -1,4 +1,4 @@
-"""The measured heights of a recording, as its FreeSurface messages tell them."""
+"""Measured heights of a recording from its FreeSurface messages."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ class Measurements(NamedTuple):
         stddev: (N,) standard deviation [m]; NaN: unknown.
         azimuth: (N,) of the highest point [rad]; NaN: unknown.
         waves, axes: (N,) of `slosh_estimator.azimuth.measured_waves`; None: unknown.
+        levels: (N,) mean height at the left and right edge [m]; None: unknown.
     """
 
     stamps: Integers
@@ -41,10 +42,11 @@ class Measurements(NamedTuple):
     azimuth: Array
     waves: NDArray[np.complex128] | None = None
     axes: Array | None = None
+    levels: Array | None = None
 
     @property
     def unusable(self) -> Mask:
-        """(N,) whether the flags say that there is no height."""
+        """(N,) whether the flags exclude a height."""
         return np.asarray((self.flags & UNUSABLE) != 0)
 
     @property
@@ -54,24 +56,25 @@ class Measurements(NamedTuple):
 
     @property
     def usable_heights(self) -> Array:
-        """(N,) the heights [m], NaN where the flags say that there is none."""
+        """(N,) heights [m], NaN where the flags exclude them."""
         return np.where(self.unusable, np.nan, self.heights)
 
     def chosen(self, rows: NDArray[Any]) -> Measurements:
-        """Some of them, by indices or a mask."""
+        """Returns some of the measurements, by indices or a mask."""
         columns: Any = (None if column is None else column[rows] for column in self)
         return Measurements(*columns)
 
     def in_order(self) -> Measurements:
-        """By rising stamps, each stamp once: what was recorded first."""
+        """Sorts by stamp and keeps the first of equal stamps."""
         return self.chosen(np.unique(self.stamps, return_index=True)[1])
 
 
 def measurements(columns: Columns) -> Measurements:
-    """Measured heights from columns of FreeSurface.msg, `SURFACE_FIELDS` or `WAVE_FIELDS`."""
-    waves, axes = None, None
+    """Makes measurements from columns of FreeSurface.msg, `SURFACE_FIELDS` or `WAVE_FIELDS`."""
+    waves, axes, levels = None, None, None
     if set(Surfaces._fields) <= columns.keys():
-        waves, axes = measured_waves(Surfaces(*(columns[name] for name in Surfaces._fields)))
+        surfaces = Surfaces(*(columns[name] for name in Surfaces._fields))
+        (waves, axes), levels = measured_waves(surfaces), surfaces.levels
     return Measurements(
         stamps_of(columns),
         columns["msh"],
@@ -80,11 +83,12 @@ def measurements(columns: Columns) -> Measurements:
         columns["azimuth"],
         waves,
         axes,
+        levels,
     )
 
 
 class HeightCollector:
-    """Takes FreeSurface messages, as columns.
+    """Collects FreeSurface messages as columns.
 
     Attributes:
         fields: the columns that it takes.
@@ -97,10 +101,10 @@ class HeightCollector:
         self._parts = [Measurements(whole, none, whole, none, none)]
 
     def add(self, columns: Columns) -> None:
-        """Takes messages that follow each other."""
+        """Adds consecutive messages."""
         self._parts.append(measurements(columns))
 
     def measurements(self) -> Measurements:
-        """All that came, in the order of the recording, without waves."""
+        """Returns all measurements in the order of the recording, without waves."""
         columns = zip(*(part[:5] for part in self._parts), strict=True)
         return Measurements(*(np.concatenate(column) for column in columns))

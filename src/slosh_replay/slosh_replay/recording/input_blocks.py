@@ -1,4 +1,4 @@
-"""The blocks of a bag's input as columns of `recording.inputs.fields`, whatever its messages are.
+"""Converts blocks of any input topic to the columns of `recording.inputs.fields`.
 
 Joint states and transforms become poses here, by what the node itself uses, and are columns of
 poses from here on.
@@ -33,7 +33,7 @@ _FRAME = "header.frame_id"
 
 
 class InputBlocks:
-    """Reads an input's blocks.
+    """Reads the blocks of an input.
 
     Args:
         reader: of the bag.
@@ -67,7 +67,7 @@ class InputBlocks:
                 self._poses.take(map(_transform, message.transforms), fixed=True)
 
     def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
-        """The values of the input's blocks of a chunk.
+        """Returns the values of the input's blocks in a chunk.
 
         Args:
             blocks: of `topics`, at least one.
@@ -87,7 +87,7 @@ class InputBlocks:
         return _pose_columns(found, self._world)
 
     def _taken(self, message: Any) -> list[TimedPose]:
-        """The poses that a message makes known."""
+        """Returns the poses that a message completes."""
         if isinstance(self._poses, JointPoses):
             positions, velocities = message.position.tolist(), message.velocity.tolist()
             return self._poses.take(stamp_ns(message), message.name, positions, velocities)
@@ -102,11 +102,11 @@ class InputBlocks:
         return self._poses.take([link])
 
     def trouble(self) -> str:
-        """Why messages told no pose, or a wrong one; empty: nothing is known to be wrong."""
+        """Describes why poses are missing or wrong; empty: no known fault."""
         return self._poses.trouble() if self._poses is not None else ""
 
     def check(self) -> None:
-        """Is asked when all has come.
+        """Raises an error after all messages if there was no pose.
 
         Raises:
             SloshBagError: no pose came out of the messages.
@@ -119,7 +119,7 @@ class InputBlocks:
 def reading(
     reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None = None
 ) -> InputSettings:
-    """How the input of a bag is read.
+    """Determines how the input of a bag is read.
 
     Args:
         reader: of the bag.
@@ -136,11 +136,13 @@ def reading(
 
 
 def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
-    """With what the bag's fixed transforms say of the input's frame.
+    """Adds the sensor's mounting from the bag's fixed transforms.
 
-    A recorded estimator has told what it took from them.
+    A recorded estimator has told what it took from them for its own input.
     """
-    if sources.kind not in MOUNTED or first(sources.starts, "estimator") is not None:
+    started = first(sources.starts, "estimator")
+    told = started is not None and started.parameters.get("input", sources.kind) == sources.kind
+    if sources.kind not in MOUNTED or told:
         return how
     fixed = FixedFrames()
     for message in _latched(reader, sources, topics.TF_STATIC):
@@ -175,7 +177,7 @@ def _transform(message: Any) -> Transform:
 
 
 def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
-    """The blocks of each chunk together: within one, whole topics follow each other."""
+    """Groups blocks by chunk; within a chunk topics follow each other."""
     chunk: list[MessageBlock] = []
     for block in blocks:
         if chunk and block.buffer.base is not chunk[0].buffer.base:
@@ -191,7 +193,7 @@ def _row(name: str) -> topics.Topic:
 
 
 def _latched(reader: BagReader, sources: Sources, name: str) -> Iterator[Any]:
-    """The decoded messages of a topic with few."""
+    """Yields the decoded messages of a rare topic."""
     row = _row(name)
     topic = sources.topics.topic(name.strip("/"), row.type)
     for block in reader.look_up([topic]) if topic else ():

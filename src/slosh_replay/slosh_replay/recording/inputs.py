@@ -1,4 +1,4 @@
-"""What drives the models in a recording, as the estimator node reads it."""
+"""Inputs of the models in a recording, read as by the estimator node."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
 def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> InputSettings:
-    """How the input of a recording is read.
+    """Returns the input settings of a recording.
 
     Args:
         starts: of its nodes; the first estimator's parameters count.
@@ -71,7 +71,7 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
 
 
 def settings_of_start(start: NodeStart) -> InputSettings:
-    """How an estimator that started so reads its input.
+    """Returns the input settings in an estimator's settings message.
 
     Raises:
         SloshBagError: a parameter is missing or cannot be.
@@ -85,17 +85,17 @@ def _modes(start: NodeStart) -> Modes:
 
 
 def fields(kind: str) -> tuple[str, ...]:
-    """The fields of a kind's message that `InputReader.samples` needs."""
+    """Returns the message fields that `InputReader.samples` needs."""
     return (*STAMP, _FRAME, *_FIELDS[_columns_of(kind)])
 
 
 def _columns_of(kind: str) -> str:
-    """The kind whose columns are read: joint states and transforms are poses by then."""
+    """Returns the kind of the columns; joint states and transforms become poses."""
     return POSE if kind in POSES else kind
 
 
 class InputReader:
-    """Turns columns of messages into samples, by the node's own adapters.
+    """Converts columns of messages to samples with the node's own adapters.
 
     Args:
         kind: of the input, see `slosh_estimator.inputs`.
@@ -133,19 +133,19 @@ class InputReader:
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """What is wrong with the input, or worth a look, a sentence each."""
+        """Faults of the input and remarks, one sentence each."""
         found = {**self._raised, **self._raised_now()}
         remark = self._adapter.remark()
         return (*found.values(), *([InputDoubt(remark, wrong=False)] if remark else []))
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What sensor, driver or bus did to the input, a sentence each."""
+        """Faults of sensor, driver or bus, one sentence each."""
         return (*self._faults, *self._adapter.check.faults.texts())
 
     @property
     def refusal(self) -> str:
-        """Why messages were not taken, for a sentence; empty: all were."""
+        """Returns why messages were refused, for a sentence; empty: none."""
         gate = self._adapter.gate
         refused = self._adapter.refusal()
         if refused:
@@ -156,19 +156,19 @@ class InputReader:
         return ""
 
     def finish(self) -> None:
-        """Nothing follows: the checks take what is left."""
+        """Processes the remaining samples at the end."""
         self._adapter.check.finish()
 
     def _raised_now(self) -> dict[int, InputDoubt]:
         return {kind: InputDoubt.of(doubt) for kind, doubt in self._adapter.check.raised.items()}
 
     def change(self, settings: InputSettings) -> None:
-        """Judges the next messages by other limits, as a node whose parameters changed does."""
+        """Applies changed limits to the next messages, as a live node does."""
         self._settings = self._settings._replace(gate=self._gate(settings))
         self._adapter.gate.change(self._settings.gate)
 
     def restart(self, settings: InputSettings | None = None) -> None:
-        """Starts anew, as a restarted node does.
+        """Restarts, as a restarted node does.
 
         Args:
             settings: of the new node; None: as before.
@@ -185,12 +185,12 @@ class InputReader:
         self._adapter = self._settings.reader(self.kind)
 
     def carry(self, modes: Modes) -> None:
-        """Is told the modes of the model from the next sample on."""
+        """Sets the modes of the model from the next sample on."""
         self._settings = self._settings._replace(modes=modes)
         self._adapter.sampling.carry(modes)
 
     def warnings(self) -> list[str]:
-        """What the input's rate and order cost, and what helps; one line each."""
+        """Warnings about the input's rate and order with remedies, one line each."""
         counts, gate = self.counters, self._adapter.gate
         late = gate.counts[SampleVerdict.DISORDERED]
         if late > MIXED * (late + gate.used):
@@ -203,7 +203,7 @@ class InputReader:
         return [line] if line else []
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Goes on behind the message that the live node used last, with what it remembered.
+        """Restores the live node's state after its last message.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -213,7 +213,7 @@ class InputReader:
     def samples(
         self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
     ) -> Samples:
-        """The samples of some messages; fewer where the gate drops some.
+        """Returns the samples of some messages, without dropped ones.
 
         Args:
             stamps: (N,) of the messages [ns].
@@ -247,7 +247,7 @@ class InputReader:
         return samples
 
     def ignored_tilt(self, model: Model) -> list[str]:
-        """What is wrong where a model does not feel how the container tilts; a line, or none.
+        """Warns in a line if a model ignores the container's tilt.
 
         None of an attitude that is in doubt itself.
         """
@@ -258,7 +258,7 @@ class InputReader:
 
 
 def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
-    """Odometry tells the attitude, and its twist is in the axes of the frame that moves."""
+    """Makes the twist of an Odometry, which is in the axes of the moving frame."""
     vx, vy, vz, wx, wy, wz, *turn = row
     linear, angular = (vx, vy, vz), (wx, wy, wz)
     if not turn:
@@ -268,7 +268,7 @@ def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:
-    """Specific force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    """Returns force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
     force, rate = tuple(row[:3]), tuple(row[3:6])
     if row[6] < 0.0:
         force = (math.nan,) * 3
@@ -276,7 +276,28 @@ def _imu(row: Sequence[float]) -> tuple[Any, Any]:
     return force, rate if reported else None
 
 
+def readings_of(
+    kind: str, columns: Mapping[str, NDArray[Any]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """What messages of imu or accel report, in their own axes: (N, 3) each, NaN: not known.
+
+    Args:
+        kind: 'imu' or 'accel'.
+        columns: their fields by name, (N,) each.
+
+    Returns:
+        accelerations, and angular velocities; None: such messages have none.
+    """
+    values = np.column_stack([columns[name] for name in _FIELDS[kind]]).astype(np.float64)
+    if kind != "imu":
+        return values, None
+    force, rate = values[:, :3], values[:, 3:6]
+    force[values[:, 6] < 0.0] = math.nan
+    rate[values[:, 7] < 0.0] = math.nan
+    return force, rate
+
+
 def stamps_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
-    """The header's stamps [ns]."""
+    """Returns the header's stamps [ns]."""
     seconds = columns["header.stamp.sec"].astype(np.int64)
     return np.asarray(seconds * SECOND + columns["header.stamp.nanosec"], dtype=np.int64)

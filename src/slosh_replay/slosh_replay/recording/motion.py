@@ -1,4 +1,4 @@
-"""The motion that a bag's input messages tell, through the estimator's own input adapters."""
+"""The container's motion from a bag's input messages, by the estimator's adapters."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ORIENTATION_KNOWN, _TURNING_KNOWN = (
 
 @dataclass(frozen=True, slots=True)
 class RecordedMotion:
-    """Recorded motion of the container at the stamps of its samples.
+    """Recorded motion of the container at its samples' stamps.
 
     Attributes:
         stamps: (N,) [ns], strictly increasing.
@@ -51,7 +51,7 @@ class RecordedMotion:
 
 
 class MotionCollector:
-    """Takes the messages of one input, as columns.
+    """Collects the messages of one input as columns.
 
     Args:
         kind: of the input.
@@ -74,7 +74,7 @@ class MotionCollector:
         self._turns: list[Array] = []
 
     def add(self, columns: Columns) -> None:
-        """Takes messages that follow each other."""
+        """Adds consecutive messages."""
         self._take(*self._filter.add(stamps_of(columns), columns))
 
     def _take(self, stamps: Stamps, columns: Columns) -> None:
@@ -89,7 +89,7 @@ class MotionCollector:
             self._turns.append(_reported(columns, TURNING, _TURNING_KNOWN))
 
     def motion(self, path: Path, topic: str) -> RecordedMotion:
-        """All that came.
+        """Returns the motion of all messages.
 
         Raises:
             SloshBagError: nothing usable, or the stamps go back.
@@ -122,11 +122,11 @@ class MotionCollector:
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """What is wrong with the input, a sentence each."""
+        """Faults of the input, one sentence each."""
         return self._reader.doubts
 
     def notes(self) -> list[str]:
-        """What a table cannot hold of it, one line each."""
+        """Remarks on data that a table cannot hold, one line each."""
         counters = self._reader.counters
         notes: list[str] = [*self.doubts, *self._reader.faults]
         if self._filter.count:
@@ -147,7 +147,7 @@ class MotionCollector:
         return notes
 
     def _yawed(self) -> Array:
-        """Attitudes of the yaw alone: all else of the sensor's turning is in its forces."""
+        """Returns attitudes by yaw alone; the forces include the other rotations."""
         half = 0.5 * np.concatenate([part.yaws for part in self._samples])
         zero = np.zeros_like(half)
         return np.column_stack([zero, zero, np.sin(half), np.cos(half)])
@@ -159,7 +159,7 @@ class MotionCollector:
 
 
 class AttitudeCollector:
-    """Takes what an imu in the container's frame tells beside accel.
+    """Collects the attitude of an IMU in the container's frame, in addition to accel.
 
     Args:
         frame: the container's.
@@ -177,14 +177,14 @@ class AttitudeCollector:
         self._turnings: list[Array] = []
 
     def add(self, columns: Columns) -> None:
-        """Takes Imu messages that follow each other."""
+        """Adds consecutive Imu messages."""
         here = columns[FRAME] == self._frame
         self._stamps.append(stamps_of(columns)[here])
         self._attitudes.append(_reported(columns, ORIENTATION, _ORIENTATION_KNOWN)[here])
         self._turnings.append(_reported(columns, TURNING, _TURNING_KNOWN)[here])
 
     def added_to(self, motion: RecordedMotion) -> RecordedMotion:
-        """The motion with attitude and angular velocity, where every sample has them."""
+        """Adds attitude and angular velocity to the motion if every sample has them."""
         if not self._stamps:
             return motion
         stamps = np.concatenate(self._stamps)
@@ -199,7 +199,7 @@ _NO_STAMPS = np.empty(0, dtype=np.int64)
 
 
 def at_stamps(wanted: Stamps, stamps: Stamps, values: Array) -> Array | None:
-    """The values (N, K) that came first with each of the wanted stamps (N,).
+    """Returns the first values (N, K) at each of the wanted stamps (N,).
 
     Args:
         wanted: stamps to look for.
@@ -225,7 +225,7 @@ def _stacked(columns: Columns, names: tuple[str, ...]) -> Array:
 
 
 def _reported(columns: Columns, names: tuple[str, ...], known: str) -> Array:
-    """Values (N, K), NaN where 'not reported' is said as Imu.msg has it."""
+    """Returns values (N, K), NaN where Imu.msg says 'not reported'."""
     return np.where(
         (columns[known] == NOT_REPORTED)[:, np.newaxis], np.nan, _stacked(columns, names)
     )

@@ -1,4 +1,4 @@
-"""What the nodes of a recording worked with, from its `settings` topic."""
+"""Settings of the nodes in a recording, from its `settings` topic."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_base.files.yaml_document import parse_yaml
 from slosh_model.model import Model
 from slosh_model.model_text import format_model, parse_model
+from slosh_model.tray import TRAY, Tray, parse_tray
 
 TOPIC = "settings"
 MESSAGE_TYPE = "slosh_msgs/msg/NodeSettings"
@@ -23,7 +24,7 @@ T = TypeVar("T")
 
 
 class NodeStart(NamedTuple):
-    """A node started, started anew, or changed parameters while it goes on; see NodeSettings.msg.
+    """A start, restart or parameter change of a node; see NodeSettings.msg.
 
     Attributes:
         node: its name.
@@ -54,7 +55,7 @@ class NodeStart(NamedTuple):
 
 
 def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
-    """The starts of a cell's nodes, in the order of the recording.
+    """Reads the settings messages of a cell's nodes in order.
 
     What cannot be read beside what can is a stranger's, who must not cost the recording.
 
@@ -76,14 +77,14 @@ def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
 
 
 def first(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
-    """A node's first start; None: the recording does not tell."""
+    """Returns a node's first settings; None: not recorded."""
     return next((start for start in starts if start.node == node), None)
 
 
 def heard(
     starts: Sequence[NodeStart], node: str, published_ns: NDArray[np.int64]
 ) -> tuple[NodeStart, ...]:
-    """The starts without those of a node's processes that ended before they published anything.
+    """Removes starts of a node's processes that ended before publishing anything.
 
     Args:
         starts: in the order of the recording.
@@ -103,7 +104,7 @@ def heard(
 def of_process(
     starts: Sequence[NodeStart], node: str, number: int, count: int
 ) -> tuple[NodeStart, ...]:
-    """The starts without those of a node's other processes, where as many are known as there are.
+    """Removes the starts of a node's other processes, if all are known.
 
     Args:
         starts: in the order of the recording.
@@ -123,12 +124,12 @@ def of_process(
 
 
 def latest(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
-    """What a node last worked with; None: the recording does not tell."""
+    """Returns a node's last settings; None: not recorded."""
     return last_of_each(starts).get(node)
 
 
 def last_of_each(starts: Iterable[NodeStart]) -> dict[str, NodeStart]:
-    """What each node last worked with, by its name."""
+    """Returns each node's last settings by name."""
     found: dict[str, NodeStart] = {}
     for start in starts:
         found[start.node] = after(found.get(start.node), start)
@@ -136,7 +137,7 @@ def last_of_each(starts: Iterable[NodeStart]) -> dict[str, NodeStart]:
 
 
 def after(known: NodeStart | None, news: NodeStart) -> NodeStart:
-    """What a node works with after its news: a change of parameters is no other start."""
+    """Combines settings with a later message; a parameter change is not a new start."""
     if known is None or not news.changed:
         return news
     return known._replace(parameters=news.parameters)
@@ -145,7 +146,7 @@ def after(known: NodeStart | None, news: NodeStart) -> NodeStart:
 def limits_over_time(
     starts: Sequence[NodeStart], node: str, meaning: Callable[[Mapping[str, Any]], T]
 ) -> tuple[T, list[tuple[int, T]]] | None:
-    """What a node's parameters mean at its last start, and after each later change.
+    """Returns a node's parameters, converted, at its last start and after each change.
 
     Args:
         starts: in the order of the recording.
@@ -169,7 +170,7 @@ def limits_over_time(
 
 
 def settings_of(start: NodeStart, meaning: Callable[[Mapping[str, Any]], T]) -> T:
-    """What a recorded node's parameters mean.
+    """Converts a recorded node's parameters.
 
     Args:
         start: of the node.
@@ -187,7 +188,7 @@ def settings_of(start: NodeStart, meaning: Callable[[Mapping[str, Any]], T]) -> 
 
 
 def model_of(start: NodeStart) -> Model:
-    """The model that an estimator started with.
+    """Returns the model with which an estimator started.
 
     Raises:
         SloshBagError: the recording does not hold it.
@@ -199,13 +200,23 @@ def model_of(start: NodeStart) -> Model:
     return parse_model(text, "the recorded model")
 
 
+def tray_of(start: NodeStart) -> Tray | None:
+    """The tray that an estimator started with; None: it carried one container.
+
+    Raises:
+        SloshModelError: what is recorded is none.
+    """
+    text = start.files.get(TRAY)
+    return parse_tray(text, "the recorded tray") if text else None
+
+
 def starts_at_rest(start: NodeStart | None) -> bool:
-    """Whether an estimator took the liquid for still when it started; those of old always did."""
+    """Whether an estimator assumed liquid at rest at its start; old ones always did."""
     return start is None or bool(start.parameters.get("starts_at_rest", True))
 
 
 def model_differences(recorded: Model, replayed: Model) -> list[str]:
-    """How two models differ, one line each: where, and both values."""
+    """Lists the differences of two models, one line each with both values."""
     old = _flat(parse_yaml(format_model(recorded), "model").value)
     new = _flat(parse_yaml(format_model(replayed), "model").value)
     return [
@@ -222,7 +233,7 @@ def _shown(values: Mapping[str, Any], key: str, preposition: str = "") -> str:
 
 
 def _flat(document: Any, prefix: str = "") -> dict[str, Any]:
-    """Values by dotted key; effects by their names."""
+    """Flattens a document to values by dotted key; effects by name."""
     if isinstance(document, list) and all(isinstance(item, dict) for item in document):
         document = {item.pop("name", index): item for index, item in enumerate(document)}
         document = {name: item or True for name, item in document.items()}
@@ -235,7 +246,7 @@ def _flat(document: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def node_start(message: Any, log_ns: int, source: str) -> NodeStart:
-    """What a NodeSettings message says.
+    """Parses a NodeSettings message.
 
     Args:
         message: as any middleware or reader decodes it.

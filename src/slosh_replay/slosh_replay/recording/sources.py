@@ -1,4 +1,4 @@
-"""Which topics of a bag a replay, a discovery or an export reads, and what is known about them."""
+"""Selects the topics of a bag for a replay, a discovery or an export."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from slosh_replay.recording.settings import NodeStart
 _TYPES = {row.name: row.type for row in topics.TOPICS}
 SURFACE = _TYPES[topics.FREE_SURFACE]
 ESTIMATE = _TYPES[topics.ESTIMATE]
+TRAY = _TYPES[topics.TRAY_ESTIMATE]
 COMPARISON = _TYPES[topics.COMPARISON]
 FUSED = _TYPES[topics.FUSED_ESTIMATE]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}
@@ -23,7 +24,7 @@ _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison
 
 
 class Sources(NamedTuple):
-    """Topics of a bag that a replay reads, and what they say about it.
+    """Topics of a bag for a replay, with their facts.
 
     Attributes:
         kind: of the input, see `slosh_estimator.inputs`.
@@ -33,6 +34,7 @@ class Sources(NamedTuple):
         starts: of the recorded nodes.
         facts: about the whole bag.
         state: topic of the estimator's states; None: none were recorded.
+        observer_state: the same of its observer.
     """
 
     kind: str
@@ -44,9 +46,10 @@ class Sources(NamedTuple):
     starts: tuple[NodeStart, ...]
     facts: Mapping[str, str]
     state: str | None = None
+    observer_state: str | None = None
 
     def without_answers_to_others(self) -> Sources:
-        """The same without what was recorded of another input, which is not expected again."""
+        """Drops recorded results of another input than the one that is replayed."""
         started = settings.first(self.starts, "estimator")
         if started is None or started.parameters.get("input", self.kind) == self.kind:
             return self
@@ -54,7 +57,7 @@ class Sources(NamedTuple):
 
 
 def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[NodeStart]:
-    """The starts of a cell's nodes, in the order of the recording; empty: the bag does not tell.
+    """Returns the settings messages of a cell's nodes in order; empty: none recorded.
 
     Args:
         reader: of the bag.
@@ -71,7 +74,7 @@ def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[
 def find_sources(
     path: Path, reader: BagReader, kind: str | None = None, cell: str | None = None
 ) -> Sources:
-    """What a replay reads in a bag.
+    """Selects the topics of a bag for a replay.
 
     Args:
         path: of the bag, for errors.
@@ -108,6 +111,7 @@ def find_sources(
                 tuple(starts),
                 reader.metadata(),
                 found.topic(states.TOPIC, states.MESSAGE_TYPE),
+                found.topic(topics.OBSERVER_STATE, _TYPES[topics.OBSERVER_STATE]),
             )
     where = f" for the cell {found.cells[0] or '/'}" if len(found.cells) > 1 else ""
     raise SloshBagError(
@@ -116,7 +120,7 @@ def find_sources(
 
 
 class CellTopics:
-    """Finds the topics of one cell by their last names, in its namespace or outside all cells.
+    """Finds topics of one cell by last name, in its namespace or outside all cells.
 
     Args:
         recorded: topics of the bag; those without messages do not count.
@@ -135,16 +139,16 @@ class CellTopics:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """Namespaces of the cells, the one that is read first."""
+        """Namespaces of the cells, the selected one first."""
         return () if self._home is None else (self._home, *sorted(self._others))
 
     @property
     def is_there(self) -> bool:
-        """Whether the cell has a topic at all."""
+        """Whether the cell has any topic."""
         return any(_namespace(topic) == self._home for topic in self._topics)
 
     def topic(self, name: str, message_type: str) -> str | None:
-        """The cell's topic of that last name and type."""
+        """Returns the cell's topic with that last name and type."""
         found = [
             topic
             for topic, kind in self._topics.items()
@@ -155,7 +159,7 @@ class CellTopics:
         return min(found, key=lambda topic: (_namespace(topic) != self._home, topic), default=None)
 
     def settle(self, topic: str) -> None:
-        """Takes a topic's namespace for the cell, where none has been recorded."""
+        """Selects a topic's namespace as the cell, if none is selected."""
         if self._home is None:
             self._home = _namespace(topic)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
@@ -10,6 +11,7 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, messages_of, stamp_ns
+from slosh_estimator.observer.observer import ObserverState
 from slosh_estimator.sample import Sample
 from slosh_estimator.state import EstimatorState
 
@@ -19,7 +21,7 @@ _POSE = 4  # where a sample's pose begins
 
 
 class RecordedState(NamedTuple):
-    """What the estimator's next answers depend on; see EstimatorState.msg.
+    """Recorded state of the estimator; see EstimatorState.msg.
 
     Attributes:
         stamp_ns: of the last input that was used [ns].
@@ -34,8 +36,17 @@ class RecordedState(NamedTuple):
     memory: tuple[float, ...]
 
 
+def observer_states_of(reader: BagReader, block: MessageBlock) -> tuple[ObserverState, ...]:
+    """Returns the observer's states in a block; those that cannot be read are ignored."""
+    found = []
+    for message in messages_of(block):
+        with contextlib.suppress(SloshBagError, ValueError):
+            found.append(_observer_state(reader.decode(message)))
+    return tuple(found)
+
+
 def states_of(reader: BagReader, block: MessageBlock) -> tuple[RecordedState, ...]:
-    """The states in a block; what cannot be read is a stranger's and tells nothing."""
+    """Returns the valid states in a block; others are ignored."""
     return tuple(_readable(reader, block))
 
 
@@ -59,4 +70,18 @@ def _state(message: Any) -> RecordedState:
             *(np.array(part) for part in (message.linear, message.nonlinear, message.checks)),
         ),
         tuple(message.input.tolist()),
+    )  # fmt: skip
+
+
+def _observer_state(message: Any) -> ObserverState:
+    stamps = (int(message.corrected_stamp), int(message.judged_stamp))
+    corrected, judged = (None if stamp < 0 else stamp for stamp in stamps)
+    numbers = (
+        np.array(getattr(message, name), dtype=float)
+        for name in ("model", "parameters", "covariance", "changes", "past")
+    )
+    return ObserverState(
+        stamp_ns(message), int(message.first_stamp), corrected, judged,
+        tuple(map(int, message.counts)), int(message.rejected_in_turn), message.anchored_at,
+        *numbers,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Judges replayed estimates against measurements.
+"""Computes the accuracy of replayed estimates against measurements.
 
 ε compares two maxima, and a single wrong sample can be the measured one. So samples that stand
 out of both neighbours by more than 15 % of the range of the heights are left out of ε, as no
@@ -27,7 +27,7 @@ SAMPLED = 200_000
 
 
 class Judgement(NamedTuple):
-    """What the images of a run say about the models.
+    """Accuracy of the models over the images of a run.
 
     Attributes:
         models: over the whole run.
@@ -43,18 +43,18 @@ class Judgement(NamedTuple):
 
 
 class _Sums:
-    """What accumulates over pairs of a measured and an estimated height."""
+    """Sums over pairs of measured and estimated heights."""
 
     def __init__(self) -> None:
         self.clean, self.raw = RunningAccuracy(), RunningAccuracy()
 
     def add(self, raw: Array, clean: Array, model: Array) -> None:
-        """Takes (N,) heights [m]; NaN where a side has none."""
+        """Adds heights (N,) [m]; NaN where a side has none."""
         self.raw.update_many(raw, model)
         self.clean.update_many(clean, model)
 
     def accuracy(self, name: str, clock: ClockOffset | None) -> ModelAccuracy:
-        """The figures; NaN where there was no pair."""
+        """Returns the figures; NaN: no pair."""
         return ModelAccuracy(
             name=name,
             sigma=self.clean.sigma,
@@ -72,7 +72,7 @@ def judge(
     motions: Sequence[tuple[int, int]] = (),
     clocks: Sequence[ClockOffset] | None = None,
 ) -> Judgement:
-    """Judges the models over a run's images.
+    """Evaluates the models over a run's images.
 
     As in the monitor, a saturated height is a lower bound and counts only above the estimate, and
     estimates from an unknown state do not count.
@@ -122,7 +122,7 @@ def judge(
 
 
 def _nothing(series: Series) -> str:
-    """Why no image counts."""
+    """Describes why no image can be compared."""
     seen = estimated = False
     for block in series.blocks():
         known = np.isfinite(block["measured"])
@@ -147,7 +147,7 @@ def _spike_limit(series: Series) -> float:
 def _cleaned(
     series: Series, start: int, block: NDArray[np.void], limit: float
 ) -> tuple[Array, Array]:
-    """The block's measured heights, as they are and without spikes."""
+    """Returns the block's measured heights, with and without spikes."""
     # At its ends the neighbours beyond decide.
     first, last = max(start - 1, 0), min(start + len(block) + 1, len(series))
     around = series.read(first, last)["measured"]

@@ -1,4 +1,4 @@
-"""Holds a replay against what its manifest expects of it."""
+"""Compares a replay with its manifest's expectations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 
 
 class Point(NamedTuple):
-    """One thing that was looked at.
+    """One check of a replay.
 
     Attributes:
         name: what it is.
@@ -35,7 +35,7 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CheckedReplay:
-    """A replay and whether it is as expected.
+    """A replay with the results of its checks.
 
     Attributes:
         name: of the bag.
@@ -49,17 +49,17 @@ class CheckedReplay:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What is not as expected, one line each."""
+        """Failed checks, one line each."""
         return tuple(point.failure for point in self.points if point.failure)
 
     @property
     def passed(self) -> bool:
-        """Whether all is as expected."""
+        """Whether all checks passed."""
         return not self.failures
 
 
 def check_result(result: ReplayResult, expected: Expectation) -> CheckedReplay:
-    """Looks at everything that the expectation names."""
+    """Checks everything that the expectation names."""
     checks = [
         *_models("MAE", "mm", expected.sigma, {a.name: a.sigma for a in result.accuracy}),
         *_models("ε", "%", expected.epsilon, {a.name: a.epsilon for a in result.accuracy}),
@@ -85,7 +85,7 @@ def check_result(result: ReplayResult, expected: Expectation) -> CheckedReplay:
 
 
 def expectation_of(result: ReplayResult) -> Expectation:
-    """What a manifest states of a replay that is as it should be.
+    """Makes the expectation that a replay's results meet.
 
     The tolerances leave room for another machine's rounding and for nothing else that matters.
     """
@@ -119,12 +119,12 @@ def expectation_of(result: ReplayResult) -> Expectation:
 
 
 def dropped(result: ReplayResult) -> int:
-    """Input samples that were not used: dropped by the gate, or by the live estimator alone."""
+    """Returns the number of unused input samples: dropped by filter or live estimator."""
     return result.counters.get("samples_dropped", 0) + result.counters.get("not_used_live", 0)
 
 
 def excesses(events: Sequence[Event]) -> list[Event]:
-    """Of each excess its last event, which knows the peak, in the order of the excesses."""
+    """Returns the last event of each limit violation, which has the peak, in order."""
     last = {event.id: event for event in events}
     return [last[number] for number in sorted(last)]
 
@@ -175,7 +175,7 @@ def _estimates(result: ReplayResult, tolerance: float | None) -> list[Point]:
 
 
 def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
-    """Of what other nodes gave and could be compared, where their row states a tolerance."""
+    """Checks the comparable results of other nodes that have a tolerance in the table."""
     return [
         point
         for name, found in result.verified.items()

@@ -1,4 +1,4 @@
-"""What a finished replay comes to."""
+"""Assembles the result of a finished replay."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PARTS = 4
 
 
 class Origin(NamedTuple):
-    """What is known to differ between the recording and the replay; see Verification."""
+    """Known differences between the recording and the replay; see Verification."""
 
     causes: tuple[str, ...] = ()
     rounds_otherwise: bool = False
@@ -33,7 +33,7 @@ class Origin(NamedTuple):
 def conclude(
     name: str, source: str, stream: ReplayStream, origin: Origin | None = None
 ) -> ReplayResult:
-    """The result of a replay through which everything has gone.
+    """Makes the result of a completed replay.
 
     Args:
         name: of the bag or table.
@@ -100,7 +100,7 @@ def conclude(
 
 
 def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
-    """How the nodes' messages compare with the recorded ones, by the last name of their topic.
+    """Compares the nodes' messages with the recorded ones, by last name of their topic.
 
     Why estimates may differ is told of them, not of what follows from them.
     """
@@ -115,7 +115,7 @@ def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
 
 
 def _astray(strays: Mapping[str, int]) -> str:
-    """How many messages were set aside, in a line; empty: none."""
+    """Describes the number of excluded messages in one line; empty: none."""
     told = [f"{count} {what}" for what, count in strays.items() if count]
     if not told:
         return ""
@@ -123,7 +123,7 @@ def _astray(strays: Mapping[str, int]) -> str:
 
 
 def thinned(series: Series, limit: int = DRAWN) -> NDArray[np.void]:
-    """The rows that a chart needs: all, or the extremes of equal parts of a long run.
+    """Returns the rows for a chart: all, or the extremes of equal parts of a long run.
 
     Args:
         series: the images.

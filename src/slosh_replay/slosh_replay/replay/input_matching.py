@@ -1,4 +1,4 @@
-"""Which inputs of a recording the live estimator used.
+"""Determines which inputs of a recording the live estimator used.
 
 A recorder may hear a message that the estimator never got, or got too late to use. Where estimates
 were recorded they tell: each carries the stamp of its input and the number of inputs used so far.
@@ -21,7 +21,7 @@ its first recorded estimate tells with which input that was."""
 
 
 class Decision(NamedTuple):
-    """What became of the next inputs.
+    """Decision about the next inputs: used or not.
 
     Attributes:
         reached: how many inputs it is about.
@@ -38,7 +38,7 @@ class Decision(NamedTuple):
 
 
 class InputMatcher:
-    """Takes recorded estimates, decides on inputs; both in the order of the recording.
+    """Matches recorded estimates with inputs, both in the order of the recording.
 
     Inputs before the first estimate are those of an estimator that was not there yet; inputs
     behind the last one count as used, as nothing speaks against them.
@@ -63,12 +63,12 @@ class InputMatcher:
         self._anew = False  # whether the next input is the first of a new estimator
 
     def add_recorded(self, stamps: Integers, used: Integers) -> None:
-        """Takes recorded estimates: stamps (N,) [ns] and `samples_used` (N,)."""
+        """Adds recorded estimates: stamps (N,) [ns] and `samples_used` (N,)."""
         self._stamps = np.concatenate((self._stamps, stamps))
         self._used = np.concatenate((self._used, used.astype(np.int64)))
 
     def decide(self, stamps: Integers, *, final: bool = False) -> Decision:
-        """Decides on as many of the next inputs as the recorded estimates reach.
+        """Decides about the next inputs as far as recorded estimates reach.
 
         Args:
             stamps: (N,) of the inputs that are not decided yet [ns].
@@ -89,7 +89,7 @@ class InputMatcher:
         return Decision(count, used, restarts, counts)
 
     def forget(self, until: int) -> None:
-        """No input up to this stamp [ns] will come any more."""
+        """Drops data up to this stamp [ns]; no earlier input will follow."""
         done = int(np.searchsorted(self._stamps, until, side="right"))
         if done:
             self._anew |= bool((np.diff(self._counts()[: done + 1]) <= 0).any())
@@ -97,7 +97,7 @@ class InputMatcher:
             self._stamps, self._used = self._stamps[done:], self._used[done:]
 
     def remarks(self) -> tuple[str, ...]:
-        """Why estimates may differ although model and code are the same, one line each."""
+        """Explains differing estimates for equal model and code, one line each."""
         found = []
         if self.used_before:
             found.append(
@@ -123,7 +123,7 @@ class InputMatcher:
     def _unrecorded(
         self, index: Integers, candidates: NDArray[np.bool_], final: bool
     ) -> NDArray[np.bool_]:
-        """Inputs without an estimate that were used all the same: the counter went on."""
+        """Returns inputs that were used without a recorded estimate, by the counter."""
         steps = np.append(np.diff(self._counts()) - 1, len(index))
         if not self._heard and not (final and len(steps) == 1):
             steps[0] = 0
@@ -133,7 +133,7 @@ class InputMatcher:
         return used
 
     def _starts(self, stamps: Integers, used: NDArray[np.bool_]) -> list[int]:
-        """Inputs with which the counter began anew; `used` learns what the new estimator used."""
+        """Returns inputs at which the counter restarted; completes `used`."""
         restarts = [0] if self._anew and len(stamps) else []
         anew = np.diff(self._counts()) <= 0
         if not self._heard and len(anew):
@@ -159,5 +159,5 @@ class InputMatcher:
         return restarts
 
     def _counts(self) -> Integers:
-        """The counter before and at each estimate that is kept."""
+        """Returns the counter before and at each stored estimate."""
         return np.concatenate(([self._count], self._used))

@@ -1,4 +1,4 @@
-"""Over which inputs of a recording the liquid's state is known, and what makes it known again.
+"""Tracks over which inputs of a recording the liquid's state is known.
 
 It is known from a start of the estimator on, until the estimator used an input that the recording
 lacks: then its counter went on by more than the inputs that are there. A recording that begins in
@@ -19,13 +19,13 @@ from slosh_replay.replay.verification import Verifier
 
 AT_FIRST = "before the first known state"
 LATER = "after inputs that are missing in the recording, until the next known state"
-NOT_RECORDED = "the recording lacks earlier inputs, and the observer's state is not in it"
+OF_A_TRAY = "no state of a tray's further containers is recorded"
 _LONG_AGO = -(2**62)
 _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one input
 
 
 class Course(NamedTuple):
-    """What the next inputs say of the state.
+    """Changes of the known state over the next inputs.
 
     Attributes:
         unknown: whether it is not known at the first of them, with which the replay begins.
@@ -37,7 +37,7 @@ class Course(NamedTuple):
 
 
 class _Event(NamedTuple):
-    """At the input of a place the state is lost, or known by a start or a recorded state."""
+    """Change at an input: the state is lost, or known by a start or a recorded state."""
 
     place: int
     kind: int
@@ -46,20 +46,28 @@ class _Event(NamedTuple):
 
 
 class KnownState:
-    """Follows the inputs of a recording, and the states of its estimator that it may hold.
+    """Follows the inputs of a recording, and its recorded states.
 
     Args:
-        verifiers: are told what cannot be compared.
-        fused: verifier of the observer, whose state no recorded one holds: it is known again from
-            the estimator's next start on. None: nothing of it was recorded.
+        verifier: is told what cannot be compared; None: nothing is.
+        tray: the same for a tray's containers, of the first of which alone states are recorded.
+        comparison: the same for the monitor's comparisons with these estimates.
+        losses: receives the stamps after which the state is unknown [ns].
 
     Attributes:
         breaks: how often the counter went on by another number than that of the inputs.
     """
 
-    def __init__(self, verifiers: Sequence[Verifier] = (), fused: Verifier | None = None) -> None:
-        self._verifiers, self._fused = tuple(verifiers), fused
-        self._fused_known = True
+    def __init__(
+        self,
+        verifier: Verifier | None,
+        losses: list[int] | None = None,
+        tray: Verifier | None = None,
+        comparison: Verifier | None = None,
+    ) -> None:
+        self._verifiers = [one for one in (verifier, comparison) if one is not None]
+        self._tray = tray
+        self._losses = losses
         self._states: list[RecordedState] = []
         self._known = True
         self.breaks = 0
@@ -69,11 +77,11 @@ class KnownState:
         self._lag_ns = 0  # by which estimates lie behind the inputs that they are made of
 
     def add(self, states: Sequence[RecordedState]) -> None:
-        """Takes recorded states, in the order of the recording."""
+        """Adds recorded states in the order of the recording."""
         self._states += states
 
     def follow(self, stamps: Integers, decision: Decision) -> Course:
-        """Takes what was decided on the next inputs.
+        """Processes the decision about the next inputs.
 
         Args:
             stamps: (N,) of at least the inputs that were decided upon [ns].
@@ -97,10 +105,7 @@ class KnownState:
             if event.kind == _LOST:
                 course = course._replace(unknown=course.unknown or event.stamp_ns == _LONG_AGO)
                 self._lose(event.stamp_ns)
-                continue
-            if event.kind == _STARTED:
-                self._find_fused(event.stamp_ns)
-            if not self._known:
+            elif not self._known:
                 if event.state is not None:
                     course.states.append((event.place + 1, event.state))
                     self._lag_ns = event.state.stamp_ns - event.stamp_ns
@@ -108,7 +113,7 @@ class KnownState:
         return course
 
     def _counts(self, decision: Decision, at: Sequence[tuple[int, RecordedState]]) -> Integers:
-        """(N,) the counter at each input, 0 where it is not known."""
+        """Returns the counter (N,) at each input, 0 where unknown."""
         if decision.counts is not None:
             return decision.counts
         counts = np.zeros(decision.reached, dtype=np.int64)
@@ -117,7 +122,7 @@ class KnownState:
         return counts
 
     def _breaks(self, stamps: Integers, decision: Decision, counts: Integers) -> list[_Event]:
-        """Where the counter does not agree with the inputs, and where it begins anew."""
+        """Returns where the counter disagrees with the inputs, and where it restarts."""
         total = np.concatenate(([0], np.cumsum(decision.used)))  # used before each input
         rows = np.flatnonzero((counts > 0) & decision.used)
         before = np.concatenate(([-self._since], total[rows + 1]))
@@ -138,19 +143,16 @@ class KnownState:
         return [*starts, *lost]
 
     def _lose(self, after_ns: int) -> None:
-        if self._known:
-            for verifier in self._verifiers:
-                verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
-        if self._fused_known and self._fused is not None:
-            self._fused.lose(after_ns, NOT_RECORDED)
-        self._known = self._fused_known = False
+        for verifier in self._verifiers if self._known else ():
+            verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        if self._tray is not None:
+            self._tray.lose(after_ns, OF_A_TRAY)
+            self._tray = None
+        if self._losses is not None:
+            self._losses.append(after_ns)
+        self._known = False
 
     def _find(self, until_ns: int) -> None:
         for verifier in self._verifiers:
             verifier.find(until_ns)
         self._known = True
-
-    def _find_fused(self, until_ns: int) -> None:
-        if not self._fused_known and self._fused is not None:
-            self._fused.find(until_ns)
-        self._fused_known = True

@@ -1,4 +1,4 @@
-"""The recorded model beside its planar or spatial twin, each with its L and its NL twin.
+"""Runs the recorded model and its 2D or 3D variant, each as L and NL.
 
 Their estimates are interpolated to the stamps of images.
 """
@@ -37,7 +37,7 @@ class ModelSetEstimates(NamedTuple):
 
 
 class ModelSet:
-    """Runs the four models side by side.
+    """Runs the four models in parallel.
 
     Args:
         model: container, liquid and effects; the one that was or would be loaded live.
@@ -49,31 +49,33 @@ class ModelSet:
 
     @property
     def model(self) -> Model:
-        """The model that is loaded."""
+        """The loaded model."""
         return self._own.model
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the models, in the order of the heights."""
+        """Names of the models, in the order of the heights."""
         pairs = [estimator.names for estimator in self._in_order(self._own, self._twin)]
         return tuple(pair[surface] for surface in (0, 1) for pair in pairs)
 
     @property
     def own(self) -> tuple[int, int]:
-        """Which of the heights are those of the loaded model's L and NL twin."""
+        """Indices of the loaded model's L and NL variant among the heights."""
         return (1, 3) if _is_spatial(self.model) else (0, 2)
 
     @property
     def own_names(self) -> tuple[str, str]:
-        """Names of the loaded model's L and NL twin."""
+        """Names of the loaded model's L and NL variant."""
         return self._own.names
 
     def restart(self, *, at_rest: bool = True) -> None:
-        """A new estimator with the same model."""
+        """Restarts the estimators with the same model; an empty gripper stays empty."""
+        empty = self._own.empty
         self._begin(self.model, at_rest=at_rest)
+        self._own.empty = self._twin.empty = empty
 
     def take_up(self, state: EstimatorState) -> None:
-        """Goes on from a state of the live estimator.
+        """Restores a state of the live estimator.
 
         The twin goes on from it, too: how far it would have been elsewhere nobody knows, and that
         dies out.
@@ -84,13 +86,20 @@ class ModelSet:
         self._own.take_up(state)
         self._twin.take_up(state)
 
-    def load_model(self, model: Model) -> None:
-        """Replaces the model, as the node's service does; the same one: as its reset does."""
-        self._own.load_model(model)
-        self._twin.load_model(_twin(model))
+    def load_model(self, model: Model, *, fresh: bool = False, empty: bool = False) -> None:
+        """Replaces the model, as the node's services do; an equal model is reset.
+
+        See `Estimator.load_model`.
+        """
+        self._own.load_model(model, fresh=fresh, empty=empty)
+        self._twin.load_model(_twin(model), fresh=fresh, empty=empty)
+
+    def empty(self) -> None:
+        """Starts without a container."""
+        self._own.empty = self._twin.empty = True
 
     def update_many(self, samples: Samples) -> ModelSetEstimates:
-        """Takes samples."""
+        """Processes samples."""
         own, twin = self._own.update_many(samples), self._twin.update_many(samples)
         both = self._in_order(own, twin)
         columns = [part.heights[:, surface, _MSH] for surface in (0, 1) for part in both]
@@ -107,7 +116,7 @@ class ModelSet:
         return ModelSetEstimates(own, heights)
 
     def _delays(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(N,) by how much the measurements of these moments come late [ns]."""
+        """Returns the modelled delays (N,) of measurements at stamps [ns]."""
         return np.rint(self._own.reading_delays(stamps) * 1e9).astype(np.int64)
 
     def _begin(self, model: Model, *, at_rest: bool) -> None:
@@ -115,7 +124,7 @@ class ModelSet:
         self._twin = Estimator(_twin(model), at_rest=at_rest)
 
     def _in_order(self, own: T, twin: T) -> tuple[T, T]:
-        """What is the planar model's, then the spatial one's."""
+        """Returns the planar model's value, then the spatial one's."""
         return (twin, own) if _is_spatial(self.model) else (own, twin)
 
 
@@ -138,6 +147,7 @@ class ModelHeights(NamedTuple):
         readings: (M, K) what a sensor reads of the heights [m]; None: the heights.
         delays: (M,) by how much a measurement comes late [ns]; None: it does not.
         accelerations: (M, 3) that drove the models [m/s²]; None: not kept.
+        tray: (M, C) nonlinear height of each container of a tray [m]; None: there is none.
     """
 
     stamps: Integers
@@ -147,15 +157,16 @@ class ModelHeights(NamedTuple):
     readings: Array | None = None
     delays: Integers | None = None
     accelerations: Array | None = None
+    tray: Array | None = None
 
     @property
     def as_read(self) -> Array:
-        """(M, K) what a sensor reads of the heights [m]."""
+        """(M, K) heights as a sensor measures them [m]."""
         return self.heights if self.readings is None else self.readings
 
 
 class AtImages(NamedTuple):
-    """The same at N images; NaN where there is no estimate.
+    """Heights of every model at N images; NaN: no estimate.
 
     Attributes:
         heights: (N, K) as a sensor reads them, linear between the two estimates around what the
@@ -170,7 +181,7 @@ class AtImages(NamedTuple):
 
 
 def at_images(estimates: ModelHeights, stamps: Integers) -> AtImages:
-    """Estimates at the stamps of images; none outside the series and in gaps of it.
+    """Interpolates estimates at images' stamps; none outside the series or in gaps.
 
     Args:
         estimates: at least one.

@@ -32,7 +32,7 @@ _NEVER = 2**63 - 1
 
 
 class MonitoredHeights(NamedTuple):
-    """The estimates that are monitored.
+    """The estimates passed to the monitor.
 
     Attributes:
         stamps: (M,) [ns].
@@ -42,6 +42,7 @@ class MonitoredHeights(NamedTuple):
         delays: (M,) by how much a measurement comes late [ns]; None: it does not.
         azimuths: (M,) of the NL heights [rad]; None: unknown.
         accelerations: (M, 3) that drove the models, gravity excluded [m/s²]; None: unknown.
+        tray: (M, C) nonlinear height of each container of a tray [m]; None: there is none.
     """
 
     stamps: Integers
@@ -52,10 +53,11 @@ class MonitoredHeights(NamedTuple):
     delays: Integers | None = None
     azimuths: Array | None = None
     accelerations: Array | None = None
+    tray: Array | None = None
 
 
 class MonitorFeed:
-    """The monitor's core over a recording.
+    """Runs the monitor's core over a recording.
 
     Whether a side still speaks is judged by the stamps: a recording has no other clock that two
     replays agree on.
@@ -75,7 +77,7 @@ class MonitorFeed:
         self._next_check = self._newest = -(2**62)
 
     def add(self, estimates: MonitoredHeights, measured: Measurements) -> list[Comparison]:
-        """Takes what comes next on both sides; an estimate comes before an image of its moment.
+        """Adds new data of both sides; an estimate precedes an image of the same stamp.
 
         Args:
             estimates: increasing stamps, none before those of earlier calls.
@@ -99,15 +101,15 @@ class MonitorFeed:
         return found + self._estimates(points[at:], felt)
 
     def finish(self) -> list[Comparison]:
-        """Nothing follows: the comparisons that are left."""
+        """Returns the remaining comparisons at the end."""
         return self.monitor.finish()
 
     def take_events(self) -> list[Event]:
-        """The events since the last call."""
+        """Returns the events since the last call."""
         return self.monitor.take_events()
 
     def _needed(self, estimates: MonitoredHeights, images: Integers) -> NDArray[np.bool_]:
-        """Which estimates can change what the monitor says; the others it would only store.
+        """Returns which estimates can change the monitor's output; others may be skipped.
 
         These are the neighbours of the images, the last one before each look at the clock, and all
         around an excess of the limit, or of what is near enough to it to go on with one.
@@ -132,7 +134,7 @@ class MonitorFeed:
         return needed
 
     def _estimates(self, points: list[EstimatePoint], felt: _Felt) -> list[Comparison]:
-        """Estimates, and up to the last of them what drove all, in the order of the stamps."""
+        """Adds estimates with the accelerations up to the last of them, in order."""
         found: list[Comparison] = []
         at = 0
         while at < len(points):
@@ -145,7 +147,7 @@ class MonitorFeed:
         return found
 
     def _check_until(self, stamp_ns: int) -> list[Comparison]:
-        """Looks at the clock at every tick up to a moment; takes over what holds at it."""
+        """Runs the monitor's timeout checks up to a stamp, and applies changed limits."""
         if stamp_ns - self._next_check > LONG_SILENCE_NS:
             # Both sides were silent; after the first tick the others would say nothing new.
             self._next_check = stamp_ns
@@ -160,14 +162,14 @@ class MonitorFeed:
 
 
 class _Felt:
-    """Accelerations that the motions are told in portions; None: there are none."""
+    """Accelerations passed to the motion watch in portions; None: none."""
 
     def __init__(self, stamps: Integers, accelerations: Array | None) -> None:
         self._stamps, self._accelerations = stamps, accelerations
         self._told = 0
 
     def tell(self, motions: MotionWatch, until_ns: int) -> None:
-        """Tells what is stamped up to a moment [ns] and has not been told."""
+        """Passes on accelerations up to a stamp [ns] that were not passed on before."""
         if self._accelerations is None:
             return
         part = slice(self._told, int(np.searchsorted(self._stamps, until_ns, side="right")))
@@ -178,7 +180,8 @@ class _Felt:
 def _points(estimates: MonitoredHeights) -> list[EstimatePoint]:
     stamps, linear, nonlinear, flags = (column.tolist() for column in estimates[:4])
     if all(
-        column is None for column in (estimates.readings, estimates.delays, estimates.azimuths)
+        column is None
+        for column in (estimates.readings, estimates.delays, estimates.azimuths, estimates.tray)
     ):
         return list(map(EstimatePoint, stamps, linear, nonlinear, flags))
     count = len(stamps)
@@ -200,6 +203,7 @@ def _points(estimates: MonitoredHeights) -> list[EstimatePoint]:
             readings,
             delays,
             azimuths,
+            repeat((), count) if estimates.tray is None else map(tuple, estimates.tray.tolist()),
         )
     )
 
@@ -210,6 +214,7 @@ def _images(measured: Measurements) -> list[MeasuredPoint]:
     ]  # fmt: skip
     if measured.waves is not None and measured.axes is not None:
         columns += [measured.waves, measured.axes]
+        columns += [] if measured.levels is None else [measured.levels]
     rows: Any = zip(*(column.tolist() for column in columns), strict=True)
     return [MeasuredPoint(*row) for row in rows]
 
@@ -227,11 +232,13 @@ class ReplayedMonitor:
 
     def __init__(self, setting: Setting) -> None:
         self.feed = MonitorFeed(setting.limits, setting.limit_changes)
+        if setting.tray is not None:
+            self.feed.monitor.carry(setting.tray)
         self.events: list[Event] = []
         self._outputs = setting.outputs
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes estimates and measured heights; returns the comparisons."""
+        """Processes estimates and measured heights; returns the comparisons."""
         estimates = (
             _NOTHING if moment.estimates is None else monitored(moment.estimates, moment.own)
         )
@@ -248,7 +255,7 @@ class ReplayedMonitor:
 
 
 def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights:
-    """What the monitor is told of estimates.
+    """Converts estimates for the monitor.
 
     Args:
         estimates: of all models.
@@ -266,6 +273,7 @@ def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights
         estimates.delays if delayed else None,
         estimates.azimuth,
         estimates.accelerations,
+        estimates.tray,
     )
 
 

@@ -1,36 +1,48 @@
-"""The table of the nodes that a replay runs."""
+"""The table of the nodes in a replay."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.recording.sources import FUSED as FUSED_TYPE
 from slosh_replay.recording.sources import SURFACE
+from slosh_replay.recording.sources import TRAY as TRAY_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
 from slosh_replay.replay.replayed_observer import FIELDS, SURFACES, ReplayedObserver
-from slosh_replay.replay.verification import COMPARED, ESTIMATED, Messages, estimate_fields
+from slosh_replay.replay.verification import (
+    COMPARED,
+    ESTIMATED,
+    Messages,
+    estimate_fields,
+    tray_fields,
+)
 
-_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED)
+_UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRADICTED)
 
 
-def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
-    """The nodes, each below those whose topics it reads; a further node is a further row.
+def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
+    """Returns the nodes, each after those whose topics it reads.
 
     Args:
         modes: of the recorded estimates.
+        containers: of a tray; 0: there is none.
     """
     estimate = ("samples_used", *estimate_fields(modes))
+    tray = NodeTopic(TRAY_ESTIMATE, TRAY_TYPE, tray_fields(containers))
     return (
         ReplayedNode(
             "estimator",
             ReplayedEstimator,
-            outputs=(NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_uncontested),),
+            outputs=(
+                NodeTopic(ESTIMATE, ESTIMATE_TYPE, estimate, known=_alone),
+                *([tray] if containers else []),
+            ),
         ),
         ReplayedNode(
             "observer",
@@ -57,12 +69,12 @@ def node_table(modes: int = 1) -> tuple[ReplayedNode, ...]:
     )
 
 
-def _uncontested(estimates: Messages) -> Messages:
-    """Estimates without the flag of a second publisher: that is in no recording."""
+def _alone(estimates: Messages) -> Messages:
+    """Clears the flags of a second publisher or source, which a recording cannot reproduce."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
 
 
 def _seen(comparisons: Messages) -> Messages:
-    """Comparisons without those of a silent camera: they follow the monitor's own clock."""
+    """Removes comparisons of a silent camera, which depend on the monitor's clock."""
     return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))

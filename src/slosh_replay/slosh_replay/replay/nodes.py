@@ -1,4 +1,4 @@
-"""What a node in a replay is: a row of a table, with its core, its topics and its tolerance."""
+"""A node in a replay as a row of a table: core, topics and tolerance."""
 
 from __future__ import annotations
 
@@ -10,34 +10,37 @@ import numpy as np
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.observer.observer import ObserverState
 from slosh_model.model import Model
+from slosh_model.tray import Tray
+from slosh_model.wall import Wall
 from slosh_replay.recording.heights import Measurements
 from slosh_replay.recording.inputs import InputReader
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
 from slosh_replay.replay.model_set import ModelHeights, ModelSetEstimates
-from slosh_replay.replay.verification import Messages
+from slosh_replay.replay.verification import Messages, Verifier
 
 
 class Outputs:
-    """Receives what a replay gives, as it gives it; this one keeps nothing."""
+    """Receives a replay's results as they arise; this one ignores them."""
 
-    def begin(self, names: tuple[str, str]) -> None:
-        """Is told the names of the loaded model's L and NL twin before anything comes."""
+    def begin(self, names: tuple[str, str], wall: Wall) -> None:
+        """Is told the names of the loaded model's L and NL twin, and its container's wall."""
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
-        """Takes estimates in the order of their samples."""
+        """Receives estimates in the order of their samples."""
 
     def comparisons(self, comparisons: list[Comparison]) -> None:
-        """Takes comparisons in the order in which they were made."""
+        """Receives comparisons in order."""
 
     def events(self, events: list[Event]) -> None:
-        """Takes limit events."""
+        """Receives limit events."""
 
 
 class Setting(NamedTuple):
-    """What the cores of a replay are made of.
+    """Settings of the cores of a replay.
 
     Attributes:
         model: container, liquid and effects at the start.
@@ -51,9 +54,13 @@ class Setting(NamedTuple):
             tells nothing.
         changes: starts of the estimator after its first, and changes of its parameters.
         follows_input: whether they also say how the input is read.
+        tray: whose first container the model is of; None: there is none.
         starts: of all recorded nodes.
         outputs: receives all results.
         loaded: models that the estimator has loaded so far, that of each start; grows.
+        fused: compares the observer's states; None: none are recorded.
+        observer_states: recorded states of the observer; grows.
+        losses: stamps after which the estimator's state is not in the recording [ns]; grows.
     """
 
     model: Model
@@ -66,9 +73,13 @@ class Setting(NamedTuple):
     counter: KnownState | None = None
     changes: tuple[NodeStart, ...] = ()
     follows_input: bool = True
+    tray: Tray | None = None
     starts: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
     loaded: list[Model] = []  # noqa: RUF012 - given by each replay
+    fused: Verifier | None = None
+    observer_states: list[ObserverState] = []  # noqa: RUF012 - given by each replay
+    losses: list[int] = []  # noqa: RUF012 - given by each replay
 
 
 _NONE, _NO_STAMPS = np.empty(0), np.empty(0, dtype=np.int64)
@@ -76,7 +87,7 @@ NO_MEASUREMENTS = Measurements(_NO_STAMPS, _NONE, _NO_STAMPS, _NONE, _NONE)
 
 
 class Moment(NamedTuple):
-    """What is new in a replay up to a stamp.
+    """New data of a replay up to a stamp.
 
     Attributes:
         messages: of the topics that nodes read, recorded ones and those of the rows above, by the
@@ -95,14 +106,14 @@ class Moment(NamedTuple):
 
 
 class Core(Protocol):
-    """A node's core in a replay."""
+    """Interface of a node's core in a replay."""
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes what is new; returns its own messages by the topic's last name."""
+        """Processes new data; returns the node's messages by last topic name."""
 
 
 class NodeTopic(NamedTuple):
-    """A topic that a node in a replay reads or gives.
+    """A topic that a node in a replay reads or publishes.
 
     Attributes:
         name: its last name.
@@ -125,7 +136,7 @@ def recorded_name(name: str) -> str:
 
 
 class ReplayedNode(NamedTuple):
-    """A row: a node that a replay runs.
+    """A row of the table: a node that a replay runs.
 
     Attributes:
         name: of the node.

@@ -1,4 +1,4 @@
-"""The estimates of one estimator among those of several that are mixed on a topic.
+"""Separates the estimates of one estimator from others on the same topic.
 
 Each estimate carries the number of inputs that its estimator has used so far, which grows by one
 from one estimate to the next. That and the stamps tell the estimators apart; a publisher's
@@ -23,7 +23,7 @@ TOLERANCE = 0.5
 
 
 class _Estimator(NamedTuple):
-    """One of them.
+    """The last estimate of one estimator.
 
     Attributes:
         used: inputs that it had used at its newest estimate.
@@ -36,7 +36,7 @@ class _Estimator(NamedTuple):
     period_ns: int = 0
 
     def misfit(self, used: int, stamp_ns: int) -> float | None:
-        """How badly an estimate continues this one's [ns]; None: it cannot."""
+        """Returns the time error of an estimate as continuation [ns]; None: impossible."""
         steps, elapsed = used - self.used, stamp_ns - self.stamp_ns
         if steps < 1 or elapsed <= 0:
             return None
@@ -47,13 +47,13 @@ class _Estimator(NamedTuple):
         return misfit if misfit < TOLERANCE * steps * self.period_ns else None
 
     def after(self, used: int, stamp_ns: int) -> _Estimator:
-        """The same behind its next estimate."""
+        """Returns the estimator after its next estimate."""
         steps = used - self.used
         return _Estimator(used, stamp_ns, (stamp_ns - self.stamp_ns) // steps)
 
 
 class OneEstimator:
-    """Follows one estimator; its later starts are not followed.
+    """Follows one estimator, without its later restarts.
 
     Args:
         number: which, from 1, in the order of their first estimates.
@@ -69,11 +69,11 @@ class OneEstimator:
 
     @property
     def count(self) -> int:
-        """Estimators so far that gave more than one estimate."""
+        """Number of estimators with more than one estimate so far."""
         return sum(one.period_ns > 0 for one in self._known)
 
     def mask(self, stamps: Integers, used: Integers) -> NDArray[np.bool_]:
-        """Which of the next estimates are those of the estimator.
+        """Returns which of the next estimates belong to the estimator.
 
         Args:
             stamps: (N,) of estimates [ns], in the order of the recording.
@@ -89,7 +89,7 @@ class OneEstimator:
         return np.asarray(of == self._number - 1)
 
     def _take(self, used: int, stamp_ns: int) -> int:
-        """The number of the estimator that an estimate continues best, or that begins with it."""
+        """Returns the index of the best continued estimator, or of a new one."""
         fits = {
             number: misfit
             for number, one in enumerate(self._known)

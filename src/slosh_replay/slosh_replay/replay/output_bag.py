@@ -1,4 +1,4 @@
-"""A new bag with what a replay gives, to be compared with the recorded one."""
+"""Writes a replay's results to a new bag, for comparison with the recorded one."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from slosh_bag.columns.cdr_layout import Layout, layout_of
 from slosh_bag.definitions import Definitions
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.comparison import Comparison
+from slosh_estimator.estimate_kernel import MSH
 from slosh_estimator.estimator import Estimates
 from slosh_estimator.limits import Event
+from slosh_model.wall import Wall, WallPlace
 from slosh_replay.replay.model_set import ModelSetEstimates
 from slosh_replay.replay.nodes import Outputs
 from slosh_replay.replay.verification import estimate_columns
@@ -29,7 +31,7 @@ FACTS = {"content": "replay"}
 
 
 class OutputBag(Outputs):
-    """Writes estimates, comparisons and limit events; a context manager.
+    """Writes estimates, comparisons and limit events; use it as a context manager.
 
     The messages are logged at their stamps: two replays of a bag give the same file.
 
@@ -55,9 +57,9 @@ class OutputBag(Outputs):
     def __exit__(self, *_: object) -> None:
         self._writer.close()
 
-    def begin(self, names: tuple[str, str]) -> None:
-        """Notes the names of the loaded model's L and NL twin."""
-        self._names, self._template = names, None
+    def begin(self, names: tuple[str, str], wall: Wall) -> None:
+        """Notes the names of the loaded model's L and NL twin, and its container's wall."""
+        self._names, self._template, self._wall = names, None, wall
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
         """Writes estimates."""
@@ -70,11 +72,12 @@ class OutputBag(Outputs):
         counted = self._count + 1 + np.arange(len(own.stamps))
         self._count += len(own.stamps)
         layout, template = self._template
+        places = self._wall.places(own.heights[:, 1, MSH])
         packed = write_messages(
             layout,
             template,
             {
-                **estimate_columns(own), "samples_used": counted,
+                **estimate_columns(own), **places, "samples_used": counted,
                 "header.stamp.sec": seconds, "header.stamp.nanosec": nanoseconds,
             },
         )  # fmt: skip
@@ -108,7 +111,7 @@ class OutputBag(Outputs):
         )
 
     def _make_template(self, own: Estimates) -> tuple[Layout, bytes]:
-        """A message in whose bytes only the numbers differ from one estimate to the next."""
+        """Makes a message in which only numbers change between estimates."""
         types = self._store.types
         modal = np.zeros(2 * own.modal.shape[2])
         models = [
@@ -121,7 +124,7 @@ class OutputBag(Outputs):
         message = types[ESTIMATE](
             header=self._header(0), linear=models[0], nonlinear=models[1],
             acceleration=np.zeros(3), jerk=0.0, yaw=0.0, flags=0, samples_used=0,
-            samples_dropped=0,
+            samples_dropped=0, **dict.fromkeys(WallPlace._fields, 0.0),
         )  # fmt: skip
         data = bytes(self._store.serialize_cdr(message, ESTIMATE))
         return layout_of(self._store, ESTIMATE, data), data

@@ -1,4 +1,4 @@
-"""Replays a bag."""
+"""Replays a recorded bag: selects its topics and runs the cores."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -41,7 +41,7 @@ from slosh_replay.recording.input_blocks import InputBlocks, by_chunk, reading
 from slosh_replay.recording.inputs import STAMP, InputReader, stamps_of
 from slosh_replay.recording.settings import NodeStart
 from slosh_replay.recording.sources import Sources, find_sources
-from slosh_replay.recording.states import RecordedState, states_of
+from slosh_replay.recording.states import observer_states_of, states_of
 from slosh_replay.replay.conclusion import Origin, conclude
 from slosh_replay.replay.input_matching import InputMatcher
 from slosh_replay.replay.known_state import KnownState
@@ -69,7 +69,7 @@ def replay_bag(
     estimator: int = 1,
     further: Sequence[ReplayedNode] = (),
 ) -> ReplayResult:
-    """Replays a bag.
+    """Replays a recorded bag: selects its topics and runs the cores.
 
     >>> from slosh_replay import replay_bag
     >>> result = replay_bag("bags/c3")
@@ -113,13 +113,16 @@ def replay_bag(
     watched, limit_changes = _with_rim(watched, limit_changes, used, told=model is None)
     if _is_turning_table(sources, used):
         return _replay_table_bag(path, reader, sources, used, watched, outputs)
-    nodes = _running(sources, (*node_table(len(used.mode_constants())), *further))
+    tray = settings.tray_of(started) if started and model is None else None
+    count = len(tray.containers) if tray else 0
+    nodes = _running(sources, (*node_table(len(used.mode_constants()), count), *further))
     heard = _heard(sources, nodes)
     verifiers = _verifiers(heard, nodes, camera=watched.camera)
     matcher = None
     if sources.estimate and sources.kind not in WINDOWED:
         matcher = InputMatcher(mixed={sources.input, sources.estimate} <= mixed)
     input_reader = InputReader(sources.kind, how, chosen=matcher is not None)
+    losses: list[int] = []
     setting = Setting(
         used,
         input_reader,
@@ -127,13 +130,17 @@ def replay_bag(
         limit_changes,
         at_rest=settings.starts_at_rest(started),
         matcher=matcher,
-        known=_known_state(verifiers) if sources.state else None,
-        counter=None if sources.state or matcher is None or mixed else KnownState(),
+        known=_known_state(verifiers, losses) if sources.state else None,
+        counter=None if sources.state or matcher is None or mixed else KnownState(None, losses),
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
+        tray=tray,
         starts=sources.starts,
         outputs=outputs or Outputs(),
         loaded=[],
+        fused=verifiers.get(FUSED_ESTIMATE),
+        observer_states=[],
+        losses=losses,
     )
     unrelated = clocks_unrelated(sources.facts)
     blocks = InputBlocks(reader, sources, how)
@@ -158,14 +165,15 @@ def replay_bag(
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
 
 
-def _known_state(verifiers: Mapping[str, Verifier]) -> KnownState:
+def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownState:
     """Follows the state on which all recorded answers depend."""
-    told = [verifiers[name] for name in (ESTIMATE, COMPARISON) if name in verifiers]
-    return KnownState(told, verifiers.get(FUSED_ESTIMATE))
+    names = ESTIMATE, TRAY_ESTIMATE, COMPARISON
+    estimate, tray, comparison = (verifiers.get(name) for name in names)
+    return KnownState(estimate, losses, tray, comparison)
 
 
 def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
-    """What the model leaves out, as the input or a table tells too little of the attitude."""
+    """Warns of model effects that need more attitude than the input contains."""
     said = [attitude_warning(model, sources.kind)]
     if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
         table = read_bag_table(path, TableSettings()).table
@@ -174,7 +182,7 @@ def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
 
 
 def _unmixed(sources: Sources) -> Sources:
-    """The sources without recorded answers of several nodes that nothing tells apart."""
+    """Drops recorded results that several nodes have mixed indistinguishably."""
     mixed = mixed_topics(sources.facts)
     if sources.estimate in mixed:
         return sources._replace(state=None, comparison=None)
@@ -184,7 +192,7 @@ def _unmixed(sources: Sources) -> Sources:
 
 
 def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
-    """The starts that estimates follow, where the estimator's process was started anew."""
+    """Returns the starts that estimates follow, if the process was restarted."""
     processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
     if len(processes) < 2 or sources.estimate is None:
         return sources.starts
@@ -194,7 +202,7 @@ def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
 
 
 def _estimators(reader: BagReader, sources: Sources) -> tuple[Sources, int]:
-    """The sources, and how many estimators are mixed on their topic.
+    """Returns the sources, and the number of estimators mixed on the topic.
 
     Other recorders note nothing; there the estimates themselves tell.
     """
@@ -218,7 +226,7 @@ def _estimators(reader: BagReader, sources: Sources) -> tuple[Sources, int]:
 
 
 def _is_turning_table(sources: Sources, model: Model) -> bool:
-    """Whether the bag is a motion table whose attitude, beside the accelerations, matters."""
+    """Whether the bag is a motion table with a relevant attitude."""
     return TABLE_COLUMNS in sources.facts and bool(attitude_warning(model, sources.kind))
 
 
@@ -230,7 +238,7 @@ def _replay_table_bag(
     monitor: MonitorSettings,
     outputs: Outputs | None,
 ) -> ReplayResult:
-    """Replays the table that a bag was made of, with its attitude."""
+    """Replays the motion table from which a bag was made, with its attitude."""
     table = read_bag_table(path, TableSettings()).table
     origin_ns = int(sources.facts.get(TABLE_ORIGIN, 0))
     result = replay_table(
@@ -259,7 +267,7 @@ def _warnings(path: Path, reader: BagReader, sources: Sources) -> list[str]:
 
 
 class TopicBatch(NamedTuple):
-    """Messages of one topic that follow each other.
+    """Consecutive messages of one topic.
 
     Attributes:
         topic: theirs.
@@ -271,13 +279,13 @@ class TopicBatch(NamedTuple):
     topic: str
     columns: Mapping[str, NDArray[Any]]
     log_ns: int
-    states: tuple[RecordedState, ...] = ()
+    states: tuple[Any, ...] = ()
 
 
 def feed(
     reader: BagReader, sources: Sources, heard: Mapping[str, NodeTopic], inputs_of: InputBlocks
 ) -> Iterator[list[TopicBatch]]:
-    """The messages that a replay reads, chunk by chunk in the order of the recording.
+    """Yields the messages for a replay, by chunk in the order of the recording.
 
     Args:
         reader: of the bag.
@@ -290,12 +298,21 @@ def feed(
         others = wanted.get(sources.surface, ())
         wanted[sources.surface] = tuple(dict.fromkeys((*WAVE_FIELDS, *others)))
     read = ColumnReader(reader.typestore_of)
-    topics = [*inputs_of.topics, *wanted, *([sources.state] if sources.state else [])]
+    stateful = {
+        topic: read_states
+        for topic, read_states in (
+            (sources.state, states_of), (sources.observer_state, observer_states_of)
+        )
+        if topic is not None
+    }  # fmt: skip
+    topics = [*inputs_of.topics, *wanted, *stateful]
     for blocks in by_chunk(reader.blocks(topics)):
         own = [block for block in blocks if block.topic in inputs_of.topics]
         batches = [
-            TopicBatch(block.topic, {}, int(block.log_ns[-1]), states_of(reader, block))
-            if block.topic == sources.state
+            TopicBatch(
+                block.topic, {}, int(block.log_ns[-1]), stateful[block.topic](reader, block)
+            )
+            if block.topic in stateful
             else TopicBatch(
                 block.topic, read.columns(block, wanted[block.topic]), int(block.log_ns[-1])
             )
@@ -320,7 +337,7 @@ def _running(sources: Sources, nodes: Sequence[ReplayedNode]) -> tuple[ReplayedN
 
 
 def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTopic]:
-    """Recorded topics that nodes give, or read of no node above them, by their full names."""
+    """Returns recorded topics that nodes publish, or read from outside, by full name."""
     given = {topic.name for node in nodes for topic in node.outputs}
     own = {ESTIMATE: sources.estimate, COMPARISON: sources.comparison}
     heard = {}
@@ -336,7 +353,7 @@ def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTop
 def _verifiers(
     heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
 ) -> dict[str, Verifier]:
-    """What compares the messages that nodes give, by the last name of their topic."""
+    """Makes the verifiers of the nodes' messages, by last topic name."""
     return {
         topic.name: Verifier(full, topic.can_lack, node.tolerance)
         for full, topic in heard.items()
@@ -362,6 +379,8 @@ def _hand_over(
             stream.add_recorded(heard[batch.topic], columns)
     elif batch.topic == sources.state:
         stream.add_states(batch.states)
+    elif batch.topic == sources.observer_state:
+        stream.setting.observer_states.extend(batch.states)
     else:
         if batch.topic == sources.estimate and estimator is not None:
             own = estimator.mask(stamps_of(columns), columns["samples_used"].astype(np.int64))
@@ -370,7 +389,7 @@ def _hand_over(
 
 
 def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:
-    """Later starts of the estimator; a model that was given stays, and only starts anew."""
+    """Returns later starts of the estimator; a given model is kept and only restarted."""
     later = [start for start in sources.starts if start.node == "estimator"][1:]
     if follow:
         return tuple(later)
@@ -379,7 +398,7 @@ def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart
 
 
 def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> Origin:
-    """What is known to differ between the recording and the replay."""
+    """Returns known differences between the recording and the replay."""
     if started is None or recorded is None:
         return Origin()
     causes = settings.model_differences(recorded, used)
@@ -399,7 +418,7 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
 def _monitor_settings(
     sources: Sources,
 ) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
-    """What the recorded monitor watched at first, and after the stamps of its changes [ns]."""
+    """Returns the recorded monitor's settings, and their changes by stamp [ns]."""
     meaning = MonitorSettings.from_parameters
     return settings.limits_over_time(sources.starts, "monitor", meaning) or (MonitorSettings(), [])
 
@@ -407,7 +426,7 @@ def _monitor_settings(
 def _with_rim(
     first: MonitorSettings, changes: list[tuple[int, MonitorSettings]], model: Model, *, told: bool
 ) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
-    """What is watched, with the rim that the recording tells, else with the model's.
+    """Returns the settings with the recorded rim, or else with the model's.
 
     Args:
         first, changes: of the recording.

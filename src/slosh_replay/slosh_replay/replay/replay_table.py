@@ -1,4 +1,4 @@
-"""Replays a motion table."""
+"""Replays motion tables with measured heights."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _YAW, _POSE = "yaw", "pose"
 
 
 class TableReader(InputReader):
-    """Turns rows of a table into samples, with the container's attitude where the table has it.
+    """Converts rows of a table to samples, with the container's attitude if given.
 
     Args:
         table: the table; as a whole it tells more than row by row.
@@ -49,18 +49,18 @@ class TableReader(InputReader):
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """What is wrong with the table, a sentence each."""
+        """Faults of the table, one sentence each."""
         return self._doubts
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """None beside the doubts of the whole table, which hold them."""
+        """Returns no faults, since the doubts of the table contain them."""
         return ()
 
     def samples(
         self, stamps: Integers, columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
     ) -> Samples:
-        """The samples of some rows; fewer where two fall on one nanosecond."""
+        """Returns the samples of some rows, without repeated nanoseconds."""
         found = super().samples(stamps, columns, rows)
         if _POSE not in columns:
             return found
@@ -78,7 +78,7 @@ def replay_table(
     origin_ns: int = 0,
     outputs: Outputs | None = None,
 ) -> ReplayResult:
-    """Replays a motion table with measured heights; its one column of time is both clocks.
+    """Replays a motion table with measured heights; its time column is both clocks.
 
     Args:
         name: how the result is called.
@@ -112,7 +112,7 @@ def replay_table(
 
 
 def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:
-    """The rows as columns of AccelStamped.msg, with yaw and pose where they are known."""
+    """Returns the rows as columns of AccelStamped.msg, with yaw and pose if known."""
     seconds, nanoseconds = np.divmod(stamps, SECOND)
     yaws, poses = pose_rows(table.t, table.attitude, table.angular_velocity)
     turning = {_YAW: yaws, _POSE: poses} if len(poses) else {}

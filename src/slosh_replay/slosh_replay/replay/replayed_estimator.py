@@ -1,4 +1,4 @@
-"""The estimator's core in a replay: its inputs, restarts, models and recorded states."""
+"""The estimator's core in a replay: inputs, restarts, models and recorded states."""
 
 from __future__ import annotations
 
@@ -11,18 +11,26 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Integers
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.held_container import empty_and_fresh
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
+from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_model.indices import POSE_COUNT
-from slosh_msgs_py.topics import ESTIMATE
+from slosh_msgs_py.topics import ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
-from slosh_replay.recording.settings import NodeStart, model_of, starts_at_rest
+from slosh_replay.recording.settings import NodeStart, first, model_of, starts_at_rest
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.input_matching import Decision
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
 from slosh_replay.replay.nodes import Moment, Setting
-from slosh_replay.replay.verification import Columns, Messages, estimate_columns, joined_messages
+from slosh_replay.replay.verification import (
+    Columns,
+    Messages,
+    estimate_columns,
+    joined_messages,
+    tray_columns,
+)
 
 SAMPLES: Final = "samples"
 """What the estimator's models are driven by, for nodes that run models of their own."""
@@ -30,7 +38,7 @@ _AXES = ("ax", "ay", "az")
 
 
 class ReplayedEstimator:
-    """Turns inputs into estimates as soon as it is decided which of them the live node used.
+    """Estimates from inputs, once it is decided which of them the live node used.
 
     Args:
         setting: of the replay.
@@ -44,46 +52,57 @@ class ReplayedEstimator:
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
         self.models = ModelSet(setting.model, at_rest=setting.at_rest)
+        self._others = self._new_others(setting.at_rest)
         self.unused = 0
         self.untaken = ""
         self._changes = list(setting.changes)
         self._inputs: list[Messages] = []
         self._heights: list[ModelHeights] = []
         self._given: list[Messages] = []
+        self._trays: list[Messages] = []
+        started = first(setting.starts, "estimator")
+        if started is not None and empty_and_fresh(started.parameters)[0]:
+            self.models.empty()
         self._samples: list[Messages] = []
         setting.loaded.append(setting.model)
         setting.reader.carry(modes_of(setting.model))
-        setting.outputs.begin(self.models.own_names)
+        setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
+
+    def _new_others(self, at_rest: bool) -> TrayEstimator | None:
+        tray = self.setting.tray
+        return None if tray is None else TrayEstimator(tray, at_rest=at_rest)
 
     @property
     def longest_gap_ns(self) -> int:
-        """That is ever integrated across [ns]."""
+        """Longest gap that is ever integrated across [ns]."""
         later = [self._input_settings(c) for c in self.setting.changes if c.changed]
         gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
         return max([self.setting.reader.max_gap_ns, *gaps])
 
     @property
     def waiting_ns(self) -> int | None:
-        """Stamp of the first input that is not decided yet [ns]; None: all are."""
+        """Stamp of the first undecided input [ns]; None: none."""
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes inputs; returns the estimates that follow from them."""
+        """Adds inputs; returns the estimates that follow from them."""
         taken = moment.messages.get(self.setting.reader.kind)
         if taken is not None and len(taken.stamps):
             self._inputs.append(taken)
         self._estimate(moment.final)
         given, self._given = joined_messages(self._given), []
         samples, self._samples = joined_messages(self._samples), []
-        return {ESTIMATE: given, SAMPLES: samples} if len(given.stamps) else {}
+        trays, self._trays = joined_messages(self._trays), []
+        found = {ESTIMATE: given, SAMPLES: samples, TRAY_ESTIMATE: trays}
+        return {name: messages for name, messages in found.items() if len(messages.stamps)}
 
     def take_heights(self) -> list[ModelHeights]:
-        """Heights of all models since the last call."""
+        """Returns the heights of all models since the last call."""
         heights, self._heights = self._heights, []
         return heights
 
     def _estimate(self, final: bool) -> None:
-        """Decided inputs become estimates."""
+        """Computes estimates from decided inputs."""
         if not self._inputs:
             return
         inputs = joined_messages(self._inputs)
@@ -107,7 +126,7 @@ class ReplayedEstimator:
     def _due(
         self, stamps: Integers, restarts: Sequence[int]
     ) -> list[tuple[int, Callable[[], None]]]:
-        """New processes, models and parameters that fall among the inputs with these stamps.
+        """Returns restarts, model and parameter changes at inputs with these stamps.
 
         Args:
             stamps: (N,) [ns].
@@ -134,7 +153,7 @@ class ReplayedEstimator:
     def _known_again(
         self, stamps: Integers, decision: Decision
     ) -> list[tuple[int, Callable[[], None]]]:
-        """Recorded states that are taken up among the inputs with these stamps."""
+        """Returns recorded states to restore at inputs with these stamps."""
         if self.setting.counter is not None:
             self.setting.counter.follow(stamps, decision)
         if self.setting.known is None:
@@ -146,6 +165,7 @@ class ReplayedEstimator:
         return actions + [(index, partial(self._take_up, state)) for index, state in course.states]
 
     def _take_up(self, state: RecordedState) -> None:
+        self._others = None  # no state tells of a tray's further containers
         try:
             self.models.take_up(state.estimator)
             self.setting.reader.take_up(state.stamp_ns, state.memory)
@@ -154,10 +174,13 @@ class ReplayedEstimator:
 
     def _load(self, change: NodeStart) -> None:
         model = model_of(change)
-        self.models.load_model(model)
+        empty, fresh = empty_and_fresh(change.parameters)
+        self.models.load_model(model, fresh=fresh, empty=empty)
+        if self._others is not None:
+            self._others.reset()
         self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
-        self.setting.outputs.begin(self.models.own_names)
+        self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _change(self, change: NodeStart) -> None:
         settings = self._input_settings(change)
@@ -165,13 +188,13 @@ class ReplayedEstimator:
             self.setting.reader.change(settings)
 
     def _input_settings(self, start: NodeStart) -> InputSettings | None:
-        """How the node reads its input from then on; None: the replay does not follow it."""
+        """Returns the node's new input settings; None: the replay ignores them."""
         if not self.setting.follows_input or "input" not in start.parameters:
             return None
         return settings_of_start(start)
 
     def _restart(self, start: NodeStart | None = None) -> None:
-        """The node's process was a new one from here on; None: what it tells is not known."""
+        """Restarts as the node's process did; None: its settings are unknown."""
         if start is None:
             self.setting.reader.restart()
             self.setting.loaded.append(self.setting.loaded[-1])
@@ -179,22 +202,31 @@ class ReplayedEstimator:
             self.setting.reader.restart(self._input_settings(start))
             self._load(start)
         self.models.restart(at_rest=starts_at_rest(start))
+        self._others = self._new_others(starts_at_rest(start))
 
     def _take(
-        self, stamps: Integers, columns: Columns, used: NDArray[np.bool_], start: int, end: int
+        self, stamps: Integers, inputs: Columns, used: NDArray[np.bool_], start: int, end: int
     ) -> None:
         rows = start + np.flatnonzero(used[start:end])
         if not len(rows):
             return
-        samples = self.setting.reader.samples(stamps, columns, rows)
+        samples = self.setting.reader.samples(stamps, inputs, rows)
         if not len(samples.stamps):
             return
         answers = self.models.update_many(samples)
         own = answers.own
+        heights = answers.heights
+        if self._others is not None:
+            tray = self._others.update_many(samples, own)
+            self._trays.append(Messages(own.stamps, tray_columns(tray)))
+            heights = heights._replace(tray=tray.msh)
+        elif self.setting.tray is not None:
+            unknown = np.full((len(own.stamps), len(self.setting.tray.containers)), np.nan)
+            heights = heights._replace(tray=unknown)
         self._given.append(Messages(own.stamps, estimate_columns(own)))
         self._samples.append(_columns(samples, own.flags, len(self.setting.loaded) - 1))
         self.setting.outputs.estimates(answers)
-        self._heights.append(answers.heights)
+        self._heights.append(heights)
 
 
 def samples_of(batch: Messages) -> Samples:

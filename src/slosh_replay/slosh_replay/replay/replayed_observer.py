@@ -1,4 +1,4 @@
-"""The observer's core in a replay: the estimator's samples and the recorded heights."""
+"""Replays the observer from the estimator's samples and the recorded heights."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Final
 
 import numpy as np
 
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.observer.observer import FusedState, Observer, Outcome, WallHeights
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Samples
+from slosh_estimator.validity import EstimateFlag
 from slosh_msgs_py.topics import FREE_SURFACE, FUSED_ESTIMATE
 from slosh_replay.replay.nodes import Moment, Setting, recorded_name
 from slosh_replay.replay.replayed_estimator import SAMPLES, samples_of
@@ -30,10 +32,13 @@ _HEIGHTS = {
 FIELDS: Final = (TAKEN, *_HEIGHTS, "heights_used", "heights_rejected", "uncorrected")
 _Told = tuple[FusedState, tuple[int, int, int]]
 """A state, and how many heights were judged, used and rejected before it."""
+UNKNOWN = "the observer's state is not in the recording, until the next known one"
+
+EMPTY = "the gripper was empty: which heights came after that is not recorded"
 
 
 class ReplayedObserver:
-    """Follows the samples; each recorded state says how many heights came before it.
+    """Replays the observer; each recorded state counts the heights before it.
 
     Args:
         setting: of the replay.
@@ -47,9 +52,10 @@ class ReplayedObserver:
         self._taken = 0
         self._states: deque[tuple[int, int]] = deque()
         self._hears = True
+        self._lost = self._was_empty = False
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes samples, heights and recorded states; returns its own states."""
+        """Updates by samples, heights and recorded states; returns the replayed states."""
         recorded = moment.messages[recorded_name(FUSED_ESTIMATE)]
         if len(recorded.stamps):
             counts = recorded.columns[TAKEN].astype(np.int64).tolist()
@@ -74,39 +80,80 @@ class ReplayedObserver:
         start: int,
         states: list[_Told],
     ) -> None:
+        if flags & EstimateFlag.NO_CONTAINER:
+            self._was_empty = True
+            return
         sample = samples.one(index)
+        if self._was_empty and self._surfaces and self._setting.fused is not None:
+            self._setting.fused.lose(sample.stamp_ns - 1, EMPTY)
+            self._lost = True
+        self._was_empty = False
+        self._follow_losses(sample.stamp_ns)
         if start != self._start or self._observer is None:
             self._begin(start)
         observer = self._observer
         assert observer is not None
         self._feed(observer, sample.stamp_ns)
         state = observer.follow(sample, flags)
+        if self._lost and self._take_up(observer, sample.stamp_ns):
+            return
         if state is not None:
             counts = observer.counts
             told = (observer.taken, counts[Outcome.USED], counts[Outcome.REJECTED])
             states.append((state, told))
 
     def _begin(self, start: int) -> None:
-        """Makes the observer of a start of the node."""
+        """Creates the observer for a start of the node."""
         self._start = start
         model = self._setting.loaded[start]
         self._observer, self._taken = Observer(model), 0
         self._hears = not model.uses("reading")
 
+    def _follow_losses(self, stamp_ns: int) -> None:
+        """Marks what cannot be compared where the estimator's inputs are not all recorded."""
+        losses, fused = self._setting.losses, self._setting.fused
+        while losses and losses[0] < stamp_ns:
+            after_ns = losses.pop(0)
+            if fused is not None and not self._lost:
+                fused.lose(after_ns, UNKNOWN)
+            self._lost = True
+
+    def _take_up(self, observer: Observer, stamp_ns: int) -> bool:
+        """Takes up the recorded state of this moment, if there is one."""
+        states = self._setting.observer_states
+        while states and states[0].stamp_ns < stamp_ns:
+            del states[0]
+        if not states or states[0].stamp_ns != stamp_ns or self._setting.fused is None:
+            return False
+        try:
+            observer.take_up(states[0])
+        except SloshEstimatorError:
+            return False
+        self._lost, self._taken = False, observer.taken
+        self._setting.fused.find(stamp_ns)
+        judged = states[0].judged_ns
+        stamps = [heights.stamp_ns for heights in self._surfaces]
+        if judged in stamps:
+            for _ in range(stamps.index(judged) + 1):
+                self._surfaces.popleft()
+        return True
+
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
-        """Gives the observer what the live one had judged when it told of this sample."""
+        """Gives the observer the heights that the live one had used at this sample."""
         while self._states and self._states[0][0] < stamp_ns:
             self._states.popleft()
         if not self._states or self._states[0][0] != stamp_ns:
             return
         _, taken = self._states.popleft()
+        if self._lost:  # how many came before is not known
+            return
         while self._hears and self._taken < taken and self._surfaces:
             observer.take(self._surfaces.popleft())
             self._taken += 1
 
 
 def _heights(batch: Messages) -> list[WallHeights]:
-    """Recorded FreeSurface messages as the node takes them."""
+    """Converts recorded FreeSurface messages as the node does."""
     if not len(batch.stamps):
         return []
     columns = [batch.columns[name].tolist() for name in SURFACES]

@@ -1,4 +1,4 @@
-"""A replay's report: its series, tables, checks and events on one page."""
+"""A replay's report: series, tables, checks and events on one page."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BESIDE = 1.0  # [s]
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What a page shows beside the replay itself.
+    """Additional contents of a replay's page.
 
     Attributes:
         title, subtitle: headings; an empty title: the replay's name.
@@ -59,7 +59,7 @@ class Surroundings:
 
 
 def replay_report(result: ReplayResult, around: Surroundings | None = None) -> RunReport:
-    """What the page of a replay shows.
+    """Makes the contents of a replay's page.
 
     The charts show the loaded model's L and NL twin, from a second before their first estimate to
     a second after their last. Further effects that a model has are part of its name.
@@ -109,7 +109,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
 
 
 def _lasting_limit(result: ReplayResult, start: int) -> tuple[float, str]:
-    """The limit in the chart [m] and what it is; NaN: it changed.
+    """Returns the limit in the chart [m] and its name; NaN: it changed.
 
     Without a camera it is that of the estimate.
 
@@ -128,12 +128,12 @@ def _charted_limit(settings: MonitorSettings) -> tuple[float, str]:
 
 
 def _meanings(model: Model) -> dict[str, str]:
-    """What the effects of a model are."""
+    """Returns the meanings of a model's effects."""
     return {use.name: EFFECTS[use.name].meaning for use in model.effects}
 
 
 def report_start(result: ReplayResult) -> int:
-    """The page's zero of time, on the measured clock [ns]."""
+    """Returns the page's zero of time on the measured clock [ns]."""
     stamps = result.stamps[_shown(result)]
     if len(stamps):
         return int(stamps[0])
@@ -141,7 +141,7 @@ def report_start(result: ReplayResult) -> int:
 
 
 def shown_models(result: ReplayResult) -> tuple[str, str]:
-    """Names of the L and the NL model on the page: the loaded one's twins.
+    """Returns the names of the page's L and NL model: the loaded one's variants.
 
     The same name twice where its container has a linear model alone.
     """
@@ -152,7 +152,7 @@ def shown_models(result: ReplayResult) -> tuple[str, str]:
 
 
 def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
-    """The excesses, each from its START and, where it came, its END.
+    """Returns the limit violations, each from START to END if known.
 
     Args:
         events: of the monitor.
@@ -170,7 +170,7 @@ def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
 
 
 def _shown(result: ReplayResult) -> slice:
-    """The images near estimates: a record may be far longer than its motion."""
+    """Returns the images near estimates; a recording may be far longer."""
     known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
     indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
     if len(indices) == 0:

@@ -1,4 +1,4 @@
-"""What a replay gives, as values, as JSON and as a table."""
+"""Result of a replay as values, as JSON and as a table."""
 
 from __future__ import annotations
 
@@ -47,6 +47,10 @@ class ModelAccuracy:
         rms: root mean square error [m].
         count: compared images.
         clock: offset of the measured clock; None: the clocks are one.
+
+    >>> row = ModelAccuracy("3D-NL", 1.5e-4, -0.01, -0.01, rms=2e-4, count=90)
+    >>> f"{1e3 * row.sigma:.2f} mm"
+    '0.15 mm'
     """
 
     name: str
@@ -127,12 +131,12 @@ class ReplayResult(Shown):
 
     @property
     def verification(self) -> Verification | None:
-        """How the estimates compare with the recorded ones; None: none were recorded."""
+        """Comparison of the estimates with the recorded ones; None: none were recorded."""
         return self.verified.get(ESTIMATE)
 
     @property
     def comparisons(self) -> Verification | None:
-        """The same of the monitor's comparisons."""
+        """Comparison of the monitor's comparisons with the recorded ones."""
         return self.verified.get(COMPARISON)
 
     @property
@@ -142,7 +146,7 @@ class ReplayResult(Shown):
 
     @property
     def seconds(self) -> float:
-        """Time from the first to the last image [s]; 0 where there are none."""
+        """Time from the first to the last image [s]; 0: none."""
         return float(self.stamps[-1] - self.stamps[0]) * 1e-9 if len(self.stamps) else 0.0
 
     def __repr__(self) -> str:
@@ -155,7 +159,7 @@ class ReplayResult(Shown):
         return f"ReplayResult({self.name}: {', '.join(told)})"
 
     def to_pandas(self) -> DataFrame:
-        """A table of the series at the images: `measured`, each model's heights [m], `flags`.
+        """Returns the series at the images: `measured`, each model's heights [m], `flags`.
 
         The index is `t`, the time since the first image [s]; `stamp` is the image's own [ns].
 
@@ -191,7 +195,7 @@ class ReplayResult(Shown):
         return np.asarray((self.stamps - first) * 1e-9, dtype=np.float64)
 
     def to_json(self, *, series: bool = False) -> str:
-        """The result as JSON; a number that is not known is null.
+        """Returns the result as JSON; an unknown number is null.
 
         Args:
             series: also the series at the images.
@@ -225,19 +229,19 @@ class ReplayResult(Shown):
 
 
 class Judged(Protocol):
-    """A run with a name, and with the accuracy of each model."""
+    """A named run with the accuracy of each model."""
 
     @property
     def name(self) -> str:
-        """Of the run."""
+        """Name of the run."""
 
     @property
     def accuracy(self) -> tuple[ModelAccuracy, ...]:
-        """Of each model."""
+        """Accuracy of each model."""
 
 
 def accuracy_table(results: Sequence[Judged]) -> str:
-    """MAE, ε and clock offset by run and model, and their means, as a Markdown table.
+    """Formats MAE, ε and clock offset by run and model as a Markdown table.
 
     Args:
         results: runs with the same models.

@@ -1,4 +1,4 @@
-"""What a replay has at the images, kept on disk.
+"""Series of a replay at the images, stored on disk.
 
 A day's recording needs no more memory than a minute's.
 """
@@ -23,7 +23,7 @@ Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
 def row_type(models: int) -> np.dtype[np.void]:
-    """A row: one image.
+    """Returns the dtype of a row: one image.
 
     Fields: stamp [ns]; measured height [m] and its azimuth [rad], NaN where there is none; flags
     of FreeSurface.msg; heights of the models at the image [m] and the azimuth of the last of them
@@ -45,7 +45,7 @@ def row_type(models: int) -> np.dtype[np.void]:
 
 
 class Series:
-    """Rows in the order in which they came; a context manager that removes its file.
+    """Rows in order of arrival; a context manager that deletes its file.
 
     Args:
         models: number of models.
@@ -76,19 +76,19 @@ class Series:
         self._count += len(rows)
 
     def blocks(self) -> Iterator[NDArray[np.void]]:
-        """The rows, a block at a time."""
+        """Yields the rows in blocks."""
         for start in range(0, self._count, self._block):
             yield self.read(start, min(start + self._block, self._count))
 
     def read(self, start: int, end: int) -> NDArray[np.void]:
-        """Rows start … end-1."""
+        """Returns rows start … end-1."""
         with naming(self._place):
             self._file.seek(start * self.dtype.itemsize)
             content = self._file.read((end - start) * self.dtype.itemsize)
         return np.frombuffer(content, dtype=self.dtype)
 
     def replace(self, start: int, rows: NDArray[np.void]) -> None:
-        """Writes rows in place of those from `start` on."""
+        """Overwrites rows from `start` on."""
         with naming(self._place):
             self._file.seek(start * self.dtype.itemsize)
             self._file.write(rows.tobytes())
@@ -100,7 +100,7 @@ class Series:
 
 
 def chosen(table: Table, rows: NDArray[Any]) -> Table:
-    """Some rows of a table.
+    """Returns some rows of a table.
 
     Args:
         table: named tuple of arrays of one length; a column may be None.
@@ -112,7 +112,7 @@ def chosen(table: Table, rows: NDArray[Any]) -> Table:
 
 
 def joined(tables: Sequence[Table]) -> Table:
-    """Tables one below the other, at least one; a column may be None in all of them."""
+    """Concatenates tables; a column may be None in all of them."""
     make: Any = type(tables[0])
     found: Table = make(
         *(

@@ -1,4 +1,4 @@
-"""Runs the estimator's and the monitor's cores over a bag: no DDS, no clock, the same numbers.
+"""Runs the estimator's and the monitor's cores over a bag, without DDS or clock.
 
 Images are not touched. Each stream is taken in the order in which it was recorded, the streams are
 merged in the order of their stamps, two seconds behind the newest input: as much as an image may
@@ -57,7 +57,7 @@ T = TypeVar("T")
 
 
 class ReplayStream:
-    """A replay in progress: the streams of a recording, merged in the order of their stamps.
+    """A running replay: merges the streams of a recording by stamp.
 
     Args:
         name: of the recording, for errors.
@@ -119,11 +119,11 @@ class ReplayStream:
 
     @property
     def strays(self) -> Mapping[str, int]:
-        """Inputs and images that were set aside, as their stamps lie elsewhere in time."""
+        """Number of inputs and images excluded for out-of-sequence stamps."""
         return {"inputs": self._filter.count, "images": self._stray_images}
 
     def add_input(self, columns: Columns, log_ns: int) -> None:
-        """Takes messages of the input.
+        """Adds messages of the input.
 
         Args:
             columns: their fields, (N,) each.
@@ -142,7 +142,7 @@ class ReplayStream:
         self._note("input", stamps, log_ns)
 
     def add_recorded(self, topic: NodeTopic, columns: Columns) -> None:
-        """Takes recorded messages of a topic that a node reads or gives."""
+        """Adds recorded messages of a topic that a node reads or publishes."""
         recorded = Messages(stamps_of(columns), columns)
         if topic.name == ESTIMATE and self.setting.matcher is not None:
             used = columns["samples_used"].astype(np.int64)
@@ -154,12 +154,12 @@ class ReplayStream:
         self._keep_for_nodes(name, recorded)
 
     def add_states(self, states: Sequence[RecordedState]) -> None:
-        """Takes recorded states of the estimator."""
+        """Adds recorded states of the estimator."""
         if self.setting.known is not None:
             self.setting.known.add(states)
 
     def add_measurements(self, measured: Measurements, log_ns: int) -> None:
-        """Takes measured heights, the last of which was recorded at `log_ns`."""
+        """Adds measured heights, the last of which was recorded at `log_ns`."""
         known = self._newest["input"]
         latest = known.stamp - known.log_ns + log_ns + AHEAD_NS
         latest = MAXIMUM if self.unrelated or known.log_ns <= 0 else latest
@@ -171,7 +171,7 @@ class ReplayStream:
             self.images += len(measured.stamps)
 
     def advance(self, *, final: bool = False) -> None:
-        """Goes on as far as what has come allows.
+        """Processes all data that are complete.
 
         Args:
             final: nothing follows.
@@ -193,7 +193,7 @@ class ReplayStream:
             self.setting.matcher.forget(until)
 
     def _estimate(self, final: bool) -> None:
-        """Inputs become estimates as far as it is decided which of them were used."""
+        """Estimates from inputs as far as their use is decided."""
         taken, self._inputs = joined_messages(self._inputs), []
         moment = Moment({self.setting.reader.kind: taken}, final=final)
         for name, given in self.estimator.update(moment).items():
@@ -209,7 +209,7 @@ class ReplayStream:
             self.verifiers[name].add_replayed(*given)
 
     def _keep_for_nodes(self, name: str, messages: Messages) -> None:
-        """Keeps messages that a further node reads until their moment has come."""
+        """Stores messages for further nodes until their time has come."""
         if name in self._waiting and len(messages.stamps):
             self._waiting[name].append(messages)
 
@@ -220,7 +220,7 @@ class ReplayStream:
         )
 
     def _settled(self) -> int:
-        """Up to this stamp everything has come, and every input has become an estimate [ns]."""
+        """Returns the stamp up to which all data have arrived and been estimated [ns]."""
         newest, other = self._newest["input"], self._newest["measurement"]
         # A strange stamp of an image moves nothing on, as long as inputs come.
         if other.log_ns - newest.log_ns > BEHIND_NS:
@@ -252,7 +252,7 @@ class ReplayStream:
         self._heights = whole
 
     def _release(self, until: int, final: bool) -> None:
-        """Feeds the series and the nodes behind the estimator with everything up to a moment."""
+        """Passes everything up to a stamp to the series and to the later nodes."""
         if self.unrelated and not final:
             return
         measured, estimates = self._take_measured(until), self._heights
@@ -285,7 +285,7 @@ class ReplayStream:
         self._heights = chosen(estimates, kept)
 
     def _moments(self, until: int) -> Measurements:
-        """Moments without a measurement at which estimates are drawn, where no camera is."""
+        """Returns stamps for drawing estimates if there is no camera."""
         if self._heights is None:
             return NO_MEASUREMENTS
         stamps = self._heights.stamps
@@ -295,7 +295,7 @@ class ReplayStream:
         return Measurements(stamps, unknown, np.zeros(len(stamps), np.int64), unknown, unknown)
 
     def _take_measured(self, until: int) -> Measurements:
-        """The measurements up to a moment, in the order of their stamps."""
+        """Returns the measurements up to a stamp, in order."""
         if not self._measured:
             return NO_MEASUREMENTS
         waiting = joined(self._measured)
@@ -310,7 +310,7 @@ class ReplayStream:
         return self._sorted_out(found, kept)
 
     def _sorted_out(self, measured: Measurements, kept: NDArray[np.bool_]) -> Measurements:
-        """Those that are kept; the others are counted as strays."""
+        """Returns the kept measurements; counts the others as out of sequence."""
         astray = len(kept) - int(np.count_nonzero(kept))
         if not astray:
             return measured
@@ -338,7 +338,7 @@ def _the(kind: type[T], cores: Sequence[Core]) -> T:
 
 
 class _Newest(NamedTuple):
-    """The greatest stamp and log time of a side so far [ns]."""
+    """Greatest stamp and log time of a stream so far [ns]."""
 
     stamp: int = -(2**62)
     log_ns: int = -(2**62)

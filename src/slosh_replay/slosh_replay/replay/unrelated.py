@@ -1,4 +1,4 @@
-"""Lays a measurement whose clock and still level are unknown over the estimates.
+"""Aligns a measurement with unknown clock and still level with the estimates.
 
 The offset between the two clocks is estimated for each model by its own least RMS, all in one
 search window, and the models are judged over the motion alone. That needs the whole run at once:
@@ -29,7 +29,7 @@ from slosh_report.errors import SloshReportError
 
 
 class Alignment(NamedTuple):
-    """A measurement laid over the estimates.
+    """A measurement aligned with the estimates.
 
     Attributes:
         still: level of the measurement at rest.
@@ -51,7 +51,7 @@ class Alignment(NamedTuple):
     drift: str
 
     def rows(self, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-        """The images as rows of a Series, with the models' heights during the motion."""
+        """Returns the images as rows of a Series, with the models' heights."""
         t = _seconds(self.measured.stamps)
         rows = np.zeros(len(t), dtype=dtype)
         rows["stamp"], rows["measured"] = self.measured.stamps, self.measured.heights
@@ -64,7 +64,7 @@ class Alignment(NamedTuple):
 
 
 def align(name: str, estimates: ModelHeights, measured: Measurements) -> Alignment:
-    """Lays a measurement over the estimates.
+    """Aligns a measurement with the estimates.
 
     Args:
         name: of the recording, for errors.
@@ -120,7 +120,7 @@ def align(name: str, estimates: ModelHeights, measured: Measurements) -> Alignme
 
 
 def _raised(estimates: ModelHeights) -> Array:
-    """What a sensor reads of the models' heights (M, K) [m], above what it reads at rest.
+    """Returns expected measurements (M, K) of the models' heights [m], relative to rest.
 
     A delay is part of the clocks' offset, an offset of the heights part of the still level.
     """

@@ -1,4 +1,4 @@
-"""Compares replayed messages with recorded ones, bit for bit."""
+"""Compares replayed messages exactly with recorded ones."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from slosh_bag.errors import SloshBagError
 from slosh_base.types import Integers
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.estimator import Estimates
+from slosh_estimator.tray_estimator import TrayEstimates
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -30,7 +31,7 @@ TOO_LATE = "the live monitor had no estimate for them in time"
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A recorded and a replayed number that are not the same.
+    """A recorded and a replayed number that differ.
 
     Attributes:
         stamp_ns: of the message [ns].
@@ -45,7 +46,7 @@ class Difference:
 
     @property
     def units_in_the_last_place(self) -> int:
-        """How many doubles lie between the two."""
+        """Number of doubles between the two."""
         return abs(_ordinal(self.recorded) - _ordinal(self.replayed))
 
     def __str__(self) -> str:
@@ -58,7 +59,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """How replayed messages compare with recorded ones.
+    """Result of comparing replayed messages with recorded ones.
 
     Attributes:
         topic: of the recorded messages.
@@ -94,16 +95,16 @@ class Verification:
 
     @property
     def exact(self) -> bool:
-        """Whether every recorded message that was compared came out again, bit for bit."""
+        """Whether every compared message was reproduced exactly."""
         same = self.recorded > 0 and self.identical == self.recorded and not self.missing
         return same and not self.miscounted
 
     def within(self, tolerance: float) -> bool:
-        """Whether every message came out again within a tolerance [SI units of each field]."""
+        """Whether every message was reproduced within a tolerance [SI unit of each field]."""
         return not self.missing and all(value <= tolerance for value in self.largest.values())
 
     def lines(self) -> tuple[str, ...]:
-        """What to tell, one line each."""
+        """Returns the result as lines."""
         total = self.recorded + self.missing
         unchecked = [
             f"{self.topic}: {count} not checked: {why}" for why, count in self.unchecked.items()
@@ -117,8 +118,8 @@ class Verification:
         ]
         if self.miscounted:
             lines.append(
-                f"{self.topic}: samples_used goes on {self.miscounted} times by another number "
-                "than that of the recorded inputs: inputs are missing, or it was edited"
+                f"{self.topic}: samples_used increases {self.miscounted} times by another number "
+                "than that of the recorded inputs: inputs are missing, or the bag was edited"
             )
         if self.missing:
             lines.append(f"{self.topic}: for the missing ones the recording has no usable input")
@@ -131,7 +132,7 @@ class Verification:
 
 
 class Verifier:
-    """Takes recorded and replayed messages as they come and compares those of one stamp.
+    """Compares recorded with replayed messages of equal stamps, as they arrive.
 
     Args:
         topic: of the recorded messages.
@@ -156,26 +157,26 @@ class Verifier:
         self._unknown: list[_Unknown] = []
 
     def add_recorded(self, stamps: Integers, columns: Columns) -> None:
-        """Takes recorded messages: stamps (N,) [ns] and their fields by dotted name, (N,) each."""
+        """Adds recorded messages: stamps (N,) [ns] and fields by dotted name, (N,) each."""
         if len(stamps):
             self._recorded.append(Messages(stamps, columns))
 
     def add_replayed(self, stamps: Integers, columns: Columns) -> None:
-        """Takes replayed ones; what they have no field for is not compared."""
+        """Adds replayed messages; missing fields are not compared."""
         if len(stamps):
             self._replayed.append(Messages(stamps, columns))
 
     def lose(self, after_ns: int, why: str) -> None:
-        """What is stamped later [ns] is not compared, until `find` tells to what stamp."""
+        """Suspends the comparison after a stamp [ns], until `find` ends the suspension."""
         self._unknown.append(_Unknown(after_ns, 2**62, why))
 
     def find(self, until_ns: int) -> None:
-        """What is stamped later [ns] is compared again."""
+        """Resumes the comparison after a stamp [ns]."""
         if self._unknown:
             self._unknown[-1] = self._unknown[-1]._replace(until_ns=until_ns)
 
     def compare(self, settled: int = -(2**62), *, final: bool = False) -> None:
-        """Compares what both sides have come to.
+        """Compares messages that both sides have.
 
         Args:
             settled: what has no counterpart up to this stamp never will have one [ns].
@@ -198,7 +199,7 @@ class Verifier:
         self._pairs(recorded.rows(left), replayed.rows(right))
 
     def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
-        """The comparison so far.
+        """Returns the comparison so far.
 
         Args:
             causes, rounds_otherwise: see Verification.
@@ -210,7 +211,7 @@ class Verifier:
         )  # fmt: skip
 
     def _known(self, batch: Messages, *, count: bool = False) -> Messages:
-        """Those messages that can be compared; the others are counted, where that is asked."""
+        """Returns the comparable messages; counts the others if requested."""
         for span in self._unknown:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
             found = int(np.count_nonzero(inside))
@@ -223,7 +224,7 @@ class Verifier:
         self._unchecked[why] = self._unchecked.get(why, 0) + count
 
     def _pairs(self, recorded: Messages, replayed: Messages) -> None:
-        """Compares messages of the same stamps, but those that the live node had to do without."""
+        """Compares messages of equal stamps, without those that the live node did not receive."""
         lacking = np.zeros(len(recorded.stamps), dtype=bool)
         for name in self._can_lack if len(lacking) else ():
             known = ~np.isnan(replayed.columns[name])
@@ -262,7 +263,7 @@ class Verifier:
 
 
 class _Unknown(NamedTuple):
-    """A span of stamps, behind `after_ns` and up to `until_ns`, in which nothing is compared."""
+    """A span of stamps, after `after_ns` up to `until_ns`, without comparison."""
 
     after_ns: int
     until_ns: int
@@ -270,25 +271,25 @@ class _Unknown(NamedTuple):
 
 
 class Messages(NamedTuple):
-    """Messages that follow each other: stamps (N,) [ns], fields by dotted name, (N,) each."""
+    """Consecutive messages: stamps (N,) [ns], fields by dotted name, (N,) each."""
 
     stamps: Integers
     columns: Columns
 
     def rows(self, chosen: NDArray[Any] | slice) -> Messages:
-        """Some of them."""
+        """Returns some of the messages."""
         return Messages(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
 
 def split(batches: Sequence[Messages], until: int) -> tuple[Messages, list[Messages]]:
-    """What lies up to a moment [ns], as one batch, and what lies behind it."""
+    """Splits batches at a stamp [ns]: one batch up to it, and the rest."""
     due = [batch.rows(batch.stamps <= until) for batch in batches if batch.stamps[0] <= until]
     rest = [batch.rows(batch.stamps > until) for batch in batches if batch.stamps[-1] > until]
     return joined_messages(due), [batch for batch in rest if len(batch.stamps)]
 
 
 def joined_messages(batches: Sequence[Messages]) -> Messages:
-    """Batches as one, with the fields that all of them have."""
+    """Concatenates batches, with the fields common to all."""
     if len(batches) == 1:
         return batches[0]
     if not batches:
@@ -303,7 +304,7 @@ def joined_messages(batches: Sequence[Messages]) -> Messages:
 
 
 def estimate_columns(estimates: Estimates) -> Columns:
-    """The numbers of SloshEstimate.msg by dotted field name, (N,) each."""
+    """Returns the numbers of SloshEstimate.msg by dotted field name, (N,) each."""
     columns: dict[str, NDArray[Any]] = {}
     for model, name in enumerate(("linear", "nonlinear")):
         for index, height in enumerate(_HEIGHTS):
@@ -318,7 +319,7 @@ def estimate_columns(estimates: Estimates) -> Columns:
 
 
 def estimate_fields(modes: int) -> tuple[str, ...]:
-    """The names of these columns for a model with some modes."""
+    """Returns the column names of estimates for a model with a number of modes."""
     none, whole = np.empty(0), np.empty(0, dtype=np.int64)
     empty = Estimates(
         whole, none.reshape(0, 2, 4), none.reshape(0, 2, modes, 4), none, whole,
@@ -327,8 +328,23 @@ def estimate_fields(modes: int) -> tuple[str, ...]:
     return tuple(estimate_columns(empty))
 
 
+def tray_columns(tray: TrayEstimates) -> Columns:
+    """The numbers of TrayEstimate.msg by dotted field name, (N,) each."""
+    columns: dict[str, NDArray[Any]] = {"worst": tray.worst}
+    for name in ("msh", "azimuth", "flags"):
+        for index, column in enumerate(getattr(tray, name).T):
+            columns[f"{name}[{index}]"] = column
+    return columns
+
+
+def tray_fields(count: int) -> tuple[str, ...]:
+    """The names of these columns for so many containers."""
+    none, whole = np.empty((0, count)), np.empty((0, count), dtype=np.int64)
+    return tuple(tray_columns(TrayEstimates(none, none, whole, np.empty(0, dtype=np.int64))))
+
+
 def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
-    """Stamps and the heights of SloshComparison.msg; those of a silent camera are left out."""
+    """Returns stamps and heights of SloshComparison.msg, without those of a silent camera."""
     rows = [row for row in comparisons if not row.measured_stale]
     stamps = np.fromiter((row.stamp_ns for row in rows), np.int64, len(rows))
     columns = {
@@ -358,6 +374,6 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _ordinal(value: float) -> int:
-    """The place of a double in the order of all doubles."""
+    """Returns the position of a double in the order of all doubles."""
     bits = int(np.float64(value).view(np.int64))
     return bits if bits >= 0 else -(bits & 0x7FFFFFFFFFFFFFFF)

@@ -1,1 +1,1 @@
-"""Makes tables of recordings and recordings of tables."""
+"""Converts recordings to tables and tables to recordings."""

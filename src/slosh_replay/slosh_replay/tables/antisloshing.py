@@ -1,4 +1,4 @@
-"""Turns the public AntiSloshing measurements into bags.
+"""Converts the public AntiSloshing measurements to bags.
 
 A run is two files: `poses/RUN.csv[.gz]`, the commanded pose of the container (500 Hz,
 `t;x;y;z;qx;qy;qz;qw`, no heading), and `heights/RUN.mat`, the maximum height that two cameras on
@@ -65,6 +65,7 @@ _POSE_COLUMNS, _JOINT_COLUMNS = 8, 7
 _FLOAT_FIELDS = (
     "msh_stddev", "azimuth", "fitted_msh", "fitted_msh_stddev", "fitted_azimuth", "sh_left",
     "sh_right", "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v",
+    "distance_to_rim",
 )  # fmt: skip
 
 
@@ -100,7 +101,7 @@ def import_antisloshing(
 
 
 def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
-    """Name, heights and poses of every run of the data set.
+    """Returns name, heights and poses of every run in the data set.
 
     Raises:
         SloshBagError: no runs, or one of the two files of a run is missing.
@@ -121,14 +122,14 @@ def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
 
 
 class RecordedArm(NamedTuple):
-    """The arm of the data set: its description, and the files of its joints by run."""
+    """The data set's arm: its description, and its joint files by run."""
 
     urdf: str
     joints: Mapping[str, Path]
 
 
 def read_arm(folder: Path) -> RecordedArm | None:
-    """The arm; None: the data set does not hold it.
+    """Reads the arm; None: the data set has none.
 
     Raises:
         SloshBagError: its description cannot be read.
@@ -194,7 +195,7 @@ def import_run(
 
 
 def read_heights(path: Path) -> tuple[Array, Array]:
-    """Times [s] and heights [m] of a `.mat` file: (N,) each.
+    """Reads times [s] and heights [m] of a `.mat` file: (N,) each.
 
     Raises:
         SloshBagError: no MATLAB file, a variable is missing or empty, time does not increase.
@@ -218,7 +219,7 @@ def read_heights(path: Path) -> tuple[Array, Array]:
 
 
 def read_poses(path: Path) -> Array:
-    """t, x, y, z, qx, qy, qz, qw of a `.csv` or `.csv.gz` file: (N, 8) [s, m, 1].
+    """Reads t, x, y, z, qx, qy, qz, qw of a `.csv` or `.csv.gz`: (N, 8) [s, m, 1].
 
     Raises:
         SloshBagError: the file is empty or cut off, has other columns, holds something that is no
@@ -228,7 +229,7 @@ def read_poses(path: Path) -> Array:
 
 
 def read_joints(path: Path) -> Array:
-    """T and the six joints' positions, (N, 7) [s, rad], in the convention of the URDF.
+    """Reads t and the six joints' positions, (N, 7) [s, rad], in the URDF's convention.
 
     Raises:
         SloshBagError: as `read_poses`.

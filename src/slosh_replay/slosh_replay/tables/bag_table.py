@@ -1,4 +1,4 @@
-"""Bags to motion tables.
+"""Converts bags to motion tables.
 
 The rows are the input samples that the estimator would take, and the moments of the measured
 heights: in between the inputs are interpolated linearly, as the models take them, so that every
@@ -55,7 +55,7 @@ NO_HEIGHTS: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class TableSettings:
-    """How a table is made of a bag.
+    """Settings of the conversion.
 
     Attributes:
         kind: of the input; None: what the recorded estimator read, or the first of them
@@ -74,7 +74,7 @@ class TableSettings:
 
 
 class BagTable(NamedTuple):
-    """A bag's motion table.
+    """A bag's motion table with remarks.
 
     Attributes:
         table: the table.
@@ -96,7 +96,7 @@ def read_bag_table(
     settings: TableSettings | None = None,
     progress: Callable[[int], object] = lambda count: None,
 ) -> BagTable:
-    """The motion table of a bag.
+    """Makes the motion table of a bag.
 
     Args:
         path: the bag's folder or MCAP file.
@@ -159,7 +159,7 @@ def read_bag_table(
 
 
 class PlacedHeights(NamedTuple):
-    """Heights at the rows of a motion: msh (N,), eta (N, K) at azimuths (K,), and notes."""
+    """Heights at the rows of a motion: msh (N,), eta (N, K) at azimuths (K,), and remarks."""
 
     msh: Array
     eta_azimuth: Array | None
@@ -168,7 +168,7 @@ class PlacedHeights(NamedTuple):
 
 
 class TableHeights:
-    """Takes measured heights, and places them on a motion.
+    """Collects measured heights and assigns them to the rows of a motion.
 
     Args:
         columns: those of the table that the bag was made of; empty: of none.
@@ -186,7 +186,7 @@ class TableHeights:
         self._wall_stamps, self._walls = array("q"), array("d")
 
     def add_walls(self, messages: list[Any]) -> None:
-        """Takes PointCloud2 messages of wall heights."""
+        """Adds PointCloud2 messages of wall heights."""
         for message in messages:
             stamp = int(message.header.stamp.sec) * SECOND + int(message.header.stamp.nanosec)
             self._add_wall(stamp, message)
@@ -209,7 +209,7 @@ class TableHeights:
     def placed(
         self, motion: RecordedMotion, max_gap: float
     ) -> tuple[RecordedMotion, PlacedHeights]:
-        """The motion with a row for each height, and the heights at the rows.
+        """Returns the motion with a row for each height, and the heights at the rows.
 
         Args:
             motion: the motion.
@@ -251,7 +251,7 @@ def _notes(between: int, outside: int, came: Measurements) -> tuple[str, ...]:
 
 
 def with_rows_at(motion: RecordedMotion, between: Stamps) -> RecordedMotion:
-    """The motion with further rows, interpolated linearly.
+    """Adds linearly interpolated rows to the motion.
 
     Args:
         motion: the motion.
@@ -291,13 +291,13 @@ def _unit(quaternions: Array) -> Array:
 
 
 def _rows(rows: Stamps, stamps: Stamps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """The row of each stamp, and whether there is one."""
+    """Returns the row of each stamp, and whether it exists."""
     row = np.minimum(np.searchsorted(rows, stamps), len(rows) - 1)
     return row, rows[row] == stamps
 
 
 def _reachable(rows: Stamps, stamps: Stamps, max_gap_ns: int) -> NDArray[np.bool_]:
-    """Whether each stamp is that of a row, or lies between two that are close enough."""
+    """Whether each stamp is at a row, or between two rows that are close enough."""
     after = np.searchsorted(rows, stamps)
     last = len(rows) - 1
     exact = rows[np.minimum(after, last)] == stamps
@@ -312,14 +312,14 @@ _Taker = tuple[Sequence[str] | None, Callable[[Any], None]]
 def _beside(
     topics: Mapping[str, TopicInfo], topic: str, name: str, message_type: str, taker: _Taker
 ) -> dict[str, _Taker]:
-    """The taker of a topic in another's namespace; empty where there is no such topic."""
+    """Returns the handler of a topic in the same namespace; empty: no such topic."""
     other = f"{topic.rpartition('/')[0]}/{name}"
     found = topics.get(other)
     return {other: taker} if found and found.message_type == message_type else {}
 
 
 def _decoded(reader: BagReader, block: MessageBlock) -> list[Any]:
-    """The messages of a block as objects."""
+    """Decodes the messages of a block to objects."""
     return [reader.decode(message) for message in messages_of(block)]
 
 
@@ -330,7 +330,7 @@ def _surface(
     sources: Sources,
     expected: bool,
 ) -> str:
-    """The topic of the heights; empty: none."""
+    """Returns the topic of the heights; empty: none."""
     if measured == NO_HEIGHTS:
         return ""
     if measured is None:

@@ -1,4 +1,4 @@
-"""Motion tables to bags: every column of a table finds its place in a message.
+"""Converts motion tables to bags; every column has a message.
 
 | columns | topic | field |
 |---|---|---|
@@ -48,12 +48,12 @@ WALL_POINT = np.dtype([("azimuth", "<f8"), ("height", "<f8")])
 _FLOAT64 = 8  # PointField.FLOAT64
 _UNKNOWN_FIELDS = (
     "msh_stddev", "fitted_msh", "fitted_msh_stddev", "fitted_azimuth", "sh_left", "sh_right",
-    "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v",
+    "azimuth_left", "azimuth_right", "slope_angle", "peak_u", "peak_v", "distance_to_rim",
 )  # fmt: skip
 
 
 class TableImport(NamedTuple):
-    """What became of a table.
+    """Result of importing a table.
 
     Attributes:
         bag: the bag's folder.
@@ -75,7 +75,7 @@ def import_table(
     progress: Progress = lambda done, total: None,
     options: TableOptions = FOUND_OUT,
 ) -> TableImport:
-    """Turns a motion table into a bag.
+    """Converts a motion table to a bag.
 
     Args:
         path: the `.csv` or `.csv.gz` file.
@@ -137,7 +137,7 @@ def write_table_bag(
 
 
 def table_stamps(path: Path, t: Array) -> tuple[int, Stamps]:
-    """Origin [ns] and stamps (N,) [ns] of times (N,) [s].
+    """Returns origin [ns] and stamps (N,) [ns] of times (N,) [s].
 
     A stamp is the origin and the whole nanoseconds nearest to the time. The origin is 0, and whole
     seconds where the times start before 1 s: a stamp of 0 means 'no stamp' in ROS.
@@ -161,13 +161,13 @@ def table_stamps(path: Path, t: Array) -> tuple[int, Stamps]:
 
 
 def table_times(nanoseconds: Stamps) -> Array:
-    """The nearest floats [s] of whole nanoseconds (N,)."""
+    """Returns the nearest floats [s] of whole nanoseconds (N,)."""
     # Division of whole numbers: 2e18 ns as a float would have lost its last digits before.
     return np.array([ns / SECOND for ns in nanoseconds.tolist()], dtype=np.float64)
 
 
 class _TableMessages:
-    """The messages of a table."""
+    """Makes the messages of a table."""
 
     def __init__(self, path: Path, table: MotionTable, definitions: Definitions) -> None:
         self.definitions = definitions
@@ -185,7 +185,7 @@ class _TableMessages:
         self._makers = {topic: (kind, makers[topic]) for topic, kind in self.topics().items()}
 
     def topics(self) -> dict[str, str]:
-        """Types by relative topic."""
+        """Types by relative topic name."""
         table = self._table
         topics = {ACCEL: ACCEL_TYPE}
         if table.attitude is not None or table.angular_velocity is not None:
@@ -197,7 +197,7 @@ class _TableMessages:
         return topics
 
     def serialised(self, row: int, stamp: int) -> Iterator[tuple[str, bytes]]:
-        """Topic and CDR bytes of every message of a row; its stamp in ns."""
+        """Yields topic and CDR bytes of every message of a row with a stamp [ns]."""
         for topic, (message_type, make) in self._makers.items():
             message = make(row, stamp)
             if message is not None:
@@ -279,20 +279,20 @@ class _TableMessages:
 
 
 def _single(heights: Array) -> NDArray[np.float32]:
-    """In 32 bits; what is beyond their range becomes infinite."""
+    """Converts heights to 32 bits; values out of range become infinite."""
     with np.errstate(over="ignore"):
         single: NDArray[np.float32] = heights.astype(np.float32)
     return single
 
 
 def _wrapped(azimuth: Array) -> Array:
-    """Azimuths in (-π, π]."""
+    """Returns the azimuths in (-π, π]."""
     wrapped: Array = np.where(azimuth > math.pi, azimuth - 2.0 * math.pi, azimuth)
     return wrapped
 
 
 def _specific_force(path: Path, table: MotionTable) -> Array:
-    """Rᵀ(a + g ẑ) (N, 3) [m/s²], in the container's frame.
+    """Returns Rᵀ(a + g ẑ) (N, 3) [m/s²], in the container's frame.
 
     Raises:
         SloshBagError: a quaternion is zero.

@@ -1,4 +1,4 @@
-"""A page over many runs' pages: one row each, to be sorted, with a link to the run's own page."""
+"""A sortable index page over many runs, with links to their pages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FOLDER = "slosh_report.index_page"
 
 @dataclass(frozen=True, slots=True)
 class IndexRow:
-    """Figures of one run in the index of runs.
+    """Figures of one run in the index.
 
     Attributes:
         name: of the run; its page is NAME.html beside the index.
@@ -51,12 +51,12 @@ class IndexRow:
 
     @property
     def link(self) -> str:
-        """Of the run's page, as an address."""
+        """Address of the run's page."""
         return f"{quote(self.name)}.html"
 
 
 def render_index(title: str, rows: Sequence[IndexRow]) -> str:
-    """The page as HTML text.
+    """Renders the page as HTML.
 
     Args:
         title: heading.

@@ -1,1 +1,1 @@
-"""What every report's page is made of: head and style, images, charts over time, numbers."""
+"""Common parts of all report pages: head, style, images, charts over time, numbers."""

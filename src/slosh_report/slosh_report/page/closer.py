@@ -1,4 +1,4 @@
-"""What the page's own script needs so that charts over time answer a pointer.
+"""Data and scripts for interactive charts over time.
 
 It shows the values at a moment, and a closer look at a span that is marked, drawn by uPlot.
 """
@@ -44,7 +44,7 @@ class Row:
 
 
 def closer_scripts() -> list[Script]:
-    """What a page with such charts runs: uPlot, and what uses it."""
+    """Returns the scripts of interactive charts: uPlot and the page's own."""
     return [
         script("slosh_report", "uplot/uPlot.iife.min.js"),
         script("slosh_report.page", "closer.js"),
@@ -52,13 +52,13 @@ def closer_scripts() -> list[Script]:
 
 
 def axis(ends: tuple[float, float], size: tuple[float, float]) -> str:
-    """Where a chart's time axis lies: its ends as shares of the width, and their times [s]."""
+    """Formats a chart's time axis: its ends as fractions of the width, and their times [s]."""
     left, right = MARGINS[0] / size[0], 1.0 - MARGINS[1] / size[0]
     return f"{left:.6f} {right:.6f} {ends[0]!r} {ends[1]!r}"
 
 
 def series_element(t: Array, charts: Mapping[str, Sequence[Row]], limit: float | None) -> Markup:
-    """The charts' series as data of the page, in s and mm.
+    """Embeds the charts' series in the page, in s and mm.
 
     Args:
         t: (N,) [s], not decreasing.
@@ -78,7 +78,7 @@ def series_element(t: Array, charts: Mapping[str, Sequence[Row]], limit: float |
 
 
 def _kept(t: Array, series: Sequence[Array]) -> NDArray[np.intp]:
-    """Samples with something known, of long series the extremes of each."""
+    """Returns samples with known values; of long series the extremes."""
     known = np.flatnonzero(np.any([np.isfinite(values) for values in series], axis=0))
     if len(known) <= MOST_SAMPLES:
         return known

@@ -12,7 +12,7 @@ MEDIA_TYPES = ("image/png", "image/jpeg")
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A camera frame, with whatever is to be seen in it drawn in.
+    """A camera frame with annotations drawn in.
 
     Attributes:
         image: the encoded image.

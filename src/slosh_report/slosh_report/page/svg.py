@@ -1,4 +1,4 @@
-"""Figures as SVG text in the page's own colours, so that light and dark are one file.
+"""Draws figures as SVG in the page's colours, for light and dark mode.
 
 Whatever draws on a page loads matplotlib, the slowest of all imports, only then: a command that
 ends at a mistake in its input has not waited for it.
@@ -65,7 +65,7 @@ DASHES: Any = (0, (4, 2))
 
 
 def style(name: str) -> Any:
-    """What to draw under, `with` it.
+    """Returns the drawing style, a context manager.
 
     Args:
         name: of the chart; the file is the same each time.
@@ -77,7 +77,7 @@ def style(name: str) -> Any:
 
 
 def canvas(size: tuple[float, float]) -> Figure:
-    """An empty figure of that size [in]."""
+    """Makes an empty figure of a size [in]."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
@@ -90,7 +90,7 @@ def canvas(size: tuple[float, float]) -> Figure:
 
 
 def svg_text(figure: Figure, name: str) -> str:
-    """The figure as an <svg> element in the page's colours.
+    """Returns the figure as an <svg> element in the page's colours.
 
     Args:
         figure: drawn with COLOURS' stand-ins.
@@ -116,7 +116,7 @@ def svg_text(figure: Figure, name: str) -> str:
 
 
 def _shorter(path: re.Match[str]) -> str:
-    """A path with hundredths of a point and without line breaks: a third of the size."""
+    """Shortens a path's numbers to hundredths of a point, a third of the size."""
     text = re.sub(r"(\.\d\d)\d+", r"\1", path.group())
     return re.sub(r"\s+", " ", text)
 
@@ -124,7 +124,7 @@ def _shorter(path: re.Match[str]) -> str:
 def time_chart(
     draw: Callable[[Any], None], ends: tuple[float, float], size: tuple[float, float], name: str
 ) -> str:
-    """A chart over time as SVG text.
+    """Draws a chart over time as SVG.
 
     Args:
         draw: draws into the axes, after their ends are set.
@@ -152,7 +152,7 @@ def draw_line(
     *,
     scale: float = 1e3,
 ) -> None:
-    """A line with its gaps open and single samples as dots.
+    """Draws a line with gaps, and single samples as dots.
 
     Args:
         axes: where to draw.
@@ -173,7 +173,7 @@ def draw_line(
 
 
 def badge(axes: Any, x: float, letter: str) -> None:
-    """A letter in a circle on top of the chart, with a thin line down from it."""
+    """Draws a letter in a circle above the chart, with a thin line down from it."""
     axes.axvline(x, color=INK, linewidth=0.8, linestyle=(0, (1, 3)))
     axes.annotate(
         letter, (x, 1.0), xycoords=axes.get_xaxis_transform(), xytext=(0, -8),
@@ -184,12 +184,12 @@ def badge(axes: Any, x: float, letter: str) -> None:
 
 
 def chart_points(size: tuple[float, float]) -> int:
-    """Most points of a line in a figure of that size [in]."""
+    """Returns the maximum number of points of a line in a figure of a size [in]."""
     return int(POINTS * size[0] / WIDE[0])
 
 
 def time_ends(t: Array) -> tuple[float, float]:
-    """Of the time axis, the same for all charts, whatever series they show."""
+    """Returns the ends of the time axis, common to all charts."""
     if len(t) < 2:
         return (0.0, 1.0) if not len(t) else (float(t[0]) - 0.5, float(t[0]) + 0.5)
     margin = 0.01 * float(t[-1] - t[0])

@@ -1,4 +1,4 @@
-"""What every page's template is filled with: one environment, numbers, names, images."""
+"""Template environment of all pages: numbers, names, images."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNREADABLE = re.compile(
 
 
 def make_environment(package: str) -> Environment:
-    """Where a package's templates come from; those of this folder are there, too.
+    """Makes the environment with a package's templates and those of this folder.
 
     Args:
         package: whose folder holds the page's own template.
@@ -50,7 +50,7 @@ def make_environment(package: str) -> Environment:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A script that a page holds and that the page's own policy admits by its digest.
+    """A script embedded in a page and allowed by its digest in the page's policy.
 
     Attributes:
         element: the <script> element.
@@ -62,7 +62,7 @@ class Script:
 
 
 def script(package: str, name: str) -> Script:
-    """A script of a package's folder.
+    """Reads a script of a package's folder.
 
     Args:
         package: whose folder holds it.
@@ -72,14 +72,14 @@ def script(package: str, name: str) -> Script:
 
 
 def script_of(text: str) -> Script:
-    """A script by its text; must not hold `</script`."""
+    """Makes a script from its text, which must not contain `</script`."""
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
     # The text is the project's own and not a user's: it is not escaped, or it would be another.
     return Script(Markup(f"<script>{text}</script>"), f"'sha256-{digest}'")
 
 
 def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:
-    """A number as people read it, with the exact one beside it for programs.
+    """Formats a number for people, with the exact value for programs.
 
     Args:
         path: JSON pointer of the number in the report's document.
@@ -94,33 +94,33 @@ def number(path: str, value: float | None, unit: str = "", digits: int | None = 
 
 
 def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
-    """A number of unknown unit: all its digits, or that many significant ones."""
+    """Formats a number of unknown unit with all or some significant digits."""
     text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
     return data_element(path, value, text.replace("-", "−"))
 
 
 def data_element(path: str, value: float | None, text: str) -> Markup:
-    """A number with its JSON pointer and its exact value for programs, its text for people."""
+    """Makes an element with JSON pointer, exact value and text."""
     value_text = json.dumps(value)
     return Markup('<data value="{}" data-path="{}">{}</data>').format(value_text, path, text)
 
 
 def readable(value: Any) -> Any:
-    """A text without what a page cannot hold or what reorders the letters around it."""
+    """Replaces characters that a page cannot hold or that reorder text."""
     return UNREADABLE.sub("\ufffd", value) if type(value) is str else value
 
 
 def breakable(text: str) -> Markup:
-    """A name that may go on in the next line after each of its parts."""
+    """Makes a name that may break after each of its parts."""
     parts = re.split(r"(?<=[/._])", text)
     return Markup("<wbr>").join(readable(part) for part in parts if part)
 
 
 def data_uri(frame: Frame) -> str:
-    """The image as a data URI."""
+    """Returns the image as a data URI."""
     return image_uri(frame.image, frame.media_type)
 
 
 def image_uri(image: bytes, media_type: str) -> str:
-    """An encoded image as a data URI."""
+    """Returns an encoded image as a data URI."""
     return f"data:{media_type};base64,{base64.b64encode(image).decode('ascii')}"

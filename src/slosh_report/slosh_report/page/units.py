@@ -1,4 +1,4 @@
-"""How a number in SI units is shown: scale, digits and sign of each unit on the page."""
+"""Display of SI numbers: scale, digits and sign of each unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_DIGITS = 17
 
 
 class UnitDisplay(NamedTuple):
-    """How a unit is shown.
+    """Display settings of a unit.
 
     Attributes:
         scale: SI → shown unit.
@@ -46,7 +46,7 @@ UNITS = {
 
 
 def shown(value: float | None, unit: str, digits: int | None = None) -> str:
-    """The number as people read it, without its unit.
+    """Formats a number for people, without its unit.
 
     Args:
         value: in SI units; None or not finite: unknown.
@@ -70,7 +70,7 @@ def shown(value: float | None, unit: str, digits: int | None = None) -> str:
 
 
 def unit_style(unit: str) -> UnitDisplay:
-    """How the unit is shown.
+    """Returns the display settings of a unit.
 
     Raises:
         SloshReportError: it is not one of UNITS.
@@ -83,7 +83,7 @@ def unit_style(unit: str) -> UnitDisplay:
 
 
 def digits_that_differ(value: float | None, other: float | None, unit: str) -> int:
-    """Decimals with which the two numbers read differently, at least the unit's own."""
+    """Returns the decimals with which two numbers look different, at least the unit's."""
     least = unit_style(unit).digits
     if value is None or other is None or value == other:
         return least

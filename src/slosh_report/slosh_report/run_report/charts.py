@@ -1,4 +1,4 @@
-"""Charts over time: heights, residuals, and one motion alone."""
+"""Charts over time: heights, residuals, and single motions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MARKS = 60
 
 
 def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
-    """Measured, L and NL over time [mm], with all that is marked in them, as SVG text."""
+    """Draws measured, L and NL over time [mm] with all marks as SVG."""
 
     def draw(axes: Any) -> None:
         _heights(axes, report, slice(None), chart_points(size))
@@ -51,7 +51,7 @@ def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> st
 
 
 def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
-    """Measured minus L and minus NL over time [mm], as SVG text."""
+    """Draws measured minus L and minus NL over time [mm] as SVG."""
     points = chart_points(size)
 
     def draw(axes: Any) -> None:
@@ -65,7 +65,7 @@ def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> s
 
 
 def motion_chart(report: RunReport, motion: RunMotion, name: str) -> str:
-    """Measured, L and NL over one motion and a little more [mm], as SVG text."""
+    """Draws measured, L and NL around one motion [mm] as SVG."""
     beside = 0.05 * (motion.end - motion.start)
     ends = (motion.start - beside, motion.end + beside)
     part = slice(*np.searchsorted(report.t, ends).tolist())
@@ -78,7 +78,7 @@ def motion_chart(report: RunReport, motion: RunMotion, name: str) -> str:
 
 
 def residual(report: RunReport, model: Array) -> Array:
-    """(N,) measured minus model [m]; NaN where a lower bound lies below the model."""
+    """Returns (N,) measured minus model [m]; NaN: a lower bound below the model."""
     difference = report.measured - model
     if report.saturated is None:
         return difference
@@ -86,7 +86,7 @@ def residual(report: RunReport, model: Array) -> Array:
 
 
 def frame_letters(report: RunReport) -> tuple[str, ...]:
-    """The letter of each frame whose moment is known, '' for the others."""
+    """Returns the letter of each frame with a known time, '' for others."""
     known = iter("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
     return tuple(next(known, "") if np.isfinite(f.time) else "" for f in report.frames)
 
@@ -131,7 +131,7 @@ def _lower_bounds(axes: Any, t: Array, measured: Array, saturated: NDArray[np.bo
 
 
 def _motions(axes: Any, motions: Sequence[RunMotion]) -> None:
-    """A bracket with the motion's number above the chart, where there are several."""
+    """Draws numbered brackets of the motions above the chart, if there are several."""
     if len(motions) < 2:
         return
     place: Any = axes.get_xaxis_transform()
@@ -151,14 +151,14 @@ def _motions(axes: Any, motions: Sequence[RunMotion]) -> None:
 
 
 def _frames(axes: Any, report: RunReport) -> None:
-    """The letter of each frame at its moment."""
+    """Draws the letter of each frame at its time."""
     for letter, frame in zip(frame_letters(report), report.frames, strict=True):
         if letter:
             badge(axes, frame.time, letter)
 
 
 def _backdrop(axes: Any, report: RunReport) -> None:
-    """Shades where there is no measurement and where a limit is exceeded."""
+    """Shades spans without measurement and spans with a limit violation."""
     last = float(report.t[-1]) if len(report.t) else 0.0
     ends = ((e.start, e.end if np.isfinite(e.end) else last) for e in report.events)
     _shade(axes, ends, SPAN)
@@ -166,7 +166,7 @@ def _backdrop(axes: Any, report: RunReport) -> None:
 
 
 def _shade(axes: Any, spans: Spans, colour: str) -> None:
-    """One area of all spans in sight: a thousand of their own would be a megabyte."""
+    """Draws all visible spans as one area, which is much smaller than many."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

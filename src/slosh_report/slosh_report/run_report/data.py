@@ -1,4 +1,4 @@
-"""What a report shows, as plain arrays and tables in SI units."""
+"""Contents of a report: arrays and tables in SI units."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OPEN = Status()
 
 @dataclass(frozen=True, slots=True)
 class AzimuthSeries:
-    """Where on the wall the liquid's highest point is, over time.
+    """Azimuth of the liquid's highest point over time.
 
     Attributes:
         name: "measured", or the model's.
@@ -114,7 +114,7 @@ class RunReport:
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last moment [s]; 0 where there are none."""
+        """Time from the first to the last sample [s]; 0: none."""
         return float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
 
 

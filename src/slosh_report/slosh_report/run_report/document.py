@@ -1,4 +1,4 @@
-"""The same report for programs: what the page shows, as values that JSON can hold."""
+"""The report as JSON-compatible values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _OFTEN = {1: "once", 2: "twice", 3: "three times"}
 
 
 def report_document(report: RunReport, *, series: bool = False) -> dict[str, Any]:
-    """The report as nested dicts and lists; `json.dumps` takes it as it is.
+    """Returns the report as nested dicts and lists.
 
     Every number that the page shows in a `<data>` element is in here: the element's `data-path`
     is its JSON pointer (RFC 6901) and its `value` is the number, to the last bit.
@@ -84,7 +84,7 @@ _ROWS: Mapping[str, Callable[[Any], dict[str, Any]]] = {
 
 
 def sentence(report: RunReport) -> str:
-    """What a run came to.
+    """Formats the result of a run in a sentence.
 
     Args:
         report: of a run with a camera, without one, or with neither heights nor a limit.
@@ -105,7 +105,7 @@ def sentence(report: RunReport) -> str:
 
 
 def _limited(report: RunReport, peak: float, source: str) -> str:
-    """How far the peak is from the limit, and how often it was exceeded."""
+    """Describes the peak relative to the limit, and the number of violations."""
     count = sum(span.source == source for span in report.events)
     often = _OFTEN.get(count, f"{count} times")
     if report.limit is None:
@@ -117,7 +117,7 @@ def _limited(report: RunReport, peak: float, source: str) -> str:
 
 
 def _agreement(report: RunReport) -> str:
-    """By how much the nonlinear model differs from the camera, in the mean."""
+    """Describes the mean difference of the nonlinear model and the camera."""
     row = next((row for row in report.models if row.name == report.nonlinear_name), None)
     if row is None or not math.isfinite(row.sigma):
         return ""

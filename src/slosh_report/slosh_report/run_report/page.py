@@ -34,7 +34,7 @@ CLOSE_UPS = 6
 
 
 def render_report(report: RunReport) -> str:
-    """The page as HTML text, the same for the same report.
+    """Renders the page as HTML; reproducible.
 
     Args:
         report: what to show; every text in it is escaped.
@@ -54,7 +54,7 @@ def render_report(report: RunReport) -> str:
 
 
 def _charts(report: RunReport) -> dict[str, Markup]:
-    """SVG text by name; none where nothing is known."""
+    """Returns the charts as SVG by name; none without data."""
     charts = {}
     if _anything(report):
         for kind, draw in (("heights", heights_chart), ("residual", residual_chart)):
@@ -67,7 +67,7 @@ def _charts(report: RunReport) -> dict[str, Markup]:
 
 
 def _closer(report: RunReport) -> dict[str, Any]:
-    """What lets the charts over time answer a pointer; nothing where there are none."""
+    """Returns the data of interactive charts; nothing without data."""
     if not _anything(report):
         return {"axes": {}}
     linear, nonlinear = report.linear_name, report.nonlinear_name
@@ -92,7 +92,7 @@ def _closer(report: RunReport) -> dict[str, Any]:
 
 
 def _close_ups(report: RunReport) -> list[tuple[int, Markup]]:
-    """Index and chart of the motions that the nonlinear model follows worst, in time's order."""
+    """Returns index and chart of the motions with the largest NL error, by time."""
     if len(report.motions) < 2 or not _anything(report):
         return []
     worst = sorted(range(len(report.motions)), key=lambda i: -_worst_sigma(report, i))
@@ -114,7 +114,7 @@ def _anything(report: RunReport) -> bool:
 
 
 def _seen(report: RunReport) -> dict[str, str]:
-    """What the charts show, in words, for those who do not see them."""
+    """Describes the charts in words, for screen readers."""
     names = (("measured", report.measured), (report.linear_name, report.linear),
              (report.nonlinear_name, report.nonlinear))  # fmt: skip
     highest = []
@@ -153,18 +153,18 @@ def _template() -> Template:
 
 
 def model_names(motions: list[dict[str, Any]]) -> list[str]:
-    """The models of all motions, each once, in the order met."""
+    """Returns the models of all motions, in order of appearance."""
     return list(dict.fromkeys(row["name"] for motion in motions for row in motion["models"]))
 
 
 def model_index(motion: dict[str, Any], name: str) -> int | None:
-    """Which row of the motion is that model's; None: none."""
+    """Returns the index of a model's row; None: none."""
     names = [row["name"] for row in motion["models"]]
     return names.index(name) if name in names else None
 
 
 def best_index(motion: dict[str, Any]) -> int | None:
-    """Which row of the motion has the least MAE; None: none is known."""
+    """Returns the index of the row with the least MAE; None: none is known."""
     known = [
         (row["sigma"], i) for i, row in enumerate(motion["models"]) if row["sigma"] is not None
     ]
@@ -175,13 +175,13 @@ Differences = list[tuple[int, dict[str, Any]]]
 
 
 def differences_apart(rows: list[dict[str, Any]]) -> tuple[Differences, Differences]:
-    """Numbered rows: those to show, the first that occurred leading, and those to fold away."""
+    """Splits numbered rows in shown ones, the first difference leading, and folded ones."""
     ordered = sorted(enumerate(rows), key=lambda entry: entry[1]["first"] is None)
     return ordered[:UNFOLDED], ordered[UNFOLDED:]
 
 
 def expectation(path: str, check: dict[str, Any], digits: int) -> Markup:
-    """What a check expects: a number, one with its tolerance, a bound, or anything."""
+    """Formats a check's expectation: a number, a tolerance, a bound, or anything."""
     lower, upper, tolerance, unit = (check[k] for k in ("lower", "upper", "tolerance", "unit"))
     if tolerance is not None:
         middle = number(f"{path}/expected", check["expected"], unit, digits)
@@ -197,7 +197,7 @@ def expectation(path: str, check: dict[str, Any], digits: int) -> Markup:
 
 
 def close_digits(check: dict[str, Any]) -> int:
-    """Decimals with which a check's value reads outside the bound that it missed."""
+    """Returns the decimals that show a value outside the bound it missed."""
     value, unit = check["value"], check["unit"]
     if check["passed"] or value is None:
         return digits_that_differ(None, None, unit)

@@ -1,4 +1,4 @@
-"""The rows of a report's tables. All numbers are in SI units; NaN: unknown."""
+"""Rows of a report's tables in SI units; NaN: unknown."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ INFINITE = float("inf")
 
 
 class RunVerdict(StrEnum):
-    """What a check of the run came to."""
+    """Result of a check of the run."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -21,7 +21,7 @@ class RunVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """The answer for whoever asks only whether all is well.
+    """Overall status of the run.
 
     Attributes:
         verdict: of all checks together.
@@ -34,7 +34,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """One number against what was expected of it.
+    """A number and its expected value.
 
     Attributes:
         name: what it is, for example "MAE 3D-NL".
@@ -57,12 +57,12 @@ class CheckRow:
 
     @property
     def expected(self) -> float:
-        """The middle of the bounds; NaN: there are not two."""
+        """Middle of the bounds; NaN: not two."""
         return 0.5 * (self.lower + self.upper) if self._bounded else NAN
 
     @property
     def tolerance(self) -> float:
-        """By how much the value may differ from it; NaN: there are not two bounds."""
+        """Half the distance of the bounds; NaN: not two."""
         return 0.5 * (self.upper - self.lower) if self._bounded else NAN
 
     @property
@@ -77,7 +77,7 @@ class CheckRow:
 
 @dataclass(frozen=True, slots=True)
 class DifferenceRow:
-    """One field that a replay did not reproduce.
+    """A field that a replay did not reproduce.
 
     Attributes:
         topic: of the messages.
@@ -99,7 +99,7 @@ class DifferenceRow:
 
 @dataclass(frozen=True, slots=True)
 class VerificationRow:
-    """Whether something recorded came out again.
+    """Whether recorded messages were reproduced.
 
     Attributes:
         name: what was compared, for example "recorded estimates reproduced bit for bit".
@@ -115,13 +115,13 @@ class VerificationRow:
 
     @property
     def passed(self) -> bool:
-        """Whether all came out the same."""
+        """Whether all were reproduced."""
         return self.same == self.total
 
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
-    """One number on top of the page.
+    """A number at the top of the page.
 
     Attributes:
         label: what it is.
@@ -145,7 +145,7 @@ class KeyFigure:
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """Where the run comes from: the bag, its length, the program's version.
+    """A fact about the run, such as the bag, its length, the program's version.
 
     Attributes:
         label: what it is.
@@ -158,7 +158,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class ExcessSpan:
-    """An excess of a limit.
+    """A limit violation.
 
     Attributes:
         source: what exceeded it: "measured", "estimated", "disagreement".
@@ -184,7 +184,7 @@ class ExcessSpan:
 
 @dataclass(frozen=True, slots=True)
 class ModelRow:
-    """Agreement of one model.
+    """Agreement of one model with the measurement.
 
     Attributes:
         name: 2D-L, 3D-L, 2D-NL, 3D-NL, …
@@ -205,7 +205,7 @@ class ModelRow:
 
 @dataclass(frozen=True, slots=True)
 class RunMotion:
-    """One motion of the run, and how well each model followed the liquid over it.
+    """A motion of the run with each model's accuracy.
 
     Attributes:
         name: of the motion; may be empty: the page numbers the motions itself.

@@ -1,1 +1,1 @@
-"""Tables of numbers as people have them: one reader for all commands."""
+"""Reads tables of numbers in common formats, for all commands."""

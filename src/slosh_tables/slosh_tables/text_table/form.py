@@ -1,4 +1,4 @@
-"""How a table is written: its comments, its heading, what stands between its columns."""
+"""Detects the format of a table: comments, heading, separator."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NAMES: Final = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "|", " ": 
 
 @dataclass(slots=True)
 class Rows:
-    """A table's heading and the rows below it.
+    """A table's heading and rows.
 
     Attributes:
         heading: names as they stand there.
@@ -50,7 +50,7 @@ class Rows:
     dotted: bool = False
 
     def cells(self) -> Iterator[list[str]]:
-        """The rows' cells; blank lines, comments and rows of empty cells are left out.
+        """Yields the rows' cells, without blank lines, comments and empty rows.
 
         Raises:
             SloshFileError: a row has more or fewer cells than the heading, or is no CSV.
@@ -84,7 +84,7 @@ class Rows:
 
 
 def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
-    """Finds out how a table is written.
+    """Detects the format of a table.
 
     Args:
         path: of the table; for what is said of it.
@@ -125,19 +125,19 @@ def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
 
 
 def name_of(separator: str) -> str:
-    """A separator's name in a sentence."""
+    """Returns a separator's name for a sentence."""
     return _NAMES.get(separator, repr(separator))
 
 
 def split(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
-    """The cells of lines."""
+    """Splits lines to cells."""
     if separator == " ":
         return (line.replace('"', "").split() for line in lines)
     return csv.reader(lines, delimiter=separator)
 
 
 def _rows_alone(numbered: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Lines that are neither blank nor comments."""
+    """Yields lines that are neither blank nor comments."""
     for number, line in numbered:
         start = line[:1]
         if start in "#%/" or start.isspace():  # few rows begin so: others are not looked into
@@ -154,7 +154,7 @@ def _heading(
     separator: str,
     options: TableOptions,
 ) -> tuple[list[str], list[tuple[int, str]]]:
-    """Names and the rows below them; the heading may be a comment, as NumPy writes it."""
+    """Finds the names and the rows; the heading may be a comment, as in NumPy's files."""
     first = _one(sample[0][1], separator)
     width = len(first)
     for _, comment in reversed(said):
@@ -178,12 +178,12 @@ def _heading(
 
 
 def _words(line: str) -> list[str]:
-    """Names between spaces, each with its unit in brackets."""
+    """Splits a line to names with their units in brackets."""
     return _WORD.findall(line.replace('"', ""))
 
 
 def _separator(sample: Sequence[str]) -> tuple[str, int]:
-    """What stands between the columns, and how many lines come before the heading.
+    """Detects the separator, and the number of lines before the heading.
 
     It makes rows of numbers as long as the heading; loggers write some lines about themselves
     before that.
@@ -201,7 +201,7 @@ def _separator(sample: Sequence[str]) -> tuple[str, int]:
 
 
 def _parts(sample: Sequence[str]) -> str:
-    """What makes all rows as long as the first; empty: nothing does, or there is one row."""
+    """Returns the separator that gives all rows equal length; empty: none."""
     for separator in ("\t", ";", "|", ",", " "):
         heading = _words(sample[0]) if separator == " " else _one(sample[0], separator)
         width = len(_without_end(heading))
@@ -221,7 +221,7 @@ def _fits(row: Sequence[str], width: int) -> bool:
 
 
 def _without_end(row: Sequence[str]) -> list[str]:
-    """A row without the empty cells at its end."""
+    """Returns a row without empty cells at its end."""
     cells = list(row)
     while cells and not cells[-1].strip():
         cells.pop()
@@ -229,7 +229,7 @@ def _without_end(row: Sequence[str]) -> list[str]:
 
 
 def _named_rows(heading: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """The heading without empty names at its end, and with one for R's names of rows."""
+    """Removes empty names at the heading's end; adds one for R's row names."""
     names = _without_end(heading)
     long = [row for row in rows if len(_without_end(row)) == len(names) + 1]
     if rows and len(long) == len(rows) and len(heading) == len(names):

@@ -1,4 +1,4 @@
-"""Columns by the names that people and programs give them."""
+"""Recognises columns by the names in common use."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _KINDS: Final[Mapping[str, Mapping[str, float]]] = {TIME: units.TIME} | {
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column that is read.
+    """A column to read.
 
     Attributes:
         name: ours, such as 'ax'.
@@ -76,7 +76,7 @@ class Column:
 
 
 def is_index(name: str) -> bool:
-    """Whether a column of this name may do nothing but count the rows."""
+    """Whether a column of this name may be a row counter."""
     return name.strip().strip("\"'").lower() in INDEXES
 
 
@@ -88,7 +88,7 @@ def columns_of(
     *,
     free: bool,
 ) -> list[Column]:
-    """The columns of a table, in its order.
+    """Returns the columns of a table, in its order.
 
     Args:
         path: of the table; for what is said of it.
@@ -169,7 +169,7 @@ def _column(
 
 
 def _parted(plain: str, free: bool) -> tuple[str, str]:
-    """Our name and the unit of a heading such as 'Time (ms)', 'acc_x_g' or 'a_x / (m/s²)'."""
+    """Splits a heading such as 'Time (ms)', 'acc_x_g' or 'a_x / (m/s²)' to name and unit."""
     bracketed = _BRACKETED.fullmatch(plain)
     if bracketed and (named := _ours(bracketed["name"], free=free)) is not None:
         return named, bracketed["unit"]  # whatever it is: one that is unknown is refused

@@ -1,4 +1,4 @@
-"""What a user says of a table, where the table does not say it itself."""
+"""User options about a table's format."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ SEPARATORS: Mapping[str, str] = {
 
 
 class TableWarning(UserWarning):
-    """Something was assumed of a table."""
+    """An assumption was made about a table."""
 
 
 def warn(line: str) -> None:
-    """Tells who calls from Python what was assumed."""
+    """Warns a caller from Python of an assumption."""
     warnings.warn(line, TableWarning, stacklevel=2)
 
 
 @dataclass(frozen=True, slots=True)
 class TableOptions:
-    """How a table is to be read; without options it is found out.
+    """Format of a table; options that are not given are detected.
 
     Attributes:
         columns: by our name (such as 'ax') the table's own name, or number from 1. Columns that
@@ -38,6 +38,10 @@ class TableOptions:
 
     Raises:
         SloshFileError: an option has no such value.
+
+    >>> options = TableOptions(columns={"ax": "acc_x"}, time_unit="ms")
+    >>> options.words
+    ['--columns', 'ax=acc_x', '--time-unit', 'ms']
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -58,7 +62,7 @@ class TableOptions:
 
     @property
     def words(self) -> list[str]:
-        """The options as words of a command line."""
+        """Returns the options as words of a command line."""
         pairs = ",".join(f"{name}={given}" for name, given in self.columns.items())
         names = {
             value: name for name, value in reversed(tuple(SEPARATORS.items())) if len(name) != 2

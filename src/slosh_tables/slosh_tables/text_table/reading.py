@@ -1,4 +1,4 @@
-"""Reads a table: its columns by our names, in SI units, and what was assumed of it."""
+"""Reads a table to standard column names in SI units, with assumptions noted."""
 
 from __future__ import annotations
 
@@ -48,18 +48,18 @@ class TextTable:
     lines: NDArray[np.int64]
 
     def column(self, name: str) -> Array:
-        """(N,) the values of a column."""
+        """Returns the values (N,) of a column."""
         values: Array = self.data[:, self.names.index(name)]
         return values
 
     def group(self, names: Sequence[str]) -> Array | None:
-        """(N, len(names)) the values of columns that belong together; None: there are none."""
+        """Returns the values (N, len(names)) of columns; None: not in the table."""
         if names[0] not in self.names:
             return None
         return np.ascontiguousarray(self.data[:, [self.names.index(name) for name in names]])
 
     def check_finite(self, heights: Callable[[str], bool] = lambda name: False) -> None:
-        """Refuses inputs that are not finite, and heights that are infinite.
+        """Refuses inputs that are not finite, and infinite heights.
 
         Raises:
             SloshFileError: the text names the line and the column.
@@ -145,7 +145,7 @@ def read_table(
 
 
 def _check_kind(path: Path) -> None:
-    """Refuses a file that is known to be no table, such as a workbook or a Git LFS pointer.
+    """Refuses a file known to be no table, such as a workbook or a Git LFS pointer.
 
     Raises:
         SloshFileError: the line says what it is.
@@ -180,7 +180,7 @@ def _scaled(
     *,
     sampled: bool,
 ) -> list[str]:
-    """Turns values into SI units in place; what of that is worth telling."""
+    """Converts values to SI units in place; returns remarks."""
     notes: dict[str, list[str]] = {}
     for place, column in enumerate(columns):
         unit, factor = column.unit, column.factor
@@ -235,7 +235,7 @@ class _Clock:
         self._started = False
 
     def read(self, cell: str) -> float:
-        """The time of a cell, in its own unit; a date's in seconds.
+        """Returns the time in a cell, in the column's unit; a date in seconds.
 
         Raises:
             ValueError: it is none.
@@ -269,7 +269,7 @@ def _date(cell: str) -> datetime:
 
 
 class _Numbers:
-    """Reads rows as numbers, with decimal points or commas."""
+    """Reads rows as numbers with decimal points or commas."""
 
     def __init__(
         self,
@@ -293,7 +293,7 @@ class _Numbers:
 
     @property
     def data(self) -> Array:
-        """(N, K) the values."""
+        """Returns the values (N, K)."""
         return np.frombuffer(self._values, np.float64).reshape(-1, len(self._columns))
 
     def read(self) -> None:
@@ -330,7 +330,7 @@ class _Numbers:
         return [self._clean(k, cell.strip()) for k, cell in enumerate(cells)]
 
     def _clean(self, place: int, cell: str) -> str:
-        """A cell as Python reads it.
+        """Converts a cell to a number in Python's format.
 
         Raises:
             SloshFileError: it is no number.
@@ -375,7 +375,7 @@ class _Numbers:
         )
 
     def finish(self) -> str:
-        """What was assumed of the numbers; empty: nothing.
+        """Returns an assumption about the numbers; empty: none.
 
         Raises:
             SloshFileError: their commas have two meanings.

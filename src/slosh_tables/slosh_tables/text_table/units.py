@@ -1,4 +1,4 @@
-"""Units that headings name, as factors to SI units."""
+"""Units in headings, as factors to SI units."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ LONGEST_MOTION = 86_400.0
 
 
 def unit_of(text: str) -> str:
-    """A unit in its usual spelling: 'm/s²', 'm/s^2' and 'm s-2' are all 'm/s2'."""
+    """Normalises a unit: 'm/s²', 'm/s^2' and 'm s-2' are all 'm/s2'."""
     plain = text.strip()
     for brackets in ("[]", "()", "{}", "<>"):
         if plain.startswith(brackets[0]) and plain.endswith(brackets[1]):
@@ -75,13 +75,13 @@ def unit_of(text: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit of any kind."""
+    """Whether a text is a known unit."""
     found = unit_of(text)
     return any(found in kind for kind in (TIME, ACCELERATION, LENGTH, TURNING, ANGLE, NUMBER))
 
 
 def assumed_unit(first: float, t: Array) -> str:
-    """The unit of times that can only be times since 1970; empty: they are not.
+    """Returns the unit of times since 1970; empty: they are not.
 
     Args:
         first: the first time as it stands in the table.
@@ -96,13 +96,13 @@ def assumed_unit(first: float, t: Array) -> str:
 
 
 def likely_units(step: float) -> list[str]:
-    """Units in which rows so far apart [s, were they seconds] make a usual rate."""
+    """Returns time units with which a row spacing gives a common sample rate."""
     low, high = USUAL_RATES
     return [u for u in ("ms", "us", "ns") if low <= 1.0 / (step * TIME[u]) <= high]
 
 
 def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
-    """Refuses samples that are so far apart that their times must be in another unit.
+    """Refuses samples so far apart that their times must have another unit.
 
     Args:
         path: of the table.
@@ -128,7 +128,7 @@ def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
 
 
 def check_span(path: Path, t: Array) -> None:
-    """Refuses a motion that is too long to be simulated.
+    """Refuses a motion that is too long to simulate.
 
     Raises:
         SloshFileError: it is longer than LONGEST_MOTION.

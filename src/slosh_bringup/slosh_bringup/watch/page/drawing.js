@@ -12,12 +12,17 @@ function limitWords(limit) {
   return limit ? `${limit.name} ${(1e3 * limit.height).toFixed(1)} mm` : "";
 }
 
+// Times; measured, estimated and fused heights; bounds of the last.
+function emptyRows() {
+  return [[], [], [], [], [], []];
+}
+
 class Heights {
   constructor(place) {
     this.place = place;
     this.drawing = null;
     this.limits = {};
-    this.rows = [[], [], []];
+    this.rows = emptyRows();
     this.plot = null;
     new ResizeObserver(() => this.fit()).observe(place);
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.renew());
@@ -36,7 +41,9 @@ class Heights {
       scales: { x: { time: false, range: () => [this.end() - SPAN, this.end()] }, y: { range: (_, lo, hi) => this.range(lo, hi) } },
       axes: [{ ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) }, axis],
       series: [{ label: "time", value: (_, v) => (v === null ? "–" : `${v.toFixed(2)} s`) },
-        line("measured", "measured"), line("estimated", "estimated")],
+        line("measured", "measured"), line("estimated", "estimated"), line("fused", "fused"),
+        { ...line("− 2σ", "fused"), width: 0 }, { ...line("+ 2σ", "fused"), width: 0 }],
+      bands: [{ series: [5, 4], fill: colour("band") }],
       hooks: { draw: [(plot) => this.drawLimits(plot)] },
       cursor: { drag: { x: false, y: false } },
     }, this.rows, this.place);
@@ -77,14 +84,13 @@ class Heights {
     context.restore();
   }
 
-  clear() { this.rows = [[], [], []]; this.drawing = null; }
+  clear() { this.rows = emptyRows(); this.drawing = null; }
 
   add(frame) {
     if (frame.drawing !== this.drawing) { this.clear(); this.drawing = frame.drawing; }
-    for (const [t, measured, estimated] of frame.rows) {
+    for (const [t, ...shown] of frame.rows) {
       this.rows[0].push(t);
-      this.rows[1].push(measured === null ? null : 1e3 * measured);
-      this.rows[2].push(estimated === null ? null : 1e3 * estimated);
+      shown.forEach((height, k) => this.rows[k + 1].push(height === null ? null : 1e3 * height));
     }
     const first = this.rows[0].findIndex((t) => t >= this.end() - SPAN);
     if (first > 0) this.rows = this.rows.map((row) => row.slice(first));
@@ -92,6 +98,52 @@ class Heights {
   }
 
   draw() { this.plot.setData(this.rows); }
+}
+
+// The container's contour, +x to the right, and the level of each side as a line across it.
+function drawSide(canvas, container, surface, limit) {
+  const wide = canvas.clientWidth || 300;
+  const dense = devicePixelRatio || 1;
+  const outline = container.outline;
+  const reach = Math.max(...outline.map(([r]) => r));
+  const [low, high] = [Math.min(...outline.map(([, z]) => z)), Math.max(...outline.map(([, z]) => z))];
+  const scale = 0.9 * Math.min(wide / (2 * reach), wide / (high - low));
+  const tall = scale * (high - low) + 24;
+  canvas.width = Math.round(wide * dense);
+  canvas.height = Math.round(tall * dense);
+  const context = canvas.getContext("2d");
+  context.scale(dense, dense);
+  const place = (x, z) => [wide / 2 + scale * x, tall - 12 - scale * (z - low)];
+  const path = (points) => {
+    context.beginPath();
+    points.forEach(([x, z], k) => context[k ? "lineTo" : "moveTo"](...place(x, z)));
+  };
+  const wall = [...outline.slice().reverse().map(([r, z]) => [-r, z]), ...outline];
+  context.save();
+  path(wall);
+  context.clip();
+  const level = (left, right, name, dashes) => {
+    context.setLineDash(dashes);
+    context.strokeStyle = colour(name);
+    path([[-reach, left], [reach, right]]);
+    context.stroke();
+  };
+  context.lineWidth = 1.5;
+  level(0, 0, "soft", [2, 4]);
+  if (limit) level(limit.height, limit.height, "limit", [6, 5]);
+  context.lineWidth = 3;
+  for (const name of ["estimated", "measured"]) {
+    const [azimuth, height] = surface[name] || [null, null];
+    if (azimuth === null || height === null) continue;
+    const right = height * Math.cos(azimuth);
+    level(-right, right, name, []);
+  }
+  context.restore();
+  context.setLineDash([]);
+  context.lineWidth = 2;
+  context.strokeStyle = colour("soft");
+  path(wall);
+  context.stroke();
 }
 
 // The wall as a circle, +x to the right and counter-clockwise as in the container's frame; outwards is higher.

@@ -30,9 +30,28 @@ function showNow(now) {
   put("residual", millimetres(now.residual));
   put("sigma", millimetres(now.sigma, 2));
   put("epsilon", now.epsilon === null || now.epsilon === undefined ? "–" : (100 * now.epsilon).toFixed(1));
-  put("measured-limit", limitWords(state.limits.measured));
-  put("estimated-limit", limitWords(state.limits.estimated));
+  const left = now.to_rim || {};
+  put("measured-limit", words(limitWords(state.limits.measured), rimWords(left.measured)));
+  put("estimated-limit", words(limitWords(state.limits.estimated), rimWords(left.estimated)));
   put("residual-limit", limitWords(state.limits.disagreement));
+}
+
+function rimWords(left) {
+  if (left === null || left === undefined) return "";
+  return `${millimetres(Math.abs(left))} mm ${left < 0 ? "above" : "to"} the rim`;
+}
+
+function words(...parts) {
+  return parts.filter(Boolean).join(" · ");
+}
+
+const WHY = ["", "the container moves", "the wave is settling", "the height is uncertain", "no input"];
+
+function showCalm(calm) {
+  const known = calm.calm !== undefined;
+  const waits = known && !calm.calm && calm.wait;
+  put("calm", !known ? "–" : calm.calm ? "yes" : waits ? `in ${calm.wait.toFixed(0)} s` : "no");
+  put("calm-words", known ? [WHY[calm.reason], `calm: up to ${millimetres(calm.tolerance)} mm`].filter(Boolean).join("; ") : "");
 }
 
 function row(cells) {
@@ -47,12 +66,16 @@ function row(cells) {
 }
 
 function showNodes(nodes) {
-  part("nodes").replaceChildren(...nodes.map((node) => {
+  part("nodes").replaceChildren(...nodes.flatMap((node) => {
     const facts = Object.entries(node.facts);
     const rates = facts.filter(([key]) => key.endsWith(" [Hz]")).map(([key, value]) => `${key.slice(0, -5)} ${value}`);
     const lost = facts.filter(([key]) => /dropped|lost/.test(key) && !/Hz|while/.test(key)).map(([, value]) => Number(value));
     const dropped = lost.reduce((sum, value) => sum + (value || 0), 0);
-    return row([[node.name], [node.level, node.level], [rates.join(", ") || "–"], [lost.length ? String(dropped) : "–"], [node.age.toFixed(1)], [node.sentence]]);
+    const tray = facts.filter(([key]) => key.startsWith("container "));
+    return [
+      row([[node.name], [node.level, node.level], [rates.join(", ") || "–"], [lost.length ? String(dropped) : "–"], [node.age.toFixed(1)], [node.sentence]]),
+      ...tray.map(([key, value]) => row([[key], [""], [""], [""], [""], [value]])),
+    ];
   }));
 }
 
@@ -68,6 +91,10 @@ function showEvents(events) {
 function show(frame) {
   banner(frame.verdict, frame.reason);
   showNow(frame.now);
+  const container = state.container && state.container.outline ? state.container : null;
+  part("side-part").hidden = !container;
+  if (container) drawSide(part("side"), container, frame.surface, state.limits.measured);
+  showCalm(frame.calm || {});
   drawAbove(part("above"), frame.surface, state.limits.measured);
   heights.draw();
 }
@@ -78,6 +105,7 @@ function take(frames, fresh) {
   for (const frame of frames) {
     heights.add(frame);
     if (frame.limits) state.limits = frame.limits;
+    if (frame.container) state.container = frame.container;
     if (frame.nodes) state.slow = frame;
   }
   state.frame = frames[frames.length - 1] || state.frame;

@@ -1,1 +1,1 @@
-"""Generic terms in the equation of motion: a library, and what they do to the heights."""
+"""Generic terms of the equation of motion: a library, and their effect on heights."""

@@ -1,4 +1,4 @@
-"""What generic terms in the equation of motion do to the heights that a model predicts."""
+"""Computes the effect of generic terms in the equation of motion on predicted heights."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ STRONGEST = 30.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionWithTerms:
-    """A motion, ready for many simulations with terms added to the model.
+    """A motion prepared for many simulations with added terms.
 
     Attributes:
         model: the base model.
@@ -51,7 +51,7 @@ class MotionWithTerms:
 
     @classmethod
     def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> MotionWithTerms:
-        """A motion; clock_offset: measured minus inputs' clock [s]."""
+        """Prepares a motion; clock_offset: measured minus inputs' clock [s]."""
         start = float(motion.inputs.t[0])
         clock = reading_clock(model)
         moments = np.maximum(clock.moments(motion.t - clock_offset, start), start)
@@ -60,7 +60,7 @@ class MotionWithTerms:
         return cls(model, motion, inputs, np.searchsorted(inputs.t, moments))
 
     def heights(self, terms: Sequence[Term], coefficients: Sequence[float]) -> Array:
-        """(M, K) heights as the sensor would read them, with the terms added.
+        """Returns the heights (M, K) at the sensor with the terms added.
 
         Raises:
             SloshModelError: the solution runs away.
@@ -71,7 +71,7 @@ class MotionWithTerms:
         return np.asarray(read[self.rows])
 
     def sizes(self, terms: Sequence[Term]) -> tuple[Array, float]:
-        """Sums of squares of each term and of the spring along the base motion [m²/s⁴]."""
+        """Returns sums of squares of each term and of the spring along the base motion [m²/s⁴]."""
         _, states = self._run((), ())
         t = self.inputs.t - self.inputs.t[0]
         squares = np.zeros(len(terms))
@@ -120,7 +120,7 @@ def _force(codes, coefficients, t, mode, acceleration):  # type: ignore[no-untyp
 def _advance_with_terms(  # type: ignore[no-untyped-def]
     store, t, acceleration, yaws, poses, codes, coefficients, heights, states
 ):
-    """The model's own integration; the terms' force acts as the container's acceleration.
+    """Integrates the model; the terms act as additional acceleration of the container.
 
     Each sample is taken twice: with the force that the last two samples foretell, then with the
     one of the state that it leads to. False: the force has run away.

@@ -1,4 +1,4 @@
-"""A library of generic terms that an unknown effect on the liquid may be made of.
+"""A library of generic terms of an unknown effect on the liquid.
 
 Each is a scalar times a vector, as an acceleration of the first mode's mass: q is its place, q̇ its
 velocity, a the container's acceleration in the same axes, t the time since the start, and J turns
@@ -46,7 +46,7 @@ _ALONE = (
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A term of the equation of motion that may be missing.
+    """A possible term of the equation of motion.
 
     Attributes:
         label: for people.
@@ -62,7 +62,7 @@ class Term:
 
     @property
     def unit(self) -> str:
-        """Of its coefficient: what makes an acceleration of it."""
+        """Unit of the term's coefficient."""
         powers = (("m", 1 - self.metres), ("s", -2 - self.seconds))
         above = [_power(name, power) for name, power in powers if power > 0]
         below = [_power(name, -power) for name, power in powers if power < 0]
@@ -145,7 +145,7 @@ def _cube(code, q):  # type: ignore[no-untyped-def]
 
 @compiled
 def term_value(scalar, vector, t, q, a):  # type: ignore[no-untyped-def]
-    """A term's two components.
+    """Returns a term's two components.
 
     Args:
         scalar, vector: the term's codes.

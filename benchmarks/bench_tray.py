@@ -1,0 +1,80 @@
+"""Processor time per message of the estimator node with a tray of four cups against one cup.
+
+Both receive AccelStamped at 1 kHz and answer each; they sit in the same executor and take turns,
+as in bench_estimator_node.py. The ratio is that of the medians over the turns.
+
+    tools/run python benchmarks/bench_tray.py [--seconds 5] [--turns 5]
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from bench_estimator_node import MODEL, Meter, measure
+
+from slosh_estimator.nodes.estimator_node import EstimatorNode
+from slosh_testing.graph import Graph
+
+GOAL = 1.2
+ONE, FOUR = "/one", "/four"
+PLACES = ((0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1))
+
+
+def compare(seconds: float, turns: int) -> dict[str, Any]:
+    """Measures both nodes in turns."""
+    rclpy.init()
+    graph = Graph()
+    with tempfile.TemporaryDirectory() as folder:
+        cup, tray = Path(folder) / "cup.yaml", Path(folder) / "tray.yaml"
+        cup.write_text(MODEL, encoding="utf-8")
+        entries = [
+            f"- {{name: cup_{k}, model: cup.yaml, place: [{x}, {y}, 0.0]}}\n"
+            for k, (x, y) in enumerate(PLACES)
+        ]
+        tray.write_text("containers:\n" + "".join(entries), encoding="utf-8")
+        meters = {
+            name: Meter(graph.with_parameters(EstimatorNode, name, model=str(path)))
+            for name, path in ((ONE, cup), (FOUR, tray))
+        }
+    gc.collect()
+    gc.freeze()
+    costs: dict[str, list[float]] = {name: [] for name in meters}
+    answered = 1.0
+    for _ in range(turns):
+        for name, meter in meters.items():
+            cost, share = measure(graph.executor, meter, name, seconds)
+            costs[name].append(1e6 * cost)
+            answered = min(answered, share)
+    one, four = (statistics.median(costs[name]) for name in (ONE, FOUR))
+    graph.close()
+    rclpy.try_shutdown()
+    return {
+        "one_us": round(one, 1),
+        "four_us": round(four, 1),
+        "ratio": round(four / one, 3),
+        "answered": round(answered, 4),
+        "goal": GOAL,
+    }
+
+
+def main() -> int:
+    """Prints the result as JSON; exit code 1 where the goal is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=5.0)
+    parser.add_argument("--turns", type=int, default=5)
+    given = parser.parse_args()
+    result = compare(given.seconds, given.turns)
+    print(json.dumps(result))
+    return 0 if result["ratio"] <= GOAL else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

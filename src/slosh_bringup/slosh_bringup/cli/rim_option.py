@@ -1,0 +1,24 @@
+"""The option that limits a height by its distance to the rim, and that distance in words."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+from slosh_bringup.cli.quantities import HEIGHT
+
+
+def add_rim_distance(parser: argparse.ArgumentParser) -> None:
+    """Declares `--rim-distance`."""
+    parser.add_argument(
+        "--rim-distance", type=HEIGHT, default=0.0, metavar="M",
+        help="least vertical distance of the liquid to the rim [m], another way to give --limit; "
+        "the model must tell the rim (default 0: the rim itself)",
+    )  # fmt: skip
+
+
+def rim_words(distance: float) -> str:
+    """How far the liquid stays below the rim [m], as the rest of a sentence; empty: not known."""
+    if math.isnan(distance):
+        return ""
+    return f", {1e3 * abs(distance):.1f} mm {'below' if distance >= 0.0 else 'above'} the rim"

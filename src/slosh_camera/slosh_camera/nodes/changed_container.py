@@ -1,0 +1,110 @@
+"""The camera node's detector, which follows what the gripper holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from rclpy.node import Node
+
+from slosh_camera.detection.detectors import SurfaceDetector, detector_for
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.images.colour import Image
+from slosh_camera.measurement import Flag, Measurement
+from slosh_camera.optics.calibration import AnyCalibration
+from slosh_camera.optics.refilled import refilled
+from slosh_model.errors import SloshModelError
+from slosh_model.model_text import parse_model
+from slosh_msgs.msg import ContainerChange
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.stamps import to_nanoseconds
+
+
+class _Looking(NamedTuple):
+    """How images are measured.
+
+    Attributes:
+        detector: the detector.
+        why_not: why nothing can be measured; empty: it can.
+        wrong: whether that is a fault.
+    """
+
+    detector: SurfaceDetector
+    why_not: str = ""
+    wrong: bool = False
+
+
+class FollowingDetector:
+    """Measures images by the container that is in the gripper at their stamps.
+
+    Args:
+        node: the node.
+        calibration: of the container that was calibrated.
+        detector: of that one, with what its still image taught.
+        changed: is told the calibration that holds from a stamp on [ns].
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        calibration: AnyCalibration,
+        detector: SurfaceDetector,
+        changed: Callable[[AnyCalibration, int], None],
+    ) -> None:
+        self._node, self._calibration, self._changed = node, calibration, changed
+        self._start = self._now = self._next = _Looking(detector)
+        self._next_ns = 0
+        node.create_subscription(
+            ContainerChange, topics.CONTAINER, self._on_change, qos.LATCHED_STREAM
+        )
+
+    def update(self, stamp_ns: int, image: Image) -> Measurement:
+        """Measures the next image.
+
+        Raises:
+            SloshCameraError: it does not fit the camera.
+        """
+        if self._now is not self._next and stamp_ns > self._next_ns:
+            self._now = self._next
+        if self._now.why_not:
+            return Measurement(stamp_ns=stamp_ns, flags=Flag.NOT_FOUND)
+        return self._now.detector.update(stamp_ns, image)
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the level is that of a fill height that was told, not the calibrated one."""
+        return self._now.detector is not self._start.detector
+
+    @property
+    def why_not(self) -> tuple[str, bool]:
+        """Why nothing can be measured, empty where it can, and whether that is a fault."""
+        return self._now.why_not, self._now.wrong
+
+    def _on_change(self, message: ContainerChange) -> None:
+        stamp_ns = to_nanoseconds(message.header.stamp)
+        try:
+            self._look(message, stamp_ns)
+        except (SloshCameraError, SloshModelError) as error:
+            text = f"{topics.CONTAINER}: this container cannot be measured: {error}"
+            self._node.get_logger().error(text)
+            self._next, self._next_ns = _Looking(self._start.detector, text, wrong=True), stamp_ns
+
+    def _look(self, message: ContainerChange, stamp_ns: int) -> None:
+        before = self._next
+        if not message.present:
+            looking = before._replace(why_not="no container: the gripper is empty", wrong=False)
+        elif not message.model:
+            looking = self._start
+            if before is not looking:
+                self._changed(self._calibration, stamp_ns)
+        elif math.isnan(message.fill_height):
+            looking = before  # another model of what is there
+        else:
+            container = parse_model(message.model, f"{topics.CONTAINER}.model").container
+            found = refilled(self._calibration, container)
+            same = found is self._calibration
+            looking = self._start if same else _Looking(detector_for(found))
+            self._changed(found, stamp_ns)
+        if looking is not before:
+            self._next, self._next_ns = looking, stamp_ns

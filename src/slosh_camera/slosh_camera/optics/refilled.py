@@ -1,0 +1,74 @@
+"""A calibration for another container, or another fill, in the same place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
+from slosh_camera.optics.pose import Pose
+from slosh_model.containers import Container
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.rectangle import Rectangle
+
+
+def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibration:
+    """The calibration of what the camera sees once a container stands where the other one stood.
+
+    The inner floor stays where it was calibrated, so the frame's origin, the centre of the still
+    surface, moves along the container's axis by the difference of the fill heights. A cylinder's
+    radius, a rectangle's width and depth, and the rim are those of the container; the walls are
+    the calibrated ones. The still image goes: it shows the level of before.
+
+    Args:
+        calibration: of the container that was calibrated.
+        container: the new one; of another shape its fill height and rim alone count.
+
+    Returns:
+        The calibration itself where nothing differs.
+
+    Raises:
+        SloshCameraError: the camera cannot see that container from there.
+    """
+    if isinstance(calibration, Calibration):
+        cup = calibration.view.cup
+        radius = container.radius if isinstance(container, Cylinder) else cup.radius
+        changed_cup = replace(
+            cup, radius=radius, fill_height=container.fill_height,
+            rim_height=_rim(container, cup.rim_height),
+        )  # fmt: skip
+        if changed_cup == cup:
+            return calibration
+        pose = _risen(calibration.view.pose, container.fill_height - cup.fill_height)
+        seen = replace(calibration.view, pose=pose, cup=changed_cup)
+        return Calibration(
+            seen, calibration.camera_name, calibration.region, calibration.detection
+        )
+    assert isinstance(calibration, SideCalibration)
+    box = calibration.view.box
+    width, depth = box.width, box.depth
+    if isinstance(container, Rectangle):
+        width, depth = container.width, depth and container.depth
+    changed_box = replace(
+        box, width=width, depth=depth, fill_height=container.fill_height,
+        rim_height=_rim(container, box.rim_height),
+    )  # fmt: skip
+    if changed_box == box:
+        return calibration
+    pose = _risen(calibration.view.pose, container.fill_height - box.fill_height)
+    side = replace(calibration.view, pose=pose, box=changed_box)
+    return SideCalibration(
+        side, calibration.camera_name, calibration.region, calibration.detection
+    )
+
+
+def _risen(pose: Pose, rise: float) -> Pose:
+    """The pose of a frame whose origin lies higher along its own axis [m]."""
+    return Pose(pose.rotation, pose.translation + rise * pose.rotation[:, 2])
+
+
+def _rim(container: Container, calibrated: float | None) -> float | None:
+    """The container's rim, else the calibrated one if that lies above the liquid [m]."""
+    if container.rim_height is not None:
+        return container.rim_height
+    above = calibrated is not None and calibrated > container.fill_height
+    return calibrated if above else None

@@ -1,0 +1,114 @@
+"""What the gripper holds: a container with its fill, or nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_model.model import Model
+from slosh_model.model_text import parse_model
+
+CONTAINER: Final = "container"
+EMPTY: Final = "gripper_empty"
+FRESH: Final = "fresh_liquid"
+"""Names of what the estimator's recorded settings tell of it, beside the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldContainer:
+    """What the gripper holds.
+
+    Attributes:
+        model: of the container; where it is empty, of the last one.
+        name: of the container; empty: it has none.
+        empty: whether the gripper is empty.
+        fill_height: that was given [m]; NaN: none was, and the camera's level stays.
+        limit: of the heights [m]; NaN: that of each node.
+        fresh: whether the liquid is another than before: still where the container is at rest.
+    """
+
+    model: Model
+    name: str = ""
+    empty: bool = False
+    fill_height: float = math.nan
+    limit: float = math.nan
+    fresh: bool = False
+
+    def changed(
+        self,
+        *,
+        empty: bool = False,
+        name: str = "",
+        model: Model | None = None,
+        fill_height: float = math.nan,
+        limit: float = math.nan,
+    ) -> HeldContainer:
+        """What it holds after a change.
+
+        Args:
+            empty: whether the gripper is empty from then on.
+            name: of another container; empty: it stays.
+            model: of that container; None: it stays.
+            fill_height: [m]; NaN or 0: that of the model.
+            limit: [m]; NaN or 0: that of each node.
+
+        Raises:
+            SloshEstimatorError: these contradict each other, or say nothing.
+            SloshModelError: the container cannot be filled so.
+        """
+        fill, limit = (math.nan if value == 0.0 else value for value in (fill_height, limit))
+        given = bool(name) or model is not None or not math.isnan(fill)
+        if empty and given:
+            raise SloshEstimatorError("empty with a container: give one of the two")
+        if empty:
+            return replace(self, empty=True, fresh=False, limit=math.nan, fill_height=math.nan)
+        if not given and not self.empty:
+            raise SloshEstimatorError("nothing to change: give empty, name, model or fill_height")
+        if limit < 0.0 or math.isinf(limit):
+            raise SloshEstimatorError(f"limit = {limit!r} m must be positive")
+        held = self.model if model is None else model
+        if not math.isnan(fill):
+            held = held.filled_to(fill)
+        other = (name or model is not None) and name != self.name
+        return HeldContainer(
+            held, name if model is not None else self.name, False, held.container.fill_height,
+            limit, fresh=self.empty or bool(other),
+        )  # fmt: skip
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """What the estimator's settings tell of it, by name."""
+        return {CONTAINER: self.name, EMPTY: self.empty, FRESH: self.fresh}
+
+    @property
+    def described(self) -> str:
+        """One line for people."""
+        if self.empty:
+            return "no container"
+        name = f"container {self.name}, " if self.name else ""
+        limit = "" if math.isnan(self.limit) else f", limit {1e3 * self.limit:g} mm"
+        return f"{name}{self.model.container.described}{limit}"
+
+
+def held_by(message: Any, start: Model) -> HeldContainer:
+    """What a ContainerChange tells.
+
+    Args:
+        message: as any middleware decodes it.
+        start: the model that the asking node started with.
+
+    Raises:
+        SloshModelError: its model cannot be read.
+    """
+    model = parse_model(message.model, "container.model") if message.model else start
+    return HeldContainer(
+        model, message.name, not message.present, message.fill_height, message.limit
+    )
+
+
+def empty_and_fresh(parameters: Mapping[str, Any]) -> tuple[bool, bool]:
+    """Whether recorded settings of an estimator tell an empty gripper, and other liquid."""
+    return parameters.get(EMPTY) is True, parameters.get(FRESH) is True

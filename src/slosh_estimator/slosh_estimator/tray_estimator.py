@@ -1,0 +1,95 @@
+"""The further containers of a tray: one input, an estimate of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slosh_base.types import Array, Integers
+from slosh_estimator.estimator import Estimate, Estimates, Estimator
+from slosh_estimator.sample import Sample, Samples
+from slosh_model.model import Model
+from slosh_model.tray import Tray
+
+_MSH, _AZIMUTH = 0, 1
+
+
+class TrayEstimate(NamedTuple):
+    """All containers at one sample, by the nonlinear model: the fields of SloshEstimate.msg.
+
+    Attributes:
+        msh, azimuth: of each [m, rad].
+        flags: of each, bits of EstimateFlag.
+        worst: which is nearest to its limit.
+    """
+
+    msh: list[float]
+    azimuth: list[float]
+    flags: list[int]
+    worst: int
+
+
+class TrayEstimates(NamedTuple):
+    """The same at N samples: (N, K) of K containers, and (N,) the worst."""
+
+    msh: Array
+    azimuth: Array
+    flags: Integers
+    worst: NDArray[np.int64]
+
+
+class TrayEstimator:
+    """Estimates the containers behind the first, whose estimator is the cell's own.
+
+    Each is driven by the acceleration of its own place: the model's lever arm adds what a turning
+    tray adds there.
+
+    Args:
+        tray: the tray.
+        felt: makes of a container's model the one that runs.
+        at_rest: whether the liquid is still when the first sample comes.
+    """
+
+    def __init__(
+        self, tray: Tray, felt: Callable[[Model], Model] = lambda model: model, *,
+        at_rest: bool = True,
+    ) -> None:  # fmt: skip
+        self.tray = tray
+        models = [felt(one.placed) for one in tray.containers[1:]]
+        self.others = [Estimator(model, at_rest=at_rest) for model in models]
+        self._bounds = tray.bounds.tolist()
+
+    def reset(self) -> None:
+        """Back to rest; see `Estimator.reset`."""
+        for other in self.others:
+            other.reset()
+
+    def update(self, sample: Sample, first: Estimate) -> TrayEstimate:
+        """Takes a sample, and the estimate of the first container."""
+        estimates = [first, *(other.update(sample) for other in self.others)]
+        msh = [one.nonlinear.msh for one in estimates]
+        shares = [
+            height / bound if height == height else -1.0
+            for height, bound in zip(msh, self._bounds, strict=True)
+        ]
+        return TrayEstimate(
+            msh,
+            [one.nonlinear.azimuth for one in estimates],
+            [one.flags for one in estimates],
+            shares.index(max(shares)),
+        )
+
+    def update_many(self, samples: Samples, first: Estimates) -> TrayEstimates:
+        """Takes N samples; the bits that `update` gives."""
+        estimates = [first, *(other.update_many(samples) for other in self.others)]
+        heights = np.stack([one.heights[:, 1] for one in estimates], axis=1)
+        shares = np.nan_to_num(heights[:, :, _MSH] / self.tray.bounds, nan=-1.0)
+        return TrayEstimates(
+            heights[:, :, _MSH],
+            heights[:, :, _AZIMUTH],
+            np.stack([one.flags for one in estimates], axis=1),
+            np.argmax(shares, axis=1),
+        )

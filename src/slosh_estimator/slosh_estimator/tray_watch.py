@@ -1,0 +1,114 @@
+"""The limits of a tray's containers, and which of them is nearest to its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from slosh_estimator.limits import Event, Hysteresis, LimitTracker, Source
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_model.tray import Tray, TrayContainer
+
+
+class TrayWatch:
+    """Watches the estimated height of each container of a tray.
+
+    Each has its own limit, or that of the estimated height, and its own rim.
+
+    Args:
+        tray: the tray.
+        settings: of the monitor.
+        number: gives each excess its number.
+
+    Attributes:
+        tray: the tray.
+    """
+
+    def __init__(self, tray: Tray, settings: MonitorSettings, number: Callable[[], int]) -> None:
+        self.tray, self._number = tray, number
+        self._heights: Sequence[float] = [math.nan] * len(tray.containers)
+        self._trackers = [
+            LimitTracker(Source.ESTIMATED, *_limit(one, settings)) for one in tray.containers
+        ]
+
+    def change_settings(self, settings: MonitorSettings, stamp_ns: int) -> list[Event]:
+        """Watches other limits from a moment on; see `Monitor.change_settings`."""
+        found = []
+        for one, tracker in zip(self.tray.containers, self._trackers, strict=True):
+            limit, hysteresis, name = _limit(one, settings)
+            found.append(tracker.change(stamp_ns, limit, hysteresis, name))
+        return self._named(found)
+
+    def update(self, stamp_ns: int, heights: Sequence[float]) -> list[Event]:
+        """Takes the height of each container [m]; NaN changes nothing. Returns the events."""
+        self._heights = heights
+        found = []
+        for tracker, height in zip(self._trackers, heights, strict=True):
+            if not tracker.active and height > tracker.limit:
+                tracker.identifier = self._number()
+            found.append(tracker.update(stamp_ns, height))
+        return self._named(found)
+
+    def close(self, stamp_ns: int, reason: str) -> list[Event]:
+        """Ends every excess."""
+        return self._named([tracker.close(stamp_ns, reason) for tracker in self._trackers])
+
+    @property
+    def active(self) -> bool:
+        """Whether a container is above its limit."""
+        return any(tracker.active for tracker in self._trackers)
+
+    @property
+    def worst(self) -> int:
+        """Which container is nearest to its limit, or farthest above."""
+        return int(np.argmax(self._shares))
+
+    @property
+    def share(self) -> float:
+        """Height of the worst as a share of its limit; 0: no height is known, or no limit."""
+        return max(self._shares)
+
+    @property
+    def text(self) -> str:
+        """The worst container, in words."""
+        worst = self.worst
+        height = self._heights[worst]
+        if math.isnan(height):
+            return ""
+        limit = self._trackers[worst].limit_text
+        return f"worst container {self.tray.names[worst]}: {1e3 * height:.1f} mm, {limit}"
+
+    def facts(self) -> dict[str, str]:
+        """The height of each container, and the worst, for the diagnostics."""
+        rows = zip(self.tray.names, self._heights, self._trackers, strict=True)
+        heights = {
+            f"container {name}": f"{1e3 * height:.1f} mm, {tracker.limit_text}"
+            for name, height, tracker in rows
+        }
+        return {"worst container": self.tray.names[self.worst], **heights}
+
+    @property
+    def _shares(self) -> list[float]:
+        return [
+            height / tracker.limit if height == height else 0.0
+            for height, tracker in zip(self._heights, self._trackers, strict=True)
+        ]
+
+    def _named(self, events: Sequence[Event | None]) -> list[Event]:
+        pairs = zip(self.tray.names, events, strict=True)
+        return [
+            replace(event, description=f"container {name}: {event.description}")
+            for name, event in pairs
+            if event is not None
+        ]
+
+
+def _limit(one: TrayContainer, settings: MonitorSettings) -> tuple[float, Hysteresis, str]:
+    """A container's limit [m], how an excess of it ends, and its name."""
+    limit = settings.estimated_limit if math.isnan(one.limit) else one.limit
+    own = replace(settings, estimated_limit=limit)
+    own = replace(own, rim=own.near_rim(one.model)[0])
+    return own.limits[Source.ESTIMATED], own.hysteresis, own.limit_name(Source.ESTIMATED)

@@ -1,0 +1,195 @@
+"""What the gripper holds: what a change may say, and what the cores make of it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slosh_estimator.comparison import Condition, EstimatePoint, Expected, MeasuredPoint
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.estimator import Estimator
+from slosh_estimator.held_container import HeldContainer
+from slosh_estimator.level_watch import LevelWatch
+from slosh_estimator.limits import Kind
+from slosh_estimator.monitor import Monitor
+from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.sample import Sample, Samples
+from slosh_estimator.validity import EstimateFlag
+from slosh_model.errors import SloshModelError
+from slosh_model.model_text import parse_model
+
+MS = 1_000_000
+CUP = parse_model(
+    "container: {shape: cylinder, radius: 0.04, fill_height: 0.06, rim_height: 0.09}\n"
+    "effects: [{name: vertical_acceleration}]"
+)
+MUG = parse_model("container: {shape: cylinder, radius: 0.05, fill_height: 0.05}")
+START = HeldContainer(CUP, "cup")
+
+
+def test_a_fill_is_that_of_the_container_that_stays():
+    held = START.changed(fill_height=0.07)
+    assert (held.name, held.empty, held.fill_height) == ("cup", False, 0.07)
+    assert held.model.container.fill_height == 0.07
+    assert held.model.container.freeboard == pytest.approx(0.02)
+    assert not held.fresh
+
+
+def test_another_container_and_one_that_comes_back_bring_other_liquid():
+    assert START.changed(name="mug", model=MUG).fresh
+    assert not START.changed(name="cup", model=CUP, fill_height=0.05).fresh
+    empty = START.changed(empty=True)
+    assert empty.empty
+    assert not empty.fresh
+    again = empty.changed(fill_height=0.05)
+    assert (again.empty, again.fresh, again.name) == (False, True, "cup")
+
+
+def test_a_measured_frequency_follows_the_fill():
+    measured = parse_model(
+        "container: {shape: cylinder, radius: 0.04, fill_height: 0.06}\nnatural_frequency: 20.0"
+    )
+    filled = measured.filled_to(0.02)
+    ratio = filled.container.natural_frequency(1) / measured.container.natural_frequency(1)
+    assert filled.mode_constants()[0].natural_frequency == pytest.approx(20.0 * ratio)
+    assert ratio < 0.9
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "nothing to change"),
+        ({"limit": 0.01}, "nothing to change"),
+        ({"empty": True, "fill_height": 0.05}, "empty with a container"),
+        ({"fill_height": 0.09}, "must lie above"),
+        ({"fill_height": -0.01}, "fill_height"),
+        ({"fill_height": math.inf}, "fill_height"),
+        ({"fill_height": 60.0}, "fill_height"),
+        ({"fill_height": 0.05, "limit": -0.01}, "limit"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(given, message):
+    with pytest.raises((SloshEstimatorError, SloshModelError), match=message) as caught:
+        START.changed(**given)
+    assert "\n" not in str(caught.value)
+
+
+def shaken(estimator, first, count, ax):
+    """The last of some estimates at 1 kHz."""
+    for k in range(first, first + count):
+        estimate = estimator.update(Sample(k * MS, ax, 0.0, 0.0, 0.0))
+    return estimate
+
+
+def test_an_empty_gripper_has_no_height_and_says_so():
+    estimator = Estimator(CUP)
+    shaken(estimator, 0, 100, 2.0)
+    estimator.load_model(CUP, empty=True)
+    estimate = shaken(estimator, 100, 10, 2.0)
+    assert estimate.flags == EstimateFlag.NO_CONTAINER
+    assert math.isnan(estimate.nonlinear.msh)
+    assert math.isnan(estimate.linear.reading)
+    assert all(map(math.isnan, estimate.nonlinear.modal))
+    assert math.isfinite(estimate.jerk)
+
+
+def test_one_by_one_and_together_an_empty_gripper_gives_the_same_bits():
+    ax = np.sin(np.arange(300) * 0.05) * 3.0
+    one, many = Estimator(CUP), Estimator(CUP)
+    for estimator in (one, many):
+        estimator.load_model(CUP, empty=True)
+    stamps = np.arange(300, dtype=np.int64) * MS
+    accelerations = np.column_stack((ax, np.zeros((300, 2))))
+    together = many.update_many(
+        Samples(stamps, accelerations, np.zeros(300), np.zeros(300, dtype=bool))
+    )
+    last = [one.update(Sample(int(t), a, 0.0, 0.0, 0.0)) for t, a in zip(stamps, ax, strict=True)]
+    assert np.isnan(together.heights).all()
+    assert np.isnan(together.modal).all()
+    assert together.flags.tolist() == [estimate.flags for estimate in last]
+    assert together.jerk.tolist() == [estimate.jerk for estimate in last]
+
+
+def test_a_change_in_motion_is_flagged_until_the_liquid_is_known():
+    estimator = Estimator(CUP)
+    shaken(estimator, 0, 200, 2.0)
+    estimator.load_model(CUP.filled_to(0.05))
+    assert shaken(estimator, 200, 1, 2.0).flags & EstimateFlag.SETTLING
+
+
+def test_other_liquid_is_still_where_the_container_is_at_rest():
+    """The wave of the liquid before says nothing about the cup that is picked up now."""
+    for fresh in (False, True):
+        estimator = Estimator(CUP)
+        shaken(estimator, 0, 200, 2.0)
+        waves = shaken(estimator, 200, 100, 0.0)
+        assert waves.nonlinear.msh > 2e-3
+        estimator.load_model(MUG, fresh=fresh)
+        flags = shaken(estimator, 300, 1, 0.0).flags
+        assert bool(flags & EstimateFlag.SETTLING) is not fresh
+    moving = Estimator(CUP)
+    shaken(moving, 0, 200, 2.0)
+    moving.load_model(MUG, fresh=True)
+    assert shaken(moving, 200, 1, 2.0).flags & EstimateFlag.SETTLING
+
+
+def test_nothing_is_watched_and_nothing_missed_while_the_gripper_is_empty():
+    monitor = Monitor(MonitorSettings(0.01, 0.01, 0.005))
+    for k in range(100):
+        monitor.add_estimate(EstimatePoint(k * MS, 0.02, 0.02), k * MS)
+    (begun,) = monitor.take_events()
+    assert begun.kind is Kind.START
+    empty = int(EstimateFlag.NO_CONTAINER)
+    for k in range(100, 1500):
+        monitor.add_estimate(EstimatePoint(k * MS, math.nan, math.nan, empty), k * MS)
+        if k % 20 == 0:  # the camera sees the robot's fingers
+            monitor.add_measurement(MeasuredPoint(k * MS, 0.03, 1e-4), k * MS)
+        if k % 100 == 0:
+            monitor.check(k * MS)
+    (ended,) = monitor.take_events()
+    assert ended.kind is Kind.END
+    assert "no container" in ended.description
+    assert monitor.condition(1500 * MS) is Condition.OK
+    assert monitor.blindness(1500 * MS) == ""
+    assert monitor.nonlinear.count == 0
+
+
+def seen(watch, seconds, level, wave=0.0, flags=0, begin=0.0):
+    for t in np.arange(begin, begin + seconds, 1 / 60):
+        point = MeasuredPoint(round(t * 1e9), abs(level), 1e-4, flags, level=level)
+        watch.look(point, Expected(wave, wave))
+
+
+@pytest.mark.parametrize(("level", "off"), [(4e-3, True), (-2e-3, True), (3e-4, False)])
+def test_a_level_that_contradicts_the_fill_is_told_within_two_seconds(level, off):
+    watch = LevelWatch()
+    seen(watch, 2.0, level)
+    assert bool(watch.text) is off
+    if off:
+        assert f"{1e3 * level:+.1f} ± 0.1 mm from the fill height" in watch.text
+
+
+def test_a_level_is_judged_at_rest_and_by_clear_images_alone():
+    watch, told = LevelWatch(), []
+    for begin, given in enumerate(
+        (
+            {"level": 4e-3, "wave": 2e-3},  # in motion
+            {"level": 4e-3, "flags": 512},  # AMBIGUOUS
+            {"level": 4e-3},
+            {"level": 0.0},
+        )
+    ):
+        seen(watch, 2.0, begin=2.0 * begin, **given)
+        told.append(bool(watch.text))
+    assert told == [False, False, True, False]
+
+
+def test_the_monitor_warns_of_the_level_until_the_fill_is_told():
+    monitor = Monitor(MonitorSettings())
+    for k in range(2000):
+        monitor.add_estimate(EstimatePoint(k * MS, 0.0, 0.0), k * MS)
+        if k % 20 == 0:
+            monitor.add_measurement(MeasuredPoint(k * MS, 4e-3, 1e-4, level=4e-3), k * MS)
+    assert monitor.condition(2000 * MS) is Condition.WARN
+    monitor.change_settings(MonitorSettings())
+    assert monitor.condition(2000 * MS) is Condition.OK

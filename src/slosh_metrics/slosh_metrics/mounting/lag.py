@@ -1,0 +1,84 @@
+"""By how much a sensor is late against a motion, whatever its mounting."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slosh_base.types import Array, BoolArray
+from slosh_metrics.mounting.columns import ACCELERATION, UP, Aligned
+from slosh_metrics.mounting.tuning import TUNING
+
+FEWEST = 20
+"""Rows of both sides that say something."""
+_EACH = 2
+
+
+def _first_row(both: Aligned, lag: float) -> tuple[int, float]:
+    """The sensor's row for the first one of the motion, and the share of the next one."""
+    shift = lag / TUNING.step + both.lags
+    first = min(max(math.floor(shift), 0), 2 * both.lags - 1)
+    return first, shift - first
+
+
+def known_rows(both: Aligned, lag: float) -> BoolArray:
+    """Rows (N,) of the motion of which both sides are known, at a lag of the sensor [s]."""
+    first, _ = _first_row(both, lag)
+    count = len(both.used)
+    rows: BoolArray = both.used.copy()
+    for shift in range(max(first - 1, 0), min(first + 3, 2 * both.lags + 1)):
+        rows &= both.known[shift : shift + count]
+    return rows
+
+
+def shifted(both: Aligned, lag: float, rows: BoolArray) -> tuple[Array, Array]:
+    """Force and rate of a sensor that is late by a lag [s], at some rows of the motion."""
+    first, share = _first_row(both, lag)
+    count = len(both.used)
+    force, rate = (
+        (1.0 - share) * values[first : first + count][rows]
+        + share * values[first + 1 : first + 1 + count][rows]
+        for values in (both.force, both.rate)
+    )
+    return force, rate
+
+
+def coarse_lag(both: Aligned) -> float | None:
+    """By how much the sensor is late [s]; None: too little of both is known.
+
+    Without the mounting: the singular values of the correlation say how much of the sensor any
+    rotation could explain, with gravity and without.
+    """
+    # Neighbours say nearly the same: both sides are smoothed.
+    used, motion = both.used[::_EACH], both.motion[::_EACH]
+    count = len(both.used)
+    errors = np.full(2 * both.lags + 1, np.inf)
+    for shift in range(len(errors)):
+        rows = used & both.known[shift : shift + count : _EACH]
+        if np.count_nonzero(rows) < FEWEST:
+            continue
+        s = both.force[shift : shift + count : _EACH][rows]
+        a, u = motion[rows, ACCELERATION], motion[rows, UP]
+        errors[shift] = min(_unexplained(s, a), _unexplained(s, a + u))
+    best = int(np.argmin(errors))
+    if not math.isfinite(errors[best]):
+        return None
+    around = errors[max(best - 1, 0) : best + 2]
+    if len(around) < 3 or not np.isfinite(around).all():
+        return (best - both.lags) * TUNING.step
+    left, middle, right = around.tolist()
+    bend = left - 2.0 * middle + right
+    offset = 0.5 * (left - right) / bend if bend > 0.0 else 0.0
+    return (best - both.lags + offset) * TUNING.step
+
+
+def _unexplained(s: Array, v: Array) -> float:
+    """The mean square of readings (N, 3) that no rotation and gain of vectors (N, 3) explains."""
+    s, v = s - s.mean(axis=0), v - v.mean(axis=0)
+    size = float(np.sum(v * v))
+    whole = float(np.sum(s * s))
+    if size <= 0.0:
+        return whole / len(s)
+    turned = float(np.linalg.svd(s.T @ v, compute_uv=False).sum())
+    return (whole - turned * turned / size) / len(s)

@@ -1,0 +1,234 @@
+"""A tray: several containers, each with its place and limit, that one frame carries."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slosh_base.files.bounded_text import read_text
+from slosh_base.files.errors import TextFileError, YamlError
+from slosh_base.files.yaml_document import YamlDocument, format_yaml, parse_yaml, shown
+from slosh_base.types import Array
+from slosh_model.errors import ModelFileError, SloshModelError
+from slosh_model.model import Model
+from slosh_model.model_text import LONGEST, format_model, parse_model, read_model
+
+MOST = 16
+"""Containers of a tray, at most."""
+ARM = "lever_arm"
+TRAY = "tray"
+"""Name of a tray's text among the recorded settings of a node."""
+FARTHEST = 2.0
+"""Largest coordinate of a place [m]."""
+_KEY = "containers"
+_KEYS = ("name", "model", "place", "limit")
+_NAME = re.compile(r"[\w-][\w.-]{0,39}")
+
+
+@dataclass(frozen=True, slots=True)
+class TrayContainer:
+    """One container of a tray.
+
+    Attributes:
+        name: of the container.
+        model: its own.
+        place: centre of its still surface in the tray's frame [m].
+        limit: of its height [m]; NaN: none of its own.
+    """
+
+    name: str
+    model: Model
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    limit: float = math.nan
+
+    @property
+    def placed(self) -> Model:
+        """The model as the tray's motion drives it: the lever arm of its place is added."""
+        own = next((use.parameters for use in self.model.effects if use.name == ARM), None)
+        arm = dict(zip("xyz", self.place, strict=True))
+        if own is not None:
+            arm = {axis: value + own[axis] for axis, value in arm.items()}
+        elif not any(self.place):
+            return self.model
+        return self.model.with_effect(ARM, **arm)
+
+    @property
+    def bound(self) -> float:
+        """Its limit, or its rim where that is lower [m]; infinite: neither is known."""
+        rim = self.model.container.freeboard
+        return float(np.fmin(np.fmin(self.limit, math.inf), math.inf if rim is None else rim))
+
+
+@dataclass(frozen=True)
+class Tray:
+    """Containers that one frame carries.
+
+    Attributes:
+        containers: at least one; of a plain model that alone, at the frame's origin.
+    """
+
+    containers: tuple[TrayContainer, ...]
+
+    @property
+    def is_tray(self) -> bool:
+        """Whether it is a tray, and not a plain model."""
+        return bool(self.first.name)
+
+    def of(self, changed: Callable[[Model], Model]) -> Tray:
+        """The tray with each model changed."""
+        return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
+
+    @property
+    def first(self) -> TrayContainer:
+        """The container that a camera looks at, and that stands for a cell with one."""
+        return self.containers[0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the containers."""
+        return tuple(one.name for one in self.containers)
+
+    @cached_property
+    def bounds(self) -> Array:
+        """(N,) what each height is judged by [m]; one without a limit and a rim by a metre."""
+        bounds = np.array([one.bound for one in self.containers])
+        return np.where(np.isfinite(bounds), bounds, 1.0)
+
+    def worst(self, heights: Array) -> int:
+        """Which container is nearest to its limit, or farthest above.
+
+        Args:
+            heights: (N,) [m]; NaN: unknown.
+        """
+        return int(np.argmax(np.nan_to_num(np.asarray(heights) / self.bounds, nan=-1.0)))
+
+
+def read_tray(path: str | Path) -> Tray:
+    """The tray in a file, or the model as a tray of one.
+
+    Raises:
+        ModelFileError: the file is no regular file, too large, or not readable text.
+        SloshModelError: its content is neither; the text names the file, the line and the key.
+    """
+    if not str(path):
+        raise ModelFileError("model: no file given; name a model.yaml or a tray.yaml")
+    try:
+        text = read_text(path, LONGEST)
+    except TextFileError as error:
+        raise ModelFileError(str(error)) from None
+    return parse_tray(text, str(path))
+
+
+def parse_tray(text: str, source: str = "tray.yaml") -> Tray:
+    """Reads a tray, or a model as a tray of one.
+
+    Args:
+        text: YAML; a tray's has the key `containers`, a list of mappings with name, model (a path
+            relative to the source, or a model's keys), place and limit.
+        source: how errors name it.
+
+    Raises:
+        SloshModelError: one line with the source, the line, the key and the value.
+    """
+    try:
+        document = parse_yaml(text, source, LONGEST)
+    except YamlError as error:
+        raise SloshModelError(str(error)) from None
+    value = document.value
+    if not isinstance(value, dict) or _KEY not in value:
+        return Tray((TrayContainer("", parse_model(text, source)),))
+    listed = value[_KEY]
+    if set(value) != {_KEY}:
+        other = next(key for key in value if key != _KEY)
+        raise SloshModelError(f"{document.where(other)}: unknown key {shown(other)} in a tray")
+    if not isinstance(listed, list) or not 1 <= len(listed) <= MOST:
+        raise SloshModelError(
+            f"{document.where(_KEY)}: {_KEY} must be a list of 1 to {MOST} containers"
+        )
+    tray = Tray(tuple(_container(document, index) for index in range(len(listed))))
+    for index, name in enumerate(tray.names):
+        if name in tray.names[:index]:
+            raise SloshModelError(f"{document.where(_KEY, index)}: name {name} is there twice")
+    return tray
+
+
+def format_tray(tray: Tray) -> str:
+    """The text that `parse_tray` reads back to an equal tray, with the models in it."""
+    listed = []
+    for one in tray.containers:
+        entry: dict[str, Any] = {"name": one.name, "place": list(one.place)}
+        if not math.isnan(one.limit):
+            entry["limit"] = one.limit
+        entry["model"] = parse_yaml(format_model(one.model), "model").value
+        listed.append(entry)
+    return format_yaml({_KEY: listed}, sort_keys=False, default_flow_style=None)
+
+
+def _container(document: YamlDocument, index: int) -> TrayContainer:
+    entry, path = document.value[_KEY][index], (_KEY, index)
+    if not isinstance(entry, dict):
+        raise SloshModelError(f"{document.where(*path)}: must be a mapping, not {shown(entry)}")
+    for key in entry:
+        if key not in _KEYS:
+            raise SloshModelError(
+                f"{document.where(*path, key)}: unknown key {shown(key)} (known: "
+                f"{', '.join(_KEYS)})"
+            )
+    name = entry.get("name")
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise SloshModelError(
+            f"{document.where(*path)}: name = {shown(name)} must be letters, digits, '_', '-', '.'"
+        )
+    return TrayContainer(
+        name, _model(document, index, entry), _place(document, index, entry),
+        _limit(document, index, entry),
+    )  # fmt: skip
+
+
+def _model(document: YamlDocument, index: int, entry: Mapping[str, Any]) -> Model:
+    given = entry.get("model")
+    if isinstance(given, dict):
+        text = format_yaml(given, sort_keys=False, default_flow_style=None)
+        return parse_model(text, f"{document.source}: {_KEY}[{index}].model")
+    if not isinstance(given, str) or "\0" in given:
+        raise SloshModelError(
+            f"{document.where(_KEY, index)}: model = {shown(given)} must be a path or a model"
+        )
+    return read_model(Path(document.source).parent / given)
+
+
+def _place(
+    document: YamlDocument, index: int, entry: Mapping[str, Any]
+) -> tuple[float, float, float]:
+    given = entry.get("place", [0.0, 0.0, 0.0])
+    if not (
+        isinstance(given, list)
+        and len(given) == 3
+        and all(_is_number(value) and abs(value) <= FARTHEST for value in given)
+    ):
+        raise SloshModelError(
+            f"{document.where(_KEY, index)}: place = {shown(given)} must be three numbers "
+            f"x, y, z [m] within ±{FARTHEST:g}"
+        )
+    x, y, z = map(float, given)
+    return x, y, z
+
+
+def _limit(document: YamlDocument, index: int, entry: Mapping[str, Any]) -> float:
+    given = entry.get("limit", math.nan)
+    if not _is_number(given) or not (math.isnan(given) or 0.0 < given <= 10.0):
+        raise SloshModelError(
+            f"{document.where(_KEY, index)}: limit = {shown(given)} must be a height in metres"
+        )
+    return float(given)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,101 @@
+"""What a sloshing height is on a container's wall, and how far it is from the rim."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from slosh_base.types import Array
+
+
+class WallPlace(NamedTuple):
+    """Where the liquid stands.
+
+    Attributes:
+        surface_height: highest place of the whole surface above the still level [m]: at the wall,
+            or above that where the crest is inside.
+        height_along_wall: from the still level to the contact line along the wall [m]; NaN:
+            above the wall's end.
+        contact_radius: of the contact line [m]; NaN: above the wall's end, or not round.
+        distance_to_rim: vertical, from the highest place up to the rim [m]; below 0: above it;
+            NaN: the rim is not known.
+        distance_along_wall: from the contact line up to the rim along the wall [m]; NaN: as above.
+    """
+
+    surface_height: float
+    height_along_wall: float
+    contact_radius: float
+    distance_to_rim: float
+    distance_along_wall: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wall:
+    """A container's wall about the still level.
+
+    Attributes:
+        heights: (N,) increasing, above the still level [m].
+        lengths: (N,) along the wall from the still level, negative below it [m].
+        radii: (N,) of the wall there [m]; NaN: not round.
+        freeboard: height of the rim above the still level [m]; NaN: unknown.
+        crest_ratio: highest place of the surface, of the height at the wall, in the first mode.
+        crest_place: its distance from the axis [m].
+        leans: whether a height along the wall is another than a vertical one.
+    """
+
+    heights: Array
+    lengths: Array
+    radii: Array
+    freeboard: float
+    crest_ratio: float = 1.0
+    crest_place: float = math.nan
+    leans: bool = False
+
+    @classmethod
+    def vertical(cls, radius: float, freeboard: float | None) -> Wall:
+        """Of a radius [m], NaN for one that is not round, and a freeboard [m]; None: unknown."""
+        at = np.array([-_FAR, 0.0, _FAR])
+        rim = math.nan if freeboard is None else freeboard
+        return cls(at, at, np.full(3, radius), rim)
+
+    @property
+    def crest_inside(self) -> bool:
+        """Whether the surface is highest away from the wall, as in a bulb."""
+        return self.crest_ratio > 1.0
+
+    def place(self, height: float) -> WallPlace:
+        """Where the liquid stands at a height at the wall [m]."""
+        return WallPlace(*self._columns(height))
+
+    def places(self, heights: Array) -> dict[str, Array]:
+        """The same at heights (N,), by the names of WallPlace."""
+        return dict(zip(WallPlace._fields, self._columns(heights), strict=True))
+
+    def _columns(self, height: Any) -> tuple[Any, ...]:
+        surface = self.crest_ratio * height
+        along = self._at(height, self.lengths)
+        left = self._at(self.freeboard, self.lengths) - along
+        radius = self._at(height, self.radii)
+        return surface, along, radius, self.freeboard - surface, left
+
+    def height_at(self, distance: float = 0.0) -> float:
+        """Height at the wall with which the highest place is so far below the rim [m].
+
+        NaN: the rim is not known. Not above 0: no wave leaves so much.
+        """
+        return (self.freeboard - distance) / self.crest_ratio
+
+    def _at(self, height: Any, values: Array) -> Any:
+        # `interp` would repeat the first and the last value beyond the wall.
+        return np.interp(height, self.heights, values, left=math.nan, right=math.nan)
+
+
+def rim_name(distance: float) -> str:
+    """What limits a height where the rim does, or a distance to it [m], in words."""
+    return "rim limit" if distance > 0.0 else "rim"
+
+
+_FAR = 1e3  # m; beyond all containers

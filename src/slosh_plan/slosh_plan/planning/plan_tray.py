@@ -1,0 +1,107 @@
+"""The fastest motion of a tray that keeps every container below its limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+from slosh_base.types import Array
+from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.limits import HeightLimits
+from slosh_plan.planning.checked import attitudes, horizon
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.plan import NoSafeMotionError, Plan
+from slosh_plan.prediction import ModelError, Prediction
+from slosh_plan.trajectory import Trajectory
+from slosh_plan.tray import TrayPrediction, limits_of, predict_tray
+
+MOST = 8
+"""Plans that are tried."""
+LOWERED = 0.98
+"""A limit that did not do is lowered by what was exceeded, and to this share."""
+ROUNDING = 1e-6
+"""A plan and its prediction differ by this share at most."""
+
+
+class TrayPlan(NamedTuple):
+    """A plan that every container of a tray keeps.
+
+    Attributes:
+        plan: for the container that determines it.
+        of: name of that one.
+        found: what the motion does to each, by its own limits.
+    """
+
+    plan: Plan
+    of: str
+    found: TrayPrediction
+
+
+def plan_tray(
+    tray: Tray,
+    limits: PlanLimits,
+    make: Callable[[TrayContainer, PlanLimits], Plan],
+    *,
+    attitude: Array | None = None,
+    margin: float = 0.0,
+    error: ModelError | None = None,
+) -> TrayPlan:
+    """Plans for the container with the lowest limit, and for another where that one does not do.
+
+    A plan counts where its simulation keeps the limits of all. Where it exceeds that of another
+    container the next plan is made for that one, each time with a limit that is lower by as much
+    as its last plan was above any.
+
+    Args:
+        tray: the tray.
+        limits: of all, beside the containers' own limits and rims.
+        make: plans for one container by its limits; its heights are those of the placed model.
+        attitude: (4,) that the tray keeps; None: not turned.
+        margin: by which the heights stay below their limits [m].
+        error: the models' measured error; None: the heights themselves keep the limits.
+
+    Raises:
+        NoSafeMotionError: none of the plans keeps all limits.
+    """
+    lowered = dict.fromkeys(tray.names, 1.0)
+    by_name = {each.name: each for each in tray.containers}
+    one = min(by_name, key=lambda name: _height(by_name[name], limits))
+    for _ in range(MOST):
+        own, share = limits_of(by_name[one], limits), lowered[one]
+        answer = make(
+            by_name[one], replace(own, height=own.height * share, residual=own.residual * share)
+        )
+        found = _predicted(tray, answer, limits, attitude, error)
+        use = {name: _use(each, margin) for name, each in found.containers.items()}
+        worst = max(use, key=lambda name: use[name])
+        if use[worst] <= 1.0 + ROUNDING:
+            return TrayPlan(answer, one, found)
+        lowered[one] *= LOWERED / use[worst]
+        one = worst
+    raise NoSafeMotionError(
+        f"none of {MOST} plans keeps the limits of all containers: {worst} exceeds its own by "
+        f"{100.0 * (use[worst] - 1.0):.0f} %"
+    )
+
+
+def _height(one: TrayContainer, limits: PlanLimits) -> float:
+    return limits_of(one, limits).under_rim(one.model).height
+
+
+def _use(found: Prediction, margin: float) -> float:
+    """How much of its limits a container uses, as a share."""
+    height, residual = found.limits.height, found.limits.residual
+    return max((found.upper + margin) / height, (found.residual_upper + margin) / residual)
+
+
+def _predicted(
+    tray: Tray, answer: Plan, limits: PlanLimits, attitude: Array | None, error: ModelError | None
+) -> TrayPrediction:
+    """What a plan does to each container, until it is still."""
+    motion = answer.found.motion
+    turned = attitudes(motion, attitude, len(motion.t))
+    trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
+    asked = HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
+    longest = max(horizon(one.model) for one in tray.containers)
+    return predict_tray(tray, [trajectory], limits=asked, horizon=longest, error=error)[0]

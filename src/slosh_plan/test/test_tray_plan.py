@@ -1,0 +1,150 @@
+"""Motions of a tray: the worst container is the named one, and all of them keep a plan."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.simulate import Inputs, simulate
+from slosh_model.tray import Tray, TrayContainer
+from slosh_plan import HeightLimits, Trajectory, predict, safe_scales
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import path_through
+from slosh_plan.planning.plan import NoSafeMotionError, plan
+from slosh_plan.planning.plan_tray import plan_tray
+from slosh_plan.tray import limits_of, predict_tray, tray_scales
+
+T = np.arange(0.0, 2.0, 2e-3)
+STEP = 1e-4
+
+
+class Motion:
+    """A smooth random motion of a tray, from rest to rest: position and attitude of any moment."""
+
+    def __init__(self, random):
+        self._sizes = random.normal(size=(2, 3)) * [[0.15], [0.5]]
+        self._rates = random.uniform(4.0, 14.0, size=(2, 3))
+        self._phases = random.uniform(0.0, 6.0, size=(2, 3))
+
+    def _swung(self, t, row):
+        swell = np.sin(np.pi * np.clip(t / T[-1], 0.0, 1.0)) ** 4
+        waves = np.sin(self._rates[row] * np.asarray(t)[..., None] + self._phases[row])
+        return self._sizes[row] * waves * swell[..., None]
+
+    def attitude(self, t):
+        return Rotation.from_rotvec(self._swung(t, 1))
+
+    def place(self, t, arm):
+        return self._swung(t, 0) + self.attitude(t).apply(arm)
+
+    def acceleration(self, t, arm):
+        """Of a place on the tray, by differences of where it is."""
+        before, now, after = (self.place(t + k * STEP, arm) for k in (-1, 0, 1))
+        return (after - 2.0 * now + before) / STEP**2
+
+
+def random_tray(random):
+    """Four cups of different sizes, fills, places and limits."""
+    cups = []
+    for index in range(4):
+        radius = random.uniform(0.025, 0.05)
+        model = Model(Cylinder(radius, random.uniform(1.0, 2.0) * radius)).spatial().nonlinear()
+        place = tuple((random.uniform(-0.25, 0.25, size=3) * [1.0, 1.0, 0.2]).tolist())
+        cups.append(TrayContainer(f"cup_{index}", model, place, random.uniform(0.01, 0.03)))
+    return Tray(tuple(cups))
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_the_worst_cup_of_a_simulated_tray_is_the_named_one(seed):
+    """Against each cup driven by the acceleration of its own place, found by differences."""
+    random = np.random.default_rng(seed)
+    tray, motion = random_tray(random), Motion(random)
+    attitude = motion.attitude(T).as_quat()
+    given = Trajectory(T, motion.acceleration(T, np.zeros(3)), attitude)
+    (found,) = predict_tray(tray, [given])
+    peaks = {}
+    for one in tray.containers:
+        inputs = Inputs(T, motion.acceleration(T, np.array(one.place)), attitude)
+        peaks[one.name] = float(simulate(one.model.feeling_gravity(), inputs)[0].msh.max())
+        assert found.containers[one.name].nonlinear.peak == pytest.approx(
+            peaks[one.name], rel=0.03, abs=2e-4
+        )
+    shares = {one.name: peaks[one.name] / one.limit for one in tray.containers}
+    assert shares[found.worst] > 0.97 * max(shares.values())
+
+
+def push(size=2.0):
+    t = np.arange(0.0, 1.0, 2e-3)
+    return Trajectory(t, np.outer(size * np.sin(2.0 * np.pi * t), [1.0, 0.0, 0.0]), name="push")
+
+
+def test_a_plain_model_is_a_tray_of_one():
+    model = Model(Cylinder(0.04, 0.06))
+    tray = Tray((TrayContainer("", model),))
+    (found,) = predict_tray(tray, [push()], limits=HeightLimits(0.02))
+    (alone,) = predict(model, push(), limits=HeightLimits(0.02))
+    assert repr(found.of_worst) == repr(alone)
+    assert found.of_worst.nonlinear == alone.nonlinear
+    scales = tray_scales(tray, push(), HeightLimits(0.02), found)
+    assert scales == safe_scales(model, push(), HeightLimits(0.02))
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.long) for k in (1, 2))])
+def test_a_scale_is_safe_where_every_container_keeps_its_limit(seed):
+    random = np.random.default_rng(seed)
+    tray, limits = Tray(random_tray(random).containers[:2]), HeightLimits(0.02)
+    motion = push(random.uniform(1.0, 6.0))
+    (found,) = predict_tray(tray, [motion], limits=limits)
+    shared = tray_scales(tray, motion, limits, found)
+    each = [safe_scales(one.placed, motion, limits_of(one, limits)) for one in tray.containers]
+    assert shared.intervals
+    assert shared.safe_from == max(one.safe_from for one in each)
+    for low, high in shared.intervals:
+        for one in each:
+            ends = [(a, math.inf if b == one.slowest else b) for a, b in one.intervals]
+            assert any(a <= low < high <= b for a, b in ends)
+
+
+def test_the_lower_of_two_limits_holds_and_the_residual_with_it():
+    one = TrayContainer("a", Model(Cylinder(0.04, 0.06)), limit=0.01)
+    assert limits_of(one, HeightLimits(0.02, 0.01)) == HeightLimits(0.01, 0.005)
+    assert limits_of(one, HeightLimits(0.005, 0.001)) == HeightLimits(0.005, 0.001)
+    assert limits_of(one, HeightLimits()) == HeightLimits(0.01)
+
+
+@pytest.mark.long
+def test_all_containers_keep_the_plan():
+    """A wide cup, whose wave is slow, and a narrow one with a lower limit."""
+    wide = Model(Cylinder(0.06, 0.05)).spatial()
+    narrow = Model(Cylinder(0.025, 0.05)).spatial()
+    cups = (TrayContainer("wide", wide, limit=0.012), TrayContainer("narrow", narrow, limit=0.008))
+    tray = Tray(cups)
+    limits = PlanLimits(0.02, 0.01)
+    path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
+    made = []
+
+    def make(one, kept):
+        made.append(one.name)
+        return plan(one.placed, path, kept, time_limit=5.0)
+
+    found = plan_tray(tray, limits, make)
+    assert made[0] == "narrow"
+    motion = found.plan.found.motion
+    given = Trajectory(motion.t, motion.acceleration)
+    for one in tray.containers:
+        (answer,) = predict(one.model, given, limits=limits_of(one, HeightLimits(0.02, 0.01)))
+        assert answer.nonlinear.peak <= one.limit * (1.0 + 1e-6)
+        assert math.isfinite(answer.nonlinear.residual)
+    alone = plan(narrow, path, limits_of(tray.containers[1], limits), time_limit=5.0)
+    assert motion.duration >= alone.found.motion.duration - 1e-9
+
+
+def test_where_no_plan_keeps_all_that_is_said():
+    tray = Tray((TrayContainer("a", Model(Cylinder(0.04, 0.06)), limit=0.01),))
+    path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
+    careless = plan(tray.first.model, path, PlanLimits(0.02, 0.01), time_limit=2.0)
+    with pytest.raises(NoSafeMotionError, match=r"none of 8 plans .*: a exceeds its own by"):
+        plan_tray(tray, PlanLimits(0.02, 0.01), lambda one, kept: careless)

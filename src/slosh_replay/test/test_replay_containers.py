@@ -1,0 +1,104 @@
+"""Containers that change in a recorded run: the replay gives the live estimates, bit for bit."""
+
+import numpy as np
+import pytest
+
+from slosh_bag.reader import BagReader
+from slosh_estimator.held_container import HeldContainer
+from slosh_estimator.limits import Source
+from slosh_estimator.validity import EstimateFlag
+from slosh_model.model_text import parse_model
+from slosh_model.tray import Tray, TrayContainer
+from slosh_replay.replay import replay_bag
+from slosh_testing.live_bag import MODEL, LiveBag
+
+MUG = parse_model(
+    "container: {shape: cylinder, radius: 0.04, fill_height: 0.05}\n"
+    "effects: [{name: vertical_acceleration}, {name: surface_nonlinearity}]"
+)
+
+
+def shift(kind="accel"):
+    """Refilled, laid down, another one picked up, in motion; 500 inputs a second."""
+    live, held = LiveBag(kind), HeldContainer(MODEL, "cup")
+    live.states = True
+    refilled = held.changed(fill_height=0.05)
+    empty = refilled.changed(empty=True)
+    live.holds = {200: refilled, 900: empty, 1300: empty.changed(name="mug", model=MUG)}
+    return live
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
+@pytest.mark.parametrize("start", [0, 400, 1000])
+def test_each_change_is_replayed_to_the_bit(kind, start, tmp_path):
+    """From the beginning, or from where a late recorder begins: after a change, or empty."""
+    live = shift(kind)
+    live.unheard = live.unrecorded = range(start)
+    folder = live.write(tmp_path / "bag")
+    found = replay_bag(folder).verification
+    assert found.exact, found.lines()
+    assert found.recorded > 2000 - start
+
+
+def test_the_estimates_say_when_the_gripper_was_empty_and_what_is_unknown(tmp_path):
+    reader = BagReader(shift().write(tmp_path / "bag"))
+    flags = np.array([reader.decode(m).flags for m in reader.messages(["/slosh/estimate"])])
+    empty = (flags & EstimateFlag.NO_CONTAINER) != 0
+    assert np.flatnonzero(empty).tolist() == list(range(900, 1300))
+    settling = (flags & EstimateFlag.SETTLING) != 0
+    assert not settling[:1300].any()  # refilled at rest
+    assert settling[1300:].all()  # picked up in motion
+
+
+@pytest.mark.parametrize("kind", ["imu", "pose"])
+def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
+    """Of each container; a start in the middle knows the first alone, and compares no other."""
+    names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
+    models = (MODEL.feeling_gravity(), MUG.feeling_gravity(), MODEL.feeling_gravity())
+    tray = Tray(tuple(map(TrayContainer, names, models, places, (0.5, 0.5, 0.003))))
+    live = LiveBag(kind)
+    live.tray, live.model, live.states = tray, tray.first.model, True
+    live.restarts = [1500] if kind == "imu" else ()  # of poses no counter tells
+    live.attitude = lambda index: (0.0, 0.0, np.sin(1e-3 * index), np.cos(1e-3 * index))
+    folder = live.write(tmp_path / "bag")
+    result = replay_bag(folder)
+    for found in (result.verification, result.verified["tray_estimate"]):
+        assert found.exact, found.lines()
+    estimated = [one for one in result.events if one.source is Source.ESTIMATED]
+    assert {one.description.partition(":")[0] for one in estimated} == {"container c"}
+    reader = BagReader(folder)
+    told = reader.decode(list(reader.messages(["/slosh/tray_estimate"]))[-1200])
+    assert len(set(told.msh.tolist())) == 3
+    live.restarts, live.unheard, live.unrecorded = (), range(700), range(700)
+    late = replay_bag(live.write(tmp_path / "late")).verified
+    assert late["estimate"].exact
+    (why,) = late["tray_estimate"].unchecked
+    assert "further containers" in why
+    assert not late["tray_estimate"].missing
+
+
+def test_a_container_of_a_tray_that_is_another_one_is_found_out(tmp_path):
+    tray = Tray((TrayContainer("a", MODEL), TrayContainer("b", MUG)))
+    live = LiveBag("imu")
+    live.tray = tray
+    other = Tray((tray.first, TrayContainer("b", MUG.filled_to(0.04))))
+    entries = live.entries(3.0)
+    told = live.entries
+    live.entries = lambda seconds: (
+        [  # what the estimates are of, and what is told
+            (log, topic, kind, data)
+            for log, topic, kind, data in entries
+            if "settings" not in topic
+        ]
+        + settings_of(live, told, other)
+    )
+    found = replay_bag(live.write(tmp_path / "bag")).verified
+    assert found["estimate"].exact
+    assert not found["tray_estimate"].exact
+    assert "msh[1]" in found["tray_estimate"].largest
+
+
+def settings_of(live, entries, tray):
+    live.tray = tray
+    return [entry for entry in entries(3.0) if "settings" in entry[1]]

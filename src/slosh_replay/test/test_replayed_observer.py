@@ -1,0 +1,120 @@
+"""The observer in a replay: its fused estimates come out again, from the middle of a run, too."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slosh_estimator.observer.observer import Observer, Outcome
+from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
+from slosh_estimator.sample import Sample
+from slosh_replay import replay_bag
+from slosh_replay.manifest import Expectation
+from slosh_replay.replay.checking import check_result
+from slosh_testing.live_bag import MODEL, START, TYPES, LiveBag
+
+FUSED, STATE = "fused_estimate", "observer_state"
+NAN = math.nan
+
+
+class ObservedBag(LiveBag):
+    """A recording of an estimator with an observer; `wrong` is added to its first height."""
+
+    def __init__(self, *, cut: float = 0.0, wrong: float = 0.0) -> None:
+        super().__init__()
+        self.states = True
+        self._observer = Observer(self.model)
+        self._cut, self._wrong, self._state_ns = cut, wrong, 0
+
+    def entries(self, seconds):
+        begin = START + round(1e9 * self._cut)
+        return [
+            entry
+            for entry in super().entries(seconds)
+            if entry[0] >= begin or entry[1].endswith("settings")
+        ]
+
+    def _estimate(self, estimator, estimate, gate, log_ns):
+        super()._estimate(estimator, estimate, gate, log_ns)
+        observer = self._observer
+        state = observer.follow(estimate.sample, estimate.flags)
+        if state is None:
+            return
+        if state.stamp_ns - self._state_ns >= 500_000_000:
+            self._state_ns = state.stamp_ns
+            self._put_state(observer.state())
+        modal = np.array(state.modal).reshape(-1, 4)
+        used, rejected = (observer.counts[one] for one in (Outcome.USED, Outcome.REJECTED))
+        self._put(
+            FUSED, state.stamp_ns, log_ns, msh=state.msh + self._wrong, msh_stddev=state.stddev,
+            azimuth=state.azimuth, sh_x=state.sh_x, sh_x_stddev=state.stddev_x, sh_y=state.sh_y,
+            sh_y_stddev=state.stddev_y, modal_position=modal[:, :2].ravel(),
+            modal_velocity=modal[:, 2:].ravel(), frequency_factor=state.frequency_factor,
+            frequency_stddev=state.frequency_stddev, damping_factor=state.damping_factor,
+            damping_stddev=state.damping_stddev, level=state.level,
+            clock_offset=state.clock_offset,
+            uncorrected=NAN if state.corrected_ns is None else state.uncorrected,
+            trusted=state.trusted, heights_taken=observer.taken, heights_used=used,
+            heights_rejected=rejected,
+        )  # fmt: skip
+        self._wrong = 0.0
+
+    def _put_state(self, state):
+        stamps = (-1 if one is None else one for one in (state.corrected_ns, state.judged_ns))
+        corrected, judged = stamps
+        self._put(
+            STATE, state.stamp_ns, first_stamp=state.first_ns, corrected_stamp=corrected,
+            judged_stamp=judged, counts=np.array(state.counts, dtype=np.uint64),
+            rejected_in_turn=state.rejected, anchored_at=state.anchored_at, model=state.model,
+            parameters=state.parameters, covariance=state.covariance, changes=state.changes,
+            past=state.past,
+        )  # fmt: skip
+
+    def _surface(self, stamp, height, estimate, lag):
+        super()._surface(stamp, height, estimate, lag)
+        azimuth = estimate.nonlinear.azimuth
+        unknown = SurfaceHeights(*(NAN,) * 11, 0)
+        surface = unknown._replace(msh=height, azimuth=azimuth)
+        self._observer.take(wall_heights(stamp, surface))
+
+
+@pytest.fixture
+def bag(tmp_path, monkeypatch):
+    monkeypatch.setitem(TYPES, FUSED, "slosh_msgs/msg/FusedEstimate")
+    monkeypatch.setitem(TYPES, STATE, "slosh_msgs/msg/ObserverState")
+    return lambda **how: ObservedBag(**how).write(tmp_path / "bag")
+
+
+def failures(result):
+    return check_result(result, Expectation(tolerance=0.0)).failures
+
+
+def test_fused_estimates_come_out_again_bit_for_bit(bag):
+    result = replay_bag(bag())
+    found = result.verified[FUSED]
+    assert found.exact, found.lines()
+    assert found.recorded == 500
+    assert failures(result) == ()
+
+
+def test_a_wrong_one_fails(bag):
+    result = replay_bag(bag(wrong=1e-9))
+    assert result.verified[FUSED].identical == 499
+    assert any(FUSED in line for line in failures(result))
+
+
+def test_from_the_middle_of_a_run_they_do_from_the_next_state_on(bag):
+    result = replay_bag(bag(cut=1.7))
+    found = result.verified[FUSED]
+    assert found.exact, found.lines()
+    assert 0 < sum(found.unchecked.values()) < 60
+    assert found.recorded > 250
+
+
+def test_the_state_of_an_observer_of_another_model_is_refused():
+    observer = Observer(MODEL)
+    observer.follow(Sample(START, 0.0, 0.0, 0.0, restarted=True))
+    state = observer.state()
+    Observer(MODEL).take_up(state)
+    with pytest.raises(ValueError, match="observer of another model"):
+        Observer(MODEL.with_effect("second_mode")).take_up(state)

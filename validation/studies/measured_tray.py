@@ -1,0 +1,145 @@
+"""Four measured cups on one tray: predicted intervals beside the measured peaks.
+
+A robot carries the tray along an arc and turns it by half a turn in 1.84 s (AntiSloshing, folder
+`tray` of SLOSH_SHARED_DATA or ../shared/data, with the arm's URDF in `antisloshing`). The joints
+give the tray's motion; the cups stand 115 mm from its centre on its diagonals. Which cup stands on
+which diagonal is not stated: the order, of the eight possible ones, is that whose heights agree
+best with those that the makers predicted; the measured heights do not enter. Nothing is tuned. The
+interval is that of 3D-NL's MAE over twelve other measured runs.
+
+    tools/run python validation/studies/measured_tray.py
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.io import loadmat
+from scipy.spatial.transform import Rotation
+
+from slosh_model.model import Model
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.simulate import Inputs, simulate
+from slosh_model.tray import Tray, TrayContainer
+from slosh_plan import ModelError, Trajectory
+from slosh_plan.robot_file import read_arm
+from slosh_plan.tray import predict_tray
+from slosh_report.text_table import aligned
+
+Array = NDArray[np.float64]
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = Path(os.environ.get("SLOSH_SHARED_DATA", ROOT.parent / "shared" / "data"))
+MOTION = "TO_arc_0.015eta_lim_4containers_180_deg"
+RUN = "1A_15"
+JOINTS = tuple(f"q{number}_joint" for number in range(1, 7))
+STEP = 0.002  # s
+CUP = Cylinder(radius=0.035, fill_height=0.197e-3 / (math.pi * 0.035**2))
+FROM_CENTRE = 0.115  # m
+LIMIT = 0.015  # m, for which the motion was planned
+ERROR = ModelError(sigma=2.29e-3)
+"""Of 3D-NL over twelve runs with one cup: docs/results/measurements.md."""
+CUPS = (1, 2, 3, 4)
+
+
+class Order(NamedTuple):
+    """Where the cups stand: a quarter of the first one, and the sense of the others about z."""
+
+    quarter: int
+    sense: int
+
+
+def tray_motion() -> Trajectory:
+    """The motion of the tray's centre, upright, in axes that are the world's at its start."""
+    arm = read_arm(str(DATA / "antisloshing" / "comau_smartsix5.urdf"), "axes_6")
+    joints = np.loadtxt(DATA / "tray" / f"{MOTION}.csv", delimiter=";")
+    t = np.arange(len(joints), dtype=np.float64) * STEP
+    given = arm.motion(t, JOINTS, joints, name=MOTION)
+    assert given.attitude is not None
+    turn = Rotation.from_quat(given.attitude)
+    upright = (turn * turn[0].inv()).as_quat()
+    return Trajectory(given.t, given.acceleration, upright, name=MOTION)
+
+
+def diagonal() -> float:
+    """Azimuth of a diagonal of the tray at the start [rad]: between two axes of the flange."""
+    arm = read_arm(str(DATA / "antisloshing" / "comau_smartsix5.urdf"), "axes_6")
+    joints = np.loadtxt(DATA / "tray" / f"{MOTION}.csv", delimiter=";", max_rows=1, ndmin=2)
+    _, attitude = arm.poses(JOINTS, joints)
+    across = Rotation.from_quat(attitude[0]).as_matrix()[:, 1]
+    return math.atan2(across[1], across[0]) + 0.25 * math.pi
+
+
+def tray_of(order: Order) -> Tray:
+    """The tray with its cups in an order."""
+    model = Model(CUP).spatial().nonlinear()
+    cups = []
+    for index, number in enumerate(CUPS):
+        angle = diagonal() + 0.5 * math.pi * (order.quarter + order.sense * index)
+        place = (FROM_CENTRE * math.cos(angle), FROM_CENTRE * math.sin(angle), 0.0)
+        cups.append(TrayContainer(f"cup {number}", model, place, LIMIT))
+    return Tray(tuple(cups))
+
+
+def heights(tray: Tray, motion: Trajectory) -> Array:
+    """(4, N) heights of the cups [m]."""
+    inputs = Inputs(motion.t, motion.acceleration, motion.attitude)
+    return np.array([simulate(one.placed, inputs)[0].msh for one in tray.containers])
+
+
+def made_order(motion: Trajectory) -> tuple[Order, float]:
+    """The order that agrees best with the makers' heights, and its rms difference [m].
+
+    Their time begins with the motion, half a second and more after that of the joints.
+    """
+    made = loadmat(DATA / "tray" / f"{MOTION}_etas.mat")
+    start = float(motion.t[np.flatnonzero(np.linalg.norm(motion.acceleration, axis=1) > 1e-3)[0]])
+    found = {}
+    for order in itertools.starmap(Order, itertools.product(range(4), (1, -1))):
+        ours = heights(tray_of(order), motion)
+        gaps = [
+            np.interp(made[f"time_{number}"].ravel() + start, motion.t, ours[index])
+            - np.abs(made[f"eta_{number}"].ravel())
+            for index, number in enumerate(CUPS)
+        ]
+        found[order] = float(np.sqrt(np.mean(np.concatenate(gaps) ** 2)))
+    best = min(found, key=lambda order: found[order])
+    return best, found[best]
+
+
+def measured(number: int) -> float:
+    """The peak of a cup above its still level [m]."""
+    run = loadmat(DATA / "tray" / f"container_{number}_full_slosh_{RUN}_c{number}.mat")
+    return float(1e-3 * np.nanmax(run["world_points"][:, 1] - run["h0_point"].item()))
+
+
+def main() -> int:
+    """Prints the table; exit code 1 where the data are missing."""
+    if not (DATA / "tray").is_dir():
+        print(f"measured_tray: no data in {DATA / 'tray'}", file=sys.stderr)
+        return 1
+    motion = tray_motion()
+    order, rms = made_order(motion)
+    (found,) = predict_tray(tray_of(order), [motion], error=ERROR)
+    rows = [["cup", "predicted [mm]", "interval [mm]", "measured [mm]", "inside"]]
+    peaks = {f"cup {number}": measured(number) for number in CUPS}
+    for name, one in found.containers.items():
+        inside = "yes" if one.lower <= peaks[name] <= one.upper else "no"
+        interval = f"{1e3 * one.lower:.1f} … {1e3 * one.upper:.1f}"
+        peak = f"{1e3 * one.nonlinear.peak:.1f}"
+        rows.append([name, peak, interval, f"{1e3 * peaks[name]:.1f}", inside])
+    print("\n".join(aligned(rows, "<>>><")))
+    print(f"worst: predicted {found.worst}, measured {max(peaks, key=lambda name: peaks[name])}")
+    print(f"order {order}: {1e3 * rms:.2f} mm rms from the makers' heights")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
