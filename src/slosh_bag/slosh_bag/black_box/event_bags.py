@@ -17,8 +17,10 @@ from slosh_bag.bag_writer import Qos
 from slosh_bag.black_box.black_box import EVENTS, BlackBox, Cause, Happening, Windows
 from slosh_bag.black_box.ring import Place
 from slosh_bag.errors import SloshBagError
-from slosh_bag.reader import BagReader
+from slosh_bag.mcap_files.bag_metadata import NAME
 from slosh_bag.recorder import Recorder, RecorderStatus, free_space
+from slosh_base.files.errors import SloshFileError
+from slosh_base.files.yaml_document import read_yaml
 
 _NAME = re.compile(rf"(\d{{4,}})_({'|'.join(Cause)})")
 SHARE: Final = 4
@@ -262,9 +264,11 @@ def _number(bag: Path) -> int:
 
 
 def _noted_causes(folder: Path) -> frozenset[str]:
+    """What metadata.yaml tells; a reader of bags would load a compiler."""
     try:
-        return _causes(BagReader(folder).metadata().get(EVENTS, ""))
-    except SloshBagError:  # a recorder was killed before it wrote anything
+        facts = read_yaml(folder / NAME).value["rosbag2_bagfile_information"]["custom_data"]
+        return _causes(str(facts[EVENTS]))
+    except (SloshFileError, LookupError, TypeError):  # the recorder was killed before its end
         return frozenset()
 
 
