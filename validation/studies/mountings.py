@@ -311,7 +311,7 @@ def rows(seeds: Sequence[int]) -> Iterator[str]:
 def main() -> int:
     """Counts all."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--motions", type=int, default=24)
+    parser.add_argument("--motions", type=int, default=10)
     parser.add_argument("--tuning", action="store_true", help="the seeds used for tuning")
     parser.add_argument("--docs", action="store_true", help="write the table")
     arguments = parser.parse_args()

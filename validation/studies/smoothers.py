@@ -110,7 +110,7 @@ def by_window(robot: Motion, sampled: Sampled, t: Array, delay: float) -> tuple[
     for at, place, row in zip(t.tolist(), places.tolist(), q.tolist(), strict=True):
         found += reader.update(round(at * 1e9), tuple(place), quaternion(*row[1:]))
     columns = Samples.of(found)
-    return columns.accelerations, np.asarray(columns.stamps * 1e-9, np.float64)
+    return columns.accelerations, np.asarray(columns.stamps * 1e-9, dtype=np.float64)
 
 
 def errors(robot: Motion, times: Array, accelerations: Array) -> Errors:
