@@ -76,3 +76,15 @@ def test_a_launch_hands_the_robot_to_the_estimator(tmp_path):
     assert found.parameters["input"] == "joints"
     assert found.parameters["tool_frame"] == "cup"
     assert Path(found.parameters["urdf"]).samefile(URDF)
+
+
+def test_a_cell_may_record_events_alone(tmp_path):
+    assert main(["new", str(tmp_path / "jug"), *CUP]) == 0
+    path = tmp_path / "jug" / "cell.yaml"
+    text = path.read_text()
+    path.write_text(text + "\nrecord: events\n")
+    processes = {process.name: process for process in read_setup(path).processes(Path("bag"))}
+    assert processes["recorder"].parameters["mode"] == "events"
+    path.write_text(text + "\nrecord: event\n")
+    with pytest.raises(SloshBringupError, match="record = 'event' must be complete or events"):
+        read_setup(path)

@@ -216,14 +216,15 @@ def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> 
 
 
 def recorded_model(bag: Path) -> Model:
-    """Returns the last model that a bag's estimator used.
+    """Returns the last model that a bag's estimator used; of a folder that of its last bag.
 
     Raises:
         SloshDiscoveryError: the bag does not tell.
         SloshBagError: it cannot be read.
     """
     missing = SloshDiscoveryError(f"{bag}: contains no model; give one (--model)")
-    if is_motion_table(bag) or (bag.is_dir() and not any(bag.glob("*.mcap"))):
+    bag = next((path for path in reversed(files_at(bag)) if not is_motion_table(path)), bag)
+    if is_motion_table(bag):
         raise missing
     started = settings.latest(recorded_starts(BagReader(bag)), "estimator")
     if started is None:

@@ -68,6 +68,8 @@ CHANGE_CONTAINER: Final = "change_container"
 LOAD_MODEL: Final = "load_model"
 RESET: Final = "reset"
 MONITOR_RESET: Final = f"monitor/{RESET}"
+KEEP: Final = "recorder/keep"
+"""Of a recorder that records events: writes a bag of now."""
 
 
 class TopicRole(Enum):
@@ -190,6 +192,7 @@ SERVICES: tuple[Service, ...] = (
     Service(LOAD_MODEL, "slosh_msgs/srv/LoadModel", remappable=True),
     Service(RESET, "std_srvs/srv/Trigger", remappable=True),
     Service(MONITOR_RESET, "std_srvs/srv/Trigger", remappable=True),
+    Service(KEEP, "std_srvs/srv/Trigger", remappable=True),
     Service(PREDICT, "slosh_msgs/srv/PredictSlosh"),
     Service(PLAN, "slosh_msgs/srv/PlanMotion"),
 )

@@ -6,7 +6,7 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,20 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
+from std_srvs.srv import Trigger
 
 from slosh_bag.bag_writer import Split
+from slosh_bag.black_box.black_box import Cause, Happening
+from slosh_bag.black_box.event_bags import EventRecorder
+from slosh_bag.black_box.ring import Place
 from slosh_bag.nodes.arrivals import Arrivals, LogTimes
+from slosh_bag.nodes.event_messages import (
+    EVENT_PARAMETERS,
+    EventMessages,
+    event_facts,
+    event_recorder,
+    place_of,
+)
 from slosh_bag.nodes.recorder_health import Traffic, findings, left_out_text
 from slosh_bag.nodes.topic_input import Received, TopicInput, noted
 from slosh_bag.recorded_topics import TopicChoice, TopicSelection
@@ -35,6 +46,7 @@ from slosh_msgs_py.node.run import run_node
 DISCOVERY_PERIOD = 0.2
 TAKE_PERIOD = 0.05
 _SETTLED = 2_000_000  # ns; a message received this long ago can be taken by now
+COMPLETE, EVENTS = "complete", "events"
 PARAMETERS = (
     ParameterSpec("output", "bag", "folder of the bag; it must be new or empty"),
     ParameterSpec(
@@ -65,6 +77,13 @@ PARAMETERS = (
         "time after which a new file begins [s]; 0: never",
         bounds=(0, 10**9),
     ),
+    ParameterSpec(
+        "mode",
+        COMPLETE,
+        "complete: one bag of all; events: in the folder output a bag of the time round each",
+        choices=(COMPLETE, EVENTS),
+    ),
+    *EVENT_PARAMETERS,
 )
 
 _RCL_ERRORS = (RuntimeError, ValueError)
@@ -95,10 +114,9 @@ class RecorderNode(GuardedNode):
         self._taken: list[Received] = []
         self._arrivals = Arrivals()
         self._times = LogTimes(time.time_ns(), time.monotonic_ns())
-        self._core = Recorder(
-            Path(values["output"]),
-            Split(values["max_bag_size"], values["max_bag_duration"] * SECOND),
-        )
+        self._events: EventMessages | None = None
+        self._core = self._made_core(values)
+        self.create_service(Trigger, topics.KEEP, self._keep)
         self._reported = self._reported_lost = 0
         self._report = DiagnosticsReporter(self, self._health, self._facts)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -107,6 +125,14 @@ class RecorderNode(GuardedNode):
             self.create_timer(TAKE_PERIOD, self._take, clock=steady),
         ]
         self._discover()
+
+    def _made_core(self, values: Mapping[str, Any]) -> Recorder | EventRecorder:
+        folder = Path(values["output"])
+        if values["mode"] == COMPLETE:
+            split = Split(values["max_bag_size"], values["max_bag_duration"] * SECOND)
+            return Recorder(folder, split)
+        self._events = EventMessages(self, values)
+        return event_recorder(folder, values, self._place)
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
@@ -192,8 +218,41 @@ class RecorderNode(GuardedNode):
                 self._core.add(received.topic, received.data, log_ns, received.sent_ns or None)
             else:
                 self._core.add(received.topic, received.data, simulated)
+            self._look_for_event(received)
+        if isinstance(self._core, EventRecorder):
+            self._core.look(settled if simulated is None else simulated)
         if not final:
             self._look_for_settings(taken)
+
+    def _look_for_event(self, received: Received) -> None:
+        entry = self._inputs.get(received.topic)
+        if entry is None or self._events is None or not isinstance(self._core, EventRecorder):
+            return
+        for happening in self._events.happenings(received, entry.message_type):
+            self._happen(self._core, happening)
+
+    def _happen(self, core: EventRecorder, happening: Happening) -> None:
+        core.happen(happening)
+        where = core.path if core.box.is_writing else f"no bag: {core.box.failure}"
+        self.get_logger().info(f"{happening.cause}: {happening.text} ({where})")
+
+    def _keep(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Writes a bag of now."""
+        if not isinstance(self._core, EventRecorder):
+            response.message = f"everything is recorded already: {self._core.path.parent}"
+            return response
+        self._take()
+        now_ns = self.get_clock().now().nanoseconds
+        self._happen(self._core, Happening(Cause.REQUEST, now_ns, f"asked for by {topics.KEEP}"))
+        response.success = self._core.box.is_writing
+        response.message = str(self._core.path) if response.success else self._core.box.failure
+        return response
+
+    def _place(self, topic: str, data: bytes) -> Place | None:
+        entry = self._inputs.get(topic)
+        if entry is None:
+            return None
+        return place_of(entry, data)
 
     def _look_for_settings(self, taken: Sequence[Received]) -> None:
         """Reports at once when a node's settings have arrived; the run begins only then."""
@@ -237,24 +296,28 @@ class RecorderNode(GuardedNode):
         recorded = {}
         if self._choice.wants(self.resolve_topic_name(topics.SETTINGS)):
             recorded = {RECORDED: ", ".join(sorted(self._told))}
-        return recorded | {
-            "file": status.path,
-            "files": status.files,
-            "topics": len(status.written),
-            "messages": sum(status.written.values()),
-            "bytes": status.size,
-            "lost": status.lost,
-            "lost during write failures": status.lost_meanwhile,
-            "lost before recording": status.missed,
-            "queue": status.waiting,
-            "queue maximum": status.highest,
-            "oldest unwritten message [s]": f"{status.age:.2f}",
-            "free space [MB]": round(1e-6 * status.free),
-            "written [MB/s]": f"{1e-6 * status.rate:.2f}",
-            "topics without a publisher": ", ".join(self._absent()),
-            "recorded [kB/s]": self._traffic.text(self._inputs, time.monotonic()),
-            "left out": left_out_text(self._chosen),
-        }
+        return (
+            recorded
+            | {
+                "file": status.path,
+                "files": status.files,
+                "topics": len(status.written),
+                "messages": sum(status.written.values()),
+                "bytes": status.size,
+                "lost": status.lost,
+                "lost during write failures": status.lost_meanwhile,
+                "lost before recording": status.missed,
+                "queue": status.waiting,
+                "queue maximum": status.highest,
+                "oldest unwritten message [s]": f"{status.age:.2f}",
+                "free space [MB]": round(1e-6 * status.free),
+                "written [MB/s]": f"{1e-6 * status.rate:.2f}",
+                "topics without a publisher": ", ".join(self._absent()),
+                "recorded [kB/s]": self._traffic.text(self._inputs, time.monotonic()),
+                "left out": left_out_text(self._chosen),
+            }
+            | event_facts(self._core)
+        )
 
     def _absent(self) -> dict[str, float]:
         """Returns how long each topic without a publisher has had none [s]."""

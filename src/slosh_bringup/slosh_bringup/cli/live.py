@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cli.progress import STOPPING, Tell, can_draw, say
+from slosh_bringup.live.cell_setup import EVENTS
 from slosh_bringup.live.report import REPORT, LiveReport, LiveResult, make_live_report
 from slosh_bringup.live.run import BAG, LiveRun, check_files, run_nodes
 from slosh_bringup.live.run_folder import new_run
@@ -108,7 +109,10 @@ def run_live(
         why = f"{stop.reason}, " if stop.reason else ""
         again = "; press Ctrl-C again to skip it" if stop.reason else ""
         screen.tell(f"{why}all nodes have ended; writing the report{again}")
-        report = make_live_report(run.folder / BAG, run.title, problems, began=outcome.began)
+        report = make_live_report(
+            run.folder / BAG, run.title, problems, began=outcome.began,
+            events=run.setup.record == EVENTS,
+        )  # fmt: skip
     result = report.result
     unwritten = _write(run, report)
     print_json(result, folder) if as_json else print_result(result, folder)

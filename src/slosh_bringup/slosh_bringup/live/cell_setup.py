@@ -24,6 +24,9 @@ REMAPPABLE = (
 """Topics and services of the nodes, by the names that `remap` knows."""
 READING = ("input", "urdf", "tool_frame")
 """Keys of a cell file that are the estimator's parameters of the same name."""
+EVENTS = "events"
+RECORD = ("complete", EVENTS)
+"""Values of `record`, the recorder's parameter `mode`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,7 @@ class CellSetup:
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
+        record: of RECORD; empty: as the recorder's parameters have it.
     """
 
     model: Path
@@ -45,6 +49,7 @@ class CellSetup:
     namespace: str = NAMESPACE
     remap: Mapping[str, str] = field(default_factory=dict)
     reading: Mapping[str, str] = field(default_factory=dict)
+    record: str = ""
 
     def processes(self, bag: Path) -> list[NodeProcess]:
         """Returns the processes of NODES_OF_A_CELL; no camera node without a calibration."""
@@ -57,6 +62,8 @@ class CellSetup:
         if self.calibration is None:
             del own["camera"]
             own["monitor"] = {"camera": "false"}
+        if self.record:
+            own["recorder"]["mode"] = self.record
         return [
             NodeProcess(name, [self.parameters], own[name], self.remap)
             for name in NODES_OF_A_CELL
@@ -84,7 +91,16 @@ def read_setup(path: Path) -> CellSetup:
     document = source.value
     if not isinstance(document, dict):
         raise SloshBringupError(f"{path}: must be a mapping with the keys model and calibration")
-    known = ("model", "calibration", "camera", "parameters", "namespace", "remap", *READING)
+    known = (
+        "model",
+        "calibration",
+        "camera",
+        "parameters",
+        "namespace",
+        "remap",
+        "record",
+        *READING,
+    )
     for key in document:
         if key not in known:
             raise SloshBringupError(
@@ -100,7 +116,18 @@ def read_setup(path: Path) -> CellSetup:
         namespace=namespace,
         remap=read_remap(source, namespace, document.get("remap") or {}),
         reading=_reading(source),
+        record=_record(source),
     )
+
+
+def _record(source: YamlDocument) -> str:
+    """What is recorded, if the file says."""
+    value = source.value.get("record", "")
+    if "record" in source.value and value not in RECORD:
+        raise SloshBringupError(
+            f"{source.at('record')} = {shown(value)} must be {' or '.join(RECORD)}"
+        )
+    return str(value)
 
 
 def _reading(source: YamlDocument) -> dict[str, str]:

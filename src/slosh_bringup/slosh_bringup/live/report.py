@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from slosh_bag.black_box.event_bags import event_bags
 from slosh_bag.errors import SloshBagError
 from slosh_base.files import write_text
 from slosh_bringup.live.run_data import HEIGHTS, RunData, read_run
@@ -36,6 +37,8 @@ from slosh_report.run_report import (
 )
 
 REPORT, RESULT = "report.html", "result.json"
+MOST_NAMED = 10
+"""Bags of events that one line names."""
 NOTHING = "nothing was measured, because "
 
 
@@ -101,7 +104,12 @@ class LiveReport:
 
 
 def make_live_report(
-    bag: Path, title: str, problems: tuple[str, ...] = (), *, began: bool = True
+    bag: Path,
+    title: str,
+    problems: tuple[str, ...] = (),
+    *,
+    began: bool = True,
+    events: bool = False,
 ) -> LiveReport:
     """Makes the report from the bag by reading and replaying it; writes nothing.
 
@@ -111,10 +119,25 @@ def make_live_report(
         problems: what went wrong while it ran, one line each; of a run without measurements they
             are the first reasons.
         began: whether the nodes were ready; if not, the problems are the only reasons.
+        events: whether events alone were recorded.
     """
-    result, report = _evaluated(bag, title, problems, began)
+    bags = event_bags(bag)
+    if bags or (events and began):
+        result = LiveResult(warnings=(*problems, _events_line(bag, bags)))
+        report = _recorded_report(title, None, result)
+    else:
+        result, report = _evaluated(bag, title, problems, began)
     document = {**result.document(), **report_document(report)}
     return LiveReport(result, render_report(report), json.dumps(document, indent=2) + "\n")
+
+
+def _events_line(folder: Path, bags: Sequence[Path]) -> str:
+    """Which events were recorded, and how to see them."""
+    if not bags:
+        return "no event was recorded"
+    names = ", ".join(bag.name for bag in bags[-MOST_NAMED:])
+    more = "..., " if len(bags) > MOST_NAMED else ""
+    return f"{len(bags)} bags of events: {more}{names}; to replay them: slosh replay {folder}"
 
 
 def latency_figure(run: RunResult) -> KeyFigure:

@@ -15,6 +15,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.replay.frames import bag_pictures, bag_topics
 from slosh_replay.in_force import described, in_force, last_starts, parameter_changes
 from slosh_replay.recorded_run import RecordedRun
+from slosh_replay.recording.facts import event_lines
 from slosh_replay.recording.sources import CellTopics
 from slosh_replay.replay import ReplayResult
 from slosh_replay.replay.checking import CheckedReplay
@@ -77,7 +78,8 @@ def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) ->
         Fact(f"planned motion {motion.id}", motion.sentence)
         for motion in predicted_motions(run.reader)
     ]
-    notes = parameter_changes(run, report_start(result))
+    start_ns = report_start(result)
+    notes = (*event_lines(run.facts, start_ns), *parameter_changes(run, start_ns))
     around = replace(around, facts=(*around.facts, *planned), notes=(*around.notes, *notes))
     pictures, topics = bag_pictures(run, result), bag_topics(run, result.seconds)
     return replay_report(result, replace(around, frames=pictures, topics=topics))

@@ -25,6 +25,7 @@ from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
 from slosh_replay.manifest import Expectation
 from slosh_replay.recorded_run import RecordedRun
+from slosh_replay.recording.facts import event_lines
 from slosh_replay.replay import ReplayResult, replay_bag
 from slosh_replay.replay.checking import (
     CheckedReplay,
@@ -35,7 +36,7 @@ from slosh_replay.replay.checking import (
     expectation_of,
 )
 from slosh_replay.replay.output_bag import FACTS, OutputBag
-from slosh_replay.replay.report import shown_models
+from slosh_replay.replay.report import report_start, shown_models
 from slosh_replay.replay.result import ModelAccuracy
 from slosh_replay.replay.verification import Verification
 
@@ -95,7 +96,7 @@ class Replayed:
         peak: greatest measured height [m]; NaN: none.
         checked: against what was expected; None: nothing was.
         estimates: how recorded and replayed estimates compare, in short.
-        differences: the same where they differ, one line each.
+        differences: why the bag was written, and the same where they differ, one line each.
         warnings: about the bag.
         counts: images, dropped samples and excesses of limits.
         seconds: that the replay took [s].
@@ -151,7 +152,10 @@ def replay_task(task: Task) -> Replayed:
         _peak(result),
         checked,
         _in_short(found),
-        found.lines() if found and (not found.exact or found.unchecked) else (),
+        (
+            *event_lines(run.facts, report_start(result)),
+            *(found.lines() if found and (not found.exact or found.unchecked) else ()),
+        ),
         result.warnings,
         {
             "images": result.counters.get("images", 0),

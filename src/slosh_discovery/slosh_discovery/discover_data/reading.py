@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slosh_bag.black_box.black_box import EVENTS
+from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.bag_folder import import_hint
+from slosh_bag.reader import BagReader
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_discovery.discover.motion import MeasuredMotion
@@ -37,6 +40,8 @@ from slosh_tables.motion_table import SUFFIXES, MotionTable, is_motion_table, re
 from slosh_tables.text_table.options import FOUND_OUT, TableOptions
 from slosh_tables.text_table.units import check_span
 
+NAN = float("nan")
+
 
 @dataclass(frozen=True, slots=True)
 class DayMotion:
@@ -46,10 +51,13 @@ class DayMotion:
         motion: the motion.
         disagreement: root mean square of measured minus estimated height, as the monitor compared
             them live [m]; NaN: no comparison was recorded.
+        span_ns: first and last input of a motion in a bag that was written round an event [ns]:
+            another such bag may hold it, too. None: in another bag, or in a table.
     """
 
     motion: MeasuredMotion
     disagreement: float
+    span_ns: tuple[int, int] | None = None
 
 
 def _quietly(line: str) -> None:
@@ -80,7 +88,7 @@ def read_motions(
         SloshBagError, SloshDiscoveryError: one line that says what is wrong and where.
     """
     return [
-        motion for item in files_at(Path(path)) for motion, _ in _read(item, model, tell, tables)
+        entry.motion for item in files_at(Path(path)) for entry in _read(item, model, tell, tables)
     ]
 
 
@@ -102,12 +110,45 @@ def day_motions(
 ) -> list[DayMotion]:
     """Reads the motions of a recording day with the error of the live estimate.
 
-    Motions of which no comparison was recorded come last, in the order of the recording.
+    Motions of which no comparison was recorded come last, in the order of the recording. A bag of
+    an event, among others, may hold no motion: that is told. What several of them hold is one.
     """
-    found = [
-        DayMotion(*pair) for item in files_at(path) for pair in _read(item, model, tell, tables)
-    ]
-    return sorted(found, key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
+    items, found = files_at(path), list[DayMotion]()
+    for number, item in enumerate(items, start=1):
+        try:
+            found += _read(item, model, tell, tables)
+        except (SloshBagError, SloshDiscoveryError) as error:
+            if not _is_of_event(item) or (number == len(items) and not found):
+                raise
+            tell(f"left out: {error}")
+    return sorted(_once(found), key=lambda entry: -np.nan_to_num(entry.disagreement, nan=-1.0))
+
+
+def _is_of_event(path: Path) -> bool:
+    """Whether it is a bag that was written round an event, which need be no motion."""
+    try:
+        return not is_motion_table(path) and EVENTS in BagReader(path).metadata()
+    except SloshBagError:
+        return False
+
+
+def _once(motions: Sequence[DayMotion]) -> list[DayMotion]:
+    """The motions without those that another bag of an event holds, too, at least as long."""
+    kept: list[DayMotion] = []
+    for entry in sorted(motions, key=lambda entry: -_length(entry)):
+        if entry.span_ns is None or not any(_overlap(entry, other) for other in kept):
+            kept.append(entry)
+    return [entry for entry in motions if any(entry is other for other in kept)]
+
+
+def _length(entry: DayMotion) -> int:
+    return 0 if entry.span_ns is None else entry.span_ns[1] - entry.span_ns[0]
+
+
+def _overlap(one: DayMotion, other: DayMotion) -> bool:
+    if one.span_ns is None or other.span_ns is None:
+        return False
+    return one.span_ns[0] <= other.span_ns[1] and other.span_ns[0] <= one.span_ns[1]
 
 
 def files_at(path: Path) -> list[Path]:
@@ -134,27 +175,28 @@ def files_at(path: Path) -> list[Path]:
 
 def _read(
     path: Path, model: Model | None, tell: Tell, tables: TableOptions
-) -> Iterator[tuple[MeasuredMotion, float]]:
-    """Yields the motions of a table or a bag, with the recorded disagreement [m]."""
+) -> Iterator[DayMotion]:
+    """Yields the motions of a table or a bag, with the recorded disagreement."""
     if is_motion_table(path):
-        yield table_motion(path, tell, model, replace(tables, tell=tell)), float("nan")
+        yield DayMotion(table_motion(path, tell, model, replace(tables, tell=tell)), NAN)
         return
     name = path.name.removesuffix(".mcap")
     reader, sources = sources_of(path)
     if clocks_unrelated(sources.facts):
         recording = read_recording(path, reader, sources, tell)
-        yield unrelated_motion(name, recording, model, tell), float("nan")
+        yield DayMotion(unrelated_motion(name, recording, model, tell), NAN)
     elif TABLE_COLUMNS in sources.facts:
         # A table that became a bag is one motion, with wall heights where it had them.
         table = read_bag_table(path, TableSettings()).table
-        yield motion_of_table(path, name, table, tell, model), float("nan")
+        yield DayMotion(motion_of_table(path, name, table, tell, model), NAN)
     else:
-        yield from _motions(name, read_recording(path, reader, sources, tell), tell)
+        recording = read_recording(path, reader, sources, tell)
+        of_event = EVENTS in sources.facts
+        for entry in _motions(name, recording, tell):
+            yield entry if of_event else replace(entry, span_ns=None)
 
 
-def _motions(
-    name: str, recording: BagRecording, tell: Tell
-) -> Iterator[tuple[MeasuredMotion, float]]:
+def _motions(name: str, recording: BagRecording, tell: Tell) -> Iterator[DayMotion]:
     path, raw = recording.path, recording.heights
     clean, spikes = without_spikes(raw.msh)
     if spikes:
@@ -172,7 +214,7 @@ def _motions(
             tell(f"{path}: motion {number} has fewer than {TUNING.least_motion} measured heights")
             continue
         count += 1
-        yield motion, _disagreement(recording, part)
+        yield DayMotion(motion, _disagreement(recording, part), (part.start, part.end))
     if not count:
         raise SloshDiscoveryError(f"{path}: holds no motion with measured heights")
 

@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
+from slosh_bag.black_box.black_box import EVENTS
+from slosh_bag.black_box.event_bags import noted_events
 from slosh_bag.recorder import LOST, LOST_BY_TOPIC, PUBLISHERS, SEVERAL
 from slosh_model.shapes.cylinder import Cylinder
 
@@ -35,6 +37,19 @@ def lost_messages(facts: Mapping[str, str]) -> dict[str, int]:
         return counts
     total = facts.get(LOST, "0")
     return {"": int(total)} if total.isdecimal() and int(total) else {}
+
+
+def event_lines(facts: Mapping[str, str], start_ns: int) -> tuple[str, ...]:
+    """Why a bag was written, one line for each event; none of a complete recording.
+
+    Args:
+        facts: of the bag.
+        start_ns: the zero of the times that are told [ns].
+    """
+    return tuple(
+        f"event {event.cause} at {1e-9 * (event.stamp_ns - start_ns):.2f} s: {event.text}"
+        for event in noted_events(facts.get(EVENTS, ""))
+    )
 
 
 def mixed_topics(facts: Mapping[str, str]) -> frozenset[str]:

@@ -175,11 +175,14 @@ def _estimates(result: ReplayResult, tolerance: float | None) -> list[Point]:
 
 
 def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
-    """Checks the results of other nodes that have a tolerance in the table."""
+    """Checks the comparable results of other nodes that have a tolerance in the table."""
     return [
         point
         for name, found in result.verified.items()
-        if name != ESTIMATE and tolerance is not None and found.tolerance is not None
+        if name != ESTIMATE
+        and tolerance is not None
+        and found.tolerance is not None
+        and found.recorded + found.missing
         for point in _same(f"recorded {name}", found, found.tolerance)
     ]
 

@@ -51,6 +51,7 @@ class KnownState:
     Args:
         verifier: is told what cannot be compared; None: nothing is.
         tray: the same for a tray's containers, of the first of which alone states are recorded.
+        comparison: the same for the monitor's comparisons with these estimates.
         losses: receives the stamps after which the state is unknown [ns].
 
     Attributes:
@@ -62,8 +63,10 @@ class KnownState:
         verifier: Verifier | None,
         losses: list[int] | None = None,
         tray: Verifier | None = None,
+        comparison: Verifier | None = None,
     ) -> None:
-        self._verifier, self._tray = verifier, tray
+        self._verifiers = [one for one in (verifier, comparison) if one is not None]
+        self._tray = tray
         self._losses = losses
         self._states: list[RecordedState] = []
         self._known = True
@@ -140,8 +143,8 @@ class KnownState:
         return [*starts, *lost]
 
     def _lose(self, after_ns: int) -> None:
-        if self._known and self._verifier is not None:
-            self._verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
+        for verifier in self._verifiers if self._known else ():
+            verifier.lose(after_ns, AT_FIRST if after_ns == _LONG_AGO else LATER)
         if self._tray is not None:
             self._tray.lose(after_ns, OF_A_TRAY)
             self._tray = None
@@ -150,6 +153,6 @@ class KnownState:
         self._known = False
 
     def _find(self, until_ns: int) -> None:
-        if self._verifier is not None:
-            self._verifier.find(until_ns)
+        for verifier in self._verifiers:
+            verifier.find(until_ns)
         self._known = True

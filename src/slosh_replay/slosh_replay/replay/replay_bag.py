@@ -130,9 +130,7 @@ def replay_bag(
         limit_changes,
         at_rest=settings.starts_at_rest(started),
         matcher=matcher,
-        known=KnownState(verifiers.get(ESTIMATE), losses, verifiers.get(TRAY_ESTIMATE))
-        if sources.state
-        else None,
+        known=_known_state(verifiers, losses) if sources.state else None,
         counter=None if sources.state or matcher is None or mixed else KnownState(None, losses),
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
@@ -165,6 +163,13 @@ def replay_bag(
         )
     told = [f"{path}: {line}" for line in said if line]
     return replace(result, warnings=(*_warnings(path, reader, sources), *told, *result.warnings))
+
+
+def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownState:
+    """Follows the state on which all recorded answers depend."""
+    names = ESTIMATE, TRAY_ESTIMATE, COMPARISON
+    estimate, tray, comparison = (verifiers.get(name) for name in names)
+    return KnownState(estimate, losses, tray, comparison)
 
 
 def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
