@@ -481,6 +481,7 @@ WRITING = {
 }  # fmt: skip
 MOVING = {("os", "replace"), ("os", "remove"), ("shutil", "move"), ("shutil", "copy")}
 ALLOWED = {
+    "slosh_bag/black_box/event_bags.py": "removes the oldest of its own bags",
     "slosh_bag/interchange/foreign_storage.py": "a temporary copy of a database with its log",
     "slosh_bag/mcap_files/mcap_file.py": "makes files that are new, and removes its own",
     "slosh_bag/recorder.py": "the space that it reserves beside the bag's files",

@@ -187,7 +187,9 @@ def estimates(lengths, stamp=5):
             STORE.types["slosh_msgs/msg/SloshEstimate"](
                 header=header(stamp=time(sec=stamp, nanosec=0), frame_id="c"),
                 linear=model, nonlinear=model, acceleration=np.arange(3.0), jerk=0.0, yaw=0.0,
-                flags=count, samples_used=0, samples_dropped=0,
+                surface_height=0.0, height_along_wall=0.0, contact_radius=0.0,
+                distance_to_rim=0.0, distance_along_wall=0.0, flags=count, samples_used=0,
+                samples_dropped=0,
             )
         )  # fmt: skip
     return [serialised("slosh_msgs/msg/SloshEstimate", message) for message in made]

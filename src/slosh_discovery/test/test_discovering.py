@@ -95,8 +95,10 @@ def test_a_search_that_takes_long_is_told_and_one_without_an_end_refused():
 
 
 def test_a_table_tells_no_model(tmp_path):
+    table = tmp_path / "run_1.csv"
+    table.write_text("t,ax,ay,az\n")
     with pytest.raises(SloshDiscoveryError, match="give one"):
-        recorded_model(tmp_path / "run_1.csv")
+        recorded_model(table)
 
 
 def test_a_pattern_puts_motions_into_groups_by_their_name_or_by_what_they_were_read_from():

@@ -286,7 +286,7 @@ def test_motions_that_differ_raise_the_errors_and_the_reader_is_told():
     ]
     found = identify(motions, BASE)
     assert found.overall.scatter > 1.5
-    assert "differ by more than their noise" in found.remarks[0]
+    assert "differ by more than noise" in found.remarks[0]
     alike = identify(measured(rng, 48, 6), BASE)
     assert alike.overall.scatter == 1.0
     assert alike.remarks == ()

@@ -104,7 +104,7 @@ def test_no_stop_is_said(cup, monkeypatch):
         ([0.1, np.nan, 0.0], {}, "velocity must be three finite numbers"),
         ([0.1, 0.0], {}, "velocity must be three"),
         ([0.1, 0.0, 0.0], {"acceleration": [20.0, 0.0, 0.0]}, "accelerates with 20 m/s² already"),
-        ([0.1, 0.0, 0.0], {"state": LiquidState(np.ones((1, 4)), np.ones((1, 4)))}, "stands"),
+        ([0.1, 0.0, 0.0], {"state": LiquidState(np.ones((1, 4)), np.ones((1, 4)))}, "begins"),
         ([0.1, 0.0, 0.0], {"state": LiquidState(np.zeros((2, 4)), np.zeros((2, 4)))}, "2 modes"),
     ],
 )

@@ -21,7 +21,6 @@ from slosh_estimator.tray_estimator import TrayEstimate, TrayEstimator
 from slosh_model.constants import GRAVITY
 from slosh_model.model_text import format_model, parse_model
 from slosh_model.tray import TRAY, Tray, format_tray
-from slosh_model.wall import WallPlace
 
 TEXT = """
 container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.135}
@@ -313,7 +312,7 @@ class LiveBag:
             "estimate", sample.stamp_ns, log_ns, linear=models[0], nonlinear=models[1],
             acceleration=np.array(sample[1:4]), jerk=estimate.jerk, yaw=sample.yaw,
             flags=estimate.flags, samples_used=gate.used, samples_dropped=gate.dropped,
-            **dict.fromkeys(WallPlace._fields, float("nan")),
+            **estimator.model.container.wall.place(estimate.nonlinear.msh)._asdict(),
         )  # fmt: skip
 
     def _follow_tray(self, sample, estimate) -> None:

@@ -100,7 +100,7 @@ class MeasuredMotion:
 
     @property
     def peak_heights(self) -> Array:
-        """(M,) MSH: measured, or the maximum of the wall heights [m]; NaN: no sample."""
+        """Maximum heights (M,) [m], as measured or of the wall heights; NaN where no sample is."""
         finite = np.isfinite(self.heights)
         filled = np.where(finite, self.heights, -np.inf).max(axis=1)
         return np.where(finite.any(axis=1), filled, np.nan)
