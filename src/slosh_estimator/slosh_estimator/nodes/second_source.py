@@ -69,6 +69,7 @@ class SecondSource:
         self._other_how = InputSettings()
         self._watch: MountingWatch | None = None
         self._refusals: dict[str, str] = {}
+        self._accused = False
 
     def told(self, stamp_ns: int, frame: str, force: Vector, rate: Vector | None) -> None:
         """Takes what a sensor says."""
@@ -102,9 +103,13 @@ class SecondSource:
         if self._watch is not None:
             self._watch.look()
         verdict, doubt = self._verdict, self._heard.source.doubt
-        if self._senses and doubt is not None and doubt.wrong:
+        contradicted = verdict is not None and bool(verdict.wrong)
+        doubtful = self._senses and doubt is not None and doubt.wrong
+        # A contradiction that was found before the doubt stays one.
+        self._accused = contradicted and (self._accused or not doubtful)
+        if doubtful and doubt is not None and not self._accused:
             return "", f"{self._other}, the second source: {doubt.text}"
-        if verdict is None or not verdict.wrong:
+        if verdict is None or not contradicted:
             return "", ""
         sensor, motion = self._names
         told = f"{sensor} against {motion}: {'; '.join(verdict.wrong)}"
