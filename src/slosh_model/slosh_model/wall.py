@@ -76,6 +76,9 @@ class Wall:
 
     def _columns(self, height: Any) -> tuple[Any, ...]:
         surface = self.crest_ratio * height
+        if self.lengths is self.heights:  # vertical: nothing is interpolated for each estimate
+            radius = self.radii.item(0) + 0.0 * height  # NaN with the height
+            return surface, height, radius, self.freeboard - surface, self.freeboard - height
         along = self._at(height, self.lengths)
         left = self._at(self.freeboard, self.lengths) - along
         radius = self._at(height, self.radii)
