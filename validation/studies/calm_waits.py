@@ -10,18 +10,13 @@ that one of the stops needs.
 
 from __future__ import annotations
 
-import argparse
 import math
-import multiprocessing
 import sys
 from functools import partial
 
 import numpy as np
 import with_tools  # noqa: F401
-from camera_sequences import ROOT
-from observer_accuracy import CUP, STEP, Case, drawn, seen, stamp_of
-from result_tables import fill
-from tqdm import tqdm
+from observer_accuracy import CUP, STEP, Case, drawn, seen, stamp_of, write_table
 
 from slosh_base.types import Array
 from slosh_estimator.observer.calm import CalmWatch
@@ -30,31 +25,14 @@ from slosh_estimator.sample import Sample
 from slosh_model.simulate import Inputs, simulate
 
 TOLERANCE, LENGTH, BEGIN = 1e-3, 60.0, 0.5
-PAGE = ROOT / "docs" / "observer.md"
 HEAD = ("camera", "stops", "false calms", "false at the first", "wait, median [s]",
         "needed, median [s]", "constant wait [s]", "ratio")  # fmt: skip
 
 
 def main() -> int:
     """Runs the command; returns its exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=500, help="stops with and without a camera")
-    parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="seeds")
-    parser.add_argument("--docs", action="store_true", help="write the table of the page")
-    parser.add_argument("--workers", type=int, default=2, help="processes")
-    arguments = parser.parse_args()
-    seeds = range(arguments.half, 2 * arguments.runs, 2)
-    lines = ["| " + " | ".join(HEAD) + " |"]
-    lines.append("|---" + "|--:" * (len(HEAD) - 1) + "|")
-    with multiprocessing.get_context("fork").Pool(arguments.workers) as pool:
-        for camera in (True, False):
-            found = pool.imap(partial(stop, camera), seeds, chunksize=4)
-            lines.append(row(camera, np.array(list(tqdm(found, total=len(seeds), leave=False)))))
-    text = "\n".join(lines)
-    print(text)
-    if arguments.docs:
-        fill(PAGE, "calm", text)
-    return 0
+    rows = [(partial(stop, camera), partial(row, camera)) for camera in (True, False)]
+    return write_table(__doc__, "calm", HEAD, rows)
 
 
 def row(camera: bool, stops: Array) -> str:

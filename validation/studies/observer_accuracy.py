@@ -13,8 +13,9 @@ import argparse
 import math
 import multiprocessing
 import sys
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import with_tools  # noqa: F401
@@ -25,7 +26,8 @@ from tqdm import tqdm
 
 from slosh_base.types import Array
 from slosh_estimator.estimator import Estimator
-from slosh_estimator.observer.observer import Observer, WallHeights
+from slosh_estimator.observer.observer import Observer
+from slosh_estimator.observer.states import WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
@@ -104,25 +106,43 @@ class Drawn(NamedTuple):
 
 def main() -> int:
     """Runs the command; returns its exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=100, help="runs of each case")
+    rows = [(partial(run, case), partial(row, case.name)) for case in CASES]
+    return write_table(__doc__, "accuracy", HEAD, rows)
+
+
+def write_table(
+    doc: str,
+    name: str,
+    head: Sequence[str],
+    rows: Sequence[tuple[Callable[[int], Any], Callable[[Array], str]]],
+) -> int:
+    """Runs a study by the command line; prints its table and writes that of the page.
+
+    Args:
+        doc: of the study.
+        name: of the table on the page.
+        head: of the table.
+        rows: what is run for each seed, and what makes a row of all that it gives.
+
+    Returns:
+        the exit code.
+    """
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=100, help="runs of each row")
     parser.add_argument("--half", type=int, default=1, choices=(0, 1), help="seeds")
     parser.add_argument("--docs", action="store_true", help="write the table of the page")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     arguments = parser.parse_args()
     seeds = range(arguments.half, 2 * arguments.runs, 2)
-    lines = ["| " + " | ".join(HEAD) + " |"]
-    lines.append("|---" + "|--:" * (len(HEAD) - 1) + "|")
+    lines = ["| " + " | ".join(head) + " |", "|---" + "|--:" * (len(head) - 1) + "|"]
     with multiprocessing.get_context("fork").Pool(arguments.workers) as pool:
-        for case in CASES:
-            found = pool.imap(partial(run, case), seeds, chunksize=4)
-            lines.append(
-                row(case.name, np.array(list(tqdm(found, total=len(seeds), leave=False))))
-            )
+        for one, told in rows:
+            found = pool.imap(one, seeds, chunksize=4)
+            lines.append(told(np.array(list(tqdm(found, total=len(seeds), leave=False)))))
     text = "\n".join(lines)
     print(text)
     if arguments.docs:
-        fill(PAGE, "accuracy", text)
+        fill(PAGE, name, text)
     return 0
 
 
@@ -163,7 +183,7 @@ def run(case: Case, seed: int) -> tuple[float, float, float, float]:
             x, y = wall.sh_x[i], wall.sh_y[i]
             errors.append(
                 (estimate.nonlinear.sh_x - x, estimate.nonlinear.sh_y - y, state.sh_x - x,
-                 state.sh_y - y, state.stddev_x, state.stddev_y)
+                 state.sh_y - y, state.sh_x_stddev, state.sh_y_stddev)
             )  # fmt: skip
     found = np.array(errors)
     inside = np.abs(found[:, 2:4]) <= 1.96 * found[:, 4:6]

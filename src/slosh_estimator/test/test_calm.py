@@ -5,7 +5,7 @@ import math
 import pytest
 
 from slosh_estimator.observer.calm import CalmReason, CalmWatch
-from slosh_estimator.observer.observer import FusedState
+from slosh_estimator.observer.states import FusedState
 
 SECOND = 1_000_000_000
 STATE = FusedState(

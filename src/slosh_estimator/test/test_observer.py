@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from slosh_estimator.observer import observer as observer_module
-from slosh_estimator.observer.observer import Observer, Outcome, WallHeights
+from slosh_estimator.observer.observer import Observer
+from slosh_estimator.observer.states import Outcome, WallHeights
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
@@ -117,7 +118,7 @@ def test_its_standard_deviation_by_the_frequency_is_the_models_own_derivative(mo
     other = motion(1.0, model=CUP.with_effect("frequency_mismatch", factor=1.0001), push=0.3)[2]
     derivative = (other - wall) / 1e-4
     expected = 1e-3 * np.abs(derivative)
-    found = np.array([(state.stddev_x, state.stddev_y) for state in states])
+    found = np.array([(state.sh_x_stddev, state.sh_y_stddev) for state in states])
     assert np.abs(found - expected[::5]).max() < 0.02 * expected.max()
 
 
@@ -167,7 +168,7 @@ def test_without_a_camera_it_says_how_wrong_it_may_be():
     t, a, wall = motion(8.0, model=true, push=2.0)
     states = run(t, a, images_of(t, wall, end=2.0))[1]
     at, error = errors(states, t, wall)
-    claimed = np.array([(state.stddev_x, state.stddev_y) for state in states])
+    claimed = np.array([(state.sh_x_stddev, state.sh_y_stddev) for state in states])
     blind = at > 2.0
     assert np.mean(np.abs(error[blind]) <= 2.0 * claimed[blind]) > 0.9
     assert states[-1].uncorrected == pytest.approx(6.0, abs=0.1)
@@ -188,14 +189,14 @@ def test_the_clock_of_the_measurement_is_found():
 def test_a_gap_and_an_unknown_start_are_unsure():
     t, a, wall = motion(1.0, push=0.0)
     known, unknown = (
-        run(t, a, flags=flags)[1][5].stddev for flags in (0, int(EstimateFlag.SETTLING))
+        run(t, a, flags=flags)[1][5].msh_stddev for flags in (0, int(EstimateFlag.SETTLING))
     )
     assert known < 1e-3 < 5e-3 < unknown
     observer, _ = run(t, a, images_of(t, wall))
     state = observer.follow(
         Sample(stamp(3.0), 0.0, 0.0, 0.0, restarted=True), int(EstimateFlag.AFTER_GAP)
     )
-    assert state.stddev > 5e-3
+    assert state.msh_stddev > 5e-3
     assert state.corrected_ns is None
 
 
@@ -203,7 +204,7 @@ def test_without_any_measurement_for_long_nothing_grows():
     observer = Observer(CUP)
     for i in range(4000):
         state = observer.follow(Sample(START + i * STEP_NS, 0.0, 0.0, 0.0, restarted=i == 0))
-    assert state is None or 0.0 < state.stddev < 0.02
+    assert state is None or 0.0 < state.msh_stddev < 0.02
 
 
 def test_measurements_out_of_order_late_and_ahead_are_counted():

@@ -204,26 +204,39 @@ def test_what_cannot_be_answered_is_refused_and_the_node_goes_on(
     assert cell.ask().success
 
 
+def published(
+    cell: Cell, publisher: Any, message: Any, age: float, limit: float
+) -> PredictSlosh.Response:
+    """What is predicted from the liquid's state behind a message of an age [s]."""
+    now = cell.probe.get_clock().now().nanoseconds
+    message.header.stamp = to_time(int(now - age * 1e9))
+    publisher.publish(message)
+    publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
+    time.sleep(0.1)
+    return cell.ask(from_estimate=True, limit=limit)
+
+
+def soon(ask: Callable[[], PredictSlosh.Response]) -> PredictSlosh.Response:
+    """An answer; a state is old when a busy machine holds this process up."""
+    for _ in range(10):
+        answer = ask()
+        if answer.success:
+            break
+    assert answer.success, answer.message
+    return answer
+
+
 def test_the_liquid_goes_on_from_the_estimate(cell: Cell) -> None:
     publisher = cell.probe.create_publisher(SloshEstimate, topics.ESTIMATE, qos.STREAM_OUT)
     cell.until(lambda: publisher.get_subscription_count() > 0)
 
     def told(age: float, flags: int = 0) -> PredictSlosh.Response:
         message = SloshEstimate(flags=flags)
-        now = cell.probe.get_clock().now().nanoseconds
-        message.header.stamp = to_time(int(now - age * 1e9))
         for answer in (message.linear, message.nonlinear):
             answer.modal_position, answer.modal_velocity = [0.002, 0.0], [0.0, 0.01]
-        publisher.publish(message)
-        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
-        time.sleep(0.1)
-        return cell.ask(from_estimate=True, limit=0.02)
+        return published(cell, publisher, message, age, 0.02)
 
-    for _ in range(10):  # an estimate is old when a busy machine holds this process up
-        answer = told(0.0)
-        if answer.success:
-            break
-    assert answer.success, answer.message
+    answer = soon(lambda: told(0.0))
     state = LiquidState([[0.002, 0.0, 0.0, 0.01]], [[0.002, 0.0, 0.0, 0.01]])
     (found,) = predict(MODEL, motion(), state=state)
     assert answer.peak_nonlinear == found.nonlinear.peak
@@ -241,19 +254,10 @@ def test_the_liquid_goes_on_from_a_trusted_fused_state(cell: Cell) -> None:
 
     def told(age: float, *, trusted: bool = True) -> PredictSlosh.Response:
         message = FusedEstimate(trusted=trusted)
-        now = cell.probe.get_clock().now().nanoseconds
-        message.header.stamp = to_time(int(now - age * 1e9))
         message.modal_position, message.modal_velocity = [0.003, 0.0], [0.0, 0.02]
-        publisher.publish(message)
-        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
-        time.sleep(0.1)
-        return cell.ask(from_estimate=True, limit=0.05)
+        return published(cell, publisher, message, age, 0.05)
 
-    for _ in range(10):  # a state is old when a busy machine holds this process up
-        answer = told(0.0)
-        if answer.success:
-            break
-    assert answer.success, answer.message
+    answer = soon(lambda: told(0.0))
     state = LiquidState([[0.003, 0.0, 0.0, 0.02]], [[0.003, 0.0, 0.0, 0.02]])
     (found,) = predict(MODEL, motion(), state=state)
     assert answer.peak_nonlinear == found.nonlinear.peak

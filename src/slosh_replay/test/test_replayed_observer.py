@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from slosh_estimator.observer.observer import Observer, Outcome
+from slosh_estimator.observer.observer import Observer
+from slosh_estimator.observer.states import told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Sample
 from slosh_replay import replay_bag
@@ -44,18 +45,11 @@ class ObservedBag(LiveBag):
             self._state_ns = state.stamp_ns
             self._put_state(observer.state())
         modal = np.array(state.modal).reshape(-1, 4)
-        used, rejected = (observer.counts[one] for one in (Outcome.USED, Outcome.REJECTED))
+        fields = told_fields(state, observer.counts)
+        fields["msh"] += self._wrong
         self._put(
-            FUSED, state.stamp_ns, log_ns, msh=state.msh + self._wrong, msh_stddev=state.stddev,
-            azimuth=state.azimuth, sh_x=state.sh_x, sh_x_stddev=state.stddev_x, sh_y=state.sh_y,
-            sh_y_stddev=state.stddev_y, modal_position=modal[:, :2].ravel(),
-            modal_velocity=modal[:, 2:].ravel(), frequency_factor=state.frequency_factor,
-            frequency_stddev=state.frequency_stddev, damping_factor=state.damping_factor,
-            damping_stddev=state.damping_stddev, level=state.level,
-            clock_offset=state.clock_offset,
-            uncorrected=NAN if state.corrected_ns is None else state.uncorrected,
-            trusted=state.trusted, heights_taken=observer.taken, heights_used=used,
-            heights_rejected=rejected,
+            FUSED, state.stamp_ns, log_ns, modal_position=modal[:, :2].ravel(),
+            modal_velocity=modal[:, 2:].ravel(), trusted=state.trusted, **fields,
         )  # fmt: skip
         self._wrong = 0.0
 

@@ -14,7 +14,8 @@ from std_msgs.msg import Bool
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch
-from slosh_estimator.observer.observer import FusedState, Observer, ObserverState, Outcome
+from slosh_estimator.observer.observer import Observer
+from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
@@ -197,9 +198,9 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) ->
     """Writes a fused state into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
-    message.msh, message.msh_stddev, message.azimuth = state.msh, state.stddev, state.azimuth
-    message.sh_x, message.sh_x_stddev = state.sh_x, state.stddev_x
-    message.sh_y, message.sh_y_stddev = state.sh_y, state.stddev_y
+    for name, value in told_fields(state, observer.counts).items():
+        setattr(message, name, value)
+    message.trusted = state.trusted
     modal = state.modal
     message.modal_position = array(
         "d", [q for n in range(0, len(modal), 4) for q in modal[n : n + 2]]
@@ -207,14 +208,6 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) ->
     message.modal_velocity = array(
         "d", [q for n in range(0, len(modal), 4) for q in modal[n + 2 : n + 4]]
     )
-    message.frequency_factor, message.damping_factor = state.frequency_factor, state.damping_factor
-    message.frequency_stddev, message.damping_stddev = state.frequency_stddev, state.damping_stddev
-    message.level, message.clock_offset = state.level, state.clock_offset
-    message.uncorrected = state.uncorrected if state.corrected_ns is not None else math.nan
-    message.trusted = state.trusted
-    message.heights_taken = observer.taken
-    message.heights_used = observer.counts[Outcome.USED]
-    message.heights_rejected = observer.counts[Outcome.REJECTED]
 
 
 def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> None:

@@ -6,7 +6,7 @@ import math
 from enum import IntEnum
 from typing import NamedTuple
 
-from slosh_estimator.observer.observer import FusedState
+from slosh_estimator.observer.states import FusedState
 from slosh_estimator.tuning import TUNING
 
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from slosh_estimator.observer import observer_kernel as kernel
 from slosh_estimator.observer import (
     self_test as self_test,
 )  # its checks belong to the compiled functions
+from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
@@ -36,100 +35,6 @@ _NO_POINTS = np.empty((0, 3))
 _UPRIGHT = np.empty((0, POSE_COUNT))
 
 
-class WallHeights(NamedTuple):
-    """Heights of the liquid on the wall at one moment.
-
-    Attributes:
-        stamp_ns: the moment [ns].
-        points: (M, 3) azimuth about the container's axis [rad], or NaN: the highest place,
-            wherever it is; height above the still level [m]; its standard deviation [m]. Without
-            points nothing is measured.
-    """
-
-    stamp_ns: int
-    points: Array
-
-
-class Outcome(Enum):
-    """Outcome of a measurement: used, rejected, too late or without a height."""
-
-    USED = "used"
-    REJECTED = "rejected"
-    LATE = "late"
-    EMPTY = "empty"
-
-
-class FusedState(NamedTuple):
-    """State of the liquid from the model and the measurements.
-
-    Attributes:
-        stamp_ns: the moment [ns].
-        corrected_ns: stamp of the last measurement that is used [ns]; None: none.
-        msh, azimuth: maximum sloshing height [m] and where it is [rad].
-        sh_x, sh_y: signed height at the container's +x and +y side [m].
-        stddev_x, stddev_y, stddev: standard deviations of sh_x, sh_y and msh [m].
-        modal: x, y, vx, vy of each mode, one after the other [m, m/s].
-        frequency_factor, damping_factor: natural frequency and damping ratio over the model's.
-        frequency_stddev, damping_stddev: standard deviations of their logarithms.
-        envelope, envelope_stddev: largest height that the wave still reaches if nothing moves from
-            now on, and its standard deviation [m].
-        decay: of that [1/s].
-        moved_ns: when the container moved last [ns]; None: it has not.
-        level: still level above the measurement's zero [m].
-        clock_offset: by how much stamps of measurements are late [s].
-    """
-
-    stamp_ns: int
-    corrected_ns: int | None
-    msh: float
-    azimuth: float
-    sh_x: float
-    sh_y: float
-    stddev_x: float
-    stddev_y: float
-    stddev: float
-    modal: list[float]
-    frequency_factor: float
-    damping_factor: float
-    frequency_stddev: float
-    damping_stddev: float
-    envelope: float
-    envelope_stddev: float
-    decay: float
-    moved_ns: int | None
-    level: float
-    clock_offset: float
-
-    @property
-    def uncorrected(self) -> float:
-        """Time since the last used measurement [s]; infinite: none."""
-        if self.corrected_ns is None:
-            return math.inf
-        return max(self.stamp_ns - self.corrected_ns, 0) / 1e9
-
-    @property
-    def trusted(self) -> bool:
-        """Whether it is more certain than an uncorrected estimate."""
-        return self.corrected_ns is not None and self.stddev <= TUNING.trusted_stddev
-
-
-class ObserverState(NamedTuple):
-    """All that an observer's next fused states depend on, but motions; see ObserverState.msg."""
-
-    stamp_ns: int
-    first_ns: int
-    corrected_ns: int | None
-    judged_ns: int | None
-    counts: tuple[int, ...]
-    rejected: int
-    anchored_at: float
-    model: Array
-    parameters: Array
-    covariance: Array
-    changes: Array
-    past: Array
-
-
 class Observer:
     """Runs a nonlinear model with an estimator's input and corrects it by measured heights.
 
@@ -143,13 +48,12 @@ class Observer:
 
     Attributes:
         counts: of measurements, by outcome.
-        taken: measurements so far that do not wait any more.
         innovation: normalised innovation of the last measurement over its limit.
     """
 
     def __init__(self, model: Model) -> None:
         self.counts = dict.fromkeys(Outcome, 0)
-        self.taken, self.innovation = 0, math.nan
+        self.innovation = math.nan
         container = model.container
         self._cornered, self._reaches = container.cornered, np.array(container.reaches)
         self._largest = TUNING.unknown_wave * max(container.reaches)
@@ -182,6 +86,11 @@ class Observer:
         # Inputs since the restart; the one before the anchor; rejected measurements in succession.
         self._count = self._first = self._rejected = 0
         self._anchored_at = 0.0
+
+    @property
+    def taken(self) -> int:
+        """Measurements so far that do not wait any more."""
+        return sum(self.counts.values())
 
     def take(self, heights: WallHeights) -> None:
         """Queues a measurement; earlier ones are used first."""
@@ -250,7 +159,6 @@ class Observer:
         self._ring[:rows] = state.past.reshape(rows, -1)
         self._first, self._count = 0, rows
         self.counts = dict(zip(Outcome, state.counts, strict=True))
-        self.taken = sum(state.counts)
         self._epoch_ns, self._newest_ns = state.first_ns, state.stamp_ns
         self._given_ns, self._corrected_ns = state.stamp_ns, state.corrected_ns
         self._judged_ns, self._rejected = state.judged_ns, state.rejected
@@ -294,7 +202,6 @@ class Observer:
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
 
     def _note(self, outcome: Outcome) -> None:
-        self.taken += 1
         self.counts[outcome] += 1
 
     def _use(self, heights: WallHeights) -> Outcome:

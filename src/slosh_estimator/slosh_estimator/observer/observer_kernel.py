@@ -616,11 +616,11 @@ def correct(  # type: ignore[no-untyped-def]
     one, two = ring[at % kept], ring[min(at + 1, last) % kept]
     if moment > start:
         _between(trial, one, two, start, moment)
-    _carried_covariance(trial, carried, noise, moment - since)
+    elapsed = moment - since
+    _carried_covariance(trial, carried, noise, elapsed)
     ratio = 0.0
     if points.shape[0] > 0:
         heights, rates, turn = _expected(blocks, one, two, moment)
-        elapsed = moment - since
         ratio = _measured(
             trial,
             carried,

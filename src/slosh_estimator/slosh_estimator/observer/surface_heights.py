@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slosh_estimator.observer.observer import WallHeights
+from slosh_estimator.observer.states import WallHeights
 from slosh_estimator.sight import AMBIGUOUS, FROZEN, SATURATED, UNUSABLE, SurfaceFlag
 from slosh_estimator.tuning import TUNING
 

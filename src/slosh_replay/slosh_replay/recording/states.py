@@ -11,7 +11,7 @@ import numpy as np
 from slosh_bag.errors import SloshBagError
 from slosh_bag.mcap_files.chunks import MessageBlock
 from slosh_bag.reader import BagReader, messages_of, stamp_ns
-from slosh_estimator.observer.observer import ObserverState
+from slosh_estimator.observer.states import ObserverState
 from slosh_estimator.sample import Sample
 from slosh_estimator.state import EstimatorState
 

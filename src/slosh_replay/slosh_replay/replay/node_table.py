@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slosh_estimator.observer.states import TOLD_FIELDS
 from slosh_estimator.validity import EstimateFlag
 from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
@@ -14,7 +15,7 @@ from slosh_replay.recording.sources import TRAY as TRAY_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
-from slosh_replay.replay.replayed_observer import FIELDS, SURFACES, ReplayedObserver
+from slosh_replay.replay.replayed_observer import SURFACES, ReplayedObserver
 from slosh_replay.replay.verification import (
     COMPARED,
     ESTIMATED,
@@ -48,7 +49,7 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
             "observer",
             ReplayedObserver,
             inputs=(NodeTopic(SAMPLES, ""), NodeTopic(FREE_SURFACE, SURFACE, SURFACES)),
-            outputs=(NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, FIELDS),),
+            outputs=(NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, TOLD_FIELDS),),
             needs_recorded=True,
         ),
         ReplayedNode(

@@ -10,7 +10,7 @@ import numpy as np
 from slosh_estimator.comparison import Comparison
 from slosh_estimator.limits import Event
 from slosh_estimator.monitor_settings import MonitorSettings
-from slosh_estimator.observer.observer import ObserverState
+from slosh_estimator.observer.states import ObserverState
 from slosh_model.model import Model
 from slosh_model.tray import Tray
 from slosh_model.wall import Wall

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping
 from typing import Final
@@ -10,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.observer.observer import FusedState, Observer, Outcome, WallHeights
+from slosh_estimator.observer.observer import Observer
+from slosh_estimator.observer.states import TOLD_FIELDS, WallHeights, told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Samples
 from slosh_estimator.validity import EstimateFlag
@@ -21,17 +21,6 @@ from slosh_replay.replay.verification import Messages
 
 TAKEN: Final = "heights_taken"
 SURFACES: Final = SurfaceHeights._fields
-_HEIGHTS = {
-    "msh": "msh", "msh_stddev": "stddev", "azimuth": "azimuth", "sh_x": "sh_x",
-    "sh_x_stddev": "stddev_x", "sh_y": "sh_y", "sh_y_stddev": "stddev_y",
-    "frequency_factor": "frequency_factor", "frequency_stddev": "frequency_stddev",
-    "damping_factor": "damping_factor", "damping_stddev": "damping_stddev", "level": "level",
-    "clock_offset": "clock_offset",
-}  # fmt: skip
-"""Fields of FusedEstimate.msg and of FusedState."""
-FIELDS: Final = (TAKEN, *_HEIGHTS, "heights_used", "heights_rejected", "uncorrected")
-_Told = tuple[FusedState, tuple[int, int, int]]
-"""A state, and how many heights were judged, used and rejected before it."""
 UNKNOWN = "the observer's state is not in the recording, until the next known one"
 
 EMPTY = "the gripper was empty: which heights came after that is not recorded"
@@ -64,13 +53,13 @@ class ReplayedObserver:
         batch = moment.messages[SAMPLES]
         if not len(batch.stamps):
             return {}
-        states: list[_Told] = []
+        told: list[tuple[int, dict[str, float]]] = []
         samples = samples_of(batch)
         flags = batch.columns["flags"].astype(np.int64).tolist()
         starts = batch.columns["start"].astype(np.int64).tolist()
         for index, (flag, start) in enumerate(zip(flags, starts, strict=True)):
-            self._follow(samples, index, flag, start, states)
-        return {FUSED_ESTIMATE: _messages(states)} if states else {}
+            self._follow(samples, index, flag, start, told)
+        return {FUSED_ESTIMATE: _messages(told)} if told else {}
 
     def _follow(
         self,
@@ -78,7 +67,7 @@ class ReplayedObserver:
         index: int,
         flags: int,
         start: int,
-        states: list[_Told],
+        told: list[tuple[int, dict[str, float]]],
     ) -> None:
         if flags & EstimateFlag.NO_CONTAINER:
             self._was_empty = True
@@ -98,9 +87,7 @@ class ReplayedObserver:
         if self._lost and self._take_up(observer, sample.stamp_ns):
             return
         if state is not None:
-            counts = observer.counts
-            told = (observer.taken, counts[Outcome.USED], counts[Outcome.REJECTED])
-            states.append((state, told))
+            told.append((state.stamp_ns, told_fields(state, observer.counts)))
 
     def _begin(self, start: int) -> None:
         """Creates the observer for a start of the node."""
@@ -163,15 +150,7 @@ def _heights(batch: Messages) -> list[WallHeights]:
     ]
 
 
-def _messages(states: list[_Told]) -> Messages:
-    stamps = np.array([state.stamp_ns for state, _ in states], dtype=np.int64)
-    columns = {
-        field: np.array([getattr(state, name) for state, _ in states])
-        for field, name in _HEIGHTS.items()
-    }
-    told = np.array([counts for _, counts in states], dtype=np.uint64)
-    columns[TAKEN], columns["heights_used"], columns["heights_rejected"] = told.T
-    columns["uncorrected"] = np.array(
-        [math.nan if state.corrected_ns is None else state.uncorrected for state, _ in states]
-    )
+def _messages(told: list[tuple[int, dict[str, float]]]) -> Messages:
+    stamps = np.array([stamp_ns for stamp_ns, _ in told], dtype=np.int64)
+    columns = {name: np.array([fields[name] for _, fields in told]) for name in TOLD_FIELDS}
     return Messages(stamps, columns)
