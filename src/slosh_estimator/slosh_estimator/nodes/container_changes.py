@@ -47,6 +47,7 @@ class ContainerChanges:
 
     Attributes:
         held: what the gripper holds.
+        next_ns: inputs with later stamps have another container [ns]; 2**63: none has.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class ContainerChanges:
         self._node, self._folder, self._now, self._apply = node, folder, now, apply
         self.held = HeldContainer(start)
         self._waiting: list[_Waiting] = []
-        self._next_ns = 2**63
+        self.next_ns = 2**63
         self._publisher = node.create_publisher(
             ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM
         )
@@ -75,7 +76,7 @@ class ContainerChanges:
 
     def reach(self, stamp_ns: int) -> None:
         """Is told the stamp of each input before it is used [ns]."""
-        while stamp_ns > self._next_ns:
+        while stamp_ns > self.next_ns:
             self._take(self._waiting.pop(0).held)
             self._look_ahead()
 
@@ -180,4 +181,4 @@ class ContainerChanges:
         return model_at(path, self._node.get_logger().warning, topics.CHANGE_CONTAINER)
 
     def _look_ahead(self) -> None:
-        self._next_ns = self._waiting[0].after_ns if self._waiting else 2**63
+        self.next_ns = self._waiting[0].after_ns if self._waiting else 2**63

@@ -264,6 +264,11 @@ class EstimatorNode(PreparedNode):
         self.create_service(LoadModel, topics.LOAD_MODEL, self._on_load_model)
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
+    def close(self) -> None:
+        """Ends the waits for calm."""
+        if self._observed is not None:
+            self._observed.close()
+
     @property
     def _input(self) -> AnyInput:
         return self._heard.source
@@ -298,6 +303,8 @@ class EstimatorNode(PreparedNode):
 
     def _reach(self, stamp_ns: int) -> None:
         """Takes what the gripper holds from a moment on, before the first input behind it."""
+        if stamp_ns <= self._changes.next_ns:  # nearly always: the clock is not asked
+            return
         if stamp_ns - self._now() <= self._values["max_age"] * SECOND:
             self._changes.reach(stamp_ns)
 
@@ -391,7 +398,7 @@ class EstimatorNode(PreparedNode):
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
         """Applies changed limits to the next inputs."""
-        if self._observed is not None:
+        if self._observed is not None and "calm_tolerance" in changed:
             self._observed.set_tolerance(self._values["calm_tolerance"])
         if self.readiness.state == READY:
             gate = self._input.gate
