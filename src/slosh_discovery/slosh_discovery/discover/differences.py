@@ -58,7 +58,7 @@ def _difference_weights(times: Array) -> Array:
 
 
 def robust_scale(values: Array, cut: float = 2.5) -> float:
-    """Returns the standard deviation of the Gaussian core: trimmed at `cut`."""
+    """Returns the standard deviation of the Gaussian core of values, ignoring any above `cut`."""
     scale = 1.4826 * float(np.median(np.abs(values)))
     inside = special.erf(cut / math.sqrt(2.0))
     # Variance of a Gaussian that is cut off at ±cut.
