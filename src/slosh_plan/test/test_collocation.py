@@ -19,7 +19,7 @@ LIMIT = [0.015, 0.002, 9.5, 74.0, 0.2, 2.0, 20.0, 1.0, 1.0, 1.0, 1.0]
 @pytest.mark.parametrize("tilting", [False, True])
 @pytest.mark.parametrize("model", [CUP, TANK], ids=["cylinder", "rectangle"])
 def test_derivatives_are_those_of_the_demands(model, tilting):
-    """By central differences, in a random direction: of the demands, and of their slopes."""
+    """Tests derivatives of the constraints against central differences."""
     problem = CollocationProblem(
         flow_of(model), path_through(BENT), 0.3, (5, 4), StateLayout(tilting)
     )

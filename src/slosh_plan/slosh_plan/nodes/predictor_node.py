@@ -1,4 +1,4 @@
-"""The predictor node: predicts how high the liquid rises before the robot moves."""
+"""ROS node that predicts how high the liquid will rise before the robot moves."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ LIMITS = ("limit", "residual_limit")
 
 
 class PredictorNode(PreparedNode):
-    """Converts messages, calls the core and answers; predicts planned motions unasked.
+    """ROS node of the predictor: converts messages, predicts and answers.
 
     Args:
         later: it gets ready by `run_node`.
@@ -80,12 +80,12 @@ class PredictorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels for one and for many motions."""
+        """Compiles or loads the compiled code for single and for many simulations."""
         for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts answering."""
+        """Starts the service and the predictions of planned motions."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
         self._container = ContainerWatch(self, self._model, self._on_container)
@@ -135,7 +135,7 @@ class PredictorNode(PreparedNode):
         return response
 
     def _answer(self, request: PredictSlosh.Request, response: PredictSlosh.Response) -> str:
-        """Fills the response; returns a sentence."""
+        """Writes the prediction into the response; returns a sentence that describes it."""
         model = self._model_of(request.model_path)
         motion = predict_messages.trajectory_of(request, self._arm)
         limits = predict_messages.limits_of(request)
@@ -179,7 +179,7 @@ class PredictorNode(PreparedNode):
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the predictor node."""
     return run_node(lambda: PredictorNode(later=True))
 
 

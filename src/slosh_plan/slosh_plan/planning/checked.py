@@ -1,4 +1,4 @@
-"""Checks motions by simulation at the motion's sample rate."""
+"""Checks planned motions by simulation at their sample rate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CheckedMotion:
-    """A motion with its simulated extremes.
+    """A motion with the maximum heights that its simulation gives.
 
     Attributes:
         motion: the motion.
@@ -52,7 +52,7 @@ class CheckedMotion:
     joints: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
-        """Returns the relative excess of each limit; at most 0: the limit is kept."""
+        """Returns the relative excess over each limit; a value up to 0 means it is kept."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
         shares |= {name: used / getattr(limits, name) - 1.0 for name, used in self.joints.items()}
@@ -63,18 +63,18 @@ class CheckedMotion:
         }
 
     def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
-        """Whether the motion keeps every limit within a relative tolerance."""
+        """Returns whether the motion keeps every limit within a relative tolerance."""
         return max(self.excess(limits).values()) <= tolerance
 
 
 def horizon(model: Model) -> float:
-    """Returns the simulated time after a motion [s]."""
+    """Returns how long to simulate after a motion's end [s]."""
     return PERIODS * first_period(model)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
-    """Simulates motions from rest.
+    """Simulates motions that start from rest.
 
     Attributes:
         model: the model.
@@ -89,7 +89,7 @@ class Checker:
     error: ModelError | None = None
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Returns the simulated extremes of motions."""
+        """Returns the simulated maximum heights of motions."""
         found = checked(self.model, motions, self.attitude)
         if self.error is None:
             return found
@@ -107,12 +107,12 @@ class Checker:
         ]
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without the covariance, for a lower bound."""
+        """Simulates motions without parameter uncertainty, as a lower bound."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
 def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
-    """Returns variances from one standard error to either side."""
+    """Returns variances of peak and residual from models one standard error to either side."""
     if not math.isfinite(one.peak + other.peak):
         return math.inf, math.inf
     return (0.25 * (one.peak - other.peak) ** 2, 0.25 * (one.residual - other.residual) ** 2)
@@ -121,7 +121,7 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
 ) -> list[CheckedMotion]:
-    """Simulates motions from rest.
+    """Simulates motions that start from rest.
 
     Args:
         model: the model.
@@ -139,7 +139,7 @@ def checked(
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
-    """Returns quaternions (rows, 4) over a motion and the rest after it; None: upright.
+    """Returns quaternions (rows, 4) over a motion and the rest after it, or None if upright.
 
     Args:
         motion: the motion.

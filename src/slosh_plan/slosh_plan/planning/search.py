@@ -1,4 +1,4 @@
-"""Searches the optimal law from several starts until the simulation keeps every limit.
+"""Searches the optimal time law until the simulation keeps every limit.
 
 What a search finds is simulated with the whole model at 1 kHz; where it exceeds a limit, that
 limit is lowered by the excess and the search goes on.
@@ -30,7 +30,7 @@ Legs = tuple[LegGuess, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """Result of one search.
+    """Result of one search for an optimal time law.
 
     Attributes:
         motion: that keeps the limits; None: there is none.
@@ -45,7 +45,7 @@ class _Found:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OptimalSearch:
-    """Searches an optimal law.
+    """Searches an optimal time law for a path from several initial guesses.
 
     Attributes:
         check: tells what a motion does.
@@ -68,7 +68,7 @@ class OptimalSearch:
     watch: Watch
 
     def run(self) -> tuple[CheckedMotion, str]:
-        """Returns the best motion, and the reason if it is the scaled one."""
+        """Returns the best motion, and the reason if it is only a known time law."""
         best, last = _Found(self.scaled.found), "the search found nothing faster"
         if self._over():
             return self.scaled.found, self._why_over()
@@ -86,7 +86,7 @@ class OptimalSearch:
         return best.motion, last if best.motion is self.scaled.found else ""
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
-        """Searches with constant attitude from several starts."""
+        """Yields optimisations with constant attitude, each with an initial guess."""
         duration = self.scaled.found.motion.duration
         problem = self._problem(leg_durations(self.path, duration), tilting=False)
         for n, factor in enumerate(TUNING.starts, start=1):
@@ -94,7 +94,7 @@ class OptimalSearch:
             yield problem, guess_of(self.check.model, self.path, self.scaled, problem, factor)
 
     def _tilted(self, upright: _Found) -> _Found:
-        """Searches with tilt, starting from the upright motion."""
+        """Optimises the motion with tilt, starting from the upright motion."""
         self.watch.enter("search with tilt")
         problem = self._problem([leg.duration for leg in upright.legs], tilting=True)
         found = self._tightened(problem, upright_guess(upright.legs, problem), upright)
@@ -108,12 +108,12 @@ class OptimalSearch:
         return PathSearch(flow, self.path, self.yaw, durations, tilting=tilting)
 
     def _enough(self, best: _Found) -> bool:
-        """Whether enough starts have been tried."""
+        """Returns whether enough initial guesses have been tried."""
         share = TUNING.again if best.legs else 1.0
         return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
 
     def _tightened(self, problem: PathSearch, guess: Legs, best: _Found) -> _Found:
-        """Repeats the search with reduced limits until the simulation keeps the limits.
+        """Repeats the optimisation with reduced limits until the simulation keeps the limits.
 
         What is not faster than the best so far is not gone on with.
         """
@@ -164,14 +164,14 @@ class OptimalSearch:
 
 
 def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
-    """Returns the time law of a search, adjusted to end exactly at the leg's end."""
+    """Returns the time law of an optimised leg, adjusted to end exactly at the leg's end."""
     law = JerkLaw(found.duration, found.controls[:, 0], (0.0, 0.0, float(found.states[0, 2])))
     share = leg.length / max(float(law.nodes()[-1, 0]), 1e-9)
     return JerkLaw(law.duration, share * law.jerk, (0.0, 0.0, share * law.start[2]))
 
 
 def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
-    """Returns the tilt of a search at the rows of a motion that is slower by a factor.
+    """Returns the tilt of an optimised motion that is slowed by a factor.
 
     The last row is upright; what the search's tolerance leaves there is taken away evenly.
     """
@@ -193,7 +193,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
 
 
 def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
-    """Reduces exceeded limits by their excess."""
+    """Reduces the exceeded limits by their excess."""
     lower = {
         name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
         for name, share in excess.items()
@@ -205,7 +205,7 @@ def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
 def guess_of(
     model: Model, path: Path, start: Scaled, search: PathSearch, factor: float
 ) -> tuple[LegGuess, ...]:
-    """Makes the start of a search from a motion by a law.
+    """Creates the initial guess of an optimisation from a motion with a known time law.
 
     Args:
         model: the model.
@@ -239,7 +239,7 @@ def guess_of(
 
 
 def upright_guess(legs: Sequence[LegGuess], search: PathSearch) -> tuple[LegGuess, ...]:
-    """Makes the start of a search with tilt from the upright motion."""
+    """Creates the initial guess of an optimisation with tilt from the upright motion."""
     layout = search.layout
     found = []
     for leg, count in zip(legs, search.counts, strict=True):
