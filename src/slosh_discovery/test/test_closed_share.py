@@ -1,4 +1,4 @@
-"""Tests the closed share of an error: its limits, and that text, page and JSON agree."""
+"""Tests the share of the error that a model removes, in text, page and JSON."""
 
 import json
 import math
@@ -71,7 +71,7 @@ def found(finding: Finding) -> Finding:
 
 
 def percents(text: str, row: str) -> str:
-    """Returns the closed share [%] from a row of the text's table."""
+    """Returns the removed share of the error [%] from a row of the text's table."""
     line = next(line for line in text.splitlines() if line.startswith(f"{row} "))
     return line.split()[-2]
 

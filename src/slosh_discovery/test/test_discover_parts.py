@@ -38,7 +38,7 @@ def test_before_any_data_an_effect_is_at_work_one_time_in_three():
 
 @pytest.mark.long
 def test_an_unlikely_effect_is_named_only_after_all_others_were_tried_in_its_place(monkeypatch):
-    """Tests that an improbable effect is named only after all others replaced it in a trial."""
+    """Tests that an improbable effect is named only after all other effects were tried."""
     truth = BASE.with_effect("fill_level", delta=0.02).with_effect("height_scale", gain=1.1)
     motions = [prepare(measured(truth, seed), noise=NOISE) for seed in range(2)]
     wanted = Explanation(BASE).with_effect("fill_level", {}).with_effect("height_scale", {})

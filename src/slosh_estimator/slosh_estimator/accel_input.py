@@ -72,12 +72,12 @@ class AccelInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state, except the last stamp, on which the next samples depend."""
+        """Returns the reader's state as numbers, except the stamp of the last sample."""
         own = [*self.gate.last, *self.sampling.memory]
         return [*own, *self.checked_memory(self.gate.last_ns or 0)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores a state that `memory` of another reader returned after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -136,7 +136,7 @@ class AccelInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were dropped for their frame, or None if none were dropped."""
+        """Returns why samples were dropped because of their frame, or None."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (

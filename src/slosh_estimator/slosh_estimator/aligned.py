@@ -42,7 +42,7 @@ class AlignedStreams(Generic[Key]):
 
     @property
     def moved(self) -> bool:
-        """Whether any value has changed."""
+        """Whether any received value has ever changed."""
         return any(stream.moved for stream in self._streams.values())
 
     def silent(self) -> tuple[Key, float] | None:

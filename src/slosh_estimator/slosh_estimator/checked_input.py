@@ -36,7 +36,7 @@ class CheckedInput:
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were dropped for their frame, or None if none were dropped."""
+        """Returns why samples were dropped because of their frame, or None."""
         return None
 
     def checked_memory(self, stamp_ns: int) -> list[float]:

@@ -98,13 +98,13 @@ class ImuInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state, except the last stamp, on which the next samples depend."""
+        """Returns the reader's state as numbers, except the stamp of the last sample."""
         mean = math.nan if self._mean_force is None else self._mean_force
         own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
         return [*own, *self.sampling.memory, *self.checked_memory(self._stamp_ns)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores a state that `memory` of another reader returned after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

@@ -168,7 +168,7 @@ class InputSettings(NamedTuple):
         return self._replace(transform=transform, frames=(world, self.frames[1]))
 
     def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
-        """Returns the mounting that a sensor should have, and whether its axes are the world's.
+        """Returns the configured mounting of a sensor, and whether its axes are the world's.
 
         Args:
             kind: IMU or ACCEL.

@@ -104,7 +104,7 @@ class JointPoses:
         return len(self._layouts)
 
     def facts(self) -> dict[str, str]:
-        """Returns values for the diagnostics, by name."""
+        """Returns joint names and the error of joint velocities, for the diagnostics."""
         return {"joints": ", ".join(self._robot.carrying), **self.velocities.facts()}
 
     def _posed(self, stamp_ns: int, positions: dict[str, float]) -> TimedPose:

@@ -51,7 +51,7 @@ class JointVelocities:
         return math.sqrt(self._missed / self._moved) if enough else math.nan
 
     def facts(self) -> dict[str, str]:
-        """Returns values for the diagnostics, by name."""
+        """Returns how well velocities agree with positions, for the diagnostics."""
         if math.isnan(self.error):
             return {}
         agree = self.error <= TUNING.agreeing_velocity

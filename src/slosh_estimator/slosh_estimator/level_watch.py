@@ -67,7 +67,7 @@ class LevelWatch:
 
     @property
     def text(self) -> str:
-        """Says in one line that the level is wrong and what to check; empty if it is right."""
+        """Returns one line on a wrong level and what to check; empty if the level is right."""
         if math.isnan(self.offset):
             return ""
         return (

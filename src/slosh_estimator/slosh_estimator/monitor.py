@@ -310,7 +310,7 @@ class Monitor:
 
     @property
     def at_rim(self) -> str:
-        """Says that the liquid is above the rim; empty if this is not known."""
+        """Returns one line if the liquid is above the rim; empty if this is not known."""
         above = [
             tracker.limit_text
             for tracker in self._trackers.values()
@@ -536,5 +536,5 @@ class Monitor:
 
 
 def _seen_ns(point: EstimatePoint) -> int:
-    """Returns the stamp [ns] of a measurement that shows the state of an estimate."""
+    """Returns the stamp [ns] at which the sensor measures the state of an estimate."""
     return point.stamp_ns + point.delay_ns

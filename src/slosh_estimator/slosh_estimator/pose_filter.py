@@ -79,7 +79,7 @@ class PoseFilter(NamedTuple):
         return plain._replace(most=(CUBIC if order == 2 else LINEAR) + 2 * higher)
 
     def terms(self, count: int) -> int:
-        """Returns the number of polynomial terms for a number of values."""
+        """Returns how many polynomial terms to fit to a number of values."""
         if self.most and count > self.most + 1:
             return self.most
         if self.order == 1:

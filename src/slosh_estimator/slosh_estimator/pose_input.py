@@ -175,7 +175,7 @@ class PoseInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state, the poses of the window, on which the next samples depend."""
+        """Returns the reader's state as numbers, mainly the poses of the window."""
         first = max(self._at - 1 - self._count // 2, 0) if self._count else 0
         rows = self._poses.rows(first)
         checked = self.checked_memory(self._poses.newest_ns if len(self._poses) else 0)
@@ -184,7 +184,7 @@ class PoseInput(CheckedInput):
         return [float(self._at), *self._misfit, *self.sampling.memory, *rows, *checked]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores a state that `memory` of another reader returned after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.
@@ -233,7 +233,7 @@ class PoseInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why poses were dropped for their frame, or None if none were dropped."""
+        """Returns why poses were dropped because of their frame, or None."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (
@@ -242,7 +242,7 @@ class PoseInput(CheckedInput):
         )
 
     def _strange(self, frame: str) -> bool:
-        """Returns whether a pose is dropped for its frame."""
+        """Returns whether a pose is dropped because of its frame."""
         if self._other_frame is None or frame:
             self._other_frame = frame
         if self._any_frame or not frame:
@@ -340,7 +340,7 @@ class PoseInput(CheckedInput):
     def _put_in_time(
         self, first: int, end: int, tau: Array, positions: Array
     ) -> tuple[Array, float]:
-        """Returns the corrected times (N,) [s] of a window's poses, relative to the centre.
+        """Returns times (N,) [s] of a window's poses, corrected for jitter of the stamps.
 
         A controller or a camera measures evenly, and its messages are often stamped when they
         arrive: then the motion is smoother at the ticks of an even clock. Others measure unevenly

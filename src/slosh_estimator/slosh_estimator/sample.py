@@ -17,7 +17,7 @@ its angular velocity [rad/s] and its angular acceleration [rad/s²] in its own a
 
 
 class Sample(NamedTuple):
-    """Input of the models at one time.
+    """One input sample of the models: stamp, acceleration and attitude.
 
     A named tuple, because a thousand are made each second.
 

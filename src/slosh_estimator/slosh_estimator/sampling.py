@@ -150,7 +150,7 @@ class Sampling:
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state on which the next checks depend."""
+        """Returns the state of the rate measurement as numbers."""
         unused = [math.nan] * (BLOCK - len(self._block))
         return [float(self.interval_ns), float(self._gapped), *map(float, self._block), *unused]
 
@@ -174,7 +174,7 @@ class Sampling:
         return found
 
     def sentence(self) -> str:
-        """Says in one line which mode the rate cannot represent; empty if it suffices."""
+        """Returns one line on a mode that the rate cannot represent; empty if it suffices."""
         if not self.slow:
             return ""
         number, frequency, gain = next(self._lost(self.seconds))

@@ -105,7 +105,7 @@ def judged(
 
 
 def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
-    """Says that two stamps [ns] come from different clocks; empty if they may share one."""
+    """Returns one line if two stamps [ns] come from different clocks, else an empty text."""
     apart = (measured_ns - estimated_ns) * SECONDS_PER_NS
     if abs(apart) <= TUNING.clocks_apart:
         return ""

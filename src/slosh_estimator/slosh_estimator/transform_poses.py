@@ -95,7 +95,7 @@ class TransformPoses:
         return ""
 
     def facts(self) -> dict[str, str]:
-        """Returns values for the diagnostics, by name."""
+        """Returns the chain of transforms as text, for the diagnostics."""
         chain = (self._world, *reversed(self._chain)) if self._chain else ("none",)
         return {"chain of transforms": " → ".join(chain)}
 

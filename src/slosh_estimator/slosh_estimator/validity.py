@@ -43,7 +43,7 @@ def validity_limits(model: Model) -> dict[str, float]:
 
 
 def attitude_warning(model: Model, kind: str) -> str:
-    """Says in one line which effects an input cannot drive; empty if it drives all.
+    """Returns one line on effects that an input cannot drive; empty if it drives all.
 
     Args:
         model: the model.

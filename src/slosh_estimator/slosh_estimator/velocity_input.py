@@ -106,11 +106,11 @@ class VelocityInput(PoseInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state, except the last stamp, on which the next samples depend."""
+        """Returns the reader's state as numbers, except the stamp of the last sample."""
         return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores a state that `memory` of another reader returned after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.

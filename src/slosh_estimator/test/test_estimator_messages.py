@@ -21,7 +21,7 @@ def modal(message: SloshEstimate) -> list[float]:
 
 
 def estimate(model: Model) -> Estimate:
-    """Returns the estimate of a second sample."""
+    """Returns the estimate for the second of two samples."""
     estimator = Estimator(model)
     estimator.update(Sample(0, 1.0, 0.0, 0.0, 0.0, True))
     return estimator.update(Sample(5_000_000, 2.0, -1.0, 0.0))

@@ -233,7 +233,7 @@ def _run(
 
 
 def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) -> None:
-    """Computes the heights of the first inputs one after another; changes the store."""
+    """Computes the heights of the first inputs one by one; changes the model's state array."""
     count = len(heights)
     before = _ZERO if count == 1 else np.concatenate((_ZERO, intervals))
     history = np.empty((count, len(divided(store)[1]), 4))

@@ -159,12 +159,12 @@ class Container(ABC):
     @property
     @abstractmethod
     def size(self) -> float:
-        """Dimension of the container that affects its waves most [m]."""
+        """Characteristic dimension of the container for its waves [m]."""
 
     @property
     @abstractmethod
     def size_name(self) -> str:
-        """Name of the dimension that `size` returns."""
+        """Name of the characteristic dimension `size`, such as 'radius'."""
 
     @property
     @abstractmethod
@@ -263,7 +263,7 @@ class Container(ABC):
 
     @property
     def linear_height(self) -> float:
-        """Height above which linear waves are invalid [m], or infinity if not needed."""
+        """Height above which linear waves are invalid [m]; infinite if nonlinear models exist."""
         return math.inf
 
     @property

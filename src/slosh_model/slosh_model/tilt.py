@@ -67,7 +67,7 @@ def feeling(model: Model, attitude: Array | None) -> Model:
 
 
 def added_text(model: Model, attitude: Array | None) -> str:
-    """Says in one line that gravity by tilt was added to the model; empty if not."""
+    """Returns one line if gravity by tilt was added to the model, else an empty text."""
     tilt = unfelt_tilt(model, attitude)
     if not tilt:
         return ""

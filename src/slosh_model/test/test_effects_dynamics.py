@@ -154,7 +154,7 @@ def test_damping_mismatch_is_a_faster_decay(factor):
 
 
 def amplitude(x, y, vx, vy):
-    """Returns the damping added by a wave's height, for γ = 25."""
+    """Returns the additional damping of a high wave, for γ = 25."""
     return 2.0 * ZETA * OMEGA * 25.0 * (x * x + y * y) / RADIUS**2
 
 

@@ -70,7 +70,7 @@ def look_ahead(
 
 
 def warning(prediction: Prediction) -> str:
-    """Says by how much a motion exceeds its limits; empty if it keeps them."""
+    """Returns by how much a motion exceeds its limits, as text; empty if it keeps them."""
     limits, peak = prediction.limits, prediction.nonlinear
     parts = []
     if prediction.excess > 0.0:

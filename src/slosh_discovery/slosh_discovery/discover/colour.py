@@ -60,7 +60,7 @@ class Neighbours:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whitening:
-    """Whitening by a Kalman filter: the innovation of each sample given the previous ones.
+    """Filter that whitens correlated noise, by the innovations of a Kalman filter.
 
     Attributes:
         before: (N,) place of the sample before in its series, -1: none.

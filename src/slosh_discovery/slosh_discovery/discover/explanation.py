@@ -78,20 +78,20 @@ class Explanation:
 
     @cached_property
     def widths(self) -> Array:
-        """(P,) plausible range of each free parameter."""
+        """Plausible range (P,) of each free parameter."""
         ranges = (plausible(one.parameter) for one in self.free)
         return np.array([high - low for low, high in ranges])
 
     @cached_property
     def spreads(self) -> Array:
-        """(P,) prior standard deviation of each free parameter."""
+        """Prior standard deviation (P,) of each free parameter."""
         even = self.widths * math.sqrt(PRIOR_VARIANCE)
         told = [one.parameter.spread for one in self.free]
         return np.array([e if t is None else t for e, t in zip(even.tolist(), told, strict=True)])
 
     @cached_property
     def centres(self) -> Array:
-        """(P,) prior mean of each free parameter."""
+        """Prior mean (P,) of each free parameter."""
         return np.array([_centre(one.parameter) for one in self.free])
 
     @cached_property

@@ -60,7 +60,7 @@ class SharedNoise:
 
     @classmethod
     def of(cls, columns: Array) -> SharedNoise:
-        """Creates the noise from its columns L (N, R)."""
+        """Creates correlated noise with the covariance L Lᵀ from L (N, R)."""
         directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         matters = sizes**2 > TUNING.least_shared
         return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)

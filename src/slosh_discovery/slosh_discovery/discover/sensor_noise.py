@@ -39,7 +39,7 @@ ROUNDS = 5
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Noise of one sensor.
+    """Noise of a height sensor: size, correlation, jitter and outliers.
 
     Attributes:
         stddev: of the part that remembers [m]; where the sensor claims its own, in that's median.
@@ -58,7 +58,7 @@ class SensorNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leftovers:
-    """A model's residual of a motion.
+    """Residual of a model for one motion.
 
     Attributes:
         motion: the motion.

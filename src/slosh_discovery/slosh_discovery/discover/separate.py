@@ -189,7 +189,7 @@ def _by_merit(trial: _Trial) -> float:
 
 
 def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
-    """Returns the largest motion without spilling, or None if it always spills."""
+    """Returns the motion with the largest amplitude without spilling, or None."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
         trial = _try(pair, sized)

@@ -44,7 +44,7 @@ class Change:
     last: float
 
     def text(self) -> str:
-        """Describes the change in a sentence."""
+        """Describes in a sentence how the parameter changes with time."""
         when = "from motion to motion" if self.between else "with time within the motions"
         return (
             f"Something changes {when}: the {self.parameter} of {self.effect} from about "
@@ -75,7 +75,7 @@ class _Changing:
 
     @property
     def gain(self) -> float:
-        """Returns the reduction of χ² by the change."""
+        """Returns by how much a parameter that changes with time reduces χ²."""
         return self.one.chi_square - float(self.residual @ self.residual)
 
     def log_evidence(self, temperature: float) -> float:

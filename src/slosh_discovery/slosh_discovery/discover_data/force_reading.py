@@ -53,7 +53,7 @@ class ForceSource:
 
 
 def read_force(path: Path, source: ForceSource, tell: Tell) -> ForceRecord:
-    """Reads the force and the motion in a file.
+    """Reads the measured force and the container's motion from a file.
 
     Args:
         path: a table with t, ax, ay, az, fx, fy, fz; a bag, also a ROS 1 or rosbag2 one.

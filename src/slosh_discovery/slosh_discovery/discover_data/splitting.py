@@ -63,7 +63,7 @@ class RecordingParts(NamedTuple):
 
 
 def split(recording: BagRecording) -> RecordingParts:
-    """Splits a recording into parts."""
+    """Splits a recording into parts that each become one measured motion."""
     stamps, rest = recording.motion.stamps, _Rest(recording.heights)
     spans = recorded_spans(recording.motion)
     gaps = _gaps_in_motion(stamps, spans, recording.max_gap_ns)

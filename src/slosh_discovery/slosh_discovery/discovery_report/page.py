@@ -146,7 +146,7 @@ def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
 
 
 def _status(finding: Finding) -> str:
-    """Returns the CSS class that colours the verdict."""
+    """Returns the CSS class that colours the verdict of the discovery."""
     if finding.verdict is Verdict.UNEXPLAINED:
         return "failed"
     doubtful = finding.verdict is Verdict.NAMED and not finding.confidence >= CONFIDENT

@@ -43,7 +43,7 @@ def headline(report: IdentificationReport) -> str:
 
 
 def held_sentence(held: Unidentified) -> str:
-    """Says in a sentence which parameter the motions do not determine, and which motion would."""
+    """Returns a sentence on a parameter that the motions do not determine, and on a remedy."""
     if held.with_others:
         text = (
             f"These motions cannot distinguish {held.name} from {' and '.join(held.with_others)}"

@@ -1,4 +1,4 @@
-"""Residual vibration during a dwell: measured, as a straight line, and simulated."""
+"""Computes the liquid's residual vibration during a dwell, measured and simulated."""
 
 from __future__ import annotations
 

@@ -65,31 +65,31 @@ class FittedVector:
 
     @property
     def values(self) -> Array:
-        """(P,) fitted values of the parameters."""
+        """Fitted values (P,) of the parameters."""
         return self.vector[: len(self.problem.parameters)]
 
     @property
     def shared(self) -> Array:
-        """(P, P) covariance of the parameters."""
+        """Covariance (P, P) of the parameters."""
         count = len(self.problem.parameters)
         return self.covariance[:count, :count]
 
     @property
     def standard_errors(self) -> Array:
-        """(P,) standard errors of the parameters."""
+        """Standard errors (P,) of the parameters."""
         errors: Array = np.sqrt(np.diag(self.shared))
         return errors
 
     @property
     def correlations(self) -> Array:
-        """(P, P) correlations of the parameters."""
+        """Correlations (P, P) of the parameters."""
         errors = self.standard_errors
         scale = np.where(errors > 0.0, errors, 1.0)
         correlations: Array = self.shared / np.outer(scale, scale)
         return correlations
 
     def interval(self, confidence: float = 0.95) -> tuple[Array, Array]:
-        """Returns (P,) lower and upper ends of the parameters' confidence intervals."""
+        """Returns lower and upper ends (P,) of the parameters' confidence intervals."""
         reach = self.quantile(confidence) * self.standard_errors
         return self.values - reach, self.values + reach
 
@@ -98,7 +98,7 @@ class FittedVector:
         return float(special.stdtrit(self.degrees, 0.5 + 0.5 * confidence))
 
     def band(self) -> Array:
-        """(N,) standard error of the predicted heights [m]."""
+        """Standard error (N,) of the predicted heights [m]."""
         variances = np.einsum("ij,jk,ik->i", self.jacobian, self.covariance, self.jacobian)
         band: Array = np.sqrt(np.maximum(variances, 0.0))
         return band
@@ -137,14 +137,14 @@ def _whitening(problem: Problem, before: White, vector: Array, residual: Array) 
 
 
 def information(problem: Problem, vector: Array, colour: Colour) -> Array:
-    """Returns the information (P, P) on the parameters if the nuisances are unknown."""
+    """Returns the information (P, P) on the parameters if nuisance parameters are free."""
     white = White.of(problem, colour, driven_by(problem, vector))
     derivative = white.applied(problem.derivative(vector))
     return shared_information(derivative.T @ derivative, len(problem.parameters))
 
 
 def shared_information(full: Array, count: int) -> Array:
-    """Returns the information (P, P) on the parameters: Schur complement of the nuisances."""
+    """Returns the parameters' information (P, P) as Schur complement of the nuisance part."""
     own = full[count:, count:]
     mixed = full[:count, count:]
     shared: Array = full[:count, :count] - mixed @ np.linalg.pinv(own, SINGULAR, True) @ mixed.T

@@ -97,7 +97,7 @@ def _with_help(
     places: Sequence[int],
     candidates: Sequence[tuple[CandidateMotion, Inputs, Array]],
 ) -> Unidentified:
-    """Returns an unidentified parameter with a motion that would identify it well.
+    """Returns an unidentified parameter together with a motion that would identify it.
 
     Args:
         missing: the parameter.

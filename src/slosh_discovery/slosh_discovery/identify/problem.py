@@ -1,4 +1,4 @@
-"""Least-squares problem: measured minus predicted heights by parameters and nuisances.
+"""Least-squares problem: residuals of the heights by parameters and nuisance parameters.
 
 Nuisances are a motion's own: the offset of its clock where inputs and heights have two, and the
 state in which a free decay begins. A still level that is unknown is taken out of the residual.
@@ -71,7 +71,7 @@ class Problem:
         return np.array([parameter.start for parameter in self.parameters])
 
     def start(self, values: Array) -> Array:
-        """Returns the initial vector (V,): parameters, and nuisances that match them."""
+        """Returns the initial vector (V,): parameters and matching nuisance parameters."""
         vector = np.zeros(self.size)
         vector[: len(values)] = values
         model = self.model_at(vector)
@@ -95,7 +95,7 @@ class Problem:
 
     @property
     def widths(self) -> Array:
-        """Prior widths (V,) of parameters and nuisances."""
+        """Prior widths (V,) of parameters and nuisance parameters."""
         widths = np.full(self.size, TUNING.clock_width)
         widths[: len(self.parameters)] = [parameter.width for parameter in self.parameters]
         gain = self.model.height_gains()[0]

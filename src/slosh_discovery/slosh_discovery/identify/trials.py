@@ -60,7 +60,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoint:
-    """Motions with the same inputs.
+    """An operating point: motions with the same inputs.
 
     Attributes:
         label: for people; the speed, or the first motion's name.

@@ -81,7 +81,7 @@ class ContainerChanges:
             self._look_ahead()
 
     def facts(self) -> dict[str, str]:
-        """Returns values for the diagnostics, by name."""
+        """Returns the current container and waiting changes, for the diagnostics."""
         waiting = {"container changes ahead": str(len(self._waiting))} if self._waiting else {}
         return {"container": self.held.described, **waiting}
 

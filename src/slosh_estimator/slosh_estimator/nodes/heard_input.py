@@ -185,7 +185,7 @@ class HeardInput:
         return self.poses.trouble() if self.poses is not None else ""
 
     def facts(self) -> dict[str, str]:
-        """Returns values for the diagnostics, by name."""
+        """Returns texts on the state of the input by name, for the diagnostics."""
         told = {} if self.poses is None else self.poses.facts()
         if self._unconnected:
             told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"

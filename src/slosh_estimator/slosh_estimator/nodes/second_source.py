@@ -116,7 +116,7 @@ class SecondSource:
         return (told, "") if self._senses else ("", told)
 
     def facts(self) -> dict[str, str]:
-        """Returns values for the diagnostics, by name."""
+        """Returns what the comparison of both sources found, for the diagnostics."""
         told = {f"second source {kind}": why for kind, why in self._refusals.items()}
         if self._heard is None:
             return told
@@ -131,7 +131,7 @@ class SecondSource:
 
     @property
     def _names(self) -> tuple[str, str]:
-        """Returns the types of the sensor and of the source of the motion."""
+        """Returns the input types of the sensor and of the source of the motion."""
         pair = self._kind, self._other
         return pair if self._senses else (pair[1], pair[0])
 

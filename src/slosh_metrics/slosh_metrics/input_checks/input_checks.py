@@ -59,7 +59,7 @@ _ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class Cause(NamedTuple):
-    """Reason for doubting an input, with the vector that shows it."""
+    """Suspected cause of an input fault, with the vector that shows it."""
 
     kind: int = NONE
     vector: Vector = _ZERO
@@ -303,7 +303,7 @@ class PoseCheck(Check):
 
 
 def too_fast(size: float) -> Doubt:
-    """Returns the doubt about an acceleration [m/s²] that no robot arm can reach."""
+    """Returns the suspected fault for an acceleration [m/s²] that no robot arm can reach."""
     return Doubt(
         f"an acceleration of {size:.4g} m/s² for {BIN:g} s changes the speed by "
         f"{size * BIN:.3g} m/s, and no arm moves faster than {TOP_SPEED:g} m/s: is it in mm/s²? "

@@ -35,7 +35,7 @@ MIXED_INPUT = "several publishers are mixed on its topic; stop one of them and r
 
 
 class FaultKind(Enum):
-    """Kind of an input fault."""
+    """Kind of an input fault: clipped, frozen, mixed or missing samples."""
 
     CLIPPED = "clipped"
     FROZEN = "frozen"

@@ -35,7 +35,7 @@ class InputDoubt(str):
     wrong: bool
 
     def __new__(cls, text: str, wrong: bool = True) -> InputDoubt:
-        """Creates the line."""
+        """Creates a line of text that reports a doubtful input."""
         made = super().__new__(cls, text)
         made.wrong = wrong
         return made

@@ -1,4 +1,4 @@
-"""Rotation matrices of mountings: nearest rotation, axes in words, roll, pitch, yaw."""
+"""Finds the nearest rotation of a mounting and describes its axes in words."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def _errors(covariance: Array) -> tuple[Array, Array]:
 
 
 def _same_motion(fit: MountingFit) -> bool:
-    """Returns whether the sensor shows the same motion at all."""
+    """Returns whether the sensor shows the container's motion at all."""
     return fit.explained >= TUNING.explained and fit.gain > TUNING.sure * fit.gain_error
 
 

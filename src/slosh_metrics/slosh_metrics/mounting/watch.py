@@ -175,7 +175,7 @@ def _possible(values: Vector) -> bool:
 
 
 def _sees(verdict: MountingVerdict) -> bool:
-    """Returns whether a motion shows the orientation of the sensor."""
+    """Returns whether a motion suffices to determine the orientation of the sensor."""
     return not verdict.unseen or verdict.error < TUNING.unseen
 
 

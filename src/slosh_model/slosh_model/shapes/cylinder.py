@@ -77,7 +77,7 @@ class Cylinder(Container):
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension that `size` returns."""
+        """Name of the characteristic dimension, 'radius'."""
         return "radius"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:

@@ -76,7 +76,7 @@ class PrismaticContainer(SolvedContainer):
         return (along, across) if self.cornered else (max(along, across),) * 2
 
     def curved_gain(self, n: int, axis: int = 0) -> float:
-        """Returns a mode's wall height per displacement [1]; the larger one of equal axes."""
+        """Returns a mode's wall height per displacement [1]; for equivalent axes the larger."""
         if self.cornered:
             return self.numbers(n, axis).height_per_displacement
         both = [self.numbers(1, one).reach for one in (0, 1)]
@@ -112,7 +112,7 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension that `size` returns."""
+        """Name of the characteristic dimension, 'width'."""
         return "width"
 
     @property

@@ -92,7 +92,7 @@ class Rectangle(Container):
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension that `size` returns."""
+        """Name of the characteristic dimension, 'width'."""
         return "width"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:

@@ -105,7 +105,7 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension that `size` returns."""
+        """Name of the characteristic dimension, 'surface radius'."""
         return "surface radius"
 
     @property

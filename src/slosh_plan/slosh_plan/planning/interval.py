@@ -97,7 +97,7 @@ class Interval:
 
     @property
     def curve(self) -> int:
-        """Number of columns of the leg that are interpolated along the path."""
+        """Number of columns that are interpolated along the leg of the path."""
         return CURVE if self.joints is None else self.joints.width
 
     @property

@@ -38,7 +38,7 @@ class JointDemands:
 
     @property
     def width(self) -> int:
-        """Number of interpolated columns of the leg."""
+        """Number of columns that are interpolated along the leg of the path."""
         count = len(self.limits.names)
         return CURVE + TURN + ORDERS * count * (2 if self.torques else 1)
 
@@ -91,7 +91,7 @@ class JointDemands:
         return found
 
     def _terms(self, curve: Expression, block: int) -> Iterator[tuple[int, list[Expression]]]:
-        """Yields the three terms of each joint, of its derivatives or of its torque."""
+        """Yields three terms for each joint, as path derivatives or as torque terms."""
         count = len(self.limits.names)
         begin = CURVE + TURN + block * ORDERS * count
         for n in range(count):

@@ -49,7 +49,7 @@ class JointLeg(Leg):
     follows_yaw: bool
 
     def columns(self, s: Array) -> Array:
-        """Returns the interpolated columns (N, C) for the search; see `JointDemands`."""
+        """Returns the columns (N, C) that the search interpolates; see `JointDemands`."""
         motion = Leg.columns(self, s)
         turned = self._liquid_axes(s).reshape(len(s), -1)
         slope, bend, change = (self.joint_derivative(s, order) for order in (1, 2, 3))

@@ -46,7 +46,7 @@ class Leg:
 
     @cached_property
     def derivatives(self) -> tuple[BSpline, ...]:
-        """The spline and its first three derivatives by s."""
+        """Splines of the position over s and of its first three derivatives."""
         return (self.spline, *(self.spline.derivative(n) for n in (1, 2, 3)))
 
     def at(self, s: Array, orders: int = 3) -> tuple[Array, ...]:
@@ -59,7 +59,7 @@ class Leg:
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
-        """Returns the interpolated columns (N, C) for the search: derivatives of the position."""
+        """Returns the columns (N, C) that the search interpolates: position derivatives."""
         return np.column_stack(self.at(s)[1:])
 
 

@@ -169,7 +169,7 @@ class Tilt:
 
     @property
     def largest(self) -> tuple[float, float, float]:
-        """Largest angle, rate and acceleration [rad, rad/s, rad/s²]."""
+        """Largest angle, rate and acceleration of the tilt [rad, rad/s, rad/s²]."""
         sizes = (np.linalg.norm(one, axis=1).max() for one in
                  (self.vector, self.rate, self.acceleration))  # fmt: skip
         angle, rate, acceleration = (float(size) for size in sizes)

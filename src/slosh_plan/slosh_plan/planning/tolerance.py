@@ -34,7 +34,7 @@ class Tolerance:
 def frequency_tolerance(
     model: Model, motion: PlannedMotion, limits: PlanLimits, attitude: Array | None = None
 ) -> Tolerance:
-    """Simulates a planned motion with other natural frequencies.
+    """Simulates a planned motion with other natural frequencies, to find its tolerance.
 
     A motion that runs faster or slower by a share is, to the liquid's phase, the same as an error
     of the frequency by that share.

@@ -101,7 +101,7 @@ class HeightCollector:
         self._parts = [Measurements(whole, none, whole, none, none)]
 
     def add(self, columns: Columns) -> None:
-        """Adds consecutive messages."""
+        """Adds consecutive FreeSurface messages."""
         self._parts.append(measurements(columns))
 
     def measurements(self) -> Measurements:

@@ -23,7 +23,7 @@ TOLERANCE = 0.5
 
 
 class _Estimator(NamedTuple):
-    """The last estimate of one estimator.
+    """The last known estimate of one of several estimators.
 
     Attributes:
         used: inputs that it had used at its newest estimate.

@@ -62,7 +62,7 @@ class OutputBag(Outputs):
         self._names, self._template, self._wall = names, None, wall
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
-        """Writes estimates."""
+        """Writes estimates to the bag."""
         own = estimates.own
         if not len(own.stamps):
             return
@@ -85,7 +85,7 @@ class OutputBag(Outputs):
             self._writer.write(ESTIMATE_TOPIC, data.tobytes(), stamp)
 
     def comparisons(self, comparisons: list[Comparison]) -> None:
-        """Writes comparisons."""
+        """Writes comparisons to the bag."""
         for comparison in comparisons:
             fields = comparison._asdict()
             stamp = fields.pop("stamp_ns")
@@ -93,7 +93,7 @@ class OutputBag(Outputs):
             self._write("comparison", COMPARISON, stamp, fields)
 
     def events(self, events: list[Event]) -> None:
-        """Writes limit events."""
+        """Writes limit events to the bag."""
         for event in events:
             fields = {
                 "id": event.id, "kind": int(event.kind), "source": int(event.source),

@@ -123,7 +123,7 @@ class ReplayStream:
         return {"inputs": self._filter.count, "images": self._stray_images}
 
     def add_input(self, columns: Columns, log_ns: int) -> None:
-        """Adds messages of the input.
+        """Adds input messages of the models.
 
         Args:
             columns: their fields, (N,) each.
@@ -171,7 +171,7 @@ class ReplayStream:
             self.images += len(measured.stamps)
 
     def advance(self, *, final: bool = False) -> None:
-        """Processes all data that are complete.
+        """Processes the data up to the stamp that all streams have reached.
 
         Args:
             final: nothing follows.

@@ -161,7 +161,7 @@ def table_stamps(path: Path, t: Array) -> tuple[int, Stamps]:
 
 
 def table_times(nanoseconds: Stamps) -> Array:
-    """Returns times [s] of whole nanoseconds (N,), as the nearest floats."""
+    """Converts whole nanoseconds (N,) to times [s], rounded to the nearest floats."""
     # Division of whole numbers: 2e18 ns as a float would have lost its last digits before.
     return np.array([ns / SECOND for ns in nanoseconds.tolist()], dtype=np.float64)
 

@@ -35,7 +35,7 @@ STRONGEST = 30.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionWithTerms:
-    """A motion prepared for many simulations with added terms.
+    """A motion prepared for many simulations with added equation terms.
 
     Attributes:
         model: the base model.
