@@ -76,13 +76,13 @@ PARAMETERS = (
         "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
     ),
     ParameterSpec(
-        "containers", "", "folder of model files NAME.yaml for change_container; empty: none"
+        "containers", "", "folder of model files NAME.yaml for change_container; empty if there is none"
     ),
     ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("container_frame", "container", "frame of the container in all published messages"),
     ParameterSpec(
         "urdf", "", "robot description (URDF, xacro) for the input joints; empty: the topic "
         f"{topics.ROBOT_DESCRIPTION}"
@@ -122,8 +122,8 @@ PARAMETERS = (
         "check_input", True, "check gravity, units and attitude of the input"
     ),
     ParameterSpec(
-        "second_source", AUTO, "motion or sensor with which the input is compared: axes, signs, "
-        "units; auto: the first that is published", choices=CHOICES,
+        "second_source", AUTO, "second source that is compared with the input to check axes, "
+        "signs and units; auto: the first one that is published", choices=CHOICES,
     ),
     ParameterSpec(
         "pose_window", POSE_WINDOW,
@@ -132,8 +132,8 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "smoothing", 0.0,
-        "delay of what is differentiated [s], half of the window; longer is less noisy; it also "
-        "chooses the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
+        "delay of the differentiated input [s], half of the window; a longer one reduces noise; it "
+        "also sets the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
     ),
     ParameterSpec(
         "observer", True,

@@ -76,12 +76,12 @@ PARAMETERS = (
     ),
     _dynamic(
         "hold", _DEFAULT.hysteresis.hold_ns / 1e9,
-        "time that the value must stay there before the exceedance ends [s]", (0.0, 60.0),
+        "time that the value must stay below release before the exceedance ends [s]", (0.0, 60.0),
     ),
     _dynamic("timeout", _DEFAULT.timeout, "time without messages after which an input is "
                                           "stale [s]", (0.05, 0.4)),
     ParameterSpec("buffer", _DEFAULT.buffer, "time for which estimates are kept [s]", (0.1, 60.0)),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("container_frame", "container", "frame of the container in all published messages"),
     ParameterSpec("camera", True, "false: there is no camera; only the estimate is monitored"),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
@@ -377,7 +377,7 @@ class PredictionWatch:
         self._node.get_logger().info(f"planned motion {outcome.id}: {outcome.description}")
 
     def facts(self) -> dict[str, Any]:
-        """Returns values for the diagnostics, by name."""
+        """Returns the accuracy of the predictions by name, for the diagnostics."""
         record, last = self._record, self._record.last
         if last is None:
             return {"predictions": 0}

@@ -47,10 +47,10 @@ PARAMETERS = (
     ParameterSpec(
         "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
     ),
-    ParameterSpec("urdf", "", "robot's description, for paths of its joints; empty: none"),
-    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
+    ParameterSpec("urdf", "", "URDF file of the robot, for joint paths; empty if not needed"),
+    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
     ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, besides the URDF's limits; empty: none"
+        "joint_limits", "", "MoveIt's joint_limits.yaml, which overrides the URDF's limits; empty if unused"
     ),
 )  # fmt: skip
 REPLY = 0.2

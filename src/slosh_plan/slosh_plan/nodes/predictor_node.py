@@ -39,11 +39,11 @@ PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("scales", COUNT, "number of time scales tested per request", (10, 10_000)),
     ParameterSpec(
-        "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0),
+        "limit", 0.02, "height limit during planned motions [m]; 0 for no limit", (0.0, 10.0),
         read_only=False,
     ),
     ParameterSpec(
-        "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
+        "residual_limit", 0.0, "height limit after their end [m]; 0 for no limit", (0.0, 10.0),
         read_only=False,
     ),
     ParameterSpec(
@@ -51,9 +51,9 @@ PARAMETERS = (
         "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
         read_only=False,
     ),
-    ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
-    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("urdf", "", "URDF file of the robot, for joint motions; empty if not needed"),
+    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
+    ParameterSpec("container_frame", "container", "frame of the container in all published messages"),
 )  # fmt: skip
 LIMITS = ("limit", "residual_limit")
 
