@@ -93,7 +93,7 @@ class MotionFinder:
         del self._spans[0]
 
     def number_at(self, stamps: Integers) -> NDArray[np.int32]:
-        """Returns the index of the motion to which each stamp belongs, or -1.
+        """Returns the index of the motion to which each stamp belongs, or -1 for none.
 
         Args:
             stamps: (N,) [ns].

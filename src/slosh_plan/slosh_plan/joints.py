@@ -44,7 +44,7 @@ class Arm(Robot):
         acceleration: Array | None = None,
         name: str = "trajectory",
     ) -> Trajectory:
-        """Returns the container's motion for a joint motion.
+        """Computes the container's motion from a motion of the joints.
 
         Between the points joints move by splines, as a joint trajectory controller has them: of
         the fifth degree with velocities and accelerations, of the third with velocities, and with

@@ -106,7 +106,7 @@ def make_trials(
 
 
 def operating_speed(inputs: Inputs, ratio: float) -> float:
-    """Returns the machine speed [1/min] of a rise and dwell; NaN if the motion is another one.
+    """Returns the speed [1/min] of a machine's rise and dwell; NaN for other motions.
 
     A stroke is a machine's where its record ends with the cycle, or the next stroke follows then.
     One after which the liquid is watched for long is a motion of its own, such as a free decay.

@@ -76,13 +76,13 @@ PARAMETERS = (
         "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
     ),
     ParameterSpec(
-        "containers", "", "folder of model files NAME.yaml for change_container; empty if there is none"
+        "containers", "", "folder of model files NAME.yaml for change_container; empty if unused"
     ),
     ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
-    ParameterSpec("container_frame", "container", "frame of the container in all published messages"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
     ParameterSpec(
         "urdf", "", "robot description (URDF, xacro) for the input joints; empty: the topic "
         f"{topics.ROBOT_DESCRIPTION}"
@@ -132,8 +132,8 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "smoothing", 0.0,
-        "delay of the differentiated input [s], half of the window; a longer one reduces noise; it "
-        "also sets the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
+        "delay of the differentiated input [s], half of the window; a longer one reduces noise; "
+        "it also sets the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
     ),
     ParameterSpec(
         "observer", True,

@@ -81,7 +81,7 @@ PARAMETERS = (
     _dynamic("timeout", _DEFAULT.timeout, "time without messages after which an input is "
                                           "stale [s]", (0.05, 0.4)),
     ParameterSpec("buffer", _DEFAULT.buffer, "time for which estimates are kept [s]", (0.1, 60.0)),
-    ParameterSpec("container_frame", "container", "frame of the container in all published messages"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
     ParameterSpec("camera", True, "false: there is no camera; only the estimate is monitored"),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)

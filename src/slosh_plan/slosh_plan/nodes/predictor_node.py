@@ -53,7 +53,7 @@ PARAMETERS = (
     ),
     ParameterSpec("urdf", "", "URDF file of the robot, for joint motions; empty if not needed"),
     ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
-    ParameterSpec("container_frame", "container", "frame of the container in all published messages"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
 )  # fmt: skip
 LIMITS = ("limit", "residual_limit")
 

@@ -23,7 +23,7 @@ Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
 def row_type(models: int) -> np.dtype[np.void]:
-    """Returns the dtype of a row: one image.
+    """Returns the NumPy data type of a row, which describes one image.
 
     Fields: stamp [ns]; measured height [m] and its azimuth [rad], NaN where there is none; flags
     of FreeSurface.msg; heights of the models at the image [m] and the azimuth of the last of them
