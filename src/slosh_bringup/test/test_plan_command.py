@@ -53,6 +53,20 @@ def test_a_plan_is_a_motion_table_that_can_be_simulated(slosh_plan, tmp_path, ca
     assert json.loads(capsys.readouterr().out)["peak"] <= 0.015
 
 
+def test_a_robust_plan_tells_the_likely_heights_and_their_price(slosh_plan, tmp_path):
+    code, _, err, _ = slosh_plan(LINE, "--robust")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "needs the covariance" in err
+    covariance = "covariance: {parameters: [damping_ratio], matrix: [[1.0e-6]]}\n"
+    (tmp_path / "model.yaml").write_text(MODEL + covariance)
+    code, out, _, _ = slosh_plan(LINE, "--robust", "--json", "--time-limit", "5")
+    facts = json.loads(out)
+    assert code == 0
+    assert facts["likely"]["parameters"] == ["damping_ratio"]
+    assert facts["peak"] < facts["likely"]["peak"] <= 0.015 * 1.001
+    assert facts["duration"] >= facts["likely"]["nominal_duration"]
+
+
 def test_the_attitude_is_kept(slosh_plan):
     rows = "t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0.6,0.8\n1,0.1,0,0,0,0,0.6,0.8\n"
     code, _, _, table = slosh_plan(rows, "--time-limit", "0")

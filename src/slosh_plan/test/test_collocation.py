@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,18 +13,23 @@ from slosh_plan.planning.path import path_through
 pytestmark = pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
 
 CUP = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
+SLOW = replace(CUP, natural_frequency=17.0)
 TANK = Model(Rectangle(0.08, 0.06, 0.07)).spatial().nonlinear()
 BENT = np.array([[0.0, 0.0, 0.0], [0.2, 0.05, 0.02], [0.4, 0.0, 0.0], [0.4, 0.3, 0.0]])
 LIMIT = [0.015, 0.002, 9.5, 74.0, 0.2, 2.0, 20.0, 1.0, 1.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("tilting", [False, True])
-@pytest.mark.parametrize("model", [CUP, TANK], ids=["cylinder", "rectangle"])
-def test_derivatives_are_those_of_the_demands(model, tilting):
+@pytest.mark.parametrize(
+    "models", [[CUP], [TANK], [CUP, SLOW], [TANK, TANK]],
+    ids=["cylinder", "rectangle", "two cylinders", "two rectangles"],
+)  # fmt: skip
+def test_derivatives_are_those_of_the_demands(models, tilting):
     """Tests derivatives of the constraints against central differences."""
     problem = CollocationProblem(
-        flow_of(model), path_through(BENT), 0.3, (5, 4), StateLayout(tilting)
-    )
+        tuple(flow_of(model) for model in models), path_through(BENT), 0.3, (5, 4),
+        StateLayout(tilting, len(models)),
+    )  # fmt: skip
     solver = problem.solver({"ipopt.print_level": 0, "print_time": False})
     slopes, bends = (solver.get_function(f"nlp_{name}") for name in ("jac_g", "hess_l"))
     generator = np.random.default_rng(1)

@@ -6,8 +6,12 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -35,6 +39,7 @@ from slosh_plan.planning.limits import (
 )
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
 from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
+from slosh_plan.planning.robust import LikelyHeights, plan_robust
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
@@ -46,6 +51,7 @@ the same columns and ax,ay,az, at 1 kHz, from rest to rest. The motion passes al
 0.1 mm; it stops where the line between them turns by more than 60 degrees. Exit code 1: no motion
 keeps the limits, or units or attitude of the path look wrong."""
 EXIT_NONE = 1
+P = TypeVar("P")
 PAGE, DOCUMENT = "report.html", "plan.json"
 
 
@@ -113,6 +119,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "largest values are used",
     )  # fmt: skip
     parser.add_argument(
+        "--robust", action="store_true",
+        help="keep the limits for all likely values (95 %%) of the model's parameters, by the "
+        "covariance in model.yaml",
+    )  # fmt: skip
+    parser.add_argument(
         "--time-limit", type=time(3600.0), default=TIME_LIMIT, metavar="S",
         help="time after which the search stops and returns the best motion so far [s] "
         f"(default: {TIME_LIMIT:g})",
@@ -142,23 +153,30 @@ def run(arguments: argparse.Namespace) -> int:
     asked = asked_path(arguments, tray.first.model, tell)
     name, attitude = asked.name, asked.waypoints.attitude
 
-    def make(one: TrayContainer, kept: PlanLimits) -> Plan:
-        return plan(
+    if arguments.robust and tray.is_tray:
+        raise SloshBringupError("--robust: plans for one container, not for a tray")
+
+    def make(one: TrayContainer, kept: PlanLimits, make_plan: Callable[..., P]) -> P:
+        return make_plan(
             one.placed, asked.path, kept, attitude=attitude, margin=arguments.margin,
             error=model_error(arguments, one.model.name), time_limit=arguments.time_limit,
         )  # fmt: skip
 
-    others: list[str] = []
+    others, likely = list[str](), None
     try:
         if tray.is_tray:
             error = model_error(arguments, tray.first.model.name)
             planned = plan_tray(
-                tray, limits, make, attitude=attitude, margin=arguments.margin, error=error
-            )
+                tray, limits, partial(make, make_plan=plan), attitude=attitude,
+                margin=arguments.margin, error=error,
+            )  # fmt: skip
             answer, of = planned.plan, planned.of
             others = tray_lines(planned)
+        elif arguments.robust:
+            of, (answer, likely) = "", make(tray.first, limits, plan_robust)
+            others = [likely_words(answer, likely)]
         else:
-            answer, of = make(tray.first, limits), ""
+            answer, of = make(tray.first, limits, plan), ""
     except NoSafeMotionError as error:
         print(plain_line(f"slosh plan: {name}: {error}"), file=sys.stderr)
         return EXIT_NONE
@@ -167,12 +185,28 @@ def run(arguments: argparse.Namespace) -> int:
     felt = tilting(model, limits, answer.path)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
     text = (
-        json.dumps(facts(answer, borne) | ({"container": of} if of else {}))
+        json.dumps(
+            facts(answer, borne)
+            | ({"container": of} if of else {})
+            | ({"likely": asdict(likely)} if likely else {})
+        )
         if arguments.json
         else "\n".join([*others, summary(answer, arguments.output, borne)])
     )
     print(text)
     return tell.exit_code
+
+
+def likely_words(answer: Plan, likely: LikelyHeights) -> str:
+    """Describes the heights for all likely parameters and what they cost in time."""
+    duration, limits = answer.found.motion.duration, answer.limits
+    return (
+        f"with {likely.count} likely models ({', '.join(likely.parameters)}; 95 %) up to "
+        f"{1e3 * likely.peak:.2f} of {1e3 * limits.height:.4g} mm, after the end "
+        f"{1e3 * likely.residual:.2f} of {1e3 * limits.residual:.4g} mm; "
+        f"{likely.nominal_duration:.3f} s would do for the model's own parameters "
+        f"({100.0 * (duration / likely.nominal_duration - 1.0):+.1f} %)"
+    )
 
 
 def tray_lines(planned: TrayPlan) -> list[str]:

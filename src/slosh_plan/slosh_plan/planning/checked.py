@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,8 +29,8 @@ class CheckedMotion:
         msh: (M,) maximum height over the wall at the motion's rate, over motion and horizon [m].
         peak: largest height, in the motion or after it [m].
         residual: largest height after the motion's end [m].
-        upper, residual_upper: upper ends of their intervals (95 %) [m]; the heights themselves
-            where the model's error is not asked for.
+        upper, residual_upper: upper ends of their intervals (95 %) [m], or the greatest heights
+            of all scenarios; the heights themselves where neither is asked for.
         acceleration: largest ‖a‖ [m/s²].
         jerk: largest change of the acceleration from row to row, by time [m/s³].
         tilt, tilt_rate, tilt_acceleration: the largest [rad, rad/s, rad/s²]; 0: there is none.
@@ -82,15 +82,25 @@ class Checker:
         error: the model's measured error: with it, and the covariance of the model's parameters
             where there is one, heights have intervals, whose upper ends count; None: the heights
             themselves do.
+        scenarios: models with other parameters, whose heights count as the model's own do.
     """
 
     model: Model
     attitude: Array | None = None
     error: ModelError | None = None
+    scenarios: tuple[Model, ...] = ()
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """The model and the scenarios."""
+        return (self.model, *self.scenarios)
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """Returns the simulated maximum heights of motions."""
         found = checked(self.model, motions, self.attitude)
+        for scenario in self.scenarios:
+            others = checked(scenario, motions, self.attitude)
+            found = [_higher(*pair) for pair in zip(found, others, strict=True)]
         if self.error is None:
             return found
         spread = np.zeros((len(motions), 2))
@@ -100,8 +110,9 @@ class Checker:
         return [
             replace(
                 one,
-                upper=one.peak + self.error.half_width(peak, one.peak),
-                residual_upper=one.residual + self.error.half_width(after, one.residual),
+                upper=one.upper + self.error.half_width(peak, one.upper),
+                residual_upper=one.residual_upper
+                + self.error.half_width(after, one.residual_upper),
             )
             for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
         ]
@@ -109,6 +120,15 @@ class Checker:
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """Simulates motions without parameter uncertainty, as a lower bound."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
+
+
+def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
+    """Returns a motion with the higher of its own upper ends and another model's heights."""
+    return replace(
+        one,
+        upper=max(one.upper, other.peak),
+        residual_upper=max(one.residual_upper, other.residual),
+    )
 
 
 def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
@@ -128,14 +148,40 @@ def checked(
         motions: any number.
         attitude: (4,) quaternion that the container keeps; None: upright.
     """
-    inputs = []
-    for motion in motions:
-        rest = np.zeros((int(np.ceil(horizon(model) / motion.step)), 3))
-        acceleration = np.concatenate([motion.acceleration, rest])
-        t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
-        inputs.append(Inputs(t, acceleration, attitudes(motion, attitude, len(t))))
+    inputs = [_with_rest(motion, horizon(model), attitude) for motion in motions]
     heights = wall_heights(model, inputs)
-    return [_checked(model, one, both) for one, both in zip(motions, heights, strict=True)]
+    return [
+        _checked(motion, _finite(msh_of(model.container, both)))
+        for motion, both in zip(motions, heights, strict=True)
+    ]
+
+
+def heights_after(
+    models: Sequence[Model], motion: PlannedMotion, attitude: Array | None
+) -> Iterator[Array]:
+    """Simulates one motion with many models; yields the maximum height over the wall of each.
+
+    Args:
+        models: that differ in their parameters; the first one's horizon is that of all.
+        motion: the motion.
+        attitude: (4,) quaternion that the container keeps; None: upright.
+    """
+    inputs = _with_rest(motion, horizon(models[0]), attitude)
+    for model, heights in zip(models, wall_heights(models, inputs), strict=True):
+        yield _finite(msh_of(model.container, heights))
+
+
+def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:
+    """Returns a motion and the rest after it as the model's input."""
+    rest = np.zeros((int(np.ceil(seconds / motion.step)), 3))
+    acceleration = np.concatenate([motion.acceleration, rest])
+    t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
+    return Inputs(t, acceleration, attitudes(motion, attitude, len(t)))
+
+
+def _finite(msh: Array) -> Array:
+    """Returns heights, infinite where the solution has left the finite numbers."""
+    return np.where(np.isfinite(msh), msh, np.inf)
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
@@ -152,9 +198,7 @@ def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array
     return None if attitude is None else np.tile(attitude, (rows, 1))
 
 
-def _checked(model: Model, motion: PlannedMotion, heights: Array) -> CheckedMotion:
-    msh = msh_of(model.container, heights)
-    msh = np.where(np.isfinite(msh), msh, np.inf)
+def _checked(motion: PlannedMotion, msh: Array) -> CheckedMotion:
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
     peak, residual = float(msh.max()), float(msh[len(motion.t) - 1 :].max())
     return CheckedMotion(

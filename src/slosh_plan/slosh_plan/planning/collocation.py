@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ class LegUnknowns:
         duration: of the leg.
         states: (n + 1, K).
         controls: (n, D).
-        middles: (n, 4).
+        middles: (n, 4 for each liquid).
     """
 
     duration: int
@@ -45,7 +46,7 @@ class LegUnknowns:
     @classmethod
     def after(cls, begin: int, count: int, layout: StateLayout) -> LegUnknowns:
         """Creates the indices of `count` intervals, starting at the index `begin`."""
-        shapes = ((count + 1, layout.size), (count, layout.driven), (count, LIQUID))
+        shapes = ((count + 1, layout.size), (count, layout.driven), (count, layout.waves))
         arrays, at = [], begin + 1
         for shape in shapes:
             arrays.append(np.arange(at, at + shape[0] * shape[1]).reshape(shape))
@@ -86,19 +87,25 @@ class CollocationProblem:
     """Unknowns, constraints and derivatives of the optimal control problem.
 
     Args:
-        flow: the liquid.
+        flows: the liquids.
         path: the path.
         yaw: of the container [rad].
         counts: intervals of each leg.
         layout: of the states.
 
     Attributes:
-        legs: where each leg's unknowns stand; behind them all stands the residual's `share`.
+        legs: where each leg's unknowns stand; behind them all stands a residual's
+            `share` for each liquid.
         lower, upper: bounds of the demands.
     """
 
     def __init__(
-        self, flow: Flow, path: Path, yaw: float, counts: Sequence[int], layout: StateLayout
+        self,
+        flows: tuple[Flow, ...],
+        path: Path,
+        yaw: float,
+        counts: Sequence[int],
+        layout: StateLayout,
     ) -> None:
         ca = casadi()
 
@@ -106,15 +113,16 @@ class CollocationProblem:
         for count in counts:
             begin = self.legs[-1].end if self.legs else 0
             self.legs.append(LegUnknowns.after(begin, count, layout))
-        size = self.legs[-1].end + 1
+        size = self.legs[-1].end + len(flows)
         self._x = ca.MX.sym("x", size)
         self._limits = ca.MX.sym("limits", len(LIMITS))
         self._weights: list[Expression] = []
         parts = [
-            self._intervals(Interval(flow, yaw, layout, count, leg.demands), leg, place)
+            self._intervals(Interval(flows, yaw, layout, count, leg.demands), leg, place)
             for count, leg, place in zip(counts, path.legs, self.legs, strict=True)
         ]
-        parts += [self._residual(flow, layout), self._joins(flow, path, layout)]
+        parts += [self._residual(flow, n, layout) for n, flow in enumerate(flows)]
+        parts.append(self._joins(flows, path, layout))
         self.lower = np.concatenate([part.lower for part in parts])
         self.upper = np.concatenate([part.upper for part in parts])
         self._values = ca.vertcat(*(part.values for part in parts))
@@ -171,13 +179,15 @@ class CollocationProblem:
             of_intervals[:, second].ravel(),
         )
 
-    def _residual(self, flow: Flow, layout: StateLayout) -> _Part:
-        """Returns the constraint on the residual wave at the end."""
+    def _residual(self, flow: Flow, number: int, layout: StateLayout) -> _Part:
+        """Returns the constraint on the residual wave of one of the liquids at the end."""
         ca = casadi()
 
-        where = [*self.legs[-1].states[-1, layout.liquid].tolist(), self._x.numel() - 1]
+        own = slice(LIQUID * number, LIQUID * (number + 1))
+        where = self.legs[-1].states[-1, layout.liquid][own].tolist()
+        where.append(self.legs[-1].end + number)
         unknowns, limit = ca.SX.sym("unknowns", LIQUID + 1), ca.SX.sym("limit")
-        liquid = unknowns[:LIQUID] * layout.scale[layout.liquid]
+        liquid = unknowns[:LIQUID] * layout.scale[layout.liquid][own]
         found = ca.vertcat(*flow.residual(liquid, limit, unknowns[LIQUID]))
         weights = ca.SX.sym("weights", found.numel())
         slopes = ca.Function("slopes", [unknowns, limit], [ca.jacobian(found, unknowns)])
@@ -201,7 +211,7 @@ class CollocationProblem:
             place[second],
         )
 
-    def _joins(self, flow: Flow, path: Path, layout: StateLayout) -> _Part:
+    def _joins(self, flows: tuple[Flow, ...], path: Path, layout: StateLayout) -> _Part:
         """Returns constraints between legs: rest at corners, continuous tilt and liquid."""
         ca = casadi()
 
@@ -217,8 +227,10 @@ class CollocationProblem:
                 rows += [({at: 1.0}, 0.0) for at in last[CHAIN : CHAIN * layout.driven]]
             if n == 0:
                 rows += [({at: 1.0}, 0.0) for at in first[2:]]
-                for axis, lean in enumerate(leg.lean()):
-                    at = first[layout.liquid][axis]
+                for (number, flow), (axis, lean) in product(
+                    enumerate(flows), enumerate(leg.lean())
+                ):
+                    at = first[layout.liquid][LIQUID * number + axis]
                     rows.remove(({at: 1.0}, 0.0))
                     rest = -lean / flow.frequency[axis] ** 2
                     rows.append(({at: 1.0}, rest / float(layout.scale[layout.liquid][axis])))

@@ -1,7 +1,7 @@
 """One time interval of the collocation problem as CasADi functions.
 
 Place along a leg, and the tilt where one is allowed, are polynomials of the time between two
-nodes; the liquid's first mode obeys its equations at the nodes and half-way between two
+nodes; the first mode of each liquid obeys its equations at the nodes and half-way between two
 (Hermite-Simpson collocation, of the fourth order), so that nothing is integrated step by step. All
 but the path's curve are functions of scalars, which CasADi evaluates and differentiates several
 times faster than the same in matrices.
@@ -39,13 +39,16 @@ SHARES = (0.0, 0.5, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class StateLayout:
-    """Layout of a node's state: path position, tilts, their rates, and the liquid.
+    """Layout of a node's state: s and its rates, the same of the tilts, the liquids.
 
     Attributes:
         tilting: whether the container tilts, about its x and its y.
+        liquids: number of liquids that the motion drives: of the model, and of other models
+            whose heights keep the limits, too.
     """
 
     tilting: bool
+    liquids: int = 1
 
     @property
     def driven(self) -> int:
@@ -55,13 +58,18 @@ class StateLayout:
     @property
     def size(self) -> int:
         """Number of entries of the state."""
-        return CHAIN * self.driven + LIQUID
+        return CHAIN * self.driven + self.waves
+
+    @property
+    def waves(self) -> int:
+        """Number of the liquids' states."""
+        return LIQUID * self.liquids
 
     @property
     def scale(self) -> Array:
         """Scale (size,) of each state, so that the solver's numbers are about 1."""
         tilt = [0.2, 1.0, 10.0] * (self.driven - 1)
-        return np.array([1.0, 1.0, 10.0, *tilt, 0.01, 0.01, 0.2, 0.2])
+        return np.array([1.0, 1.0, 10.0, *tilt, *([0.01, 0.01, 0.2, 0.2] * self.liquids)])
 
     @property
     def control_scale(self) -> Array:
@@ -70,8 +78,8 @@ class StateLayout:
 
     @property
     def liquid(self) -> slice:
-        """Indices of the liquid in the state."""
-        return slice(self.size - LIQUID, self.size)
+        """Indices of the liquids in the state."""
+        return slice(self.size - self.waves, self.size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +90,14 @@ class Interval:
     half-way, one below the other.
 
     Attributes:
-        flow: the liquid.
+        flows: the liquids.
         yaw: of the container [rad].
         layout: of the states.
         count: intervals of the leg.
         joints: that carry the container; None: its path is given, not theirs.
     """
 
-    flow: Flow
+    flows: tuple[Flow, ...]
     yaw: float
     layout: StateLayout
     count: int
@@ -103,7 +111,7 @@ class Interval:
     @property
     def size(self) -> int:
         """Number of unknowns of the interval."""
-        return 1 + 2 * self.layout.size + self.layout.driven + LIQUID
+        return 1 + 2 * self.layout.size + self.layout.driven + self.layout.waves
 
     def places(self) -> Any:
         """Returns a function from the unknowns to s [m] at start, middle and end."""
@@ -181,7 +189,7 @@ class Interval:
         ca = casadi()
 
         layout = self.layout
-        sizes = np.cumsum([0, 1, layout.size, layout.size, layout.driven, LIQUID]).tolist()
+        sizes = np.cumsum([0, 1, layout.size, layout.size, layout.driven, layout.waves]).tolist()
         duration, first, last, control, half = ca.vertsplit(unknowns, sizes)
         states = [first * layout.scale, last * layout.scale]
         liquid = half * layout.scale[layout.liquid]
@@ -209,10 +217,13 @@ class Interval:
                 kept.append((full[CHAIN + n] ** 2 + full[2 * CHAIN + n] ** 2) / limit**2)
         if self.joints is not None:
             kept += self.joints.demands(curve, full, limits[JOINTS])
-        q = full[self.layout.liquid]
-        kept += self.flow.heights(q, limits[0])
         felt = self._felt(full, acceleration, curve)
-        return ca.vertcat(q[2], q[3], *self.flow.acceleration(q, felt)), kept
+        rates: list[Expression] = []
+        for n, flow in enumerate(self.flows):
+            q = full[self.layout.liquid][LIQUID * n : LIQUID * (n + 1)]
+            kept += flow.heights(q, limits[0])
+            rates += [q[2], q[3], *flow.acceleration(q, felt)]
+        return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
         """Returns the acceleration in container axes, with gravity if the container tilts."""

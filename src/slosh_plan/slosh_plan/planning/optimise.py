@@ -18,7 +18,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_plan.planning.collocation import CollocationProblem
 from slosh_plan.planning.flow import Flow, casadi
-from slosh_plan.planning.interval import LIMITS, LIQUID, StateLayout
+from slosh_plan.planning.interval import LIMITS, StateLayout
 from slosh_plan.planning.limits import LARGEST, PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
@@ -43,9 +43,9 @@ class LegGuess:
     Attributes:
         duration: of the leg [s].
         states: (n + 1, K) as `StateLayout` has them: s [m] and its first two derivatives, the
-            tilts [rad] and theirs where there are any, the liquid's x, y, ẋ, ẏ.
+            tilts [rad] and theirs where there are any, each liquid's x, y, ẋ, ẏ.
         controls: (n, D) third derivatives of s and of the tilts between nodes.
-        middles: (n, 4) the liquid half-way between nodes.
+        middles: (n, 4 for each liquid) the liquids half-way between nodes.
     """
 
     duration: float
@@ -82,7 +82,7 @@ class PathSearch:
     """Optimisation for one path and number of nodes, with the limits as parameters.
 
     Args:
-        flow: the liquid.
+        flows: the liquids: of the model, and of others that keep the limits, too.
         path: the path.
         yaw: of the container [rad].
         durations: of the legs as far as they are known [s]: the nodes are laid out by them.
@@ -95,7 +95,7 @@ class PathSearch:
 
     def __init__(
         self,
-        flow: Flow,
+        flows: Sequence[Flow],
         path: Path,
         yaw: float,
         durations: Sequence[float],
@@ -103,9 +103,9 @@ class PathSearch:
         tilting: bool = False,
     ) -> None:
         self.counts = node_counts(durations)
-        self.layout = StateLayout(tilting)
+        self.layout = StateLayout(tilting, len(flows))
         self._path = path
-        self._problem = CollocationProblem(flow, path, yaw, self.counts, self.layout)
+        self._problem = CollocationProblem(tuple(flows), path, yaw, self.counts, self.layout)
         # Asked at each iteration; another one in each search.
         self._stop: Callable[[], bool] = never
         self._stopper = _stopper(lambda: self._stop(), self._problem.sizes())
@@ -153,6 +153,7 @@ class PathSearch:
 
     def _bounds(self, guess: Sequence[LegGuess]) -> tuple[Array, Array]:
         lower, upper = [], []
+        count = self.layout.liquids
         for part, leg in zip(guess, self._path.legs, strict=True):
             shape = (len(part.states), self.layout.size)
             least, most = np.full(shape, -np.inf), np.full(shape, np.inf)
@@ -163,7 +164,7 @@ class PathSearch:
             free = np.full(part.controls.size + part.middles.size, np.inf)
             lower += [np.array([0.1 * part.duration]), least.ravel(), -free]
             upper += [np.array([4.0 * part.duration]), most.ravel(), free]
-        return np.concatenate([*lower, [0.0]]), np.concatenate([*upper, [1.0]])
+        return np.concatenate([*lower, np.zeros(count)]), np.concatenate([*upper, np.ones(count)])
 
     def _packed(self, guess: Sequence[LegGuess]) -> Array:
         parts = []
@@ -174,19 +175,19 @@ class PathSearch:
                 (part.controls / self.layout.control_scale).ravel(),
                 (part.middles / self.layout.scale[self.layout.liquid]).ravel(),
             ]
-        return np.concatenate([*parts, [0.5]])
+        return np.concatenate([*parts, np.full(self.layout.liquids, 0.5)])
 
     def _unpacked(self, x: Array) -> tuple[LegGuess, ...]:
         legs, layout = [], self.layout
         for count in self.counts:
-            sizes = (1, layout.size * (count + 1), layout.driven * count, LIQUID * count)
+            sizes = (1, layout.size * (count + 1), layout.driven * count, layout.waves * count)
             duration, states, controls, middles, x = np.split(x, np.cumsum(sizes))
             legs.append(
                 LegGuess(
                     float(duration[0]),
                     states.reshape(-1, layout.size) * layout.scale,
                     controls.reshape(-1, layout.driven) * layout.control_scale,
-                    middles.reshape(-1, LIQUID) * layout.scale[layout.liquid],
+                    middles.reshape(-1, layout.waves) * layout.scale[layout.liquid],
                 )
             )
         return tuple(legs)

@@ -9,6 +9,7 @@ the search goes on, until the simulation keeps all of them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -25,7 +26,7 @@ from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
-from slosh_plan.planning.search import OptimalSearch
+from slosh_plan.planning.search import Found, Legs, OptimalSearch
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, check_start, predict
 from slosh_plan.start import LiquidState
@@ -66,6 +67,7 @@ class Plan(Shown):
         seconds: that the planning took [s].
         attitude: (4,) that the container keeps; None: not turned.
         distance_to_rim: vertical, left by the highest place of the surface [m]; NaN: unknown.
+        legs: the search's result, from which another search may start; empty: there is none.
     """
 
     found: CheckedMotion
@@ -80,6 +82,7 @@ class Plan(Shown):
     seconds: float
     attitude: Array | None = None
     distance_to_rim: float = math.nan
+    legs: Legs = ()
 
     def __repr__(self) -> str:
         found = self.found
@@ -127,6 +130,8 @@ def plan(
     error: ModelError | None = None,
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
+    scenarios: Sequence[Model] = (),
+    start: Plan | None = None,
 ) -> Plan:
     """Plans a motion from rest to rest, for liquid at rest.
 
@@ -142,6 +147,9 @@ def plan(
             parameters where there is one. None: the heights themselves keep them.
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
+        scenarios: models with other parameters, whose heights keep the limits, too.
+        start: a plan for other scenarios along the same path, from which the search starts; None:
+            there is none.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
@@ -154,28 +162,48 @@ def plan(
     nominal = _nominal(kept, error)
     yaw = upright_yaw(attitude)
     model = tilting(model, limits, path)
-    check = Checker(model, attitude, error)
-    watch.enter("known laws")
-    scaled = best_scaled(check, path, kept, watch)
-    if scaled is None and watch.stopped():
-        raise StoppedError("stopped before a safe motion was found")
-    if scaled is None:
-        raise NoSafeMotionError(
-            f"no motion of up to {LONGEST:g} s along the path keeps "
-            f"{1e3 * kept.height:.3g} mm, afterwards {1e3 * kept.residual:.3g} mm, "
-            f"{kept.acceleration:g} m/s² and {kept.jerk:g} m/s³"
-        )
-    best, reason = scaled.found, HOW_TO_GET
-    if optimise.available():
-        search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
-        best, reason = search.run()
-    method = scaled.law if best is scaled.found else "optimal"
+    check = Checker(model, attitude, error, tuple(tilting(one, limits, path) for one in scenarios))
+
+    scaled, found = None if start is None else start.scaled, Found(None)
+    if start is not None and start.legs:
+        search = OptimalSearch(check, path, kept, nominal, yaw, start.scaled, time_limit, watch)
+        found = search.resume(start.legs, start.found.motion)
+    if found.motion is None:
+        scaled = fastest_law(check, path, kept, watch)
+        found = Found(scaled.found, words=HOW_TO_GET)
+        if optimise.available():
+            search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
+            found = search.run()
+    best = found.motion
+    assert best is not None
+    assert scaled is not None
+    method = "optimal" if found.legs else scaled.law
     upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
     left = float(model.container.wall.place(best.peak).distance_to_rim)
     return Plan(
-        best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed, attitude,
-        left,
+        best, limits, margin, error, method, found.words, upper, scaled, path, watch.elapsed,
+        attitude, left, found.legs,
     )  # fmt: skip
+
+
+def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
+    """Returns the fastest known law that keeps the limits.
+
+    Raises:
+        NoSafeMotionError: no known law keeps the limits, however slow.
+        StoppedError: the watch ended the search before there was any.
+    """
+    watch.enter("known laws")
+    scaled = best_scaled(check, path, limits, watch)
+    if scaled is not None:
+        return scaled
+    if watch.stopped():
+        raise StoppedError("stopped before a safe motion was found")
+    raise NoSafeMotionError(
+        f"no motion of up to {LONGEST:g} s along the path keeps "
+        f"{1e3 * limits.height:.3g} mm, afterwards {1e3 * limits.residual:.3g} mm, "
+        f"{limits.acceleration:g} m/s² and {limits.jerk:g} m/s³"
+    )
 
 
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
