@@ -92,7 +92,7 @@ class Checker:
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The model and the scenarios."""
+        """The model, and its variants with other likely parameters."""
         return (self.model, *self.scenarios)
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
@@ -123,7 +123,7 @@ class Checker:
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Returns a motion with the higher of its own upper ends and another model's heights."""
+    """Returns a motion with upper heights raised to those of another model, where higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),
@@ -159,7 +159,7 @@ def checked(
 def heights_after(
     models: Sequence[Model], motion: PlannedMotion, attitude: Array | None
 ) -> Iterator[Array]:
-    """Simulates one motion with many models; yields the maximum height over the wall of each.
+    """Simulates a motion with many models; yields each model's maximum wall heights [m].
 
     Args:
         models: that differ in their parameters; the first one's horizon is that of all.
@@ -172,7 +172,7 @@ def heights_after(
 
 
 def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:
-    """Returns a motion and the rest after it as the model's input."""
+    """Returns a motion and the rest after it as input of a model."""
     rest = np.zeros((int(np.ceil(seconds / motion.step)), 3))
     acceleration = np.concatenate([motion.acceleration, rest])
     t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
@@ -180,7 +180,7 @@ def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) ->
 
 
 def _finite(msh: Array) -> Array:
-    """Returns heights, infinite where the solution has left the finite numbers."""
+    """Returns heights [m] with infinity in place of values that are not finite."""
     return np.where(np.isfinite(msh), msh, np.inf)
 
 

@@ -39,7 +39,7 @@ SHARES = (0.0, 0.5, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class StateLayout:
-    """Layout of a node's state: s and its rates, the same of the tilts, the liquids.
+    """Layout of a node's state: path position, tilts, their rates, and the liquids.
 
     Attributes:
         tilting: whether the container tilts, about its x and its y.
@@ -62,7 +62,7 @@ class StateLayout:
 
     @property
     def waves(self) -> int:
-        """Number of the liquids' states."""
+        """Number of states of all liquids."""
         return LIQUID * self.liquids
 
     @property

@@ -30,7 +30,7 @@ Legs = tuple[LegGuess, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Result of a search.
+    """Result of one search for an optimal time law.
 
     Attributes:
         motion: that keeps the limits; None: there is none.
@@ -44,7 +44,7 @@ class Found:
 
     @property
     def duration(self) -> float:
-        """Duration of the motion [s]; infinite where there is none."""
+        """Duration of the motion [s], or infinity if none was found."""
         return math.inf if self.motion is None else self.motion.motion.duration
 
 
@@ -90,7 +90,7 @@ class OptimalSearch:
         return replace(best, words="" if best.legs else last)
 
     def resume(self, legs: Legs, motion: PlannedMotion) -> Found:
-        """Returns the motion that a search from the result of another one finds.
+        """Returns the motion that a search finds from the result of an earlier search.
 
         Args:
             legs: of the other search, which had other scenarios.
@@ -104,7 +104,7 @@ class OptimalSearch:
 
     @property
     def _models(self) -> tuple[Model, ...]:
-        """The models whose liquids are among the unknowns of the search."""
+        """The models whose liquids are unknowns of the optimisation."""
         return self.check.models[: TUNING.most_liquids]
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
@@ -255,7 +255,7 @@ def guess_of(
 
 
 def _waves(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
-    """Simulates a motion; returns the first modes of all models (N, 4 each) at given times."""
+    """Simulates a motion; returns a function for the first modes of all models by time."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
     modal = np.hstack([simulate(model, inputs)[0].modal[:, 0] for model in models])
@@ -263,7 +263,7 @@ def _waves(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], 
 
 
 def resumed(legs: Legs, search: PathSearch, waves: Callable[[Array], Array] | None = None) -> Legs:
-    """Makes the start of a search from the result of another one, which may be upright.
+    """Creates the initial guess of an optimisation from an earlier result.
 
     Args:
         legs: the result.
