@@ -50,7 +50,7 @@ PARAMETERS = (
     ParameterSpec("urdf", "", "URDF file of the robot, for joint paths; empty if not needed"),
     ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
     ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml; it overrides the URDF; empty if unused"
+        "joint_limits", "", "MoveIt's joint_limits.yaml, to override URDF limits; empty if unused"
     ),
 )  # fmt: skip
 REPLY = 0.2
