@@ -1,4 +1,4 @@
-"""Flags that tell how an estimate is limited."""
+"""Flags and texts for the limitations of an estimate."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
 
 
 def _constant(inputs: Inputs) -> tuple[float, float]:
-    """Returns the mean of both horizontal axes at rest [m/s²].
+    """Returns the mean acceleration along both horizontal axes at rest [m/s²].
 
     The mean without both ends: the median of rounded values is one of these.
     """

@@ -128,7 +128,7 @@ class Stretch:
         self.restart()
 
     def restart(self) -> None:
-        """Restarts the constant section."""
+        """Begins a new section of constant values."""
         self.mean: Vector = (0.0, 0.0, 0.0)
         self.count = 0
         self._start = self._last = self._all = 0
