@@ -182,4 +182,16 @@ def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
     assert "a tray of containers" in capsys.readouterr().err
 
 
+def test_a_cup_that_slides_is_named_and_fails(capsys, tmp_path):
+    tray, motion = tmp_path / "tray.yaml", line(tmp_path / "a.csv", 2.0)
+    standing = "standing: {mass: 0.1, centre_height: 0.05, base_radius: 0.03, friction: %s}"
+    for friction, code, word in ((1.0, 0, "stands"), (0.01, 1, "slides")):
+        tray.write_text(f"containers:\n- {{name: a, model: {MODEL}, {standing % friction}}}\n")
+        assert main(["predict", str(tray), motion, "--limit", "0.1"]) == code
+        assert f"a {word}: " in capsys.readouterr().out
+    main(["predict", str(tray), motion, "--json"])
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["standing"]["a"]["friction"] > 1.0
+
+
 LIMITS = (("high", 0.05), ("low", 0.002))

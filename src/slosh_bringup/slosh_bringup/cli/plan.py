@@ -29,6 +29,7 @@ from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
 from slosh_model.tray import TrayContainer, read_tray
 from slosh_plan import HeightLimits, ModelError
+from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.limits import (
     ACCELERATION,
     JERK,
@@ -162,14 +163,16 @@ def run(arguments: argparse.Namespace) -> int:
             error=model_error(arguments, one.model.name), time_limit=arguments.time_limit,
         )  # fmt: skip
 
+    def make_loose(one: TrayContainer, kept: PlanLimits) -> Plan:
+        return make(one, kept, partial(plan, loose=LooseContainer.of(one)))
+
     others, likely = list[str](), None
     try:
         if tray.is_tray:
             error = model_error(arguments, tray.first.model.name)
             planned = plan_tray(
-                tray, limits, partial(make, make_plan=plan), attitude=attitude,
-                margin=arguments.margin, error=error,
-            )  # fmt: skip
+                tray, limits, make_loose, attitude=attitude, margin=arguments.margin, error=error
+            )
             answer, of = planned.plan, planned.of
             others = tray_lines(planned)
         elif arguments.robust:
@@ -215,7 +218,10 @@ def tray_lines(planned: TrayPlan) -> list[str]:
         f"{name} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
         for name, each in planned.found.containers.items()
     ]
-    return [f"planned for container {planned.of}: {', '.join(heights)}"]
+    return [
+        f"planned for container {planned.of}: {', '.join(heights)}",
+        *planned.found.loose_words,
+    ]
 
 
 def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:

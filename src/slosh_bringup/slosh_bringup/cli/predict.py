@@ -58,8 +58,8 @@ limits.
 If model.yaml gives rim_height, the rim limits the height, too, or the distance to it by
 --rim-distance: the lower limit applies.
 
-exit code: 0, 1 where a limit or the rim is exceeded or units or axes look wrong, 2 for wrong
-input"""
+exit code: 0, 1 where a limit or the rim is exceeded, a container slides or tips, or units or axes
+look wrong, 2 for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -156,7 +156,8 @@ def run(arguments: argparse.Namespace) -> int:
     write_shown(arguments, model, motions, found, scales)
     show = as_json if arguments.json else as_text
     print(show(found, scales, each if tray.is_tray else None))
-    return tell.exit_code if all(one.kept for one in found) else EXIT_EXCEEDED
+    kept = all(one.of_worst.kept and one.stands for one in each)
+    return tell.exit_code if kept else EXIT_EXCEEDED
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
@@ -213,7 +214,8 @@ def as_json(
     facts = list(_facts(found, scales))
     for row, each in zip(facts, tray or (), strict=False):
         peaks = {name: one.nonlinear.peak for name, one in each.containers.items()}
-        row |= {"container": each.worst, "containers": peaks}
+        loose = {name: use._asdict() for name, use in each.standing.items()}
+        row |= {"container": each.worst, "containers": peaks, "standing": loose}
     return json.dumps(plain(facts), indent=1)
 
 
@@ -252,6 +254,9 @@ def _of_tray(each: TrayPrediction) -> Iterator[str]:
         if name != each.worst
     )
     yield f"worst container {each.worst}" + (f" ({others})" if others else "")
+    yield from each.loose_words
+    if each.standing:
+        yield "time scales do not count sliding and tipping"
 
 
 def _interval(one: Prediction) -> str:
