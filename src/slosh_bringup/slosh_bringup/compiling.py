@@ -34,13 +34,13 @@ MODULES = (
 
 
 def import_all(modules: Iterable[str] = MODULES) -> None:
-    """Imports the modules, which registers their compiled functions."""
+    """Imports the modules, so that their compiled functions are registered."""
     for name in modules:
         importlib.import_module(name)
 
 
 def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> str:
-    """Compiles or loads all functions; checks those that compute heights.
+    """Compiles or loads all compiled functions and checks those that compute heights.
 
     Args:
         tell: told before each of them.
@@ -62,7 +62,7 @@ def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> st
 
 
 def compile_missing() -> None:
-    """Compiles uncached functions on all processors, by package; prints one line.
+    """Compiles all uncached functions in parallel, package by package, and prints one line.
 
     The functions of a package share what they call: one process compiles that once.
 

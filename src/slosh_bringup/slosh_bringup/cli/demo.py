@@ -1,4 +1,4 @@
-"""`slosh demo`: runs the simulated cell with all nodes, records and reports."""
+"""`slosh demo`: runs the simulated cell with all nodes, records it and writes a report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh demo` to the argument parser."""
     parser.add_argument(
         "--motion", default="c3",
         help="motion to play: a motion table (.csv, .csv.gz), or one of "
@@ -56,12 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tell(line: str) -> None:
-    """Prints an assumption."""
+    """Prints an assumption that the program makes about the input, on standard error."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the demonstration; prints the figures and the folder of the results."""
+    """Runs the demonstration, then prints the main results and the results folder."""
     if not REPEATS[0] <= arguments.repeat <= REPEATS[1]:
         raise SloshBringupError(
             f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"

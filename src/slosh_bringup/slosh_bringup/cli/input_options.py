@@ -11,7 +11,7 @@ from slosh_estimator.robot import read_urdf
 
 
 def add_input_options(parser: Any) -> None:
-    """Declares the options.
+    """Adds the options that choose the input topic and describe the robot.
 
     Args:
         parser: or a group of one.
@@ -24,7 +24,7 @@ def add_input_options(parser: Any) -> None:
 
 
 def add_robot_options(parser: Any) -> None:
-    """Declares those that say which robot it is.
+    """Adds the options that describe the robot: its URDF file and frames.
 
     Args:
         parser: or a group of one.
@@ -41,7 +41,7 @@ def add_robot_options(parser: Any) -> None:
 
 
 def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
-    """Returns the chosen input; None: no option is given.
+    """Returns the input chosen by the options, or None if no option is given.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.
@@ -53,7 +53,7 @@ def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
 
 
 def wanted_robot(arguments: argparse.Namespace) -> WantedInput | None:
-    """The input joints by a robot; None: the options say nothing of one.
+    """Returns the joint-state input with the robot's description, or None if none is given.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.

@@ -1,4 +1,4 @@
-"""The path options of `slosh plan`: of the container, straight, or of a robot's joints."""
+"""Path options of `slosh plan`: a path of the container or of a robot's joints."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from slosh_plan.tables.path_table import read_path_table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AskedPath:
-    """The path to plan.
+    """The path to be planned, from the command line.
 
     Attributes:
         name: where it comes from.
@@ -74,7 +74,7 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> AskedPath:
-    """Returns the path of the command line; prints warnings about it."""
+    """Reads the path given on the command line and prints warnings about it."""
     if (arguments.path is None) == (arguments.straight is None):
         raise SloshBringupError("give either a PATH or --straight with its length in metres")
     if (arguments.urdf is None) != (arguments.tool_frame is None):

@@ -27,7 +27,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 
 
 def table_options(arguments: argparse.Namespace) -> TableOptions:
-    """Makes the table options; later assumptions are printed on standard error.
+    """Returns the table format set by the options; prints assumptions about it on standard error.
 
     Raises:
         SloshBringupError: --columns is no NAME=COLUMN.
