@@ -1,4 +1,4 @@
-"""The messages that a black box understands: events, and what holds until it is said anew."""
+"""Detects events, and the validity of latched messages, for the event recorder."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ EVENT_PARAMETERS = (
 def event_recorder(
     folder: Path, values: Mapping[str, Any], place: Callable[[str, bytes], Place | None]
 ) -> EventRecorder:
-    """The core of a recorder of events.
+    """Creates an event recorder from the node's parameters.
 
     Args:
         folder: of the bags.
@@ -77,7 +77,7 @@ def event_recorder(
 
 
 def event_facts(core: Recorder | EventRecorder) -> dict[str, Any]:
-    """What the diagnostics tell of a recorder of events; nothing of another."""
+    """Returns diagnostics of an event recorder; empty for any other recorder."""
     if not isinstance(core, EventRecorder):
         return {}
     box = core.box
@@ -91,7 +91,7 @@ def event_facts(core: Recorder | EventRecorder) -> dict[str, Any]:
 
 
 class EventMessages:
-    """Reads the events out of a cell's messages.
+    """Detects events in a cell's messages.
 
     Args:
         node: the recorder; its remapping tells the names of the cell's topics.
@@ -111,7 +111,7 @@ class EventMessages:
         self._reads = {node.resolve_topic_name(name): read for name, read in reads.items()}
 
     def happenings(self, received: Received, message_type: Any) -> list[Happening]:
-        """The events of a message of a type; none in one that cannot be read."""
+        """Returns the events in a received message; empty if it cannot be decoded."""
         wanted, read = self._reads.get(received.topic, (None, None))
         late = received.sent_ns and received.arrived_ns - received.sent_ns > self._late_ns
         if read is None or wanted is not message_type or late:
@@ -142,7 +142,7 @@ def _limit(message: LimitEvent, stamp_ns: int) -> list[Happening]:
 
 
 def place_of(entry: TopicInput, data: bytes) -> Place | None:
-    """What a message stands for until a later one of its topic replaces it; None: for nothing.
+    """Returns which latched messages a message replaces, or None if it is not latched.
 
     Args:
         entry: its topic.
@@ -165,7 +165,7 @@ def place_of(entry: TopicInput, data: bytes) -> Place | None:
 
 
 def _place_of_settings(settings: NodeSettings) -> Place:
-    """A node's start replaces all that it told before, a change of parameters earlier changes."""
+    """Returns which earlier settings of a node a settings message replaces."""
     try:
         document = parse_yaml(settings.document, "settings").value
         level = _CHANGE if document.get("changed") else _START
