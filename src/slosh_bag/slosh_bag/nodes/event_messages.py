@@ -33,24 +33,28 @@ STANDS_ALONE: Final = Place(())
 BEFORE, AFTER, MEMORY = "event_before", "event_after", "event_memory"
 PER_CAUSE, QUOTA = "bags_per_cause", "event_quota"
 EVENT_PARAMETERS = (
-    ParameterSpec(BEFORE, 10.0, "of mode events: time before an event [s]", bounds=(0.5, 600.0)),
-    ParameterSpec(AFTER, 10.0, "of mode events: time after an event [s]", bounds=(0.0, 600.0)),
+    ParameterSpec(
+        BEFORE, 10.0, "in mode events: recorded time before an event [s]", bounds=(0.5, 600.0)
+    ),
+    ParameterSpec(
+        AFTER, 10.0, "in mode events: recorded time after an event [s]", bounds=(0.0, 600.0)
+    ),
     ParameterSpec(
         MEMORY,
         256_000_000,
-        "of mode events: memory of what came last [bytes]; at most a quarter of the quota",
+        "in mode events: memory for recent messages [bytes]; at most a quarter of the quota",
         bounds=(1_000_000, 10**11),
     ),
     ParameterSpec(
         PER_CAUSE,
         20,
-        "of mode events: bags that are kept of each cause; older ones are deleted",
+        "in mode events: number of bags kept for each cause; older ones are deleted",
         bounds=(1, 10**6),
     ),
     ParameterSpec(
         QUOTA,
         4_000_000_000,
-        "of mode events: size of all bags that are kept [bytes]; older ones are deleted",
+        "in mode events: total size of the bags kept [bytes]; older ones are deleted",
         bounds=(10_000_000, 10**15),
     ),
 )

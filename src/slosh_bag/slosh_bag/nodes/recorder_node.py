@@ -80,7 +80,7 @@ PARAMETERS = (
     ParameterSpec(
         "mode",
         COMPLETE,
-        "complete: one bag of all; events: in the folder output a bag of the time round each",
+        "complete: one bag of everything; events: a bag in output for the time around each",
         choices=(COMPLETE, EVENTS),
     ),
     *EVENT_PARAMETERS,

@@ -131,7 +131,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--level", nargs=2, type=float, metavar=("U", "V"),
-        help="pixel on the front line of the still level; needed where printed rings look "
+        help="pixel on the liquid level at the front wall; needed where printed rings look "
         "like levels",
     )  # fmt: skip
     board = parser.add_argument_group("board of markers")
@@ -153,7 +153,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     scale = parser.add_argument_group("side view calibrated by its scale only, without a pose")
     scale.add_argument(
         "--scale", nargs=4, type=float, metavar=("U1", "V1", "U2", "V2"),
-        help="pixels of the left and the right end of the still level",
+        help="pixels of the left and the right end of the liquid level at rest",
     )  # fmt: skip
     scale.add_argument(
         "--length",

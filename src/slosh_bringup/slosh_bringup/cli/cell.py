@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder for results; each run gets a dated subfolder, and the link latest points "
         "to the newest one (default %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)
 
 

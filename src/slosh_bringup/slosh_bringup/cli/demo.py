@@ -45,13 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--push", type=float, metavar="T",
-        help="a hand pushes the liquid after T seconds, which no sensor of the robot tells",
+        help="simulate a push by hand after T seconds, which no sensor of the robot measures",
     )  # fmt: skip
     parser.add_argument(
         "--camera-stop", type=float, nargs=2, metavar=("FROM", "TO"),
-        help="the camera sends no images from FROM to TO [s]",
+        help="simulate a camera failure: no images from FROM to TO [s]",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)
 
 

@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help="table of heights to write [s, m, rad, px]",
+        help="CSV table of heights to write, in s, m, rad and px",
     )
     parser.add_argument(
         "--still",
@@ -61,13 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--video",
         type=Path,
         metavar="OUT.mp4",
-        help="video to write: all images with the measured marks",
+        help="video to write: all images with the measured line",
     )
     parser.add_argument(
         "--strip",
         type=Path,
         metavar="OUT.png",
-        help="contact sheet to write: a selection of images with marks",
+        help="contact sheet to write: a selection of images with the measured line",
     )
     parser.add_argument(
         "--worst", nargs="+", metavar=("OUT.png", "N"),

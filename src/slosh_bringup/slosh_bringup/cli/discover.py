@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
         help="folder for results, new or empty: model.yaml (and model_NAME.yaml for groups), "
-        "discovery.json, report.html, separating motions",
+        "discovery.json, report.html, motions that tell candidate effects apart",
     )  # fmt: skip
     parser.add_argument(
         "--json", action="store_true", help="print discovery.json instead of the text"

@@ -62,11 +62,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--tolerance", type=length(0.1), default=0.0005, metavar="M",
-        help="largest distance of a profile from a straight line [m] (default: 0.0005)",
+        help="largest mean distance of the surface from a straight line [m] (default: 0.0005)",
     )  # fmt: skip
     parser.add_argument(
         "--beside", type=Path, nargs="+", action="extend", metavar="DIR", default=[],
-        help="result folders of other containers, shown in the same report",
+        help="identification results of other containers, shown in the same report",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path,

@@ -18,7 +18,7 @@ def add_input_options(parser: Any) -> None:
     """
     parser.add_argument(
         "--input", choices=list(MESSAGE_TYPES),
-        help="input of the models (default: as recorded, or the first of these in the bag)",
+        help="kind of input messages (default: as recorded, or the first of these in the bag)",
     )  # fmt: skip
     add_robot_options(parser)
 
@@ -31,12 +31,12 @@ def add_robot_options(parser: Any) -> None:
     """
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
-        help="robot description for the input joints (default: recorded /robot_description)",
+        help="URDF file of the robot, for the input joints (default: recorded /robot_description)",
     )  # fmt: skip
     parser.add_argument(
         "--tool-frame",
         metavar="LINK",
-        help="link of the robot that is the container (default: container)",
+        help="link of the robot that holds the container (default: container)",
     )
 
 

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh modes` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
     parser.add_argument(
         "--count", type=int, default=3, metavar="N", help="number of modes per axis (default: 3)"
     )

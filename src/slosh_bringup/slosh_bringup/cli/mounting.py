@@ -37,20 +37,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
-        "--sensor", choices=SENSORS, help="what is checked (default: the first of these)"
+        "--sensor",
+        choices=SENSORS,
+        help="sensor to check (default: the first of these in the bag)",
     )
     parser.add_argument(
         "--reference", choices=REFERENCES,
-        help="what tells the motion (default: the first of these)",
+        help="source of the true motion (default: the first of these in the bag)",
     )  # fmt: skip
     add_robot_options(parser)
     parser.add_argument(
         "--sensor-rotation", type=RADIANS, nargs=3, metavar=("ROLL", "PITCH", "YAW"),
-        help="sensor_rotation to check, roll, pitch, yaw (default: recorded, or /tf_static's)",
+        help="sensor_rotation to check [rad] (default: as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--sensor-to-origin", type=length(5.0), nargs=3, metavar=("X", "Y", "Z"),
-        help="sensor_to_origin to check (default: likewise)",
+        help="sensor_to_origin to check [m] (default: as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--namespace", metavar="NAMESPACE", help="namespace of the cell, for a bag with several"

@@ -43,12 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             old_name(parser, action, "--wall-thickness")
     cup.add_argument(
         "--shape", metavar="NAME",
-        help="another shape by lengths, such as frustum or beaker: slosh modes shows its waves; "
+        help="another container shape, such as frustum or beaker, with dimensions as --length; "
         "the cell then has no camera",
     )  # fmt: skip
     cup.add_argument(
         "--length", action="append", default=[], metavar="NAME=M",
-        help="a length of that shape, such as top_radius=40mm [m]; repeatable",
+        help="a dimension of the --shape [m], such as top_radius=40mm; repeatable",
     )  # fmt: skip
     add_outline_arguments(parser)
     liquid = parser.add_argument_group("liquid")
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="describe a cell without a camera; only the estimate is monitored",
     )  # fmt: skip
     robot = parser.add_argument_group("robot whose joint states drive the models")
-    robot.add_argument("--urdf", type=Path, metavar="FILE", help="robot description")
+    robot.add_argument("--urdf", type=Path, metavar="FILE", help="URDF file of the robot")
     robot.add_argument(
         "--tool-frame", metavar="LINK", help="link of the robot that holds the container"
     )

@@ -27,7 +27,9 @@ _MICROMETRE = 6
 def add_outline_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options for an outline from a photograph to the argument parser."""
     group = parser.add_argument_group("container by a photograph of its outline, from the side")
-    group.add_argument("--outline", type=Path, metavar="IMAGE", help="the photograph")
+    group.add_argument(
+        "--outline", type=Path, metavar="IMAGE", help="photograph of the container from the side"
+    )
     group.add_argument(
         "--across", type=length(), metavar="M",
         help="outer width between the first two points, the ends of the rim [m]",

@@ -53,7 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh plan` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
+    parser.add_argument(
+        "model", type=Path, help="model of the liquid (model.yaml), or a tray file"
+    )
     add_path_arguments(parser)
     parser.add_argument(
         "--limit",

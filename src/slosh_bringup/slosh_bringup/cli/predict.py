@@ -66,7 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh predict` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
+    parser.add_argument(
+        "model", type=Path, help="model of the liquid (model.yaml), or a tray file"
+    )
     parser.add_argument(
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
         help="trajectory: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw] (.csv, "

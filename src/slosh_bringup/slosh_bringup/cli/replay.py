@@ -60,15 +60,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, cell, "--cell")
     parser.add_argument(
         "--estimator", type=int, default=1, metavar="N",
-        help="number of the estimator to replay, for a topic with several; 1: the first",
+        help="which estimator to replay if several published the topic (default 1: the first)",
     )  # fmt: skip
     add_input_options(parser)
     parser.add_argument(
         "-o", "--output", type=Path,
-        help="folder for results: a page, the figures and a bag of outputs for each bag, and "
+        help="folder for results: for each bag an HTML page, a JSON file and a bag of outputs; "
         "index.html for all",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
     aim = parser.add_mutually_exclusive_group()
     aim.add_argument(
         "--check", action="store_true",

@@ -12,8 +12,8 @@ def add_rim_distance(parser: argparse.ArgumentParser) -> None:
     """Adds the option `--rim-distance` to the argument parser."""
     parser.add_argument(
         "--rim-distance", type=HEIGHT, default=0.0, metavar="M",
-        help="least vertical distance of the liquid to the rim [m], another way to give --limit; "
-        "the model must tell the rim (default 0: the rim itself)",
+        help="least vertical distance of the liquid to the rim [m], an alternative to --limit; "
+        "the model must define the rim (default 0: the rim itself)",
     )  # fmt: skip
 
 

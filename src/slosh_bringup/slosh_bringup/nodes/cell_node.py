@@ -65,14 +65,14 @@ PARAMETERS = (
     ParameterSpec(
         "push_at",
         -1.0,
-        "when a hand pushes the liquid, which no sensor of the robot tells [s]; negative: never",
+        "time of a push by hand, which no sensor of the robot measures [s]; negative: never",
         (-1.0, 1e6),
     ),
     ParameterSpec("push", 0.1, "speed that the push gives the liquid along x [m/s]", (-1.0, 1.0)),
     ParameterSpec(
         "camera_stop",
         [0.0, 0.0],
-        "from when to when the camera sends no images [s]",
+        "start and end of a camera failure without images [s]",
         (0.0, 1e6),
         length=2,
     ),
