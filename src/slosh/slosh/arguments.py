@@ -54,7 +54,7 @@ def the_model(value: ModelLike) -> Model:
 
 @contextmanager
 def as_file(value: Any, argument: str, kinds: str = _MOTION) -> Iterator[Path]:
-    """Yields a file path for motion data; errors about the data name the argument.
+    """Yields the path of a file with the motion data; errors name the function argument.
 
     Raises:
         TypeError: it is neither a motion, nor a table, nor a path.

@@ -134,7 +134,7 @@ class BagWriter:
         encoding: str = SERIALIZATION,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
-        """Registers a topic before its first message.
+        """Registers a topic, with its type and QoS, before its first message.
 
         Args:
             name: of the topic.
@@ -248,7 +248,7 @@ class BagWriter:
         return sum(lost.values())
 
     def resume(self) -> McapFile:
-        """Continues the bag in a new file.
+        """Continues the bag in a new file after a write error.
 
         Raises:
             OSError: that is not possible yet.

@@ -141,7 +141,7 @@ class BagReader:
     def columns(
         self, block: MessageBlock, names: Collection[str] | None = None
     ) -> dict[str, NDArray[Any]]:
-        """Returns the values of a block as NumPy columns; see `ColumnReader.columns`.
+        """Returns the values of a block of messages as NumPy columns.
 
         Raises:
             SloshBagError: a message is not of its type, or the type has no such field.
@@ -330,7 +330,7 @@ class BagReader:
     def _merged_rows(
         self, walk: McapWalk, topics: Collection[str] | None
     ) -> Iterator[tuple[Chunk, int]]:
-        """Yields chunks and message indices in the order of log times; reads the file twice."""
+        """Yields chunk and message index in the order of log times; reads the file twice."""
         spans = []
         for chunk in walk.chunks():
             self._learn(chunk)

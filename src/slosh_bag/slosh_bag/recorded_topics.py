@@ -137,7 +137,7 @@ class TopicChoice:
         publishers: Callable[[str], int],
         now: float,
     ) -> str:
-        """Returns why raw images are not recorded; empty if they are, or for other topics."""
+        """Returns why raw images are not recorded; empty if they are recorded."""
         if self._raw_images or kind != RAW:
             return ""
         compressed = topic + COMPRESSED_ENDING

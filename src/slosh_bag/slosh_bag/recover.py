@@ -232,7 +232,7 @@ class _Copy:
                 self.writer.write(topic, data, log_ns, publish_ns)
 
     def tell(self, file: Path, walk: McapWalk) -> None:
-        """Adds descriptions of what a file has lost."""
+        """Adds notes about the messages that a file has lost."""
         found = walk.found
         for gap in found.gaps:
             span = ""

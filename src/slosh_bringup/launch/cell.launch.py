@@ -43,7 +43,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def node(cell: LaunchedCell, process: NodeProcess) -> Node:
-    """Makes a node that is restarted when it ends."""
+    """Creates a launch action that runs a node and restarts it when it ends."""
 
     def ended(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
         if context.is_shutdown:

@@ -1,4 +1,4 @@
-"""Compiles all compiled functions of the product in advance.
+"""Compiles all Numba functions of slosh in advance.
 
     python -m slosh_bringup.compiling
 
@@ -40,7 +40,7 @@ def import_all(modules: Iterable[str] = MODULES) -> None:
 
 
 def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> str:
-    """Compiles or loads all compiled functions and checks those that compute heights.
+    """Compiles or loads all Numba functions and checks those that compute heights.
 
     Args:
         tell: told before each of them.
@@ -94,14 +94,14 @@ def _compile(package: str) -> None:
 
 
 def _tell(step: CompileProgress) -> None:
-    """Shows on a terminal which function is being compiled."""
+    """Shows on a terminal which Numba function is being compiled."""
     if sys.stdout.isatty():
         shown = f"compiling {step.name}" if step.name and not step.cached else ""
         print(f"\r\033[K{shown}", end="", flush=True)
 
 
 def main() -> int:
-    """Compiles missing functions; returns the exit code."""
+    """Compiles Numba functions that are not cached yet; returns the exit code."""
     try:
         compile_missing()
         print(f"compiled code: {load_everything(_tell)}")

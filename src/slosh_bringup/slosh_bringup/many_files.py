@@ -151,7 +151,7 @@ class _Farm(Generic[Item, Value]):
         self._number = count()
 
     def run(self, items: Iterable[Item]) -> Iterator[ItemOutcome[Item, Value]]:
-        """Processes all items and yields the outcome of each."""
+        """Processes all items in parallel and yields the outcome of each."""
         numbered = enumerate(items)
         suspects: deque[tuple[int, Item]] = deque()
         room = IN_FLIGHT * max(1, len(self._client.nthreads()))

@@ -77,7 +77,7 @@ class ReadyWait:
         return bool(self.unrecorded) and waited < RECORDING
 
     def missing(self) -> dict[str, str]:
-        """Returns the reason why each node that is not ready is not."""
+        """Returns, by node, the reason why it is not ready; ready nodes are left out."""
         return {
             node: word.sentence.removeprefix("not ready, ")
             for node, word in self._words.items()

@@ -47,7 +47,7 @@ class StopRequest:
 
     @contextlib.contextmanager
     def finishing(self, leave: Callable[[], NoReturn]) -> Iterator[None]:
-        """Makes another stop signal end the process at once while the report is written.
+        """Lets a second stop signal end the process at once while the report is written.
 
         An exception would not do: raised while a library loads compiled code, it is lost there
         or takes the process down with SIGSEGV (measured: 41 and 1 of 300 signals in the first

@@ -34,7 +34,7 @@ SET_BACK_NS: Final = SECOND
 
 
 class Cause(StrEnum):
-    """Reason why a bag is written."""
+    """The reason why an event bag is written."""
 
     LIMIT = "limit"
     DISAGREEMENT = "disagreement"
@@ -199,7 +199,7 @@ class BlackBox:
             self._begin_pending()
 
     def happen(self, happening: Happening) -> None:
-        """Processes an event that occurs now: starts a bag or extends the open one."""
+        """Processes a new event: starts a bag, or extends the time range of the open one."""
         self.events += 1
         if self._open is not None:
             self._lengthen(self._open, happening, self._now_ns)
@@ -235,7 +235,7 @@ class BlackBox:
             self._end()
 
     def _begin_pending(self) -> None:
-        """Starts a bag for pending events whose messages are still in memory."""
+        """Starts a bag for events that have none yet, while their messages are in memory."""
         forgotten_ns = self._now_ns - self._windows.before_ns
         current = [pair for pair in self._pending if pair[0] >= forgotten_ns]
         self.missed += len(self._pending) - len(current)

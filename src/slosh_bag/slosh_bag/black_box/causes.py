@@ -83,7 +83,7 @@ class CalmWatch:
         self._told = False
 
     def answer(self, calm: Calm, stamp_ns: int) -> list[Happening]:
-        """Processes a calm report with its stamp [ns]; returns newly detected errors."""
+        """Processes a calm report with its stamp [ns]; returns reports found to be wrong."""
         if self._answers and stamp_ns < self._answers[-1].stamp_ns:
             self._answers.clear()  # another run of the estimator, or a clock that was set back
             self._heights.clear()
@@ -93,7 +93,7 @@ class CalmWatch:
         return self._judge()
 
     def height(self, name: str, stamp_ns: int, height: float, stddev: float) -> list[Happening]:
-        """Processes a measured height; returns newly detected errors of calm reports.
+        """Processes a measured height; returns events for calm reports found to be wrong.
 
         Args:
             name: whose height it is, for people.

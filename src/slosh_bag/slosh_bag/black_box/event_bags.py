@@ -66,7 +66,7 @@ def superfluous(bags: Sequence[KeptBag], per_cause: int, quota: int) -> list[Kep
 
 
 class _OpenBag:
-    """An event bag that is being written and that its own thread will finish."""
+    """An event bag that is being written."""
 
     def __init__(self, recorder: Recorder, folder: Path, cause: Cause) -> None:
         self.recorder, self.folder = recorder, folder
@@ -135,7 +135,7 @@ class EventRecorder:
 
     @property
     def path(self) -> Path:
-        """Folder of the newest event bag, or the folder of all bags if there is none."""
+        """Folder of the newest event bag, or the folder for all event bags if there is none."""
         bags = [*(bag.folder for bag in self._kept), *(bag.folder for bag in self._open)]
         return bags[-1] if bags else self._folder
 
@@ -149,7 +149,7 @@ class EventRecorder:
         self.box.add(topic, data, log_ns, publish_ns)
 
     def happen(self, happening: Happening) -> None:
-        """Processes an event that occurs now."""
+        """Processes a new event: starts a bag, or extends the open one."""
         self.box.happen(happening)
 
     def look(self, now_ns: int) -> None:
@@ -210,7 +210,7 @@ class EventRecorder:
         return bag
 
     def _collect(self) -> None:
-        """Adds bags that have been finished meanwhile to the list of kept bags."""
+        """Adds newly finished bags to the list of kept bags."""
         done = [bag for bag in self._open if bag.closing and not bag.closing.is_alive()]
         if not done:
             return
@@ -273,7 +273,7 @@ def _noted_causes(folder: Path) -> frozenset[str]:
 
 
 def noted_events(text: str) -> list[Happening]:
-    """Parses the events in a bag's metadata entry EVENTS; skips invalid ones."""
+    """Parses the event list in a bag's metadata; skips invalid events."""
     try:
         document = json.loads(text)
     except ValueError:

@@ -13,7 +13,7 @@ STANDING: Final = 1000
 
 
 class Place(NamedTuple):
-    """Identifies which earlier latched messages a new one replaces.
+    """Key by which a new latched message replaces earlier ones.
 
     Attributes:
         key: a later message of the same key takes its place.
@@ -102,7 +102,7 @@ class Ring:
         self.trim(message.at_ns)
 
     def trim(self, now_ns: int) -> None:
-        """Removes messages that are too old at a time [ns], or exceed the memory limit."""
+        """Removes messages that are too old at a time [ns] or exceed the memory limit."""
         oldest_ns = now_ns - self._span_ns
         while self._messages:
             too_old = self._messages[0].at_ns < oldest_ns

@@ -72,7 +72,7 @@ class ColumnReader:
         return {name: self._merged(block, groups, name) for name in wanted}
 
     def groups(self, block: MessageBlock, names: Collection[str] | None = None) -> Iterator[Group]:
-        """Yields one group per CDR layout, each with those requested columns that it has.
+        """Yields one group per CDR layout, each with the requested columns that it contains.
 
         Raises:
             SloshBagError: as `columns`.

@@ -40,7 +40,7 @@ _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """Position and type of a value, or of an array of values, within a message's CDR bytes.
+    """Position and type of a value, or of an array of values, in a message's CDR bytes.
 
     Attributes:
         offset: of its first byte in the message [bytes].
@@ -76,7 +76,7 @@ class Layout:
 
     @cached_property
     def record(self) -> np.dtype[Any]:
-        """The whole message as a NumPy structured type with a field for each leaf."""
+        """The whole message as a NumPy structured type, with one field per value or array."""
         return np.dtype(
             {
                 "names": list(self.leaves),
@@ -91,7 +91,7 @@ class Layout:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of all columns; an array longer than EXPANDED is a single column."""
+        """Names of all columns; a long array is a single column."""
         names: list[str] = []
         for name, leaf in self.leaves.items():
             if leaf.count is None or leaf.count > EXPANDED:
@@ -101,7 +101,7 @@ class Layout:
         return tuple(names)
 
     def find(self, name: str) -> tuple[str, int | None] | None:
-        """Returns the leaf and element index of a column, or None if there is no such column."""
+        """Returns the value or array of a column and the element index, or None if unknown."""
         if name in self.leaves:
             return name, None
         match = _ELEMENT.fullmatch(name)
@@ -244,7 +244,7 @@ def wide_text(raw: bytes, order: str) -> str:
 
 
 def kind_of(typestore: Typestore, message_type: str, name: str) -> str:
-    """Returns the kind of a column's values from the definition of its message type.
+    """Returns the ROS type of a column's values, from the definition of its message type.
 
     Args:
         typestore: a store that knows the type.

@@ -100,7 +100,7 @@ def _add_summary(contents: BagContents, file: Path) -> bool:
 
 
 def _add_whole(contents: BagContents, file: Path) -> None:
-    """Adds the contents of a file without summary by reading it up to its end or a damage."""
+    """Adds the contents of a file without a summary, by reading it to its end or first damage."""
     walk = McapWalk(file)
     for _ in walk.chunks():
         pass

@@ -195,7 +195,7 @@ class _Table:
 
     @property
     def notes(self) -> list[str]:
-        """Notes about values that the table file does not contain."""
+        """Notes about values that the exported file does not contain."""
         return self._sink.notes
 
     def add_block(self, block: MessageBlock) -> None:
@@ -221,7 +221,7 @@ class _Table:
         self._sink.close()
 
     def keep(self) -> None:
-        """Renames the temporary file to the table's final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
         self._sink.keep()
 
     def discard(self) -> None:

@@ -58,7 +58,7 @@ class ColumnField:
 
     @property
     def columns(self) -> list[str]:
-        """Names of the field's columns."""
+        """Names of the table columns for the message field."""
         if self.shape != "spread":
             return [self.name]
         return [f"{self.name}[{index}]" for index in range(self.length)]
@@ -77,7 +77,7 @@ class ColumnField:
 def leaves(
     types: Typestore, message_type: str, prefix: str = "", path: str = ""
 ) -> list[ColumnField]:
-    """Returns all fields of a message type that hold values, in the order of definition."""
+    """Returns all value fields of a message type, nested ones included, in order."""
     found: list[ColumnField] = []
     for field, description in types.fielddefs[message_type][1]:
         name, attribute = prefix + field, path + normalize_fieldname(field)

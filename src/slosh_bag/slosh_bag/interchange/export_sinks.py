@@ -54,7 +54,7 @@ class Sink(Protocol):
         """Writes the remaining rows to the file."""
 
     def keep(self) -> None:
-        """Renames the temporary file to the table's final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
 
     def discard(self) -> None:
         """Deletes the unfinished temporary file."""
@@ -119,7 +119,7 @@ class CsvSink:
             )
 
     def keep(self) -> None:
-        """Renames the temporary file to the table's final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
         self._file.finish()
 
     def discard(self) -> None:
@@ -129,7 +129,7 @@ class CsvSink:
         self._file.discard()
 
     def _cells(self, leaf: ColumnField, values: Any) -> list[Sequence[Any]]:
-        """Returns the CSV cells of a field's columns."""
+        """Formats a field's values as CSV cells, by column."""
         if leaf.shape == "list":
             return [[self._list_cell(leaf, value) for value in values]]
         columns = [plain_list(leaf.node, column) for column in _columns(leaf, values)]
@@ -228,7 +228,7 @@ class ParquetSink:
         self._stream.close()
 
     def keep(self) -> None:
-        """Renames the temporary file to the table's final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
         self._file.finish()
 
     def discard(self) -> None:

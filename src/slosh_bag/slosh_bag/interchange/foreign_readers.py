@@ -68,12 +68,12 @@ def _check_kind(source: Path) -> None:
 
 
 def not_read(reader: Any) -> list[str]:
-    """Returns files in the bag's folder that its metadata.yaml does not list."""
+    """Returns the files in a bag's folder that its metadata.yaml does not list."""
     return list(getattr(getattr(reader, "storage", None), "beside", []))
 
 
 def told_by(reader: Any) -> list[str]:
-    """Returns the reader's warnings about the files that it has read."""
+    """Returns the warnings of a bag reader about the files that it has read."""
     storage = getattr(reader, "storage", None)
     files = getattr(storage, "storages", [])
     return [text for each in (storage, *files) for text in getattr(each, "warnings", [])]

@@ -78,7 +78,7 @@ class McapStorage:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about messages in the file that could not be read."""
+        """Warnings about messages that could not be read from the file."""
         return self._reader.warnings
 
     def close(self) -> None:

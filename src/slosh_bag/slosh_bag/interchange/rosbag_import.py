@@ -278,7 +278,7 @@ def _qos(connection: Connection) -> Qos:
 
 
 def _facts(reader: Any) -> dict[str, str]:
-    """Returns the metadata of the whole bag in its metadata.yaml."""
+    """Returns the metadata of the whole bag from its metadata.yaml."""
     storage = getattr(reader, "storage", None)
     custom = getattr(getattr(storage, "metadata", None), "custom", None)
     return {str(key): str(value) for key, value in (custom or {}).items()}

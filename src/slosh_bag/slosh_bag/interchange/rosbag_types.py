@@ -52,7 +52,7 @@ def message_converter(
 
 
 def _as_it_is(connection: Connection, definitions: Definitions) -> Convert:
-    """Checks that a type without recorded definition matches the installed definition."""
+    """Checks that a type recorded without its definition matches the installed definition."""
     known = definitions.hash(connection.msgtype)  # raises where there is none
     if connection.digest and connection.digest != known:
         raise SloshBagError(

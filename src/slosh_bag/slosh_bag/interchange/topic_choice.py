@@ -1,4 +1,4 @@
-"""Finds a bag's topics by the names that a user types."""
+"""Finds the topic of a bag that a user means by a name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metadata of a whole bag, which the recorder stores in each file.
+"""Metadata of a whole bag, which its recorder stores in each file.
 
 No checksum of MCAP covers a metadata record but that of the whole data section, for which the file
 has to be read from its start to its end. A record that carries its own is read at once.
@@ -48,7 +48,7 @@ def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
 
 
 def _at(path: Path, stream: BinaryIO, place: MetadataIndex) -> dict[str, str]:
-    """Reads the metadata record at a position that the summary gives."""
+    """Reads the metadata record at a position that the file's summary gives."""
     stream.seek(place.offset)
     content = stream.read(place.length)
     try:

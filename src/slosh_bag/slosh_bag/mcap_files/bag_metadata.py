@@ -55,7 +55,7 @@ class Qos:
 
 @dataclass(frozen=True, slots=True)
 class TopicFacts:
-    """A topic in metadata.yaml, with its type and message count.
+    """A topic as listed in metadata.yaml, with its type and message count.
 
     Attributes:
         name: its name.
@@ -76,7 +76,7 @@ class TopicFacts:
 
 @dataclass(frozen=True, slots=True)
 class FileFacts:
-    """A file in metadata.yaml, with its times and message count.
+    """A file as listed in metadata.yaml, with its times and message count.
 
     Attributes:
         name: its name in the bag's folder.

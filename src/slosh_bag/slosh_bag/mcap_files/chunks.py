@@ -85,7 +85,7 @@ class MessageBlock:
         return self.buffer[start : start + int(self.length[index])].tobytes()
 
     def take(self, rows: Any) -> MessageBlock:
-        """Returns a block with some of its messages.
+        """Returns a block that contains only some of the messages.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -155,7 +155,7 @@ class Chunk:
         return np.frombuffer(self.raw, np.uint8)
 
     def take(self, rows: Any) -> Chunk:
-        """Returns a chunk with some of its messages.
+        """Returns a chunk that contains only some of the messages.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -280,7 +280,7 @@ def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Chu
 
 
 def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
-    """Creates the error for damage in the middle of a file."""
+    """Creates the error for damage that is not at the end of a file."""
     return SloshBagError(
         f"{path}: damaged at byte {position}: {error}; `slosh recover` writes a new bag with "
         "all intact messages"

@@ -114,7 +114,7 @@ class McapFile:
 
     @property
     def full(self) -> bool:
-        """Whether the chunk has reached its target size."""
+        """Whether the current chunk has reached its target size."""
         return self._chunk.size >= CHUNK_BYTES
 
     @property
@@ -244,7 +244,7 @@ class McapFile:
         self._stream.close()
 
     def remove(self) -> None:
-        """Deletes the file."""
+        """Deletes the MCAP file."""
         self._stream.close()
         self.path.unlink(missing_ok=True)
 

@@ -102,7 +102,7 @@ def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, 
 def indexed_chunks(
     path: Path, index: Index, channels: Collection[int], windows: Collection[Window] | None
 ) -> Iterator[Chunk]:
-    """Yields the chunks that contain one of the channels, in file order.
+    """Yields the chunks that contain messages of the given channels, in file order.
 
     Args:
         path: the file.

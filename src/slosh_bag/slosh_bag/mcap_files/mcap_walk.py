@@ -97,7 +97,7 @@ class McapWalk:
                     yield chunk
 
     def _step(self) -> tuple[Chunk | None, bool]:
-        """Reads one record, or successive messages outside chunks; tells the last record."""
+        """Reads one record, or successive messages outside chunks; detects the last record."""
         if not self._stream.position and self._stream.take(len(MAGIC)) != MAGIC:
             raise DamageError("not an MCAP file")
         first = self._stream.position == len(MAGIC)
@@ -158,7 +158,7 @@ class McapWalk:
         return chunk
 
     def _other(self, opcode: int, length: int) -> None:
-        """Skips a record that contains no messages, after checking it."""
+        """Checks and skips a record that contains no messages."""
         if opcode == Opcode.HEADER:
             parse(Header, self._stream.take(length))
         elif opcode == Opcode.METADATA:
@@ -183,7 +183,7 @@ class McapWalk:
             raise DamageError("a damaged attachment")
 
     def _admit(self, chunk: Chunk) -> Chunk:
-        """Adds a chunk's definitions and checks that its messages are defined."""
+        """Adds a chunk's schemas and channels, and checks that its messages are defined."""
         if self.found.chunks and self.found.loose and not self._is_counted():
             raise DamageError("messages both inside and outside chunks")
         for schema in chunk.schemas:
@@ -203,7 +203,7 @@ class McapWalk:
         return chunk
 
     def _is_in_summary(self, chunk: Chunk) -> bool:
-        """Whether the summary, which has a checksum, contains a chunk's definitions."""
+        """Whether the summary, which has a checksum, contains a chunk's schemas and channels."""
         schemas = self.summary.schemas if self.summary else {}
         channels = self.summary.channels if self.summary else {}
         return all(schema.id in schemas for schema in chunk.schemas) and all(
@@ -211,7 +211,7 @@ class McapWalk:
         )
 
     def _bound(self, *definitions: Schema | Channel, kept: bool) -> None:
-        """Raises an error for a file with too many definitions."""
+        """Raises an error for a file with too many schemas or channels."""
         if not self.found.has_room(definitions, kept=kept):
             raise SloshBagError(
                 f"{self.path}: more than {MOST_DEFINITIONS} schemas and channels, or "
@@ -227,7 +227,7 @@ class McapWalk:
             raise DamageError(f"{kind} {record.id} is defined twice, differently")
 
     def _is_counted(self) -> bool:
-        """Whether the summary has message counts, which would reveal missing messages."""
+        """Whether the summary has message counts, by which missing messages are noticed."""
         return self.summary is not None and self.summary.counts is not None
 
     def _end(self, length: int) -> None:
@@ -256,14 +256,14 @@ class McapWalk:
             self._warn("its summary is damaged and was not used")
 
     def _check_last(self) -> None:
-        """Accepts an unusual end of the data only if no chunk follows."""
+        """Raises an error if another chunk follows the end of the data."""
         position = self._stream.position
         if self._next_chunk(position) is not None:
             raise DamageError("a damaged end of the data")
         self._stream.jump(position)
 
     def _goes_on(self) -> bool:
-        """Moves to the next chunk after a doubtful end of the data, if there is one."""
+        """Moves to the next chunk if one follows a doubtful end of the data."""
         after = self._next_chunk(self._stream.position)
         if after is not None:
             self._stream.jump(after)
@@ -382,7 +382,7 @@ class McapWalk:
 
 
 def is_in_order(path: Path) -> bool:
-    """Whether the chunks' time ranges are in order and do not overlap, by their headers.
+    """Whether the chunks' time ranges, as their headers give them, are in order.
 
     Whether they say the truth shows when they are read.
     """

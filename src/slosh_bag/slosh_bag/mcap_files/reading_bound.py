@@ -27,7 +27,7 @@ class ReadingBound:
         self._unpacked = self._messages = 0
 
     def unpack(self, content: bytes) -> None:
-        """Counts a chunk's decompressed size before it is decompressed.
+        """Counts a chunk's decompressed size before the chunk is decompressed.
 
         Raises:
             SloshBagError: with it, it is too much.

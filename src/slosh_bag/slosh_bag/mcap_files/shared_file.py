@@ -26,7 +26,7 @@ class SharedFile(type(Path())):  # type: ignore[misc]
     _descriptor: weakref.ref[_Descriptor] | None = None
 
     def open(self, mode: str = "r", *others: Any, **named: Any) -> BinaryIO:
-        """Returns a stream on the shared file in mode 'rb', otherwise opens the file again."""
+        """Returns a stream on the shared file in mode 'rb'; otherwise opens the file anew."""
         if mode != "rb" or others or named:
             return cast("BinaryIO", super().open(mode, *others, **named))
         descriptor = self._descriptor() if self._descriptor else None

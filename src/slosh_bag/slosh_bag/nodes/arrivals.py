@@ -21,7 +21,7 @@ class Arrivals:
         self._held: list[Received] = []
 
     def sort(self, taken: list[Received], settled: int) -> list[Received]:
-        """Adds messages and returns those whose order can no longer change.
+        """Adds messages, and returns those whose order can no longer change, sorted.
 
         Args:
             taken: of all topics, since the last call.
@@ -70,6 +70,6 @@ class LogTimes:
         return received_ns + (self._shift_before if before_the_step else self._shift)
 
     def in_order(self, time_ns: int) -> int:
-        """Returns the time, or the time of the previous message if that is later [ns]."""
+        """Returns the given time, or the previous message's time if that is later [ns]."""
         self._last = max(self._last, time_ns)
         return self._last

@@ -1,4 +1,4 @@
-"""Detects events, and the validity of latched messages, for the event recorder."""
+"""Detects events in a cell's messages for the event recorder."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def event_recorder(
 
 
 def event_facts(core: Recorder | EventRecorder) -> dict[str, Any]:
-    """Returns diagnostics of an event recorder; empty for any other recorder."""
+    """Returns diagnostics values of an event recorder; empty for any other recorder."""
     if not isinstance(core, EventRecorder):
         return {}
     box = core.box
@@ -115,7 +115,7 @@ class EventMessages:
         self._reads = {node.resolve_topic_name(name): read for name, read in reads.items()}
 
     def happenings(self, received: Received, message_type: Any) -> list[Happening]:
-        """Returns the events in a received message; empty if it cannot be decoded."""
+        """Returns the events that a message reports; empty if it cannot be decoded."""
         wanted, read = self._reads.get(received.topic, (None, None))
         late = received.sent_ns and received.arrived_ns - received.sent_ns > self._late_ns
         if read is None or wanted is not message_type or late:
@@ -146,7 +146,7 @@ def _limit(message: LimitEvent, stamp_ns: int) -> list[Happening]:
 
 
 def place_of(entry: TopicInput, data: bytes) -> Place | None:
-    """Returns which latched messages a message replaces, or None if it is not latched.
+    """Returns the key by which a latched message replaces earlier ones, or None.
 
     Args:
         entry: its topic.
@@ -169,7 +169,7 @@ def place_of(entry: TopicInput, data: bytes) -> Place | None:
 
 
 def _place_of_settings(settings: NodeSettings) -> Place:
-    """Returns which earlier settings of a node a settings message replaces."""
+    """Returns the key by which a settings message replaces earlier ones of the same node."""
     try:
         document = parse_yaml(settings.document, "settings").value
         level = _CHANGE if document.get("changed") else _START

@@ -95,7 +95,7 @@ class PlayerNode(GuardedNode):
 
     @property
     def played(self) -> float:
-        """Length of the bag that has been played so far [s]."""
+        """Time span of the bag that has been played so far [s]."""
         return (self._thread.bag_ns - self._plan.playback.first_ns) * 1e-9
 
     def _health(self) -> Health:
@@ -133,7 +133,7 @@ def request(given: Mapping[str, Any]) -> PlayRequest:
 
 
 def playable(plan: PlayPlan) -> tuple[PlayPlan, dict[str, Any]]:
-    """Returns the part of a plan whose message types are installed, and the types by topic.
+    """Returns the plan without topics of uninstalled types, and the types by topic.
 
     Raises:
         SloshBagError: nothing is left.

@@ -90,7 +90,7 @@ class PlayerThread:
 
     @property
     def finished(self) -> bool:
-        """Whether everything has been delivered, or nothing more can be."""
+        """Whether playback has ended and all messages have been delivered as far as possible."""
         return self._finished.is_set()
 
     def _run(self, subscribers: int, patience: float) -> None:
@@ -174,7 +174,7 @@ class PlayerThread:
 
 
 def step_size(step: Step) -> int:
-    """Returns the size of a step's message [bytes]."""
+    """Returns the size of the message in a playback step [bytes]."""
     return len(step.message.data) if step.message else 0
 
 

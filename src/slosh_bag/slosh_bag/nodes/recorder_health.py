@@ -26,7 +26,7 @@ class Traffic:
         self._bytes[topic] = self._bytes.get(topic, 0) + size
 
     def text(self, topics: Iterable[str], now: float) -> str:
-        """Returns each topic's data rate since the last call [kB/s] as text, largest first.
+        """Formats each topic's data rate since the last call [kB/s], largest first.
 
         Args:
             topics: all that are recorded.

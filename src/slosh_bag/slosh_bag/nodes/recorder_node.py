@@ -255,7 +255,7 @@ class RecorderNode(GuardedNode):
         return place_of(entry, data)
 
     def _look_for_settings(self, taken: Sequence[Received]) -> None:
-        """Publishes diagnostics at once when another node's settings have been received."""
+        """Publishes diagnostics at once when another node's settings have arrived."""
         before = len(self._told)
         for received in taken:
             entry = self._inputs.get(received.topic)

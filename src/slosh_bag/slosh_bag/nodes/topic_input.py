@@ -83,7 +83,7 @@ class TopicInput:
         return self._gaps.lost
 
     def settle(self) -> None:
-        """Confirms the counted losses at the end of the recording."""
+        """Confirms the counted message losses at the end of the recording."""
         self._gaps.settle(new_publishers=False)
 
     def is_mixed(self) -> bool:
@@ -249,7 +249,7 @@ class SequenceGaps:
         last[last.index(before)] = number
 
     def settle(self, *, new_publishers: bool) -> None:
-        """Confirms the losses counted since the last call, or discards them as doubtful.
+        """Confirms the losses counted since the last call, or discards them.
 
         Args:
             new_publishers: whether publishers have come that were never there before. Numbers of

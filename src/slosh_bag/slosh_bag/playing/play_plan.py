@@ -61,7 +61,7 @@ class PlayedTopic:
 
 @dataclass(frozen=True, slots=True)
 class PlayPlan:
-    """A bag that is ready to be played, with its topics.
+    """A bag that is ready to be played, with the topics to play.
 
     Attributes:
         reader: the bag.
@@ -198,7 +198,7 @@ def refusal(name: str, topic: BagTopic) -> str:
 
 
 def definition_hash(message_type: str, definition: str) -> str:
-    """Returns the RIHS01 hash of a message type with the given definition.
+    """Returns the RIHS01 hash of a message type for a given definition.
 
     Raises:
         SloshBagError: it is none, or not full.

@@ -78,7 +78,7 @@ def paths(code: CodeType) -> Iterator[Path]:
 
 
 def called(function: Any) -> Iterator[Any]:
-    """Yields the compiled functions that a function calls directly, as Python functions."""
+    """Yields the compiled functions that a function calls directly."""
     for path in set(paths(function.__code__)):
         found = written(_value(function, path))
         if hasattr(found, DIGEST):

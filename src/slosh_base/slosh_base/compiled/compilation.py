@@ -62,7 +62,7 @@ os.register_at_fork(after_in_child=_number_anew)
 
 
 def compiled(function: Function) -> Any:
-    """Compiles a function that only other compiled functions call.
+    """Decorator for a function that only other compiled functions call.
 
     Raises:
         TypeError: another function of the same qualified name was compiled before, or the
@@ -76,7 +76,7 @@ def compiled(function: Function) -> Any:
 
 
 class _Part(CPUDispatcher):
-    """A compiled function that only compiled code may call; a call from Python is an error."""
+    """A compiled function that only compiled functions may call; Python code may not."""
 
     def __call__(self, *arguments: Any) -> Any:
         raise TypeError(
@@ -172,7 +172,7 @@ class EntryPoint:
         return call
 
     def check_with(self, check: Callable[[], None]) -> None:
-        """Registers a check for the first load; `load` passes on the check's exceptions."""
+        """Registers a function that checks the compiled code when it is first loaded."""
         self._checks.append(check)
 
     def _load_checked(self) -> Function:
@@ -304,7 +304,7 @@ def _plain(value: Any, known: dict[int, Any]) -> Any:
 
 
 def _plain_global(value: Any, path: list[str], known: dict[int, Any], begun: Any) -> Any:
-    """Returns a global value for plain Python code, with a copy of modules where needed."""
+    """Returns a global value as plain Python code may use it; copies modules if needed."""
     if not (isinstance(value, ModuleType) and path):
         return _plain(value, known)
     module = ModuleType(value.__name__) if begun is None else begun
@@ -315,7 +315,7 @@ def _plain_global(value: Any, path: list[str], known: dict[int, Any], begun: Any
 
 
 def _name(function: Function, options: Mapping[str, Any]) -> None:
-    """Appends the code's hash to the function's qualified name, which Numba uses as key."""
+    """Appends the code's hash to the function's name, which Numba uses as its key."""
     full = f"{function.__module__}.{function.__qualname__}"
     own = digest(function, options)
     if _NAMES.setdefault(full, own) != own:

@@ -64,7 +64,7 @@ class CodeFile(_Cache):
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Locks the cache against other processes, so that each function is compiled once.
+        """Locks the cache against other processes, so that a function is compiled only once.
 
         The lock goes with the process, however it ends; where none can be had, both compile.
         """
@@ -157,7 +157,7 @@ class _Unpickler(pickle.Unpickler):
 
 
 def _environment(module: str, constants: Any, name: str) -> Any:
-    """Rebuilds a function's constants as Numba does, without importing Numba's modules."""
+    """Rebuilds a function's constants as Numba does, without importing all of Numba."""
     if not module.startswith("numba."):
         return environment._rebuild_env(module, constants, name)
     known = environment.lookup_environment(name)

@@ -29,7 +29,7 @@ def factorize(matrix, size):  # type: ignore[no-untyped-def]
 
 @compiled
 def substitute(factor, size, right):  # type: ignore[no-untyped-def]
-    """Solves L Lᵀ x = b in place.
+    """Solves L Lᵀ x = b in place, given the Cholesky factor L.
 
     Args:
         factor: what `factorize` left.

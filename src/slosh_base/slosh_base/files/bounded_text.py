@@ -103,7 +103,7 @@ class _Counted(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Reads bytes into a buffer and checks the limits.
+        """Reads bytes into a buffer; raises an error if the file is too large.
 
         Raises:
             SloshFileError: there are too many of them.
@@ -130,7 +130,7 @@ class _Counted(io.RawIOBase):
 
 
 def read_text(path: str | Path, longest: int) -> str:
-    """Reads a text file whose size does not exceed a limit.
+    """Reads a text file; raises an error if it is too large.
 
     Args:
         path: the file.

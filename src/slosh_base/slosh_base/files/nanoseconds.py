@@ -1,4 +1,4 @@
-"""Time stamps as whole nanoseconds."""
+"""Constant for time stamps in whole nanoseconds."""
 
 from __future__ import annotations
 

@@ -279,7 +279,7 @@ def check_bounds(text: str, longest: int) -> None:
 
 
 class _Counter:
-    """Counts the values of a YAML document, with aliases expanded."""
+    """Counts the values of a YAML document, including repeated references."""
 
     def __init__(self) -> None:
         self._total = 0

@@ -75,7 +75,7 @@ def write_page(arguments: argparse.Namespace) -> int:
 
 
 def outline_profile(arguments: argparse.Namespace) -> Profile:
-    """Returns the inner wall profile [m], from the floor's centre to the rim, of --outline.
+    """Returns the inner wall profile that --outline gives, from floor centre to rim [m].
 
     Raises:
         SloshBringupError: what is missing, or points that are no outline.

@@ -178,7 +178,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def tray_lines(planned: TrayPlan) -> list[str]:
-    """Describes the container that limits the plan, and the heights in the others of the tray."""
+    """Describes which container limits the plan, and the heights in the tray's others."""
     heights = [
         f"{name} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
         for name, each in planned.found.containers.items()

@@ -41,7 +41,7 @@ class AskedPath:
 
 
 def add_path_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the options that give the path."""
+    """Adds the options that describe the path to the argument parser."""
     parser.add_argument(
         "path", type=Path, nargs="?",
         help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv); with --urdf t and the robot's joints",

@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 def shape(
     arguments: argparse.Namespace, model: Model, course: PathCourse, yaw: float
 ) -> PlannedMotion:
-    """Returns the shaped motion.
+    """Returns the motion after applying the filter that the options choose.
 
     Raises:
         SloshBringupError: a rectangle's two frequencies, for which there is no polynomial.

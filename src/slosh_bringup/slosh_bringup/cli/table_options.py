@@ -12,7 +12,7 @@ from slosh_tables.text_table.units import TIME
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:
-    """Declares --columns, --time-unit, --decimal and --separator."""
+    """Adds the options --columns, --time-unit, --decimal and --separator."""
     group = parser.add_argument_group("format of the tables (default: detected)")
     group.add_argument(
         "--columns", action="append", default=[], metavar="NAME=COLUMN,…",

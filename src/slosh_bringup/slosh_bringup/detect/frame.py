@@ -33,7 +33,7 @@ class CompressedMessage:
 
 @dataclass(frozen=True, slots=True)
 class NoImage:
-    """Reason why a frame has no image."""
+    """The reason why a source frame contains no image."""
 
     reason: str
 

@@ -143,7 +143,7 @@ class _Reader:
         self._at = 0
 
     def all(self) -> list[str]:
-        """Parses up to the end of the current group or of the text."""
+        """Parses LaTeX up to the end of the current group or of the text."""
         pieces: list[str] = []
         while self._at < len(self._tokens) and self._next() != "}":
             pieces.append(self._piece())
@@ -189,7 +189,7 @@ class _Reader:
         return _SIGNS.get(name, name)
 
     def _fraction(self, text: str) -> str:
-        """Encloses a fraction in brackets if another factor follows."""
+        """Encloses a LaTeX fraction in brackets if another factor follows."""
         rest = (token for token in self._tokens[self._at :] if token not in (" ", "\\,"))
         return text if next(rest, "") in _ENDS_A_FACTOR else f"({text})"
 

@@ -56,7 +56,7 @@ class _Doubt:
 
 
 class Deafness:
-    """Tests topics whose messages a node does not receive, with temporary subscriptions.
+    """Finds nodes that fail to receive a topic, by means of temporary subscriptions.
 
     Args:
         listen: begins to listen to a topic of a type; None: it cannot.

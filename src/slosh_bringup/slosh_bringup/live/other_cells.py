@@ -25,7 +25,7 @@ class OtherCells:
         self._told: frozenset[str] = frozenset()
 
     def started(self, name: str, now: float) -> None:
-        """Records when a node of this cell was started or restarted, a monotonic time [s]."""
+        """Records the monotonic time [s] at which a node of this cell was started."""
         self._starts.setdefault(name, deque()).append(now)
 
     def look(self, running: Mapping[str, int], now: float) -> list[str]:

@@ -77,11 +77,11 @@ class RunData:
 
     @property
     def seconds(self) -> Array:
-        """(N,) time of the compared images since the first of them [s]."""
+        """Time (N,) of the compared images since the first of them [s]."""
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def flags(self, side: str) -> NDArray[np.int64]:
-        """(N,) flags of each comparison's measurement or estimate; `side` chooses which."""
+        """Returns the flags (N,) of the compared measurements or of the estimates."""
         return self.columns[f"{side}_flags"].astype(np.int64)
 
     def lost(self) -> dict[str, int]:
@@ -98,7 +98,7 @@ class RunData:
         return lost
 
     def truth_at_images(self) -> Array:
-        """(N,) exact height at the compared images [m]; NaN if it was not recorded."""
+        """Exact height (N,) at the compared images [m]; NaN if it was not recorded."""
         if not len(self.truth):
             return np.full(len(self.stamps), np.nan)
         origin = self.truth_stamps[0]

@@ -135,7 +135,7 @@ def _named(facts: Mapping[str, str], prefix: str) -> str:
 
 
 def _own(data: RunData, name: str, kind: str) -> str:
-    """Returns the cell's topic with a given last name; empty if it has no messages."""
+    """Returns the cell's topic whose name ends with `name`; empty if it has no messages."""
     return CellTopics(data.topics).topic(name, kind) or ""
 
 

@@ -114,7 +114,7 @@ class LiveWatch:
         self._begin()
 
     def take_comparison(self, comparison: Any) -> None:
-        """Stores the newest SloshComparison."""
+        """Stores the newest comparison message, for display."""
         heights = comparison.measured, comparison.estimated_nonlinear
         self._status.take_comparison(
             *heights, comparison.state, time.monotonic(),
@@ -131,7 +131,7 @@ class LiveWatch:
         self._screen.show(now - self._began, "", self._status.line(now))
 
     def tell(self, line: str) -> None:
-        """Shows a permanent line of text that another part of the program gives."""
+        """Shows a line of text that stays on the screen, given by another part of the program."""
         self._tell([line])
 
     def _tell_readiness(self, report: NodeReport) -> None:
@@ -239,7 +239,7 @@ class CellStatus:
         return " · ".join([*words, *rates])
 
     def _limit(self, source: Source) -> str:
-        """Returns the text of the limit in effect for the given height source."""
+        """Formats the limit in effect for heights of the given source."""
         rim = f" ({self._settings.limit_name(source)})" * self._settings.at_rim(source)
         return f"{_shown(self._settings.limits[source])} mm{rim}"
 

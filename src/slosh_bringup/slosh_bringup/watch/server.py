@@ -280,7 +280,7 @@ class Hub:
         self._tell()
 
     async def after(self, seen: tuple[int, int] = (0, 0)) -> News:
-        """Waits for page updates or a picture that a viewer has not received, and returns them."""
+        """Waits for page updates or a picture that a viewer has not received; returns them."""
         while seen == self._last:
             await self._news.wait()
         missed = min(self._last[0] - seen[0], len(self._frames))

@@ -32,7 +32,7 @@ class ToldDeviations:
 
     @property
     def stddev(self) -> FloatArray:
-        """The standard deviations as an array (QUANTITIES,)."""
+        """Returns the standard deviations as an array (QUANTITIES,)."""
         return np.array([self.focal_length, self.wall_thickness, self.fill_height])
 
     @property

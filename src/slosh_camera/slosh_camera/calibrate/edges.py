@@ -41,7 +41,7 @@ class EdgeImage:
         return int(self.smooth.shape[0]), int(self.smooth.shape[1])
 
     def support(self, slope: NDArray[np.floating]) -> FloatArray:
-        """Converts slopes [grey levels/px] to edge strengths from 0 (no edge) to 1."""
+        """Converts image slopes [grey levels/px] to edge strengths from 0 (no edge) to 1."""
         size = np.abs(np.asarray(slope, dtype=np.float64))
         return size / (size + self.reference)
 

@@ -121,7 +121,7 @@ def fit_place(
     rough: bool = False,
     found: tuple[SeenCurve, ...] = (),
 ) -> PlaceFit | None:
-    """Fits the camera's pose to image edges while reducing the search distance.
+    """Fits the camera's pose to image edges, with a decreasing edge search distance.
 
     Args:
         edges: the image, without distortion.

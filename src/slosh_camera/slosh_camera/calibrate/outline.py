@@ -129,7 +129,7 @@ def find_outline(
 def _sides(
     edges: EdgeImage, camera: PinholeCamera, cup: Cup
 ) -> tuple[Axis, tuple[SeenCurve, SeenCurve]] | None:
-    """Returns the pair of lines with most common rows as container sides, and their axis."""
+    """Returns the two lines that are most likely the container's sides, and their axis."""
     rows, columns = edges.shape
     lines = upright_lines(edges, TUNING.lines, TUNING.least_line * rows)
     support = edges.support(edges.across).astype(np.float32)
@@ -171,7 +171,7 @@ def _along(support: NDArray[np.float32], line: UprightLine) -> FloatArray:
 
 
 def _extent(view: CupView, camera: PinholeCamera) -> tuple[float, float]:
-    """Returns the lowest and highest visible height of the front wall's centre line [m]."""
+    """Returns the lowest and highest height of the front wall inside the image [m]."""
     distance = float(np.hypot(*view.pose.camera_centre[:2]))
     heights = np.linspace(-TUNING.outline_reach, TUNING.outline_reach, 1201) * distance
     azimuth = view.camera_azimuth
@@ -245,7 +245,7 @@ def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
 def _strengths(
     edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Returns features of the wall at each height: line strength and likeness to a liquid level.
+    """Returns features of the wall at each height: line strength, likeness to a liquid level.
 
     Returns:
         How much of a line is there; how much it looks like the level, where that can be; the same
@@ -289,7 +289,7 @@ def _strengths(
 
 
 def _peaks(strength: FloatArray, heights: FloatArray, apart: float) -> list[int]:
-    """Returns indices of the strongest local maxima, at least a given distance apart."""
+    """Returns indices of the strongest maxima that are at least a given distance apart."""
     left, peaks = strength.copy(), []
     while left.max() >= TUNING.least_level:
         peaks.append(int(np.argmax(left)))
@@ -340,6 +340,6 @@ def _front(edges: EdgeImage, strip: Strip, height: float, cup: Cup) -> SeenCurve
 
 
 def _steady(values: FloatArray) -> FloatArray:
-    """Applies a running median over five values (N,), which removes bubbles and rings."""
+    """Applies a running median over five values (N,), which removes outliers."""
     padded = np.pad(values, 2, "edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))

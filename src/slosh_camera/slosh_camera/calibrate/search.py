@@ -237,7 +237,7 @@ def _pixels(
 
 
 def _lookup(chart: Float32Array, pixels: FloatArray) -> FloatArray:
-    """Returns the map's values at the given pixels; NaN outside the image."""
+    """Returns the map's values at the given image pixels; NaN outside the image."""
     rows, columns = chart.shape
     place = np.rint(np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0))
     u, v = place[..., 0], place[..., 1]

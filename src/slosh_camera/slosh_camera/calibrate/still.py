@@ -253,7 +253,7 @@ def _undistort_maps(camera: PinholeCamera) -> tuple[FloatMap, FloatMap]:
 
 
 def _with_rivals(edges: EdgeImage, task: _Task, fits: list[PlaceFit]) -> list[PlaceFit]:
-    """Adds fits that start from alternative liquid levels, and sorts all by score."""
+    """Adds fits that start from alternative liquid levels, and sorts all fits by score."""
     ranked = sorted(fits, key=lambda fit: -fit.score)
     if task.hint.level is not None:
         return ranked

@@ -103,7 +103,7 @@ def still_fit(fit: PlaceFit, camera: PinholeCamera, azimuth: float) -> StillFit:
 
 
 def height_shift(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
-    """Returns the height errors [m] that result if one pose is used in place of the true one.
+    """Returns the height errors that one pose causes if another pose is the true one [m].
 
     NaN where a ray misses the view's wall.
     """
@@ -139,7 +139,7 @@ def _doubtful(fit: PlaceFit) -> float:
 
 
 def _heights(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
-    """Returns the heights [m] that one pose gives to wall points projected by another."""
+    """Returns the heights that one pose assigns to wall points projected by another [m]."""
     arc = AZIMUTH + (_ARC if wall is Wall.FRONT else np.pi - _ARC)
     azimuth, height = np.tile(arc, len(HEIGHTS)), np.repeat(HEIGHTS, arc.size)
     return view.on_wall(truth.project_wall(azimuth, height, wall), wall)[1]

@@ -65,7 +65,7 @@ def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
 
 
 def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
-    """Returns how continuous an edge crosses the wall at each height, (N,), from 0 to 1."""
+    """Returns how continuously an edge crosses the wall at each height (N,), from 0 to 1."""
     support = edges.support(slopes_of(strip)).astype(np.float32)
     support = np.asarray(
         cv2.dilate(support, np.ones((2 * TUNING.strip_slack + 1, 1), np.uint8)), np.float32
@@ -128,7 +128,7 @@ def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
 
 
 def _values(chart: NDArray[np.generic], pixels: FloatArray) -> FloatArray:
-    """Returns a map's values at the pixels nearest to positions (N, 2); 0 outside the image."""
+    """Returns an image map's values at the pixels nearest to positions (N, 2); 0 outside."""
     # OpenCV's types do not know that one map may hold both coordinates.
     found = cv2.remap(  # type: ignore[call-overload]
         np.asarray(chart, np.float32), pixels.astype(np.float32)[:, np.newaxis], None,

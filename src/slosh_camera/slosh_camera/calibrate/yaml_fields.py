@@ -15,7 +15,7 @@ from slosh_camera.errors import SloshCameraError
 
 
 def read_file(path: str | Path) -> str:
-    """Reads a text file."""
+    """Reads a text file and returns its content."""
     try:
         return read_text(path, LONGEST)
     except TextFileError as error:

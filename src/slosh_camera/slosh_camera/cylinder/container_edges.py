@@ -1,4 +1,4 @@
-"""Checks whether the container has the calibrated orientation in the image.
+"""Checks whether the container has the same orientation in the image as in the calibration.
 
 Both of its sides are straight lines in the image. A camera that has been pushed sees them turned,
 and would read the turn as a tilt of the liquid: 2 degrees are 1.7 mm on a radius of 50 mm. Where

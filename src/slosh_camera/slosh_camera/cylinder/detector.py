@@ -206,7 +206,7 @@ class FreeSurfaceDetector:
         self._memory = SurfaceMemory(self._view.cup.radius, self._view.cup.fill_height)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
-        """Refits the surface with the wave-crest visibility learnt from earlier images."""
+        """Refits the surface with the crest fading that was learnt from earlier images."""
         fade = self._memory.fade
         if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade

@@ -135,7 +135,7 @@ def usual_deviation(picture, level, top, bottom):  # type: ignore[no-untyped-def
 
 @compiled
 def _steepest(line, row, sign, first):  # type: ignore[no-untyped-def]
-    """Returns the largest grey-level drop that ends at a row of a scan line, and its start."""
+    """Returns the largest drop of grey level that ends at a row of a scan line, and its row."""
     steepest, place = 0.0, row - 1
     for j in range(row + 1, max(row - 1 - _SOFT, first) - 1, -1):
         slope = sign * (line[j] - line[j + 1])
@@ -214,7 +214,7 @@ def has_stood(step, stationary, j, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def _step(picture, stationary, j, i):  # type: ignore[no-untyped-def]
-    """Returns the grey-level drop above a row; 0 if it is also in the image at rest."""
+    """Returns the grey-level drop above a row, 0 if the image of the liquid at rest has it too."""
     step = fall_above(picture, j, i)
     return 0.0 if has_stood(step, stationary, j, i) else step
 

@@ -56,7 +56,7 @@ class ScanGrid:
         return int(self.pixels.shape[0]), int(self.pixels.shape[1])
 
     def unroll(self, image: Image) -> Image:
-        """Samples an image along the scan lines.
+        """Samples an image along the scan lines; returns an unrolled image of the wall.
 
         Args:
             image: (height, width) or (height, width, 3); may be a view of any strides.

@@ -26,7 +26,7 @@ def no_edges(shape: tuple[int, int]) -> Single:
 
 
 def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single:
-    """Returns the edges of the image at rest that do not belong to the liquid.
+    """Returns the edges in the image of the liquid at rest that do not belong to the liquid.
 
     Args:
         picture: (J, M) the still image.
@@ -54,7 +54,7 @@ def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single
 
 @entry_point(float64[::1](PICTURE, STEPS, GIVEN_1))
 def moved_edges(picture, stationary, place):  # type: ignore[no-untyped-def]
-    """Returns sub-row positions (M,) of edges; NaN for those also in the image at rest."""
+    """Returns sub-row positions (M,) of edges; NaN if the liquid at rest shows the same edge."""
     moved = place.copy()
     for i in range(place.size):
         if np.isnan(place[i]):

@@ -200,7 +200,7 @@ class StillLearner:
         return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
 
     def _compared(self, prior: Prior, at_rest: float = -np.inf) -> SurfaceComparison:
-        """Creates the comparison of candidate surfaces with the level at rest's score."""
+        """Creates the comparison of candidate surfaces, given the score of the level at rest."""
         return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
     def _compared_with(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
@@ -214,7 +214,7 @@ class StillLearner:
         return FrontBias.at_rest(still.fit, still.zero, self._wall.footprint)
 
     def _standing_edges(self, still: StillSurface) -> Single:
-        """Returns the edges of the image at rest, without the liquid's own lines."""
+        """Returns the edges in the image of the liquid at rest that are not the liquid's own."""
         fit, view = still.fit, still.view
         seen = (fit.front_weight > TUNING.inlier) & ~fit.points.bound
         front = np.where(seen, fit.points.place, np.nan)

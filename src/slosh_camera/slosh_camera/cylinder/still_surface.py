@@ -80,7 +80,7 @@ def find_still_surface(
 
 
 def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
-    """Whether normal measurement of the image at rest clearly detects the surface at rest.
+    """Whether normal measurement of the liquid at rest clearly detects the level surface.
 
     Args:
         still: the liquid at rest, as it was found by what is known of it.

@@ -36,7 +36,7 @@ class SurfaceChooser:
     """Fits and rates free surfaces in the images of one camera."""
 
     def __init__(self, geometry: WallGeometry, rim: float = np.inf) -> None:
-        """Prepares pairs of scan lines for the search of candidates.
+        """Prepares pairs of scan lines for the search for candidate surfaces.
 
         Args:
             geometry: tables of the scan lines.
@@ -49,7 +49,7 @@ class SurfaceChooser:
         self._pairs = np.array([(i, j) for i in chosen for j in chosen if j > i])
 
     def fit_certain(self, view: Unrolled, points: WallPoints, prior: Prior) -> SurfaceFit | None:
-        """Fits the surface if nearly all contact-line points agree with it, otherwise None.
+        """Fits the surface if nearly all contact-line points agree with it, else returns None.
 
         Args:
             view: the picture.
@@ -127,7 +127,7 @@ class SurfaceChooser:
         return self.plausible_heights(view, fit.heights, prior)
 
     def plausible_heights(self, view: Unrolled, heights: FloatArray, prior: Prior) -> float:
-        """Rates a surface by its amplitudes (SHAPES,) [m]; -inf if the liquid would spill."""
+        """Rates a surface by its mode amplitudes (SHAPES,) [m]; -inf if liquid would spill."""
         if float(np.max(_AROUND @ heights)) > self._highest:
             return -np.inf
         return self._score(view, heights) - self.surprise(heights, prior)

@@ -228,7 +228,7 @@ class SurfaceComparison:
         return max(levels, key=lambda k: agreement[k], default=fullest)
 
     def _is_doubtful(self, chosen: CandidateSurface, lead: float) -> bool:
-        """Whether the chosen surface scores too little more than others to be reliable."""
+        """Whether the chosen surface's score exceeds the others by too little to be reliable."""
         return lead < TUNING.hardly or chosen.plausible < self._at_rest - TUNING.far_worse
 
     def _others(

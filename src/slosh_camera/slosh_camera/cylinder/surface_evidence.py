@@ -82,7 +82,7 @@ class WallPoints:
 
 @dataclass(frozen=True, slots=True)
 class FadeShare:
-    """How far wave crests fade into the background, from 0 to 1, with its uncertainty.
+    """Degree to which wave crests fade into the background, 0 to 1, with its uncertainty.
 
     All where liquid ends level at the wall, none where it climbs there, for then the edge that is
     seen is its line on the wall.

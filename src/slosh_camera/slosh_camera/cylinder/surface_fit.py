@@ -58,7 +58,7 @@ class SurfaceFitter:
         prior: Prior,
         coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
-        """Detects both visible lines near a surface and fits the surface to them.
+        """Detects contact line and upper edge near a surface and fits the surface to both.
 
         Args:
             view: the picture.
@@ -76,7 +76,7 @@ class SurfaceFitter:
         )
 
     def again(self, view: Unrolled, fit: SurfaceFit, prior: Prior, fade: FadeShare) -> SurfaceFit:
-        """Fits the same edges again with crest fading learnt from other images.
+        """Fits the same edges again with the crest fading learnt from other images.
 
         Args:
             view: the picture.

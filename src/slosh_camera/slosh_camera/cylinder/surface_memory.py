@@ -56,7 +56,7 @@ class SurfaceMemory:
     """Remembers the first mode in recent images."""
 
     def __init__(self, radius: float, fill_height: float) -> None:
-        """Starts without any images.
+        """Starts with an empty memory, before the first image.
 
         Args:
             radius: of the container [m].
@@ -101,7 +101,7 @@ class SurfaceMemory:
 
     @property
     def fade(self) -> FadeShare:
-        """Estimated fading of this liquid's wave crests."""
+        """Estimated degree to which this liquid's wave crests fade into the background."""
         return self._fade
 
     def arrive(self, stamp_ns: int) -> None:

@@ -118,7 +118,7 @@ class SurfaceReading:
         return HighestPoint(seen.height, seen.azimuth, stddev)
 
     def level(self) -> tuple[float, float]:
-        """Returns mean level minus level at rest, and its standard deviation [m]."""
+        """Returns the mean level relative to the level at rest, and its standard deviation [m]."""
         height = float(self._heights[Shape.LEVEL])
         return height, self._stddev(height, np.eye(SHAPES)[Shape.LEVEL])
 

@@ -47,7 +47,7 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
 
 @compiled
 def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Returns 1.5 times the median normalised residual of lines of sight; 0 if they are few.
+    """Returns 1.5 times the median normalised residual of lines of sight; 0 if few.
 
     A surface fitted to the front line alone may lie far below the edge behind it, which most rays
     agree on.

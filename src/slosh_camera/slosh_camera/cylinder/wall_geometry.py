@@ -85,7 +85,7 @@ class WallGeometry:
     def silhouette(
         self, heights: FloatArray, softness: float, *, coarse: bool = False
     ) -> FloatArray:
-        """Returns the rows where a surface ends against the background; -1 above the first row.
+        """Returns the rows where a surface ends against the background; -1 above the image.
 
         Args:
             heights: (SHAPES,) of the surface [m].
@@ -105,7 +105,7 @@ class WallGeometry:
         return np.asarray(edge_search.rows_of_heights(self._front_height, self._shapes @ heights))
 
     def covered_border(self, picture: Single) -> bool:
-        """Whether scan lines cut off by the image border show non-background there."""
+        """Whether something other than background is visible at the border of the image."""
         cut = np.flatnonzero(self.first_row > 0)
         return bool(
             np.count_nonzero(picture[self.first_row[cut], cut] < TUNING.covered)

@@ -1,1 +1,1 @@
-"""Creates the detector for a calibration, and draws its results."""
+"""Creates the detector for a calibration, and draws measurement results."""

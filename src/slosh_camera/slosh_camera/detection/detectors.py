@@ -35,7 +35,7 @@ class SurfaceDetector(Protocol):
         """Measures the free surface in a single image, without using other images."""
 
     def update(self, stamp_ns: int, image: Image, /) -> Measurement:
-        """Measures the next image of a sequence, and flags a repeated image."""
+        """Measures the next image of a sequence, and flags an image that repeats earlier ones."""
 
     def look(self, image: Image, /) -> Any:
         """Analyses a single image, which is most of the work and can run in any process."""

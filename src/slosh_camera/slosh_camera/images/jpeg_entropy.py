@@ -141,7 +141,7 @@ def _first(data, tables, table, place, held, bits, made_up):  # type: ignore[no-
 
 @compiled
 def _closed(data, place, held, bits, made_up):  # type: ignore[no-untyped-def]
-    """Whether a marker follows in the data, and its position."""
+    """Whether a JPEG marker follows in the data, and the marker's position."""
     whole = (bits - made_up) // 8
     left = np.int64(held >> np.uint64(made_up)) & ((1 << (8 * whole)) - 1)
     while place < data.size and data[place] == 0 and whole <= _FILLING:

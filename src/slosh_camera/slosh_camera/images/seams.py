@@ -57,7 +57,7 @@ class SeamFinder:
         self._known: BoolArray | None = None
 
     def learn(self, image: Image) -> None:
-        """Excludes the sharp edges in an image of the liquid at rest from the seams."""
+        """Ignores the sharp edges of the liquid at rest in the search for seams."""
         known = np.zeros(self._shape, np.uint8)
         known[self._sharp(image, TUNING.still_seam)] = 1
         self._known = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.bool_)
@@ -78,7 +78,7 @@ class SeamFinder:
         return Steps(many, sharp[many])
 
     def is_torn(self, steps: Steps, *lines: tuple[FloatArray, FloatArray]) -> bool:
-        """Whether the image has a seam away from the liquid's lines, given as positions [px]."""
+        """Whether the image has a seam that is not one of the liquid's lines [px]."""
         found = [
             (row, run)
             for row, sharp in zip(steps.rows.tolist(), steps.sharp, strict=True)
@@ -146,6 +146,6 @@ def _ends(levels: Image) -> tuple[float, float]:
 
 
 def _runs(columns: Columns) -> list[Columns]:
-    """Returns runs of adjacent columns that are long enough for a seam."""
+    """Returns the runs of adjacent columns that are long enough for a seam."""
     runs = np.split(columns, np.flatnonzero(np.diff(columns) > TUNING.seam_gap) + 1)
     return [run for run in runs if run.size >= TUNING.seam_run]

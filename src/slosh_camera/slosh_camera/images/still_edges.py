@@ -122,7 +122,7 @@ class StillEdges:
 
 
 def along_side(fill_height: float) -> FloatArray:
-    """Returns heights (PLACES,) above the liquid's level for samples along a side [m]."""
+    """Returns heights (PLACES,) above the liquid level for samples along a side [m]."""
     return fill_height * np.linspace(TUNING.edge_lowest, TUNING.edge_highest, PLACES)
 
 

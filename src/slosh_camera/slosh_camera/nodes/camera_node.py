@@ -264,7 +264,7 @@ class Complaints:
 
 
 class LevelChanges:
-    """Counts images that show a changed liquid level, between two reports."""
+    """Counts images that show a changed liquid level."""
 
     def __init__(self) -> None:
         self._changes: list[tuple[float, float]] = []
@@ -275,7 +275,7 @@ class LevelChanges:
             self._changes.append((measurement.level_change, measurement.level_change_stddev))
 
     def report(self, images: int, *, told: bool = False) -> str:
-        """Returns a warning line if most images since the last call show a changed level.
+        """Returns a warning if most images since the last call show a changed level; else empty.
 
         Args:
             images: how many there were since the last report.

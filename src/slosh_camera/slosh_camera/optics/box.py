@@ -49,7 +49,7 @@ class Box(SeenContainer):
 
     @property
     def face(self) -> float:
-        """The y coordinate of the inner side of the face towards the camera [m]."""
+        """Position of the inner front face along y [m]."""
         return 0.0 if self.depth is None else -0.5 * self.depth
 
 
@@ -164,16 +164,16 @@ class BoxView:
         return -self.box.fill_height, self.box.rim_level or 0.5 * self.box.width
 
     def outline(self) -> Array:
-        """Pixels (N, 2) of floor and rim on the front face."""
+        """Image points (N, 2) of floor and rim on the front face [px]."""
         half = 0.5 * self.box.width
         return np.vstack([self.project_face([-half, half], level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Returns the pixels (N, 2) of heights (N,) [m] on the face's right edge, for a scale."""
+        """Returns the image points (N, 2) of heights (N,) [m] on the face's right edge."""
         return self.project_face(0.5 * self.box.width, heights)
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Returns the pixels (N, 2) of the fitted straight line; empty if there is none."""
+        """Returns the image points (N, 2) of the fitted straight line; empty if there is none."""
         slope, half = np.tan(measurement.slope_angle), 0.5 * self.box.width
         rest = measurement.profile_height - slope * measurement.profile_x
         if not np.any(np.isfinite(rest)):
@@ -192,7 +192,7 @@ class BoxView:
         return float(abs(height[1] - height[0]))
 
     def _slopes(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Returns the slopes dx/dy and dz/dy of pixels' rays in air; NaN if away from the face."""
+        """Returns the slopes dx/dy and dz/dy of pixels' rays in air; NaN if pointing away."""
         direction = self.camera.rays(pixels) @ self.pose.rotation
         ahead = np.where(direction[:, 1] > 0.0, direction[:, 1], np.nan)
         return direction[:, 0] / ahead, direction[:, 2] / ahead
@@ -203,7 +203,7 @@ class BoxView:
         return float(self.box.face - self.box.wall_thickness - self._centre[1])
 
     def _tangent(self, radius: Array) -> Array:
-        """Returns the tangents of ray angles in air that reach given lateral distances [m]."""
+        """Returns the tangents of the ray angles in air that reach lateral distances [m]."""
         air, thickness = self._air, self.box.wall_thickness
         index2 = self.box.wall_refractive_index**2
         tangent = radius / (air + thickness / self.box.wall_refractive_index)

@@ -208,18 +208,18 @@ class CupView:
         return -self.cup.fill_height, self.cup.rim_level or self.cup.radius
 
     def outline(self) -> Array:
-        """Pixels (N, 2) of floor and rim; NaN for points that the camera cannot see."""
+        """Image points (N, 2) of floor and rim [px]; NaN if the camera cannot see them."""
         around = np.linspace(-np.pi, np.pi, _AROUND)
         return np.vstack([self.project_wall(around, level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Returns the pixels (N, 2) of heights (N,) [m] on the right outer edge, for a scale."""
+        """Returns the image points (N, 2) of heights (N,) [m] on the right outer edge."""
         points = self.wall_points(self.tangent_azimuths()[1], heights)
         points[:, :2] *= 1.0 + self.cup.wall_thickness / self.cup.radius
         return self.project(points)
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Returns the pixels (N, 2) of the fitted surface on the wall; empty if there is none.
+        """Returns the image points (N, 2) of the fitted surface; empty if there is none.
 
         On the wall every mode of one azimuthal wave is a cosine.
         """

@@ -62,12 +62,12 @@ def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibratio
 
 
 def _risen(pose: Pose, rise: float) -> Pose:
-    """Returns the pose after its reference frame is moved up along its own z axis [m]."""
+    """Returns the pose after moving the container frame up along its own z axis [m]."""
     return Pose(pose.rotation, pose.translation + rise * pose.rotation[:, 2])
 
 
 def _rim(container: Container, calibrated: float | None) -> float | None:
-    """Returns the container's rim, or else the calibrated rim, above the liquid's level [m]."""
+    """Returns the rim of the new container, or else the calibrated one [m]."""
     if container.rim_height is not None:
         return container.rim_height
     above = calibrated is not None and calibrated > container.fill_height

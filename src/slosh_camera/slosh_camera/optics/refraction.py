@@ -56,7 +56,7 @@ class GlassWall:
 
     @property
     def outer_radius(self) -> float:
-        """Outer radius [m]."""
+        """Outer radius of the tube [m]."""
         return self.radius + self.thickness
 
     @property

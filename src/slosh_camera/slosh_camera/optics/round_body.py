@@ -113,11 +113,11 @@ class RoundView(BoxView):
         return float(np.hypot(self._centre[0], self._centre[1]))
 
     def half_width(self, z: ArrayLike) -> Array:
-        """Returns half the silhouette's width in the axis plane at heights above rest [m]."""
+        """Returns half the silhouette's width in the axis plane at given heights [m]."""
         return np.asarray(np.interp(np.asarray(z), self._levels, self._halves))
 
     def project_face(self, x: ArrayLike, z: ArrayLike) -> Array:
-        """Projects positions across the axis plane and heights above rest [m] to pixels (N, 2)."""
+        """Projects positions x and heights z [m] in the plane of the axis to pixels (N, 2)."""
         across, level = np.broadcast_arrays(
             np.atleast_1d(np.asarray(x, dtype=np.float64)),
             np.atleast_1d(np.asarray(z, dtype=np.float64)),
@@ -127,14 +127,14 @@ class RoundView(BoxView):
         return self.camera.project(points @ self.pose.rotation.T + self.pose.translation)
 
     def on_face(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Converts pixels (N, 2) to positions across the axis plane and heights above rest [m]."""
+        """Converts pixels (N, 2) to positions x and heights z [m] in the plane of the axis."""
         slope_x, slope_z = self._slopes(pixels)
         z = self._centre[2] - slope_z * self._centre[1]
         x = self._centre[0] - slope_x * self._centre[1]
         return x * (0.5 * self.box.width) / self.half_width(z), z
 
     def around(self, x: Array, z: Array, *, far: bool) -> tuple[Array, Array]:
-        """Returns the points of the inner wall behind positions in the axis plane.
+        """Returns the points of the inner wall that are seen at positions in the axis plane.
 
         Args:
             x: (N,) places across [m].

@@ -82,12 +82,12 @@ def brightness(part: Image, region: SideRegion) -> tuple[float, float]:
 
 
 def brightest(part: Image, region: SideRegion) -> float:
-    """Returns the largest channel value of the brighter of liquid and background."""
+    """Returns the grey level of the brighter of liquid and background in its brightest channel."""
     return float(max(np.max(levels) for levels in _typical(part, region)))
 
 
 def raw_contrast(part: Image, region: SideRegion) -> float:
-    """Returns the largest difference of liquid and background in any channel [grey levels]."""
+    """Returns the largest contrast of liquid and background in any channel [grey levels]."""
     wet, dry = _typical(part, region)
     return float(np.max(np.abs(dry - wet)))
 
@@ -122,7 +122,7 @@ def colour_weights(part: Image, region: SideRegion) -> FloatArray | None:
 
 
 def one_channel(part: Image, weights: FloatArray | None) -> Image:
-    """Combines the colour channels of an image region to one channel, (rows, columns)."""
+    """Combines an image region's colour channels to one channel, (rows, columns)."""
     return part if weights is None else np.asarray(cv2.transform(part, weights), dtype=np.uint8)
 
 
@@ -248,7 +248,7 @@ def _smooth(places: NDArray[np.intp], values: FloatArray, columns: FloatArray) -
 
 
 def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, BoolArray]:
-    """Extrapolates grey levels of liquid or background over the image; marks outliers.
+    """Extrapolates the grey levels of liquid or background over the image; marks outliers.
 
     Seen places keep their own level; elsewhere a surface is laid through them, straight in the
     rows and a parabola over the columns.
@@ -276,6 +276,6 @@ def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, B
 
 
 def _same_sign(half: Single, contrast: float) -> Single:
-    """Sets half differences to 0 whose sign contradicts the contrast."""
+    """Sets contrast values to 0 whose sign contradicts the overall contrast."""
     usable = half * np.sign(contrast) > 0.1 * abs(contrast)
     return np.where(usable, half, np.float32(0.0)).astype(np.float32)

@@ -79,7 +79,7 @@ class SideViewDetector:
 
     @property
     def doubt(self) -> str:
-        """Returns an empty text: an ambiguous image at rest is an error for a side view."""
+        """Returns an empty text, since an ambiguous image of the liquid at rest is an error."""
         return ""
 
     def learn_still(self, image: Image) -> float:
@@ -168,7 +168,7 @@ class SideViewDetector:
         return replace(sighting, stamp_ns=stamp_ns)
 
     def _on_round_wall(self, found: SideMeasurement, line: TracedLine) -> SideMeasurement:
-        """Replaces heights by those around the whole wall, if the container is round."""
+        """Replaces the heights by those around the whole wall if the container is round."""
         if not isinstance(self._view, RoundView):
             return found
         rest = self._knowledge.bow
@@ -196,7 +196,7 @@ class SideViewDetector:
         return self._seams.is_torn(steps, (u, v))
 
     def _bow(self, shape: FittedLine) -> FittedLine:
-        """Checks the line's curvature at rest on a round wall and returns the line.
+        """Checks the contact line's curvature with liquid at rest and returns the line.
 
         Raises:
             SloshCameraError: its bow is that of a camera that is not level.
@@ -234,7 +234,7 @@ def _limits(line: TracedLine) -> Flag:
 def _measurement(
     stamp_ns: int, flags: Flag, line: TracedLine, profile: Profile, scale_error: float
 ) -> SideMeasurement:
-    """Creates the measurement of a line; azimuth is 0 for x > 0 and pi for x < 0."""
+    """Creates the measurement from a contact line; azimuth is 0 for x > 0, pi for x < 0."""
     peak, fitted = profile.peak, profile.fitted
     return SideMeasurement(
         stamp_ns=stamp_ns,

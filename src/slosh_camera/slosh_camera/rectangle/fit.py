@@ -1,4 +1,4 @@
-"""Fits the liquid's line in a side view by a level, a straight line and waves.
+"""Fits the contact line in a side view by a level, a straight line and waves.
 
 The straight line of TM20, eqs. (11) and (12), is the least-squares line over the whole width.
 """
@@ -25,7 +25,7 @@ _GRID = 201
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedLine:
-    """Shape of the liquid's line, fitted in a side view.
+    """Fitted shape of the contact line in a side view.
 
     Attributes:
         waves: the shapes.
@@ -59,7 +59,7 @@ class FittedLine:
 
 
 def first_shape(x: FloatArray, z: FloatArray, waves: Waves, draws: FloatArray) -> FittedLine:
-    """Returns the line shape through most points, found from small random samples.
+    """Returns the contact-line shape that agrees with most points, by random sampling.
 
     Args:
         x: (N,) places [m].
@@ -96,7 +96,7 @@ def refined_shape(
     floor: float,
     bounds: tuple[FloatArray, FloatArray],
 ) -> FittedLine:
-    """Refines a line shape by robust least squares with Tukey's weights.
+    """Refines a contact-line shape by robust least squares with Tukey's weights.
 
     Args:
         x: (N,) places [m].

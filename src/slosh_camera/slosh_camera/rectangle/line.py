@@ -1,4 +1,4 @@
-"""Detects the liquid's line in a side view, column by column, with sub-pixel precision."""
+"""Detects the contact line in a side view, column by column, with sub-pixel precision."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ColumnSplit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """Detected edge in each column, with sub-pixel precision.
+    """The detected edge in each image column, with sub-pixel precision.
 
     Attributes:
         rows: (columns,) counted from the region's top; NaN where there is none.
@@ -138,7 +138,7 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
 
 
 def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
-    """Returns the columns whose edge segment belongs to the liquid's line.
+    """Returns the columns whose edge segment belongs to the contact line.
 
     A segment ends where the row jumps. What a droplet or a sticker adds is a segment of its own,
     most of which is away from the fitted shape; a crest that the shape does not follow hangs
@@ -188,7 +188,7 @@ def _peak(
 
 
 def _reached(to_top: BoolArray, seen: BoolArray, below_top: IntArray) -> BoolArray:
-    """Returns columns full of liquid that are connected to the liquid's line.
+    """Returns columns full of liquid that are connected to the contact line.
 
     A dark thing before the face, such as a sticker, ends in the middle of the line instead.
 

@@ -22,7 +22,7 @@ PLACES = 65
 
 @dataclass(frozen=True, slots=True)
 class Highest:
-    """Highest point of the liquid's line, with its standard deviation.
+    """Highest point of the contact line, with its standard deviation.
 
     Attributes:
         x: place [m].
@@ -37,7 +37,7 @@ class Highest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """Heights along the liquid's line in a side view.
+    """Heights along the contact line in a side view.
 
     Attributes:
         x: (PLACES,) at equal distances from the left wall to the right wall [m].
@@ -65,7 +65,7 @@ class Profile:
 
 
 def describe(line: TracedLine, view: BoxView) -> Profile:
-    """Computes profile, highest points and straight line from a detected line.
+    """Computes profile, highest points and straight line from a detected contact line.
 
     Args:
         line: the line.
@@ -121,7 +121,7 @@ def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatAr
 
 
 def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
-    """Extrapolates the height to a wall, using residuals of nearby points.
+    """Extrapolates the contact line's height to a wall, using residuals of nearby points.
 
     The last pixels before the wall mix what is on either side, so the line is led on over them. On
     a round wall the shape alone tells it: there the line turns away from the camera.
@@ -145,7 +145,7 @@ def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
 def _peak(
     line: TracedLine, residual: FloatArray, walls: tuple[float, float], common: float
 ) -> Highest:
-    """Returns the highest visible point: on the line, at a wall or in full columns."""
+    """Returns the highest visible point of the liquid: on the line or at a wall."""
     heights = line.shape.at(line.x) + _running_median(residual)
     half = 0.5 * line.shape.width
     x = np.concatenate((line.x, [-half, half], line.full_x))

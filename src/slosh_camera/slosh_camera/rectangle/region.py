@@ -1,4 +1,4 @@
-"""Image region of a side view in which the liquid's line is detected."""
+"""Image region of a side view in which the contact line is detected."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class SideRegion:
         return slice(self.top, self.top + rows), slice(self.left, self.left + columns)
 
     def rows_at(self, level: FloatArray) -> FloatArray:
-        """Returns the fractional image row of a height in each column (columns,)."""
+        """Returns the fractional image row of a height in each image column (columns,)."""
         constant, linear, square = self.row_of_level
         rows: FloatArray = constant + level * (linear + level * square)
         return rows

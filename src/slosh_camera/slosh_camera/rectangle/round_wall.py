@@ -1,4 +1,4 @@
-"""Computes the heights around a round wall from the line in a side view.
+"""Computes the heights around a round wall from the contact line in a side view.
 
 Seen from the side, the liquid's line is the higher one of those on the near and on the far half
 of the wall. All first modes are a cosine of the azimuth there; second order adds the cosine of
@@ -47,7 +47,7 @@ class RoundWall(NamedTuple):
 
 
 class _Reading(NamedTuple):
-    """One interpretation of the line: Fourier coefficients [m], covariance and misfit.
+    """One interpretation of a side view's contact line: Fourier coefficients and misfit.
 
     They are those of heights as on an upright wall, see `RoundView.upright`.
     """
@@ -70,7 +70,7 @@ class _Reading(NamedTuple):
 def round_wall(
     view: RoundView, x: FloatArray, z: FloatArray, common: float, bow: float = 0.0
 ) -> RoundWall:
-    """Estimates the heights around a round wall from points of the line.
+    """Estimates the heights around a round wall from points of the contact line.
 
     Args:
         view: the container as the camera sees it.
@@ -121,7 +121,7 @@ def _functions(angles: FloatArray) -> FloatArray:
 
 
 def _fitted(view: RoundView, x: FloatArray, z: FloatArray, far: bool) -> _Reading:
-    """Fits the points as contact line on the near or the far half of the wall."""
+    """Fits a contact line's points as lying on the near or on the far half of the wall."""
     angles, heights = view.around(x, z, far=far)
     heights = view.upright(heights)
     functions = _functions(angles)

@@ -1,4 +1,4 @@
-"""Basis functions for the shape of the liquid's line in a side view.
+"""Basis functions for the shape of the contact line in a side view.
 
 Over a rectangle's face a steady acceleration inclines a line, and linear theory adds the standing
 waves cos(n pi (x + w/2) / w) [Ibrahim 2005; Faltinsen and Timokha 2009]. On a round wall all first
@@ -31,7 +31,7 @@ _ROUND_PRIOR = np.array([np.inf, 0.5, 0.5, 0.02, 0.02])
 
 @dataclass(frozen=True, slots=True)
 class Waves(ABC):
-    """Basis functions of the liquid's line for one type of container.
+    """Basis functions of the contact line for one type of container.
 
     Attributes:
         width: that the line has at rest [m].
@@ -53,7 +53,7 @@ class Waves(ABC):
 
 @dataclass(frozen=True, slots=True)
 class FlatWaves(Waves):
-    """Basis functions of the liquid's line on a rectangular container's face."""
+    """Basis functions of the contact line on a rectangular container's face."""
 
     def basis(self, x: FloatArray) -> FloatArray:
         """Returns level, straight line and sloshing modes at positions x (N,) [m]."""
@@ -75,7 +75,7 @@ class FlatWaves(Waves):
 
 @dataclass(frozen=True, slots=True)
 class RoundWaves(Waves):
-    """Basis functions of the liquid's line on a round wall.
+    """Basis functions of the contact line on a round wall.
 
     Attributes:
         bore: inner radius as a part of the outer one.

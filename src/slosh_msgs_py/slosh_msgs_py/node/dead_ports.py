@@ -54,7 +54,7 @@ _FORGOTTEN = 30.0
 
 
 class DeadPorts:
-    """Holds locks on shared-memory ports of killed processes, so that they are not reused.
+    """Locks the shared-memory ports of killed processes, so that they are not reused.
 
     Any number of processes may do so. It takes two hundredths of a second to look: nothing for a
     process that has to keep pace, once it does.
@@ -75,7 +75,7 @@ class DeadPorts:
         self.names: tuple[str, ...] = ()
 
     def look(self, now: float | None = None, *, close: bool = False) -> tuple[str, ...]:
-        """Locks ports of recently killed processes and releases ports that nobody uses any more.
+        """Locks ports of recently killed processes, and releases ports that are no longer in use.
 
         Args:
             now: steady time [s].
@@ -109,7 +109,7 @@ class DeadPorts:
                 self._mark(path, in_place=True)
 
     def _mark(self, path: Path, *, in_place: bool = False) -> None:
-        """Marks a port as closed, also in the memory of processes that write to it."""
+        """Marks a shared-memory port as closed for the processes that still write to it."""
         if in_place:
             _turn_away(path)
         aside = path.with_name(f"{path.name}_closed_{os.getpid()}")
@@ -220,7 +220,7 @@ def _turn_away(port: Path) -> None:
 
 
 def _is_gone(port: Path) -> bool:
-    """Whether a port's file is missing or marks a closed port."""
+    """Whether a port's file is missing or has been marked as closed."""
     return not port.exists() or _is_closed(port)
 
 
@@ -230,7 +230,7 @@ def _is_young(port: Path) -> bool:
 
 
 def _is_closed(port: Path) -> bool:
-    """Whether a port's file has been replaced by the mark of a closed port."""
+    """Whether a port's file has been marked as closed."""
     try:
         return port.stat().st_size == len(_BROKEN) and port.read_bytes() == _BROKEN
     except OSError:  # gone, or another's

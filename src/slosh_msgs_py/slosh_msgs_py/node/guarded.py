@@ -68,7 +68,7 @@ class Faults:
 
 
 class GuardedNode(Node):
-    """A node whose callbacks for messages, services and timers may raise exceptions.
+    """A node that keeps running when a callback raises an exception.
 
     Attributes:
         faults: what they stumbled over.
@@ -84,7 +84,7 @@ class GuardedNode(Node):
         super().__init__(name, **options)
 
     def get_logger(self) -> PlainLogger:
-        """Returns the node's logger, which prints each message as one plain line."""
+        """Returns the node's logger, which prints each message as one line."""
         if self._plain_logger is None:
             self._plain_logger = PlainLogger(super().get_logger().name)
         return self._plain_logger
@@ -138,11 +138,11 @@ class GuardedNode(Node):
         return super().create_service(srv_type, srv_name, guarded, *arguments, **options)
 
     def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
-        """Sets parameters; a rejected start-only parameter is explained with a remedy."""
+        """Sets parameters; for one that can be set only at the start, explains what to do."""
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Sets parameters atomically; a rejected start-only parameter is explained."""
+        """Sets all parameters or none; explains parameters that can be set only at the start."""
         fixed = [
             parameter.name
             for parameter in parameter_list

@@ -26,7 +26,7 @@ PATIENCE = 20.0
 
 
 class Inheritance(NamedTuple):
-    """Pipe ends that a node's process inherits from its parent.
+    """Pipe ends that a node process inherits from its parent.
 
     Attributes:
         descriptors: files that it inherits.

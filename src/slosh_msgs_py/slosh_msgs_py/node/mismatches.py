@@ -36,7 +36,7 @@ class _Met:
 
 
 class Mismatches:
-    """Publishers and subscribers that are incompatible with a node's own.
+    """Tracks incompatible publishers and subscribers of a node's topics.
 
     Args:
         node: the node.
@@ -100,7 +100,7 @@ def _lines(
 
 
 def _told(end: TopicEndpointInfo) -> QoSProfile:
-    """Returns an endpoint's QoS without placeholder values for infinite times."""
+    """Returns an endpoint's QoS without placeholder values for infinite durations."""
     given = end.qos_profile
     has_deadline = given.deadline.nanoseconds < _INFINITE
     return QoSProfile(

@@ -139,7 +139,7 @@ def declare(
     wrong: list[str] = []
 
     def convert(changes: list[Parameter]) -> list[Parameter]:
-        """Converts changed values and records wrong types, whose parameter rclpy does not name."""
+        """Converts changed values to the declared types; records values of a wrong type."""
         wrong.clear()
         return [_fitting(node, by_name.get(change.name), change, wrong) for change in changes]
 
@@ -174,7 +174,7 @@ def declare(
 def _fitting(
     node: Node, spec: ParameterSpec | None, change: Parameter, wrong: list[str]
 ) -> Parameter:
-    """Converts a changed value, or returns the present one and adds the reason to `wrong`."""
+    """Converts a changed value to its type, or keeps the present value and adds an error."""
     converted = change if spec is None else spec.converted(change)
     if spec is None or converted is not None:
         return converted or change

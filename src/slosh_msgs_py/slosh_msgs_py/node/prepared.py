@@ -67,7 +67,7 @@ class PreparedNode(GuardedNode, ABC):
         self.readiness.waits(what)
 
     def is_prepared(self) -> None:
-        """Starts the node's work and publishes diagnostics at once."""
+        """Starts the node's work after preparation and publishes diagnostics at once."""
         self.begin()
         if self.readiness.doing:
             did = "compiled; " if self.readiness.state == COMPILING else ""
@@ -76,7 +76,7 @@ class PreparedNode(GuardedNode, ABC):
         self._report.report()
 
     def tell_news(self) -> None:
-        """Publishes diagnostics at once if the state of the start has changed."""
+        """Publishes diagnostics at once if the start-up state has changed."""
         if self.readiness.news():
             self._report.report()
 

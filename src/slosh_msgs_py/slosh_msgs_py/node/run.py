@@ -117,7 +117,7 @@ def run_node(
 
 
 def _prepare(node: PreparedNode, preparation: Preparation, executor: Any, stop: _StopFlag) -> None:
-    """Prepares a node while diagnostics are published; a stop request ends it."""
+    """Runs a node's preparation while diagnostics are published; a stop request ends it."""
     with contextlib.suppress(ExternalShutdownException):
         while preparation.runs and not stop.requested:
             executor.spin_once(timeout_sec=_POLL)
@@ -129,7 +129,7 @@ def _prepare(node: PreparedNode, preparation: Preparation, executor: Any, stop: 
 
 
 def _spin_once(node: Node, executor: Any) -> None:
-    """Runs waiting callbacks; counts exceptions such as those of invalid messages."""
+    """Runs waiting callbacks; counts exceptions, such as those of invalid messages."""
     try:
         executor.spin_once(timeout_sec=_POLL)
     except ExternalShutdownException:

@@ -40,7 +40,7 @@ class SettingsPublisher:
         self._publisher = node.create_publisher(NodeSettings, topics.SETTINGS, qos.EVENT)
 
     def publish(self, files: Mapping[str, str], stamp_ns: int = 0) -> None:
-        """Publishes all settings at a node's start, or when it restarts its computation.
+        """Publishes all settings when a node starts or starts its computation again.
 
         Args:
             files: text of each file that the node has read, by the parameter that names it.

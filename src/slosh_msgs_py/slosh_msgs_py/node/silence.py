@@ -43,7 +43,7 @@ class SilentTopic:
         self._since = time.monotonic()
 
     def facts(self, total: int) -> dict[str, str]:
-        """Returns a diagnostics value if messages are published but do not arrive, else nothing.
+        """Returns a diagnostics entry if messages are published but not received; else empty.
 
         Args:
             total: how many messages have come so far, of use or not.

@@ -69,7 +69,7 @@ class SpeakerWatch:
         return self.contested
 
     def _change(self, number: int, arrival_ns: int) -> None:
-        """Handles a message that comes from another publisher than the previous one."""
+        """Handles a message that comes from a different publisher than the previous one."""
         before = self._own
         known = next((one for one in self._others if one.fits(number, arrival_ns)), None)
         if known is not None:
@@ -101,7 +101,7 @@ class _Stream:
         self.number, self.at_ns, self.interval_ns = number, at_ns, 0.0
 
     def follow(self, number: int, at_ns: int) -> None:
-        """Processes the publisher's next message."""
+        """Updates sequence number and timing with the publisher's next message."""
         spacing = (at_ns - self.at_ns) / (number - self.number)
         self.interval_ns += (spacing - self.interval_ns) * (0.1 if self.interval_ns else 1.0)
         self.number, self.at_ns = number, at_ns
@@ -122,7 +122,7 @@ class _Stream:
 
 
 class WithInfo:
-    """Callback wrapper that receives message and message info with every executor.
+    """Callback wrapper that passes on message and message info with every executor.
 
     The executor finds out from the signature what a callback wants. rclpy's events executor then
     hands over both as one pair, the others as two arguments.

@@ -52,7 +52,7 @@ def closer_scripts() -> list[Script]:
 
 
 def axis(ends: tuple[float, float], size: tuple[float, float]) -> str:
-    """Formats the time axis of a chart for the page's script."""
+    """Formats the time axis of a chart as text for the page's script."""
     left, right = MARGINS[0] / size[0], 1.0 - MARGINS[1] / size[0]
     return f"{left:.6f} {right:.6f} {ends[0]!r} {ends[1]!r}"
 

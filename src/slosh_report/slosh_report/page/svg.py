@@ -152,7 +152,7 @@ def draw_line(
     *,
     scale: float = 1e3,
 ) -> None:
-    """Draws a line with gaps, and isolated samples as dots.
+    """Draws a line with gaps, and isolated samples as dots, into a chart.
 
     Args:
         axes: where to draw.

@@ -79,7 +79,7 @@ def script_of(text: str) -> Script:
 
 
 def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:
-    """Formats a number for reading, with the exact value as machine-readable attribute.
+    """Formats a number for display, with its exact value as a machine-readable attribute.
 
     Args:
         path: JSON pointer of the number in the report's document.

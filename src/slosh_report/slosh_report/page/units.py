@@ -83,7 +83,7 @@ def unit_style(unit: str) -> UnitDisplay:
 
 
 def digits_that_differ(value: float | None, other: float | None, unit: str) -> int:
-    """Returns the number of decimals at which two numbers look different."""
+    """Returns the number of decimals at which two different numbers look different."""
     least = unit_style(unit).digits
     if value is None or other is None or value == other:
         return least

@@ -131,7 +131,7 @@ def _lower_bounds(axes: Any, t: Array, measured: Array, saturated: NDArray[np.bo
 
 
 def _motions(axes: Any, motions: Sequence[RunMotion]) -> None:
-    """Draws numbered brackets above the chart for each of several motions."""
+    """Draws a numbered bracket above the chart for each motion."""
     if len(motions) < 2:
         return
     place: Any = axes.get_xaxis_transform()
@@ -166,7 +166,7 @@ def _backdrop(axes: Any, report: RunReport) -> None:
 
 
 def _shade(axes: Any, spans: Spans, colour: str) -> None:
-    """Draws all visible time spans as one area."""
+    """Shades all visible time spans as one area."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

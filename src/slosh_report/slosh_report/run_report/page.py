@@ -92,7 +92,7 @@ def _closer(report: RunReport) -> dict[str, Any]:
 
 
 def _close_ups(report: RunReport) -> list[tuple[int, Markup]]:
-    """Returns index and chart of the motions with the largest model errors, by time."""
+    """Returns charts of the motions with the largest model errors, in order of time."""
     if len(report.motions) < 2 or not _anything(report):
         return []
     worst = sorted(range(len(report.motions)), key=lambda i: -_worst_sigma(report, i))
@@ -197,7 +197,7 @@ def expectation(path: str, check: dict[str, Any], digits: int) -> Markup:
 
 
 def close_digits(check: dict[str, Any]) -> int:
-    """Returns the decimals needed to show that a value misses its bound."""
+    """Returns the number of decimals that show by how much a value misses its bound."""
     value, unit = check["value"], check["unit"]
     if check["passed"] or value is None:
         return digits_that_differ(None, None, unit)

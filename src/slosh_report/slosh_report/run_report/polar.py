@@ -143,7 +143,7 @@ def _path(axes: Any, t: Array, phi: Array, height: Array) -> None:
 
 
 def _shades(t: Array) -> list[tuple[float, slice]]:
-    """Returns opacity and index range of each part of the path."""
+    """Returns opacity and index range of each section of the drawn path."""
     if not len(t):
         return []
     edges = np.searchsorted(t, np.linspace(t[0], t[-1], SHADES + 1)[1:-1])
@@ -161,7 +161,7 @@ def _above(series: AzimuthSeries, threshold: float) -> tuple[Array, Array, Array
 
 
 def _covered(t: Array, known: Array) -> NDArray[np.bool_]:
-    """Returns which times are at a known sample, or between two without a gap."""
+    """Returns which times are at, or between, known samples without a gap."""
     before = np.searchsorted(known, t, side="right") - 1
     after = np.searchsorted(known, t, side="left")
     inside = (before >= 0) & (after < len(known))

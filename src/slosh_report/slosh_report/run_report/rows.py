@@ -99,7 +99,7 @@ class DifferenceRow:
 
 @dataclass(frozen=True, slots=True)
 class VerificationRow:
-    """How many recorded messages of a topic a replay has reproduced.
+    """Number of recorded messages that a replay has reproduced, with the differences.
 
     Attributes:
         name: what was compared, for example "recorded estimates reproduced bit for bit".
