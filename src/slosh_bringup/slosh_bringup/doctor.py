@@ -127,7 +127,7 @@ def discovery() -> DoctorFinding:
 
 
 def library(module: str, name: str, minimum: str) -> DoctorFinding:
-    """Compares a library's version with the lowest supported one."""
+    """Compares a library's version with the lowest supported version."""
     try:
         imported = importlib.import_module(module)
     except ImportError as error:

@@ -19,7 +19,7 @@ def natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """Returns the image files of a folder in natural order, without hidden ones."""
+    """Returns the image files of a folder in natural order, without hidden files."""
     files = (
         file
         for file in folder.iterdir()

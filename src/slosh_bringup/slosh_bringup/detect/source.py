@@ -229,7 +229,7 @@ def _bag_source(path: Path, topic: str | None) -> FrameSource:
 def _image_topic(
     path: Path, reader: BagReader, asked: str | None = None
 ) -> tuple[str, list[str], int | None]:
-    """Returns the image topic to use, the other image topics, and the number of its images."""
+    """Returns the image topic to use, the other image topics, and the number of images."""
     topics = {
         topic: info for topic, info in reader.topics().items()
         if info.message_type in (RAW, COMPRESSED) and info.count != 0

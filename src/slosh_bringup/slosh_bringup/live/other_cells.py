@@ -47,7 +47,7 @@ class OtherCells:
         return sorted(foreign) if news else []
 
     def _own(self, name: str, now: float) -> int:
-        """Returns how many nodes of a name belong to this cell, with recently killed ones."""
+        """Returns how many nodes of a name belong to this cell, counting recently killed ones."""
         starts = self._starts.get(name)
         if not starts:
             return 0

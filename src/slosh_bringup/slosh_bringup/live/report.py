@@ -179,7 +179,7 @@ def _evaluated(
 def _replayed_report(
     title: str, run: RecordedRun, result: LiveResult, replayed: ReplayResult
 ) -> RunReport:
-    """Creates the report from a replay of the recorded run, with facts of the live run."""
+    """Creates the report from a replay of the recorded run, with data of the live run."""
     around = Surroundings(title=title, facts=_facts(result))
     if result.figures is not None:
         figures = (latency_figure(result.figures),)

@@ -179,5 +179,5 @@ class SurfaceMemory:
 
 
 def _spread(firsts: Sequence[FloatArray]) -> float:
-    """Returns the greatest distance of first modes (2,) from the first of them [m]."""
+    """Returns the greatest distance between the first of several modes and the others [m]."""
     return max(float(np.hypot(*(one - firsts[0]))) for one in firsts)

@@ -101,7 +101,7 @@ class StillEdges:
         self._learnt = {number: one for number, one in seen if _is_marked(one)}
 
     def missing(self, image: Image) -> bool:
-        """Whether both stored sides, or both floor and rim, are missing in an image."""
+        """Whether both sides of the container, or its floor and rim, are missing in an image."""
         if not self._learnt:
             return False
         seen = self._look(image)
