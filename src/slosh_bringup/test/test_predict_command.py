@@ -1,4 +1,4 @@
-"""`slosh predict`: what it prints and writes, its exit codes, what it refuses."""
+"""Tests `slosh predict`: output, exit codes and errors."""
 
 import json
 from pathlib import Path
@@ -165,7 +165,7 @@ def test_a_table_whose_accelerations_contradict_its_positions_is_refused(capsys,
 
 
 def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
-    """Each by its own limit; a page shows one container, and says so."""
+    """The worst container is named by its own limit; the page shows a single container."""
     tray, motion = tmp_path / "tray.yaml", line(tmp_path / "a.csv", 2.0)
     cups = [f"- {{name: {name}, model: {MODEL}, limit: {limit}}}\n" for name, limit in LIMITS]
     tray.write_text("containers:\n" + "".join(cups))

@@ -57,10 +57,12 @@ PAGE, DOCUMENT = "report.html", "plan.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh plan` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
+    parser.add_argument(
+        "model", type=Path, help="model of the liquid (model.yaml), or a tray file"
+    )
     add_path_arguments(parser)
     parser.add_argument(
         "--limit",
@@ -140,7 +142,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plans and writes the motion; prints the result."""
+    """Plans the motion, writes it and prints the result."""
     if arguments.output is not None:
         if arguments.output.suffix != ".csv":
             raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
@@ -213,7 +215,7 @@ def likely_words(answer: Plan, likely: LikelyHeights) -> str:
 
 
 def tray_lines(planned: TrayPlan) -> list[str]:
-    """The container that determines the plan, and what each other one does."""
+    """Describes which container limits the plan, and the heights in the tray's others."""
     heights = [
         f"{name} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
         for name, each in planned.found.containers.items()
@@ -225,7 +227,7 @@ def tray_lines(planned: TrayPlan) -> list[str]:
 
 
 def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
-    """What the motion must keep."""
+    """Returns the limits that the planned motion must satisfy."""
     limit, distance = arguments.limit, arguments.rim_distance
     if limit is None:
         if distance == 0.0:
@@ -248,7 +250,7 @@ def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
 
 
 def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
-    """Returns the model error that is subtracted from the limits; None: none is given."""
+    """Returns the model error to subtract from the limits, or None if none is given."""
     given = arguments.sigma, arguments.epsilon
     if arguments.error:
         if given != (None, None):
@@ -262,7 +264,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 def write_results(
     arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
 ) -> None:
-    """Writes the requested files, motion and page: both or neither."""
+    """Writes the requested motion file and page: both, or neither if one fails."""
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.
@@ -284,7 +286,7 @@ def write_results(
 
 
 def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
-    """Returns the plan as a dictionary in SI units."""
+    """Returns the planned motion's results as a dictionary in SI units."""
     found, scaled = answer.found, answer.scaled
     return {
         "duration": found.motion.duration,
@@ -320,7 +322,7 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
 
 
 def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
-    """Formats the plan in a few lines."""
+    """Formats the planned motion's results in a few lines of text."""
     found, limits = answer.found, answer.limits
     duration = found.motion.duration
     count = len(found.motion.t)
@@ -349,7 +351,7 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
 
 
 def tilted(answer: Plan) -> list[str]:
-    """Describes the container's tilt if tilting is allowed."""
+    """Describes the container's tilt, as text lines; empty if tilting is not allowed."""
     found, limits = answer.found, answer.limits
     if limits.tilt == 0.0:
         return []
@@ -363,7 +365,7 @@ def tilted(answer: Plan) -> list[str]:
 
 
 def joints_used(answer: Plan) -> list[str]:
-    """Describes how much of the robot's joint limits a joint motion uses."""
+    """Describes how close a joint motion comes to the robot's joint limits."""
     used = answer.found.joints
     if not used:
         return []
@@ -373,7 +375,7 @@ def joints_used(answer: Plan) -> list[str]:
 
 
 def path_words(answer: Plan) -> str:
-    """Describes the path: length, stops and distance from straight lines."""
+    """Describes the path: its length, its stops and its distance from straight lines."""
     path, motion = answer.path, answer.found.motion
     length, unit = path.length, "mm"
     if motion.joints is not None:
@@ -386,7 +388,7 @@ def path_words(answer: Plan) -> str:
 
 
 def interval(answer: Plan) -> str:
-    """Describes the heights' interval due to the model error and the parameter covariance."""
+    """Describes the interval of peak heights due to model error and parameter covariance."""
     if answer.upper is None:
         return "the model has no covariance of its parameters: no interval"
     (peak, residual), found, error = answer.upper, answer.found, answer.error
@@ -410,7 +412,7 @@ def interval(answer: Plan) -> str:
 
 
 def tolerance(borne: Tolerance) -> str:
-    """Describes which frequency error would break the plan."""
+    """Describes how large a natural-frequency error would make the plan exceed its limit."""
     usual = f"with a frequency {100.0 * USUAL:g} % off up to {1e3 * borne.peak:.2f} mm"
     after = f"after the end {1e3 * borne.residual:.2f} mm"
     if borne.error == 0.0:
