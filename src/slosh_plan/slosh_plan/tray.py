@@ -1,4 +1,4 @@
-"""Motions of a tray: what each container's liquid does, and which limits all of them."""
+"""Predicts motions of a tray with several containers, and finds their limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ L = TypeVar("L", bound=HeightLimits)
 
 
 class TrayPrediction(NamedTuple):
-    """What is predicted of a motion of a tray.
+    """Prediction for a motion of a tray.
 
     Attributes:
         containers: the prediction of each, by name.
@@ -51,12 +51,12 @@ class TrayPrediction(NamedTuple):
 
     @property
     def of_worst(self) -> Prediction:
-        """The prediction of the worst container."""
+        """Prediction for the container that is nearest to its limit, or farthest above it."""
         return self.containers[self.worst]
 
 
 def limits_of(one: TrayContainer, limits: L) -> L:
-    """The limits of a container: its own height where that is lower, and its residual likewise."""
+    """Returns the limits of a container, lowered to its own height limit."""
     if not one.limit < limits.height:
         return limits
     share = one.limit / limits.height if math.isfinite(limits.height) else 1.0
@@ -71,7 +71,7 @@ def predict_tray(
     horizon: float | None = None,
     error: ModelError | None = None,
 ) -> list[TrayPrediction]:
-    """Predicts motions of a tray; see `slosh_plan.predict`.
+    """Predicts the liquid in all containers for motions of a tray.
 
     Args:
         tray: the tray; each container is driven by the acceleration of its place.
@@ -109,7 +109,7 @@ def _standing(tray: Tray, motion: Trajectory) -> Mapping[str, StandingUse]:
 
 
 def _use(found: Prediction) -> float:
-    """How much of its limits a container uses; without a limit its height in metres."""
+    """Returns what fraction of its limits a container uses, or its height [m] without limits."""
     height, residual = found.limits.height, found.limits.residual
     if math.isinf(height) and math.isinf(residual):
         return found.upper
@@ -124,7 +124,7 @@ def tray_scales(
     *,
     horizon: float | None = None,
 ) -> SafeScales:
-    """The time scales at which every container keeps its limits; see `slosh_plan.safe_scales`.
+    """Returns the time scales with which every container on the tray keeps its limits.
 
     Args:
         tray, motion, limits, horizon: as above.
@@ -152,7 +152,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """The safe intervals; one that reaches the slowest scale looked at goes on to a slower one."""
+    """Returns the safe intervals; one that reaches the slowest scale is extended."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

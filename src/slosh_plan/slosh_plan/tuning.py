@@ -1,4 +1,4 @@
-"""The tuning numbers of planned, scaled, shaped and stopped motions."""
+"""Tuning numbers of planned, scaled, shaped and stopped motions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class PlanTuning:
-    """Tuning numbers for the search, sampling and checks of motions.
+    """Assumptions of the search, the sampling and the checks of motions.
 
     Checked by `validation/studies/plan_tables.py` and `validation/studies/joint_plan_tables.py`:
     times against the known laws, and no limit exceeded.

@@ -28,7 +28,7 @@ LIMIT = [0.015, 0.002, 9.5, 74.0, 0.2, 2.0, 20.0, 0.8, 0.9, 1.0, 1.0, 1.0, 1.0]
     ids=["cylinder", "rectangle", "two cylinders", "two rectangles"],
 )  # fmt: skip
 def test_derivatives_are_those_of_the_demands(models, tilting):
-    """By central differences, in a random direction: of the demands, and of their slopes."""
+    """Tests derivatives of the constraints against central differences."""
     problem = CollocationProblem(
         tuple(flow_of(model) for model in models), path_through(BENT), 0.3, (5, 4),
         StateLayout(tilting, len(models)), LooseTerms.of(models[0], STANDING),

@@ -1,4 +1,4 @@
-"""A robust plan keeps its limits for parameters that it has not seen; the usual one does not."""
+"""Tests that a robust plan, unlike a usual one, keeps its limits for unseen parameters."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ LIMITS = PlanLimits(0.02, 0.002)
 
 @pytest.fixture
 def doubtful(cup):
-    """Makes the cup with independent relative standard errors of its frequency and damping."""
+    """Returns the cup with standard errors of its frequency and damping."""
 
     def make(frequency=0.01, damping=0.2):
         errors = [
@@ -64,7 +64,7 @@ def test_without_a_covariance_it_says_what_to_do(cup):
 
 
 def highest(models, motion):
-    """Greatest heights of a motion with many models, and after its end, [m]."""
+    """Returns the maximum heights of many models during a motion and after its end [m]."""
     heights = list(heights_after(models, motion, None))
     end = len(motion.t) - 1
     return max(msh.max() for msh in heights), max(msh[end:].max() for msh in heights)

@@ -1,4 +1,4 @@
-"""Motions of a tray: the worst container is the named one, and all of them keep a plan."""
+"""Tests motions of a tray: the worst container, and plans that all containers keep."""
 
 import math
 
@@ -24,7 +24,7 @@ STEP = 1e-4
 
 
 class Motion:
-    """A smooth random motion of a tray, from rest to rest: position and attitude of any moment."""
+    """A smooth random motion of a tray with position and attitude, from rest to rest."""
 
     def __init__(self, random):
         self._sizes = random.normal(size=(2, 3)) * [[0.15], [0.5]]
@@ -43,13 +43,13 @@ class Motion:
         return self._swung(t, 0) + self.attitude(t).apply(arm)
 
     def acceleration(self, t, arm):
-        """Of a place on the tray, by differences of where it is."""
+        """Returns the acceleration of a place on the tray by differences of its positions."""
         before, now, after = (self.place(t + k * STEP, arm) for k in (-1, 0, 1))
         return (after - 2.0 * now + before) / STEP**2
 
 
 def random_tray(random):
-    """Four cups of different sizes, fills, places and limits."""
+    """Returns a tray with four cups of different sizes, fills, places and limits."""
     cups = []
     for index in range(4):
         radius = random.uniform(0.025, 0.05)
@@ -61,7 +61,7 @@ def random_tray(random):
 
 @pytest.mark.parametrize("seed", range(100))
 def test_the_worst_cup_of_a_simulated_tray_is_the_named_one(seed):
-    """Against each cup driven by the acceleration of its own place, found by differences."""
+    """Tests the worst cup against simulations driven by the acceleration of each place."""
     random = np.random.default_rng(seed)
     tray, motion = random_tray(random), Motion(random)
     attitude = motion.attitude(T).as_quat()
@@ -119,7 +119,7 @@ def test_the_lower_of_two_limits_holds_and_the_residual_with_it():
 
 @pytest.mark.long
 def test_all_containers_keep_the_plan():
-    """A wide cup, whose wave is slow, and a narrow one with a lower limit."""
+    """Tests a plan for a wide cup with a slow wave and a narrow cup with a lower limit."""
     wide = Model(Cylinder(0.06, 0.05)).spatial()
     narrow = Model(Cylinder(0.025, 0.05)).spatial()
     cups = (TrayContainer("wide", wide, limit=0.012), TrayContainer("narrow", narrow, limit=0.008))

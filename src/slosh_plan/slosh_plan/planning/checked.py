@@ -1,4 +1,4 @@
-"""Checks motions by simulation at the motion's sample rate."""
+"""Checks planned motions by simulation at their sample rate."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class LooseContainer(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CheckedMotion:
-    """A motion with its simulated extremes.
+    """A motion with the maximum heights that its simulation gives.
 
     Attributes:
         motion: the motion.
@@ -76,7 +76,7 @@ class CheckedMotion:
     standing: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
-        """Returns the relative excess of each limit; at most 0: the limit is kept."""
+        """Returns the relative excess over each limit; a value up to 0 means it is kept."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
         used = {**self.joints, **self.standing}
@@ -88,18 +88,18 @@ class CheckedMotion:
         }
 
     def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
-        """Whether the motion keeps every limit within a relative tolerance."""
+        """Returns whether the motion keeps every limit within a relative tolerance."""
         return max(self.excess(limits).values()) <= tolerance
 
 
 def horizon(model: Model) -> float:
-    """Returns the simulated time after a motion [s]."""
+    """Returns how long to simulate after a motion's end [s]."""
     return PERIODS * first_period(model)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
-    """Simulates motions from rest.
+    """Simulates motions that start from rest.
 
     Attributes:
         model: the model.
@@ -119,11 +119,11 @@ class Checker:
 
     @property
     def models(self) -> tuple[Model, ...]:
-        """The model and the scenarios."""
+        """The model, and its variants with other likely parameters."""
         return (self.model, *self.scenarios)
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Returns the simulated extremes of motions."""
+        """Returns the simulated maximum heights of motions."""
         found = checked(self.model, motions, self.attitude)
         if self.loose is not None:
             found = [replace(one, standing=self._use(one.motion)) for one in found]
@@ -154,12 +154,12 @@ class Checker:
         return standing_use(self.model, standing, inputs, np.array(place))._asdict()
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without the covariance, for a lower bound."""
+        """Simulates motions without parameter uncertainty, as a lower bound."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
 def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
-    """Returns a motion with the higher of its own upper ends and another model's heights."""
+    """Returns a motion with upper heights raised to those of another model, where higher."""
     return replace(
         one,
         upper=max(one.upper, other.peak),
@@ -168,7 +168,7 @@ def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
 
 
 def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
-    """Returns variances from one standard error to either side."""
+    """Returns variances of peak and residual from models one standard error to either side."""
     if not math.isfinite(one.peak + other.peak):
         return math.inf, math.inf
     return (0.25 * (one.peak - other.peak) ** 2, 0.25 * (one.residual - other.residual) ** 2)
@@ -177,7 +177,7 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
 ) -> list[CheckedMotion]:
-    """Simulates motions from rest.
+    """Simulates motions that start from rest.
 
     Args:
         model: the model.
@@ -195,7 +195,7 @@ def checked(
 def heights_after(
     models: Sequence[Model], motion: PlannedMotion, attitude: Array | None
 ) -> Iterator[Array]:
-    """Simulates one motion with many models; yields the maximum height over the wall of each.
+    """Simulates a motion with many models; yields each model's maximum wall heights [m].
 
     Args:
         models: that differ in their parameters; the first one's horizon is that of all.
@@ -208,7 +208,7 @@ def heights_after(
 
 
 def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:
-    """Returns a motion and the rest after it as the model's input."""
+    """Returns a motion and the rest after it as input of a model."""
     rest = np.zeros((int(np.ceil(seconds / motion.step)), 3))
     acceleration = np.concatenate([motion.acceleration, rest])
     t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
@@ -216,12 +216,12 @@ def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) ->
 
 
 def _finite(msh: Array) -> Array:
-    """Returns heights, infinite where the solution has left the finite numbers."""
+    """Returns heights [m] with infinity in place of values that are not finite."""
     return np.where(np.isfinite(msh), msh, np.inf)
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
-    """Returns quaternions (rows, 4) over a motion and the rest after it; None: upright.
+    """Returns quaternions (rows, 4) over a motion and the rest after it, or None if upright.
 
     Args:
         motion: the motion.

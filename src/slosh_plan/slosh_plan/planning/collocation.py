@@ -1,4 +1,4 @@
-"""The collocation problem of a search: intervals combined, with sparse derivatives."""
+"""Collocation problem of a path: all intervals combined, with sparse derivatives."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegUnknowns:
-    """Indices of a leg's unknowns among all.
+    """Indices of the unknowns of one leg of the path.
 
     Attributes:
         duration: of the leg.
@@ -46,7 +46,7 @@ class LegUnknowns:
 
     @classmethod
     def after(cls, begin: int, count: int, layout: StateLayout) -> LegUnknowns:
-        """Makes the indices for `count` intervals, from the `begin`-th unknown on."""
+        """Creates the indices of `count` intervals, starting at the index `begin`."""
         shapes = ((count + 1, layout.size), (count, layout.driven), (count, layout.waves))
         arrays, at = [], begin + 1
         for shape in shapes:
@@ -61,7 +61,7 @@ class LegUnknowns:
 
     @property
     def of_intervals(self) -> Indices:
-        """(n, size) unknowns of each interval, in its own order."""
+        """Indices (n, size) of each interval's unknowns, in the interval's own order."""
         count = len(self.controls)
         durations = np.full((count, 1), self.duration)
         return np.hstack(
@@ -71,7 +71,7 @@ class LegUnknowns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Some constraints: values, and the non-zero entries of their derivatives."""
+    """A group of constraints: values, and the non-zero entries of their derivatives."""
 
     values: Expression
     lower: Array
@@ -85,7 +85,7 @@ class _Part:
 
 
 class CollocationProblem:
-    """Unknowns, constraints and derivatives of a search.
+    """Unknowns, constraints and derivatives of the optimal control problem.
 
     Args:
         flows: the liquids.
@@ -133,7 +133,7 @@ class CollocationProblem:
         self._hessian = self._assembled_hessian(parts, size)
 
     def solver(self, options: dict[str, Any]) -> Any:
-        """Makes IPOPT's solver of the problem."""
+        """Creates IPOPT's solver for the problem."""
         ca = casadi()
 
         x, limits, weights = self._x, self._limits, ca.vertcat(*self._weights)
@@ -149,7 +149,7 @@ class CollocationProblem:
         return ca.nlpsol("plan", "ipopt", problem, derivatives | options)
 
     def sizes(self) -> dict[str, int]:
-        """Numbers of unknowns, constraints and parameters by their names in CasADi."""
+        """Numbers of unknowns, constraints and parameters by their CasADi names."""
         return {"x": self._x.numel(), "g": len(self.lower), "p": len(LIMITS)}
 
     def _intervals(self, interval: Interval, leg: Leg, place: LegUnknowns) -> _Part:
@@ -215,7 +215,7 @@ class CollocationProblem:
         )
 
     def _joins(self, flows: tuple[Flow, ...], path: Path, layout: StateLayout) -> _Part:
-        """Returns constraints between legs: rest at corners; continuous tilt and liquid."""
+        """Returns constraints between legs: rest at corners, continuous tilt and liquid."""
         ca = casadi()
 
         rows: list[tuple[dict[int, float], float]] = []

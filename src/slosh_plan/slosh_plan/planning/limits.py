@@ -1,4 +1,4 @@
-"""Limits of a planned motion."""
+"""Limits of a planned motion: sloshing height, acceleration, jerk, tilt, joints."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LARGEST = 1e6
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits(HeightLimits):
-    """Limits of a motion, including the liquid's height; all hold at every time.
+    """Limits of a motion, including the liquid's height; they apply at all times.
 
     >>> limits = PlanLimits(height=0.020, residual=0.010)  # m
     >>> round(limits.lowered(0.002).height, 3)
@@ -77,7 +77,7 @@ class PlanLimits(HeightLimits):
             )
 
     def under_rim(self, model: Model) -> Self:
-        """As of HeightLimits; a height after the end that is not limited is limited as well."""
+        """Returns the limits, lowered to the rim where that is lower, also after the end."""
         kept = HeightLimits.under_rim(self, model)
         return replace(kept, residual=min(kept.residual, kept.height))
 

@@ -33,13 +33,13 @@ _OPTIONS = {
 
 
 def available() -> bool:
-    """Whether CasADi is installed."""
+    """Returns whether CasADi is installed."""
     return importlib.util.find_spec("casadi") is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegGuess:
-    """Start of a leg's motion and the liquid, at n + 1 nodes evenly spaced in time.
+    """Initial guess for a leg's motion and the liquid, at evenly spaced times.
 
     Attributes:
         duration: of the leg [s].
@@ -57,7 +57,7 @@ class LegGuess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathSolution:
-    """Result of a search: the motion, and the solver's status.
+    """Result of an optimisation: the motion, and the solver's status.
 
     Attributes:
         legs: the motion: where the next search may start.
@@ -73,14 +73,14 @@ class PathSolution:
 
 
 def node_counts(durations: Sequence[float]) -> tuple[int, ...]:
-    """Returns the number of intervals of each leg."""
+    """Returns the number of collocation intervals of each leg."""
     total = sum(durations)
     count = min(max(TUNING.nodes_per_second * total, TUNING.fewest_nodes), TUNING.most_nodes)
     return tuple(max(TUNING.fewest_on_a_leg, round(count * part / total)) for part in durations)
 
 
 class PathSearch:
-    """The problem of one path and one number of nodes, with the limits as parameters.
+    """Optimisation for one path and number of nodes, with the limits as parameters.
 
     Args:
         flows: the liquids: of the model, and of others that keep the limits, too.
@@ -124,7 +124,7 @@ class PathSearch:
         seconds: float,
         stop: Callable[[], bool] = never,
     ) -> PathSolution:
-        """Solves the problem from a start.
+        """Solves the optimisation from an initial guess.
 
         Args:
             limits: to be kept.
@@ -147,7 +147,7 @@ class PathSearch:
         )
 
     def _solver(self, seconds: float) -> Any:
-        """Returns IPOPT's solver; makes a new one if its time limit is too long."""
+        """Returns IPOPT's solver; creates a new one if its time limit is too long."""
         if self._made is None or seconds < 0.6 * self._made_for:
             options = {
                 "iteration_callback": self._stopper, "ipopt.max_wall_time": max(seconds, 0.1)
@@ -199,7 +199,7 @@ class PathSearch:
 
 
 def _stopper(stop: Callable[[], bool], counts: dict[str, int]) -> Any:
-    """Makes CasADi's callback after each iteration; any result but 0 stops the search."""
+    """Returns a CasADi callback that can stop the solver after each iteration."""
     ca = casadi()
     rows = {"x": "x", "g": "g", "lam_x": "x", "lam_g": "g", "lam_p": "p", "f": "f"}
     sizes = [counts.get(rows[name], 1) for name in ca.nlpsol_out()]

@@ -45,12 +45,12 @@ HOW_TO_GET = "CasADi is not installed (pip install -r requirements/plan.txt)"
 
 
 class NoSafeMotionError(SloshPlanError):
-    """No motion along the path keeps the limits."""
+    """Error that no motion along the path keeps the limits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan(Shown):
-    """A motion that keeps every limit.
+    """A planned motion that keeps every limit.
 
     Attributes:
         found: the motion and what it reaches, by simulation at 1 kHz.
@@ -93,7 +93,7 @@ class Plan(Shown):
         )
 
     def to_pandas(self) -> DataFrame:
-        """Returns the motion by time: `x`, `y`, `z` [m], attitude if any, `ax`, `ay`, `az`.
+        """Returns a pandas table of the motion by time: position, attitude and acceleration.
 
         Raises:
             ImportError: pandas is not installed.
@@ -134,7 +134,7 @@ def plan(
     start: Plan | None = None,
     loose: LooseContainer | None = None,
 ) -> Plan:
-    """Plans a rest-to-rest motion for liquid at rest.
+    """Plans a motion from rest to rest, for liquid at rest.
 
     Args:
         model: the model; the search knows its first mode, the check all of it. Where the
@@ -209,7 +209,7 @@ def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) ->
 
 
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """Returns the model for planning: with gravity if the container may tilt.
+    """Returns the model for planning; it includes gravity by tilt if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
@@ -223,7 +223,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
-    """Returns the limits for heights without the model's error."""
+    """Returns the limits reduced by the model's error."""
     if error is None:
         return limits
     return replace(
@@ -234,7 +234,7 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 def _upper(
     model: Model, motion: PlannedMotion, attitude: Array | None
 ) -> tuple[float, float] | None:
-    """Returns the upper ends of a motion's intervals, as `predict` computes them."""
+    """Returns the upper ends of a motion's intervals of peak and residual height [m], or None."""
     if model.covariance is None:
         return None
     turned = attitudes(motion, attitude, len(motion.t))
@@ -244,7 +244,7 @@ def _upper(
 
 
 def upright_yaw(attitude: Array | None) -> float:
-    """Returns the yaw of an upright container [rad].
+    """Returns the yaw of an upright container [rad], or raises an error if it is tilted.
 
     Raises:
         SloshPlanError: it is tilted.
@@ -264,14 +264,14 @@ def upright_yaw(attitude: Array | None) -> float:
 
 
 def check_state(model: Model, limits: PlanLimits, state: LiquidState) -> None:
-    """Raises SloshPlanError if the liquid exceeds the limit before any motion."""
+    """Raises SloshPlanError if the liquid exceeds the limit even before any motion."""
     check_start(model, state, HeightLimits(limits.height))
 
 
 def check_plan_from(
     model: Model, answer: Plan, attitude: Array | None, state: LiquidState
 ) -> None:
-    """Raises SloshPlanError if a plan exceeds its limits from an initial state.
+    """Raises SloshPlanError if a plan exceeds its limits from a given initial state.
 
     Args:
         model: as it was planned with.

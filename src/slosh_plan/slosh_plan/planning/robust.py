@@ -42,7 +42,7 @@ NEEDED = (
 
 @dataclass(frozen=True, slots=True)
 class LikelyHeights:
-    """Heights of a motion for the likely parameters.
+    """Heights that a motion reaches for all likely parameters of the model.
 
     Attributes:
         parameters: whose likely values were tried.
@@ -74,7 +74,7 @@ class RobustPlan(NamedTuple):
 
 
 class LikelyModels(NamedTuple):
-    """Models with parameters from the region that holds the true ones with 95 % probability.
+    """Models with parameters from the 95 % confidence region.
 
     Attributes:
         models: the models.
@@ -86,7 +86,7 @@ class LikelyModels(NamedTuple):
 
 
 def likely_models(model: Model, count: int = SAMPLES, seed: int = SEED) -> LikelyModels:
-    """Draws models from the region that holds the true parameters with 95 % probability.
+    """Samples models from the 95 % confidence region of the parameters.
 
     Half of them are on the region's surface, where the extremes are, the others inside. Values
     that are impossible, such as a negative damping ratio, are drawn towards the model's own.
@@ -122,7 +122,7 @@ def likely_models(model: Model, count: int = SAMPLES, seed: int = SEED) -> Likel
 
 
 def _possible(model: Model, names: tuple[str, ...], centre: Array, step: Array) -> Model:
-    """Returns a model that is displaced by a step, or by the largest possible share of it."""
+    """Returns a model with parameters changed by a step, or by the largest possible part of it."""
     for share in np.linspace(1.0, 0.0, 21):
         try:
             values = dict(zip(names, (centre + share * step).tolist(), strict=True))
@@ -194,7 +194,7 @@ def _parameters(model: Model) -> tuple[str, ...]:
 
 
 def _heights(models: list[Model], motion: PlannedMotion, attitude: Array | None) -> Array:
-    """Returns (models, 2) greatest heights of a motion: during it and after its end [m]."""
+    """Returns the maximum heights (models, 2) during a motion and after its end [m]."""
     return np.array(list(_extremes(models, motion, attitude)))
 
 
@@ -206,7 +206,7 @@ def _extremes(
 
 
 def _worst(used: Array, places: Array, chosen: list[int]) -> list[int]:
-    """Returns the models that exceed each limit most, as far from the chosen ones as there are."""
+    """Returns the models that exceed each limit most and differ from those already chosen."""
     found: list[int] = []
     for column in used.T:
         over = np.flatnonzero(column > 1.0)
@@ -221,7 +221,7 @@ def _worst(used: Array, places: Array, chosen: list[int]) -> list[int]:
 
 
 def _used(heights: Array, limits: PlanLimits, margin: float, error: ModelError | None) -> Array:
-    """Returns (models, 2) shares of both limits that the heights use."""
+    """Returns the fractions (models, 2) of both limits that the heights use."""
     known = error or ModelError()
     share = np.where(np.isfinite(heights), abs(known.epsilon) * heights, 0.0)
     upper = heights + np.hypot(known.half_width(0.0, 0.0), share)

@@ -1,4 +1,4 @@
-"""Searches the optimal law from several starts until the simulation keeps every limit.
+"""Searches the optimal time law until the simulation keeps every limit.
 
 What a search finds is simulated with the whole model at 1 kHz; where it exceeds a limit, that
 limit is lowered by the excess and the search goes on.
@@ -31,7 +31,7 @@ Legs = tuple[LegGuess, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Result of a search.
+    """Result of one search for an optimal time law.
 
     Attributes:
         motion: that keeps the limits; None: there is none.
@@ -45,13 +45,13 @@ class Found:
 
     @property
     def duration(self) -> float:
-        """Duration of the motion [s]; infinite where there is none."""
+        """Duration of the motion [s], or infinity if none was found."""
         return math.inf if self.motion is None else self.motion.motion.duration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OptimalSearch:
-    """Searches an optimal law.
+    """Searches an optimal time law for a path from several initial guesses.
 
     Attributes:
         check: tells what a motion does.
@@ -74,7 +74,7 @@ class OptimalSearch:
     watch: Watch
 
     def run(self) -> Found:
-        """Returns the best motion, and the reason if it is the scaled one."""
+        """Returns the best motion, and the reason if it is only a known time law."""
         best, last = Found(self.scaled.found), "the search found nothing faster"
         if self._over():
             return replace(best, words=self._why_over())
@@ -91,7 +91,7 @@ class OptimalSearch:
         return replace(best, words="" if best.legs else last)
 
     def resume(self, legs: Legs, motion: PlannedMotion) -> Found:
-        """Returns the motion that a search from the result of another one finds.
+        """Returns the motion that a search finds from the result of an earlier search.
 
         Args:
             legs: of the other search, which had other scenarios.
@@ -105,11 +105,11 @@ class OptimalSearch:
 
     @property
     def _models(self) -> tuple[Model, ...]:
-        """The models whose liquids are among the unknowns of the search."""
+        """The models whose liquids are unknowns of the optimisation."""
         return self.check.models[: TUNING.most_liquids]
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
-        """Searches with constant attitude from several starts."""
+        """Yields optimisations with constant attitude, each with an initial guess."""
         duration = self.scaled.found.motion.duration
         problem = self._problem(leg_durations(self.path, duration), tilting=False)
         for n, factor in enumerate(TUNING.starts, start=1):
@@ -117,7 +117,7 @@ class OptimalSearch:
             yield problem, guess_of(self._models, self.path, self.scaled, problem, factor)
 
     def _tilted(self, upright: Found) -> Found:
-        """Searches with tilt, starting from the upright motion."""
+        """Optimises the motion with tilt, starting from the upright motion."""
         self.watch.enter("search with tilt")
         problem = self._problem([leg.duration for leg in upright.legs], tilting=True)
         found = self._tightened(problem, resumed(upright.legs, problem), upright)
@@ -133,12 +133,12 @@ class OptimalSearch:
         return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
 
     def _enough(self, best: Found) -> bool:
-        """Whether enough starts have been tried."""
+        """Returns whether enough initial guesses have been tried."""
         share = TUNING.again if best.legs else 1.0
         return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
 
     def _tightened(self, problem: PathSearch, guess: Legs, best: Found) -> Found:
-        """Repeats the search with reduced limits until the simulation keeps the limits.
+        """Repeats the optimisation with reduced limits until the simulation keeps the limits.
 
         What is not faster than the best so far is not gone on with.
         """
@@ -188,14 +188,14 @@ class OptimalSearch:
 
 
 def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
-    """Returns the time law of a search, adjusted to end exactly at the leg's end."""
+    """Returns the time law of an optimised leg, adjusted to end exactly at the leg's end."""
     law = JerkLaw(found.duration, found.controls[:, 0], (0.0, 0.0, float(found.states[0, 2])))
     share = leg.length / max(float(law.nodes()[-1, 0]), 1e-9)
     return JerkLaw(law.duration, share * law.jerk, (0.0, 0.0, share * law.start[2]))
 
 
 def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
-    """Returns the tilt of a search at the rows of a motion that is slower by a factor.
+    """Returns the tilt of an optimised motion that is slowed by a factor.
 
     The last row is upright; what the search's tolerance leaves there is taken away evenly.
     """
@@ -217,7 +217,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
 
 
 def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
-    """Reduces exceeded limits by their excess."""
+    """Reduces the exceeded limits by their excess."""
     lower = {
         name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
         for name, share in excess.items()
@@ -229,7 +229,7 @@ def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
 def guess_of(
     models: Sequence[Model], path: Path, start: Scaled, search: PathSearch, factor: float
 ) -> Legs:
-    """Makes the start of a search from a motion by a law.
+    """Creates the initial guess of an optimisation from a motion with a known time law.
 
     Args:
         models: of the search's liquids.
@@ -258,7 +258,7 @@ def guess_of(
 
 
 def _waves(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
-    """Simulates a motion; returns the first modes of all models (N, 4 each) at given times."""
+    """Simulates a motion; returns a function for the first modes of all models by time."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
     modal = np.hstack([simulate(model, inputs)[0].modal[:, 0] for model in models])
@@ -266,7 +266,7 @@ def _waves(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], 
 
 
 def resumed(legs: Legs, search: PathSearch, waves: Callable[[Array], Array] | None = None) -> Legs:
-    """Makes the start of a search from the result of another one, which may be upright.
+    """Creates the initial guess of an optimisation from an earlier result.
 
     Args:
         legs: the result.
