@@ -21,7 +21,7 @@ LINE = HEAD + "0,0,0,0\n1,0.4,0,0\n"
 
 @pytest.fixture
 def slosh_plan(tmp_path, capsys):
-    """`slosh plan` on a table; its exit code, what it prints and what it writes to."""
+    """Returns a function that runs `slosh plan` on a table and returns all its output."""
     (tmp_path / "model.yaml").write_text(MODEL)
 
     def run(table, *options, limit="0.015"):

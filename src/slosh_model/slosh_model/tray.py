@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from slosh_base.types import Array
 from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import LONGEST, format_model, parse_model, read_model
+from slosh_model.standing import BOUNDS, Standing
 
 MOST = 16
 """Containers of a tray, at most."""
@@ -28,7 +29,7 @@ TRAY = "tray"
 FARTHEST = 2.0
 """Largest coordinate of a place [m]."""
 _KEY = "containers"
-_KEYS = ("name", "model", "place", "limit")
+_KEYS = ("name", "model", "place", "limit", "standing")
 _NAME = re.compile(r"[\w-][\w.-]{0,39}")
 
 
@@ -41,12 +42,14 @@ class TrayContainer:
         model: its own.
         place: centre of its still surface in the tray's frame [m].
         limit: of its height [m]; NaN: none of its own.
+        standing: how it stands on the tray; None: it is held.
     """
 
     name: str
     model: Model
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     limit: float = math.nan
+    standing: Standing | None = None
 
     @property
     def placed(self) -> Model:
@@ -131,7 +134,7 @@ def parse_tray(text: str, source: str = "tray.yaml") -> Tray:
 
     Args:
         text: YAML; a tray's has the key `containers`, a list of mappings with name, model (a path
-            relative to the source, or a model's keys), place and limit.
+            relative to the source, or a model's keys), place, limit and standing.
         source: how errors name it.
 
     Raises:
@@ -166,6 +169,8 @@ def format_tray(tray: Tray) -> str:
         entry: dict[str, Any] = {"name": one.name, "place": list(one.place)}
         if not math.isnan(one.limit):
             entry["limit"] = one.limit
+        if one.standing is not None:
+            entry["standing"] = asdict(one.standing)
         entry["model"] = parse_yaml(format_model(one.model), "model").value
         listed.append(entry)
     return format_yaml({_KEY: listed}, sort_keys=False, default_flow_style=None)
@@ -188,7 +193,7 @@ def _container(document: YamlDocument, index: int) -> TrayContainer:
         )
     return TrayContainer(
         name, _model(document, index, entry), _place(document, index, entry),
-        _limit(document, index, entry),
+        _limit(document, index, entry), _standing(document, index, entry),
     )  # fmt: skip
 
 
@@ -228,6 +233,22 @@ def _limit(document: YamlDocument, index: int, entry: Mapping[str, Any]) -> floa
             f"{document.where(_KEY, index)}: limit = {shown(given)} must be a height in metres"
         )
     return float(given)
+
+
+def _standing(document: YamlDocument, index: int, entry: Mapping[str, Any]) -> Standing | None:
+    given, names = entry.get("standing"), tuple(BOUNDS)
+    if given is None:
+        return None
+    where = document.where(_KEY, index)
+    if not isinstance(given, dict) or sorted(map(str, given)) != sorted(names):
+        raise SloshModelError(f"{where}: standing must be a mapping with {', '.join(names)}")
+    for name, value in given.items():
+        if not _is_number(value):
+            raise SloshModelError(f"{where}: standing.{name} = {shown(value)} must be a number")
+    try:
+        return Standing(**{name: float(value) for name, value in given.items()})
+    except SloshModelError as error:
+        raise SloshModelError(f"{where}: {error}") from None
 
 
 def _is_number(value: Any) -> bool:

@@ -5,9 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
+from slosh_model.standing_use import StandingUse, standing_use
+from slosh_model.tilt import attitude_of, feeling
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.heights import usual_horizon
 from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import ModelError, Prediction, predict
 from slosh_plan.scaling import SafeScales, safe_scales
@@ -22,10 +28,26 @@ class TrayPrediction(NamedTuple):
     Attributes:
         containers: the prediction of each, by name.
         worst: name of the one that is nearest to its limit, or farthest above.
+        standing: how much of friction and base each uses that stands loosely, by name.
     """
 
     containers: Mapping[str, Prediction]
     worst: str
+    standing: Mapping[str, StandingUse] = MappingProxyType({})
+
+    @property
+    def stands(self) -> bool:
+        """Whether no container slides, tips or lifts off."""
+        return all(use.stands for use in self.standing.values())
+
+    @property
+    def loose_words(self) -> list[str]:
+        """Sentences on the containers that stand loosely: how much of what holds them is used."""
+        return [
+            f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
+            f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"
+            for name, use in self.standing.items()
+        ]
 
     @property
     def of_worst(self) -> Prediction:
@@ -70,10 +92,20 @@ def predict_tray(
     found = []
     for place in range(len(trajectories)):
         containers = {name: answers[place] for name, answers in by_name.items()}
-        found.append(
-            TrayPrediction(containers, max(containers, key=lambda n: _use(containers[n])))
-        )
+        worst = max(containers, key=lambda name: _use(containers[name]))
+        found.append(TrayPrediction(containers, worst, _standing(tray, trajectories[place])))
     return found
+
+
+def _standing(tray: Tray, motion: Trajectory) -> Mapping[str, StandingUse]:
+    """How much of friction and base each container uses that stands loosely."""
+    return {
+        one.name: standing_use(
+            feeling(one.placed, attitude_of(motion)), one.standing,
+            motion.inputs(usual_horizon(one.model)), np.array(one.place),
+        )
+        for one in tray.containers if one.standing is not None
+    }  # fmt: skip
 
 
 def _use(found: Prediction) -> float:

@@ -9,8 +9,10 @@ from scipy.spatial.transform import Rotation
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_model.standing import Standing
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan import HeightLimits, Trajectory, predict, safe_scales
+from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
@@ -140,6 +142,35 @@ def test_all_containers_keep_the_plan():
         assert math.isfinite(answer.nonlinear.residual)
     alone = plan(narrow, path, limits_of(tray.containers[1], limits), time_limit=5.0)
     assert motion.duration >= alone.found.motion.duration - 1e-9
+
+
+STANDING = Standing(mass=0.15, centre_height=0.05, base_radius=0.03, friction=0.2)
+
+
+def test_a_container_that_stands_loosely_is_not_lost():
+    """The usual plan lets it slide; the tray's plan does not, and says how near it comes."""
+    model = Model(Cylinder(0.04, 0.06)).spatial()
+    loose = TrayContainer("loose", model, (0.0, 0.1, 0.0), standing=STANDING)
+    tray = Tray((TrayContainer("held", model), loose))
+    limits = PlanLimits(0.015, 0.0075)
+    path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
+
+    def make(one, kept):
+        return plan(one.placed, path, kept, time_limit=5.0, loose=LooseContainer.of(one))
+
+    def motion_of(answer):
+        return Trajectory(answer.found.motion.t, answer.found.motion.acceleration)
+
+    usual = plan(model, path, limits, time_limit=5.0)
+    (slides,) = predict_tray(tray, [motion_of(usual)], limits=limits)
+    assert not slides.stands
+    assert slides.loose_words[0].startswith("loose slides: ")
+    found = plan_tray(tray, limits, make)
+    (kept,) = predict_tray(tray, [motion_of(found.plan)], limits=limits)
+    assert kept.stands
+    assert kept.standing["loose"].friction > 0.9
+    assert list(kept.standing) == ["loose"]
+    assert found.plan.found.motion.duration > 1.05 * usual.found.motion.duration
 
 
 def test_where_no_plan_keeps_all_that_is_said():

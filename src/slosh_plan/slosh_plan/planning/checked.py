@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
+from slosh_model.standing import Standing
+from slosh_model.standing_use import standing_use
+from slosh_model.tray import TrayContainer
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import PlannedMotion
@@ -18,6 +22,23 @@ from slosh_plan.prediction import ModelError, principal_variants
 PERIODS = 8.0
 """Of the first mode that are looked at after a motion's end."""
 TOLERANCE = 1e-9
+
+
+class LooseContainer(NamedTuple):
+    """A container that stands on a tray.
+
+    Attributes:
+        standing: how it stands.
+        place: of the centre of its still surface in the tray's frame [m].
+    """
+
+    standing: Standing
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def of(cls, one: TrayContainer) -> LooseContainer | None:
+        """Returns how a container of a tray stands; None: it is held."""
+        return None if one.standing is None else cls(one.standing, one.place)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +57,8 @@ class CheckedMotion:
         tilt, tilt_rate, tilt_acceleration: the largest [rad, rad/s, rad/s²]; 0: there is none.
         joints: shares of the joints' limits that are used, by their names in JOINT_LIMITS; empty:
             the joints are not known.
+        standing: shares of friction and base that a container uses that stands loosely, by their
+            names in STANDING_LIMITS; empty: it is held.
     """
 
     motion: PlannedMotion
@@ -50,12 +73,14 @@ class CheckedMotion:
     tilt_rate: float
     tilt_acceleration: float
     joints: Mapping[str, float] = field(default_factory=dict)
+    standing: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
         """Returns the relative excess over each limit; a value up to 0 means it is kept."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
-        shares |= {name: used / getattr(limits, name) - 1.0 for name, used in self.joints.items()}
+        used = {**self.joints, **self.standing}
+        shares |= {name: share / getattr(limits, name) - 1.0 for name, share in used.items()}
         return shares | {
             "height": self.upper / limits.height - 1.0,
             "residual": self.residual_upper / limits.residual - 1.0,
@@ -83,12 +108,14 @@ class Checker:
             where there is one, heights have intervals, whose upper ends count; None: the heights
             themselves do.
         scenarios: models with other parameters, whose heights count as the model's own do.
+        loose: how the container stands where it is not held; None: it is held.
     """
 
     model: Model
     attitude: Array | None = None
     error: ModelError | None = None
     scenarios: tuple[Model, ...] = ()
+    loose: LooseContainer | None = None
 
     @property
     def models(self) -> tuple[Model, ...]:
@@ -98,6 +125,8 @@ class Checker:
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """Returns the simulated maximum heights of motions."""
         found = checked(self.model, motions, self.attitude)
+        if self.loose is not None:
+            found = [replace(one, standing=self._use(one.motion)) for one in found]
         for scenario in self.scenarios:
             others = checked(scenario, motions, self.attitude)
             found = [_higher(*pair) for pair in zip(found, others, strict=True)]
@@ -116,6 +145,13 @@ class Checker:
             )
             for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
         ]
+
+    def _use(self, motion: PlannedMotion) -> dict[str, float]:
+        """Returns the shares of friction and base that a motion uses."""
+        assert self.loose is not None
+        inputs = _with_rest(motion, horizon(self.model), self.attitude)
+        standing, place = self.loose
+        return standing_use(self.model, standing, inputs, np.array(place))._asdict()
 
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
         """Simulates motions without parameter uncertainty, as a lower bound."""

@@ -22,6 +22,7 @@ from slosh_plan.planning.interval import (
     StateLayout,
     curve_of,
 )
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import Leg, Path
 
 Indices = NDArray[np.int64]
@@ -92,6 +93,7 @@ class CollocationProblem:
         yaw: of the container [rad].
         counts: intervals of each leg.
         layout: of the states.
+        loose: how the container stands on its tray; None: it is held.
 
     Attributes:
         legs: where each leg's unknowns stand; behind them all stands a residual's
@@ -106,6 +108,7 @@ class CollocationProblem:
         yaw: float,
         counts: Sequence[int],
         layout: StateLayout,
+        loose: LooseTerms | None = None,
     ) -> None:
         ca = casadi()
 
@@ -118,7 +121,7 @@ class CollocationProblem:
         self._limits = ca.MX.sym("limits", len(LIMITS))
         self._weights: list[Expression] = []
         parts = [
-            self._intervals(Interval(flows, yaw, layout, count, leg.demands), leg, place)
+            self._intervals(Interval(flows, yaw, layout, count, leg.demands, loose), leg, place)
             for count, leg, place in zip(counts, path.legs, self.legs, strict=True)
         ]
         parts += [self._residual(flow, n, layout) for n, flow in enumerate(flows)]

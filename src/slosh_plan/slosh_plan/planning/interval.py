@@ -19,7 +19,8 @@ from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_plan.planning.flow import Expression, Flow, casadi
 from slosh_plan.planning.joint_demands import CURVE, JointDemands
-from slosh_plan.planning.limits import JOINT_LIMITS
+from slosh_plan.planning.limits import JOINT_LIMITS, STANDING_LIMITS
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import DEGREE, Leg
 from slosh_plan.tuning import TUNING
 
@@ -29,9 +30,10 @@ LIQUID = 4
 """States of the liquid: x, y, ẋ, ẏ."""
 LIMITS = (
     "height", "residual", "acceleration", "jerk", "tilt", "tilt_rate", "tilt_acceleration",
-    *JOINT_LIMITS,
+    *STANDING_LIMITS, *JOINT_LIMITS,
 )  # fmt: skip
 JERK = LIMITS.index("jerk")
+STANDING = slice(LIMITS.index("friction"), LIMITS.index("tipping") + 1)
 JOINTS = slice(LIMITS.index(JOINT_LIMITS[0]), len(LIMITS))
 SHARES = (0.0, 0.5, 1.0)
 """Of an interval, where its demands are looked at."""
@@ -95,6 +97,7 @@ class Interval:
         layout: of the states.
         count: intervals of the leg.
         joints: that carry the container; None: its path is given, not theirs.
+        loose: how the container stands on its tray; None: it is held.
     """
 
     flows: tuple[Flow, ...]
@@ -102,6 +105,7 @@ class Interval:
     layout: StateLayout
     count: int
     joints: JointDemands | None = None
+    loose: LooseTerms | None = None
 
     @property
     def curve(self) -> int:
@@ -222,7 +226,10 @@ class Interval:
         for n, flow in enumerate(self.flows):
             q = full[self.layout.liquid][LIQUID * n : LIQUID * (n + 1)]
             kept += flow.heights(q, limits[0])
-            rates += [q[2], q[3], *flow.acceleration(q, felt)]
+            pushed = flow.acceleration(q, felt)
+            rates += [q[2], q[3], *pushed]
+            if self.loose is not None and n == 0:
+                kept += self.loose.demands(q, pushed, felt, limits[STANDING])
         return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:

@@ -21,6 +21,8 @@ TILT_RATE, TILT_ACCELERATION = math.radians(120.0), math.radians(1200.0)
 LARGEST_TILT = math.radians(45.0)
 JOINT_LIMITS = ("joint_velocity", "joint_acceleration", "joint_jerk", "joint_torque")
 """Of a robot's joints, as shares of the limits that the robot has."""
+STANDING_LIMITS = ("friction", "tipping")
+"""Of a container that stands loosely, as shares of what holds it."""
 LARGEST = 1e6
 """Of any limit: more is a unit mistaken for another."""
 
@@ -41,6 +43,8 @@ class PlanLimits(HeightLimits):
             vector that tilts it [rad/s, rad/s²]; its angular velocity is not larger.
         joint_velocity, joint_acceleration, joint_jerk, joint_torque: shares of the joints' own
             limits that a motion of joints may use.
+        friction, tipping: share of the friction that a container that stands loosely may use, and
+            how far the centre of pressure may move, as a share of its base's radius.
 
     Raises:
         SloshPlanError: a limit that is not positive and finite; heights may be infinite.
@@ -55,12 +59,14 @@ class PlanLimits(HeightLimits):
     joint_acceleration: float = 1.0
     joint_jerk: float = 1.0
     joint_torque: float = 1.0
+    friction: float = 1.0
+    tipping: float = 1.0
 
     def __post_init__(self) -> None:
         HeightLimits.__post_init__(self)
         for name, unit in UNITS.items():
             value = getattr(self, name)
-            most = 1.0 if name in JOINT_LIMITS else LARGEST
+            most = 1.0 if name in (*JOINT_LIMITS, *STANDING_LIMITS) else LARGEST
             if not (math.isfinite(value) and 0.0 < value <= most):
                 bounds = f"must lie above 0 and not above {most:g}"
                 raise SloshPlanError(f"limit of {name} = {value:g} {unit} {bounds}")
@@ -100,5 +106,6 @@ class PlanLimits(HeightLimits):
 UNITS = {
     "acceleration": "m/s²", "jerk": "m/s³", "tilt_rate": "rad/s", "tilt_acceleration": "rad/s²",
     **dict.fromkeys(JOINT_LIMITS, "of the robot's limit"),
+    **dict.fromkeys(STANDING_LIMITS, "of what holds the container"),
 }  # fmt: skip
 """The limits that must be above 0 and finite, with their units."""

@@ -20,6 +20,7 @@ from slosh_plan.planning.collocation import CollocationProblem
 from slosh_plan.planning.flow import Flow, casadi
 from slosh_plan.planning.interval import LIMITS, StateLayout
 from slosh_plan.planning.limits import LARGEST, PlanLimits
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
 from slosh_plan.tuning import TUNING
@@ -87,6 +88,7 @@ class PathSearch:
         yaw: of the container [rad].
         durations: of the legs as far as they are known [s]: the nodes are laid out by them.
         tilting: whether the container may tilt.
+        loose: how the container stands on its tray; None: it is held.
 
     Attributes:
         counts: intervals of each leg.
@@ -101,11 +103,14 @@ class PathSearch:
         durations: Sequence[float],
         *,
         tilting: bool = False,
+        loose: LooseTerms | None = None,
     ) -> None:
         self.counts = node_counts(durations)
         self.layout = StateLayout(tilting, len(flows))
         self._path = path
-        self._problem = CollocationProblem(tuple(flows), path, yaw, self.counts, self.layout)
+        self._problem = CollocationProblem(
+            tuple(flows), path, yaw, self.counts, self.layout, loose
+        )
         # Asked at each iteration; another one in each search.
         self._stop: Callable[[], bool] = never
         self._stopper = _stopper(lambda: self._stop(), self._problem.sizes())

@@ -21,7 +21,7 @@ from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes, horizon
+from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
 from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
@@ -132,6 +132,7 @@ def plan(
     watch: Watch | None = None,
     scenarios: Sequence[Model] = (),
     start: Plan | None = None,
+    loose: LooseContainer | None = None,
 ) -> Plan:
     """Plans a motion from rest to rest, for liquid at rest.
 
@@ -148,6 +149,7 @@ def plan(
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
         scenarios: models with other parameters, whose heights keep the limits, too.
+        loose: how the container stands on a tray; None: it is held.
         start: a plan for other scenarios along the same path, from which the search starts; None:
             there is none.
 
@@ -162,8 +164,8 @@ def plan(
     nominal = _nominal(kept, error)
     yaw = upright_yaw(attitude)
     model = tilting(model, limits, path)
-    check = Checker(model, attitude, error, tuple(tilting(one, limits, path) for one in scenarios))
-
+    others = tuple(tilting(one, limits, path) for one in scenarios)
+    check = Checker(model, attitude, error, others, loose)
     scaled, found = None if start is None else start.scaled, Found(None)
     if start is not None and start.legs:
         search = OptimalSearch(check, path, kept, nominal, yaw, start.scaled, time_limit, watch)

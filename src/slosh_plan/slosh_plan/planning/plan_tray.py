@@ -69,11 +69,16 @@ def plan_tray(
     one = min(by_name, key=lambda name: _height(by_name[name], limits))
     for _ in range(MOST):
         own, share = limits_of(by_name[one], limits), lowered[one]
-        answer = make(
-            by_name[one], replace(own, height=own.height * share, residual=own.residual * share)
-        )
+        asked = replace(
+            own, height=own.height * share, residual=own.residual * share,
+            friction=own.friction * share, tipping=own.tipping * share,
+        )  # fmt: skip
+        answer = make(by_name[one], asked)
         found = _predicted(tray, answer, limits, attitude, error)
-        use = {name: _use(each, margin) for name, each in found.containers.items()}
+        use = {
+            name: max(_use(each, margin), *found.standing.get(name, (0.0,)))
+            for name, each in found.containers.items()
+        }
         worst = max(use, key=lambda name: use[name])
         if use[worst] <= 1.0 + ROUNDING:
             return TrayPlan(answer, one, found)

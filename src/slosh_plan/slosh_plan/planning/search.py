@@ -19,6 +19,7 @@ from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.interval import CHAIN
 from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch
@@ -127,7 +128,9 @@ class OptimalSearch:
 
     def _problem(self, durations: Sequence[float], *, tilting: bool) -> PathSearch:
         flows = [flow_of(model) for model in self._models]
-        return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting)
+        loose = self.check.loose
+        terms = None if loose is None else LooseTerms.of(self.check.model, loose.standing)
+        return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
 
     def _enough(self, best: Found) -> bool:
         """Returns whether enough initial guesses have been tried."""
