@@ -223,7 +223,7 @@ class BagWriter:
                 self._save()
 
     def abandon(self) -> int:
-        """Ends a file that cannot be written any further, as far as possible.
+        """Ends the file after a write error, without the messages of its unfinished chunk.
 
         What was written before is there; messages of the last chunk are not and do not count.
 

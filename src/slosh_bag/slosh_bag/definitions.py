@@ -51,7 +51,7 @@ class Definitions:
         return str(self.typestore.generate_msgdef(message_type, ros_version=2)[0])
 
     def schema(self, message_type: str) -> tuple[str, bytes] | None:
-        """Returns encoding and content of a type's MCAP schema, or None if it has none.
+        """Returns encoding and content of a type's MCAP schema.
 
         Raises:
             SloshBagError: as `text`.

@@ -1,4 +1,4 @@
-"""The root exception of the package."""
+"""Root of the exceptions that slosh_bag raises."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
 
 
 def _profile(file: Path) -> str:
-    """Returns the profile name in a file's header, or that of ROS 2 if it is unreadable."""
+    """Returns the MCAP profile name in a file's header, or that of ROS 2 if it is unreadable."""
     try:
         with file.open("rb") as stream:
             reader = StreamReader(stream, skip_magic=False, emit_chunks=True)

@@ -34,7 +34,7 @@ MODULES = (
 
 
 def import_all(modules: Iterable[str] = MODULES) -> None:
-    """Imports the modules, so that their compiled functions are registered."""
+    """Imports the modules that define compiled functions, so that these are registered."""
     for name in modules:
         importlib.import_module(name)
 

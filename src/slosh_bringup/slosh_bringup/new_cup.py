@@ -208,7 +208,7 @@ class QuantityKind:
         raise SloshBringupError(f"{told}: must be {self.least:g} to {self.most:g} {self.unit}")
 
     def _guess(self, value: float) -> str | None:
-        """Guesses the unit that a value out of range was meant in, or None."""
+        """Guesses in which unit a value out of range was meant; None if no unit fits."""
         likely = [
             unit for unit, size in self.others.items() if self.least <= value * size <= self.most
         ]

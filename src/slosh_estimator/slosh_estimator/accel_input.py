@@ -119,7 +119,7 @@ class AccelInput(CheckedInput):
         )  # fmt: skip
 
     def warning(self) -> str | None:
-        """Returns a warning with a remedy if new messages were dropped, or None."""
+        """Returns a warning with a remedy if new messages were dropped, otherwise None."""
         strange = self.gate.counts[SampleVerdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if not new:
@@ -127,7 +127,7 @@ class AccelInput(CheckedInput):
         return self.refusal()
 
     def remark(self) -> str | None:
-        """Returns a remark about settings that have no effect, or None."""
+        """Returns a remark about settings that have no effect; None if all have one."""
         if self._arm:
             return (
                 "sensor_to_origin has no effect: the input accel contains no rotation; use "
@@ -136,7 +136,7 @@ class AccelInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were dropped because of their frame, or None."""
+        """Returns why samples were dropped because of their frame; None if none were."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (

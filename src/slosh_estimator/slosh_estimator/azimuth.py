@@ -147,7 +147,7 @@ def wave_offset(
 
 
 def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None:
-    """Returns the angle between two waves that may be delayed against each other, or None."""
+    """Returns the angle between two waves of unknown relative delay; None if it is uncertain."""
     # A rotary wave that comes late looks turned; a planar one half a period late, by 180 degrees.
     reach = round(TUNING.offset_far / TUNING.offset_step)
     lags = np.arange(-reach, reach + 1) * TUNING.offset_step
@@ -174,7 +174,7 @@ def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None
 
 
 def _products(seconds: Array, measured: Waves, expected: Waves, lag: float) -> tuple[Waves, float]:
-    """Returns products of two wave series by section and their energy, for a time offset."""
+    """Returns, for a delay, the product of two waves per time block, and the waves' energy."""
     moments = seconds - lag
     after = np.clip(np.searchsorted(seconds, moments), 1, len(seconds) - 1)
     inside = (moments >= seconds[0]) & (moments <= seconds[-1])

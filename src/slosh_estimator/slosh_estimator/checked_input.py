@@ -32,11 +32,11 @@ class CheckedInput:
         return self.check.doubt if self.flags else None
 
     def remark(self) -> str | None:
-        """Returns a remark about settings that have no effect, or None."""
+        """Returns a remark about settings that have no effect; None if all have one."""
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were dropped because of their frame, or None."""
+        """Returns why samples were dropped because of their frame; None if none were."""
         return None
 
     def checked_memory(self, stamp_ns: int) -> list[float]:

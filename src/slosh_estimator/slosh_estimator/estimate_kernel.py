@@ -77,7 +77,7 @@ MOVING_CHECKS = CHECKS.fields["slow"][1] // np.dtype(np.float64).itemsize  # typ
 
 
 def new_checks() -> NDArray[np.float64]:
-    """Returns an array of zeros that holds the fields of CHECKS."""
+    """Returns a zeroed array for the limits and limit checks of a model, as listed in CHECKS."""
     return np.zeros(1, dtype=CHECKS).view(np.float64)
 
 
@@ -176,7 +176,7 @@ def _take(linear, nonlinear, store, dt, acceleration, yaw, pose, first, row):  #
 def step(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, row, poses, dt, ax, ay, az, yaw, first
 ):
-    """Advances both models by one input sample and writes the results.
+    """Advances linear and nonlinear model by one input sample and writes the results.
 
     Args:
         linear, nonlinear: each model's store, as `slosh_model.layout` has it; changed.
@@ -201,7 +201,7 @@ def step(  # type: ignore[no-untyped-def]
 def steps(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, rows, poses, intervals, accelerations, yaws
 ):
-    """Advances both models by consecutive input samples without gaps.
+    """Advances linear and nonlinear model by consecutive input samples without gaps.
 
     Args:
         linear, nonlinear, checks: as in `step`.

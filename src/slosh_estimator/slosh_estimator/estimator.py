@@ -112,7 +112,7 @@ class Estimates(NamedTuple):
 
     @property
     def as_read(self) -> Array:
-        """Maximum heights (N, 2) [m] of both models as a sensor would measure them."""
+        """Heights (N, 2) [m] of linear and nonlinear model as a sensor would measure them."""
         return self.heights[:, :, 0] if self.readings is None else self.readings
 
 
@@ -188,7 +188,7 @@ class Estimator:
         self._settling_ns = round(TUNING.settled / rate * 1e9) if rate > 1e-6 else 2**62
 
     def reset(self) -> None:
-        """Resets both models to rest; the next sample counts as the first one.
+        """Resets linear and nonlinear model to rest; the next sample counts as the first one.
 
         Where the liquid moves, or is not known to be still, it does not do so from now on because
         the model does: the estimates carry the flag SETTLING until it is known again.
@@ -256,7 +256,7 @@ class Estimator:
         return math.hypot(last.ax, last.ay) * reach / GRAVITY < TUNING.still
 
     def _is_still(self) -> bool:
-        """Returns whether the liquid is known to be within STILL of its rest position."""
+        """Returns whether the liquid is known to be practically at its rest position."""
         last = self._last
         if last is None:
             return self._at_rest
@@ -281,7 +281,7 @@ class Estimator:
         return self._linear.model.name, self._nonlinear.model.name
 
     def update(self, sample: Sample) -> Estimate:
-        """Processes one sample and returns the results of both models."""
+        """Processes one sample and returns the results of the linear and the nonlinear model."""
         flags = self._take(sample)
         if self.empty:
             flags = flags & _OF_THE_INPUT | _NO_CONTAINER

@@ -118,7 +118,7 @@ class ImuInput(CheckedInput):
         self.sampling.take_up(sampling)
 
     def warning(self) -> str | None:
-        """Returns a warning with a remedy, or None."""
+        """Returns a warning with a remedy; None if nothing is wrong."""
         if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
             return "the sensor reports no angular velocity: its lever arm is not accounted for"
         return None

@@ -253,7 +253,7 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """Returns comparisons for measurements that still wait for an estimate."""
+        """At the end, returns comparisons without an estimate for measurements that wait."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))

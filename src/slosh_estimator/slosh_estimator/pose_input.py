@@ -207,7 +207,7 @@ class PoseInput(CheckedInput):
         self.gate.go_on(stamp_ns, None)
 
     def warning(self) -> str | None:
-        """Returns a warning with a remedy, or None."""
+        """Returns a warning with a remedy; None if nothing is wrong."""
         strange = self.gate.counts[SampleVerdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if new:
@@ -220,7 +220,7 @@ class PoseInput(CheckedInput):
         return None
 
     def remark(self) -> str | None:
-        """Returns a remark about an assumption on the poses' frame, or None."""
+        """Returns a remark about an assumption on the poses' frame; None if none is made."""
         if (
             self._frame is not None
             and self._other_frame is not None
@@ -233,7 +233,7 @@ class PoseInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why poses were dropped because of their frame, or None."""
+        """Returns why poses were dropped because of their frame; None if none were."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (

@@ -20,7 +20,7 @@ PATIENCE = 100
 
 
 class Reading(NamedTuple):
-    """Measurement that the model expects: stamp [ns], heights of both models [m], delay [ns]."""
+    """Expected measurement: stamp [ns], heights of linear and nonlinear model [m], delay [ns]."""
 
     stamp_ns: int
     linear: float

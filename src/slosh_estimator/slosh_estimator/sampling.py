@@ -97,7 +97,7 @@ class Sampling:
         self._judge()
 
     def take(self, interval_ns: int, *, restarted: bool) -> None:
-        """Adds the interval between two used samples.
+        """Records the interval between two used samples.
 
         Args:
             interval_ns: the time [ns]; 0: there is none.
@@ -116,7 +116,7 @@ class Sampling:
         block.clear()
 
     def take_many(self, intervals: Integers, restarted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Adds the intervals between consecutive samples; see `take`.
+        """Records the intervals between consecutive samples; equals a call of `take` for each.
 
         Args:
             intervals: (N,) from the sample before to each [ns]; not positive: there is none.
@@ -207,7 +207,7 @@ class Sampling:
                 yield number, frequency, gain
 
     def _sufficient_rate(self) -> int | None:
-        """Returns the lowest rounded rate [Hz] that suffices for all modes, or None."""
+        """Returns the lowest round rate [Hz] that carries all modes; None if none does."""
         rates = range(math.ceil(1.0 / self.seconds / _STEP) * _STEP, _FASTEST + 1, _STEP)
         # What a rate carries, a higher one carries too.
         found = bisect_left(rates, True, key=self._carries)

@@ -149,7 +149,7 @@ class ClockDriftWatch:
 
     @property
     def within(self) -> ClockDrift | None:
-        """Returns the drift within the most accurate motion, or None.
+        """Returns the drift within the most accurate motion; None if none is accurate.
 
         None: none is seen, or the offsets of the motions contradict it.
         """

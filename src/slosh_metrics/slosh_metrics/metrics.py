@@ -41,7 +41,7 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns the rms difference of two series; for all repetitions TM20's SEOE.
+    """Returns the rms difference of two series; over all repetitions TM20's standard error.
 
     >>> round(rms_error(measured=[0.003, 0.010], model=[0.003, 0.012]), 6)
     0.001414
@@ -53,7 +53,7 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns TM20's SEOE (§2.4): the rms deviation over all repetitions and samples.
+    """Returns the standard error of TM20, §2.4: the rms deviation over repetitions and samples.
 
     >>> repetitions = [[0.010, 0.004], [0.012, 0.004]]
     >>> round(standard_error_of_estimate(repetitions, model=[0.011, 0.004]), 6)

@@ -16,7 +16,7 @@ from slosh_metrics.errors import SloshMetricsError
 
 
 def line_slopes(x: ArrayLike, eta: ArrayLike) -> Array:
-    """Returns the slope of the straight line nearest to each frame (TM20, eqs. (11), (12)).
+    """Returns the slope of the line nearest to each surface profile (TM20, eqs. (11), (12)).
 
     The squares' sum is a parabola in θ: its lowest point needs no iteration.
 
@@ -39,7 +39,7 @@ def line_slopes(x: ArrayLike, eta: ArrayLike) -> Array:
 
 
 def line_approximation_error(x: ArrayLike, eta: ArrayLike) -> float:
-    """Returns ε̄, the rms distance of frames from their fitted lines [m] (TM20, eq. (13)).
+    """Returns ε̄, the rms distance of profiles from their fitted lines [m] (TM20, eq. (13)).
 
     The printed equation has lost its root: only with it is ε̄ the length that its limit is.
 
@@ -109,7 +109,7 @@ def effective_difference(
 
 
 def _mean_square(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
-    """Returns the mean of η² over time and width by the trapezoidal rule [m²]."""
+    """Returns the mean square of the surface height over time and width, by trapezoids [m²]."""
     places, frames = _profile(x, eta)
     times = np.asarray(t, dtype=np.float64)
     if times.shape != frames.shape[:1]:

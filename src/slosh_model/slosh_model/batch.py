@@ -244,14 +244,14 @@ def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) 
 
 
 def _distinct(lanes: Sequence[T]) -> tuple[list[T], Counts]:
-    """Returns the distinct objects of the lanes, and the index of each lane's object."""
+    """Returns the distinct objects in a list of lanes, and the index of each lane's object."""
     rows: dict[int, int] = {}
     which = [rows.setdefault(id(one), len(rows)) for one in lanes]
     return [lanes[which.index(row)] for row in range(len(rows))], np.array(which)
 
 
 def _stacked(arrays: Sequence[Array], shape: tuple[int, ...], *, last: bool = True) -> Array:
-    """Stacks arrays to (K, …), padded with the last row or zeros to the same shape."""
+    """Stacks arrays along a new first axis, padded with the last row or zeros to one shape."""
     padded = np.empty((len(arrays), *shape))
     for target, array in zip(padded, arrays, strict=True):
         count = len(array)

@@ -93,7 +93,7 @@ def peak_gradient(
 def pulled_back(
     model: Model, inputs: Inputs, weights: Array, max_step: float = MAXIMUM_STEP
 ) -> Array:
-    """Returns the gradient (N, 3) [m per m/s²] of Σ weights · heights by the acceleration.
+    """Returns the gradient (N, 3) of Σ weights · heights for the acceleration [m per m/s²].
 
     Args:
         model: one that is covered; see `peak_gradient`.
@@ -132,7 +132,7 @@ def check_covered(model: Model) -> None:
 
 
 def _by_heights(response: Response) -> Array:
-    """Returns the derivative (N, 2) of the maximum height by the heights at +x and +y."""
+    """Returns the derivative (N, 2) of the maximum height with respect to heights at +x and +y."""
     heights = np.column_stack([response.sh_x, response.sh_y])
     if response.container is not None and response.container.cornered:
         return np.sign(heights)

@@ -94,7 +94,7 @@ class FreeSurfaces:
     amplitudes: Array
 
     def profile(self, positions: ArrayLike) -> Array:
-        """Returns elevations (T, L, P) [m] at positions across the width, from −½ to ½."""
+        """Returns elevations [m] by time, tank and position across the width, from −½ to ½."""
         at = np.asarray(positions, float) + 0.5
         order = np.arange(1, self.amplitudes.shape[2] + 1)
         return np.asarray(self.amplitudes @ np.cos(np.pi * np.outer(order, at)))

@@ -70,7 +70,7 @@ class StandingMasses:
 
 
 class StandingUse(NamedTuple):
-    """Fractions of the available friction and base that a motion uses.
+    """Fractions of the available friction and support base that a motion uses.
 
     Attributes:
         friction: largest lateral force by what friction can hold; above 1 the container slides.
@@ -107,7 +107,7 @@ def liquid_centre(container: Container) -> float:
 def standing_use(
     model: Model, standing: Standing, inputs: Inputs, place: Array | None = None
 ) -> StandingUse:
-    """Simulates a motion; returns the used fractions of friction and base.
+    """Simulates a motion; returns the fractions of friction and support base that it uses.
 
     Args:
         model: of the liquid, as the tray's motion drives it.

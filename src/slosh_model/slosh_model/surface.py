@@ -147,7 +147,7 @@ def wall_profile(sh_x: ArrayLike, sh_y: ArrayLike, azimuth: ArrayLike) -> Array:
 
 
 def motion_axis(acceleration: ArrayLike, tolerance: float = 1e-6) -> float | None:
-    """Returns the direction of a straight-line motion [rad], or None (DL22, Fig. 3).
+    """Returns the direction of a straight-line motion [rad]; None if not straight (DL22, Fig. 3).
 
     Along one line the signed height on one side (SH, Table 1) says more than the maximum over the
     wall (MSH, Table 2).

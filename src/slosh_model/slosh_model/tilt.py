@@ -32,7 +32,7 @@ class Turning(Protocol):
 
 
 def attitude_of(motion: Turning) -> Array | None:
-    """Returns the attitude (N, 4), world ← container, that the models use, or None.
+    """Returns the attitude (N, 4), world ← container, that the models use; None if upright.
 
     Without a given one its angular velocity is integrated from upright; None: it stays upright.
     """
@@ -62,7 +62,7 @@ def unfelt_tilt(model: Model, attitude: Array | None) -> float:
 
 
 def feeling(model: Model, attitude: Array | None) -> Model:
-    """Returns the model for a motion; if the motion tilts the container, with gravity by tilt."""
+    """Returns the model for a motion, with gravity by tilt if the motion tilts the container."""
     return model.feeling_gravity() if unfelt_tilt(model, attitude) else model
 
 

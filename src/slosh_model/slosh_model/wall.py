@@ -85,7 +85,7 @@ class Wall:
         return surface, along, radius, self.freeboard - surface, left
 
     def height_at(self, distance: float = 0.0) -> float:
-        """Returns the wall height [m] at which the crest is a distance below the rim, or NaN.
+        """Returns the wall height [m] at which the crest is a distance below the rim; NaN if none.
 
         NaN: the rim is not known. Not above 0: no wave leaves so much.
         """

@@ -79,7 +79,7 @@ class PointArrays:
 
 
 def _first_values(sequences: NDArray[Any], kind: Any) -> Array | None:
-    """Returns an array (N, W) with the numbers of each sequence, or None if sizes differ."""
+    """Returns an array with one row of numbers per sequence; None if their sizes differ."""
     sizes = sequences["size"]
     if not len(sizes) or not sizes.all():
         return None

@@ -1,4 +1,4 @@
-"""Table of a cell's topics, services and actions, from which all other lists derive.
+"""Table of a cell's topics, services and actions; all other topic lists are derived from it.
 
 Names are relative to the cell's namespace; a name with a slash in front belongs to the whole
 graph. A new topic is one row of TOPICS, and a constant where code names it.

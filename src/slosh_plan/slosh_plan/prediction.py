@@ -161,7 +161,7 @@ class Prediction:
 
     @property
     def kept(self) -> bool:
-        """Whether the whole interval keeps both limits."""
+        """Whether the whole intervals of peak and residual height keep their limits."""
         return self.excess == 0.0 and self.residual_excess == 0.0
 
 

@@ -274,7 +274,7 @@ def _fastest(model: Model, trajectory: Trajectory) -> float:
 
 
 def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float | None:
-    """Returns the scale above which a linear bound proves safety, or None.
+    """Returns the scale above which a linear bound proves safety; None if it proves none.
 
     It does not where gravity or the container's turning drives the liquid: those do not fade with
     1/scale².

@@ -14,7 +14,7 @@ from slosh_plan.errors import SloshPlanError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiquidState:
-    """State of the liquid in both models, in the axes of `slosh_model.State.modal`.
+    """State of the liquid in linear and nonlinear model, in the axes of `slosh_model.State.modal`.
 
     >>> import numpy as np
     >>> from slosh_plan import LiquidState

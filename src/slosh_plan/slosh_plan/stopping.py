@@ -36,7 +36,7 @@ BACKWARDS = 1e-9
 
 
 class NoSafeStopError(SloshPlanError):
-    """Error that no stop in the searched family keeps the limits."""
+    """Error that none of the stops that were tried keeps the limits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,7 +209,7 @@ def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple
 def _keeps(
     moving: _Moving, duration: float, bumps: tuple[float, float], limits: PlanLimits
 ) -> bool:
-    """Returns whether a stop keeps the limits of acceleration and jerk in every row."""
+    """Returns whether a stop keeps the limits of acceleration and jerk at every sample."""
     acceleration = moving.law(duration, bumps, _rows(duration, STEP))[1]
     jerk = np.linalg.norm(np.diff(acceleration, axis=0), axis=1).max() / STEP
     size = float(np.linalg.norm(acceleration, axis=1).max())
@@ -240,7 +240,7 @@ def _heights(
 
 
 def _excess(found: Extremes, limits: PlanLimits) -> float:
-    """Returns the larger relative excess over both limits; up to 0 if they are kept."""
+    """Returns the larger relative excess over peak and residual limit; up to 0 if kept."""
     return max(found.peak / limits.height, found.residual / limits.residual) - 1.0
 
 

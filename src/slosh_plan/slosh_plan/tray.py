@@ -42,7 +42,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def loose_words(self) -> list[str]:
-        """Sentences on loosely standing containers: used fractions of friction and base."""
+        """Sentences on loosely standing containers: used share of friction and support base."""
         return [
             f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
             f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"
@@ -98,7 +98,7 @@ def predict_tray(
 
 
 def _standing(tray: Tray, motion: Trajectory) -> Mapping[str, StandingUse]:
-    """Returns the fractions of friction and base that each loose container uses."""
+    """Returns the fractions of friction and support base that each loose container uses."""
     return {
         one.name: standing_use(
             feeling(one.placed, attitude_of(motion)), one.standing,

@@ -28,7 +28,7 @@ Starts = Mapping[str, NodeStart]
 
 
 def last_starts(run: RecordedRun) -> dict[str, NodeStart]:
-    """Returns the last recorded settings of each node; empty if none were recorded.
+    """Returns the settings that each node recorded last; empty if none were recorded.
 
     Raises:
         SloshBagError: the bag or what a node says in it cannot be read.

@@ -105,7 +105,7 @@ def _in_space(plane: Array) -> Array:
 
 
 class HighestWaves(NamedTuple):
-    """Highest waves of the nonlinear model [m], during and after a motion, and all flags."""
+    """Highest waves of the nonlinear model [m] during and after a motion, with all flags."""
 
     peak: float
     residual: float

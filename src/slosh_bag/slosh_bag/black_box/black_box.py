@@ -82,7 +82,7 @@ class Sink(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Duration, memory and file size of the recording around an event.
+    """Limits of the recording around an event: time before and after, memory and bag size.
 
     Attributes:
         before_ns, after_ns: time before and after it [ns].
@@ -214,7 +214,7 @@ class BlackBox:
             self._open.sink.note(name, value)
 
     def miss(self, counts: Mapping[str, int]) -> None:
-        """Sets the number of messages that were sent but not received since the start."""
+        """Sets the number of messages, by topic, that were sent but not received since start."""
         now = Counter(counts)
         if now != self._losses[-1].counts:
             self._losses.append(_Losses(self._now_ns, now))

@@ -1,4 +1,4 @@
-"""Detects the events in a cell's messages for which bags are written."""
+"""Detects the events in a cell's messages that start the writing of a bag."""
 
 from __future__ import annotations
 

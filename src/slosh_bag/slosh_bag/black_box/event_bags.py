@@ -87,7 +87,7 @@ class _OpenBag:
 
 
 class EventRecorder:
-    """Recorder that writes only the time around events, to a folder of bags.
+    """Recorder that writes only messages from around events, each event to its own bag.
 
     It takes what `Recorder` takes, and events. All calls come from one thread.
 

@@ -101,7 +101,7 @@ class Layout:
         return tuple(names)
 
     def find(self, name: str) -> tuple[str, int | None] | None:
-        """Returns the value or array of a column and the element index, or None if unknown."""
+        """Returns a column's value or array and element index; None if the column is unknown."""
         if name in self.leaves:
             return name, None
         match = _ELEMENT.fullmatch(name)

@@ -79,7 +79,7 @@ def bag_contents(path: Path) -> BagContents:
 
 
 def _add_summary(contents: BagContents, file: Path) -> bool:
-    """Adds the contents in a file's summary; returns False if there is no reliable summary."""
+    """Adds the topics and counts in a file's summary; returns False if it is unreliable."""
     with file.open("rb") as stream:
         found = read_summary(stream, file.stat().st_size)
         if found is None or not found.trusted:
@@ -100,7 +100,7 @@ def _add_summary(contents: BagContents, file: Path) -> bool:
 
 
 def _add_whole(contents: BagContents, file: Path) -> None:
-    """Adds the contents of a file without a summary, by reading it to its end or first damage."""
+    """Adds a file's topics and counts to a list by reading the file to its end or first damage."""
     walk = McapWalk(file)
     for _ in walk.chunks():
         pass

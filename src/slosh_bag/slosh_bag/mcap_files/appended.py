@@ -55,7 +55,7 @@ def _has_messages(content: bytes) -> bool:
 
 
 def check_message_index(content: bytes) -> None:
-    """Checks that a message index has the length of its record.
+    """Checks that a message index fits into its record and is not followed by a hidden chunk.
 
     Raises:
         DamageError: it does not fit.

@@ -36,7 +36,7 @@ def _u64(buffer, at):  # type: ignore[no-untyped-def]
 
 @compiled
 def _state(buffer, at, opcode, length):  # type: ignore[no-untyped-def]
-    """Checks the length and times of a record and returns its state."""
+    """Returns whether a record is whole, or its fault: bad length, bad time or unknown type."""
     if opcode == 5:
         if length < 22:
             return BAD_LENGTH

@@ -146,7 +146,7 @@ def _limit(message: LimitEvent, stamp_ns: int) -> list[Happening]:
 
 
 def place_of(entry: TopicInput, data: bytes) -> Place | None:
-    """Returns the key by which a latched message replaces earlier ones, or None.
+    """Returns the key by which a latched message replaces earlier ones; None if it replaces none.
 
     Args:
         entry: its topic.

@@ -108,7 +108,7 @@ def _value(function: Any, path: Path) -> Any:
 
 
 def _fact(value: Any) -> str:
-    """Returns a text for a value that is the same in every process."""
+    """Returns a text that represents a value and is the same in every process."""
     function = written(value)
     if hasattr(function, DIGEST):
         # Kept code imports the modules of the functions that it calls.

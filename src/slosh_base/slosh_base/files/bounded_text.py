@@ -157,7 +157,7 @@ def read_text(path: str | Path, longest: int) -> str:
 
 
 def _content(path: str | Path, longest: int) -> bytes | None:
-    """Reads the first bytes of a file without blocking, or returns None for other file types."""
+    """Reads the first bytes of a file without blocking; returns None if it is no regular file."""
     # A named pipe without a writer, or a terminal, would hold up an ordinary open().
     with open(path, "rb", opener=_open_at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):

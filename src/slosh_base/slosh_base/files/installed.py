@@ -1,4 +1,4 @@
-"""Finds installed files of the packages other than modules."""
+"""Finds installed data files of the workspace's packages."""
 
 from __future__ import annotations
 

@@ -218,7 +218,7 @@ def _is_replaceable(old: os.stat_result) -> bool:
 
 
 def _make(part: Path, old: os.stat_result | None) -> None:
-    """Creates an empty temporary file with owner and permissions of the existing file."""
+    """Creates an empty temporary file; copies owner and permissions of an existing file."""
     with part.open("xb") as file:
         if old is not None:
             with contextlib.suppress(OSError):  # only root can give a file away

@@ -96,7 +96,7 @@ def _check_empty(folder: Path, content: list[Path]) -> None:
 
 
 def _make(folder: Path) -> list[Path]:
-    """Creates a folder with its parents; returns the new ones, innermost first."""
+    """Creates a folder and its missing parents; returns the created ones, innermost first."""
     made: list[Path] = []
     try:
         for path in [*reversed(folder.parents), folder]:

@@ -220,7 +220,7 @@ def _check_keys(source: str, node: Any, keys: KeyPath, seen: set[int]) -> None:
 
 
 def _child(node: Any, key: Key) -> tuple[Any, Any] | None:
-    """Returns the key node and the value node of a key, or None if it is missing."""
+    """Returns the nodes of a key and its value in a YAML mapping; None if the key is missing."""
     if isinstance(node, yaml.SequenceNode):
         inside = isinstance(key, int) and 0 <= key < len(node.value)
         return (node.value[key], node.value[key]) if inside else None
@@ -256,7 +256,7 @@ def _fault(text: str, error: Exception) -> tuple[int | None, str]:
 
 
 def check_bounds(text: str, longest: int) -> None:
-    """Raises an error for a text that is too long or expands to too many values.
+    """Raises an error for a YAML text that is too long or expands to too many values.
 
     References and merge keys let a page of text stand for more values than a machine can hold:
     values are counted first, references followed, from the parser's events alone.
@@ -287,7 +287,7 @@ class _Counter:
         self._open: list[tuple[str | None, int]] = []
 
     def take(self, event: Any) -> str:
-        """Processes the next parser event; returns why the document is rejected, or ''."""
+        """Processes the next parser event; returns why the document is rejected; empty if not."""
         if isinstance(event, yaml.AliasEvent) and event.anchor not in self._sizes:
             return f"*{event.anchor} refers to itself or to nothing"
         before = self._total

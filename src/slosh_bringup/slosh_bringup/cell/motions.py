@@ -1,4 +1,4 @@
-"""The motions of DL22: paths, acceleration levels and the time law along them.
+"""The motions of the paper DL22: paths, acceleration levels and the time law along them.
 
 Planar paths S(σ), σ from 0 to 1 (DL22, Fig. 4): `l` back and forth along y, `e` a figure of eight,
 `c` a circle run twice. The law σ(t) is the modified trapezoid, so that S̈ = S″σ̇² + S′σ̈ starts and
@@ -103,7 +103,7 @@ class MotionSpec:
 
 
 def _harmonic(amplitude: float, turns: float, phase: float) -> Path:
-    """Returns amplitude · cos(2π · turns · σ + phase) and its derivatives by σ."""
+    """Returns amplitude · cos(2π · turns · σ + phase) and its derivatives with respect to σ."""
     rate = 2.0 * math.pi * turns
 
     def path(sigma: Array) -> tuple[Array, Array, Array]:

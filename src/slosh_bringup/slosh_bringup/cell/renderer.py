@@ -277,7 +277,7 @@ class SurfaceLines:
         return SurfaceEdges(lines[0], np.fmin.reduce(lines))
 
     def floor(self) -> Array:
-        """Returns the image row of the liquid's lower edge in each column, (C,) [px]."""
+        """Returns the image row [px] of the liquid's lower edge in each image column."""
         level = np.full((1, CHORDS), -self._view.cup.fill_height)
         (line,) = self._rows(self._x[:1], self._y[:1], level)
         known = np.isfinite(line)
@@ -285,7 +285,7 @@ class SurfaceLines:
         return rows
 
     def _rows(self, x: Array, y: Array, z: Array) -> Array:
-        """Projects L curves of points (L, P) [m] and returns their image rows (L, C) [px]."""
+        """Projects curves of points [m]; returns each curve's image row [px] in each column."""
         pixels = self._view.project(np.column_stack((x.ravel(), y.ravel(), z.ravel())))
         u, v = pixels[:, 0].reshape(x.shape), pixels[:, 1].reshape(x.shape)
         columns = self._columns
@@ -298,7 +298,7 @@ class SurfaceLines:
 
 
 def _chord_points(view: CupView) -> tuple[Array, Array]:
-    """Returns points, (PLACES, CHORDS), on horizontal rays through the cup, front to rear wall.
+    """Returns x and y of points on horizontal rays through the cup, from front to rear wall [m].
 
     Each row runs from the cup's left edge in the image to its right edge, so that it has one image
     row at every column; the first is the front wall, the last the rear wall.

@@ -214,7 +214,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _detection_warnings(fit: StillFit, known: KnownCamera, image: Image) -> list[str]:
-    """Returns warnings if the detector finds no surface, or a tilted one, in the still image.
+    """Returns a warning if the detector finds no surface, or a tilted one, in the image at rest.
 
     Raises:
         SloshCameraError: it would take the liquid at rest for a wave: there is no zero.
@@ -319,7 +319,7 @@ def _finite(value: float, option: str) -> float:
 
 
 def _board_place(values: list[float]) -> Pose:
-    """Returns the transform from the board to the container from x, y, z, roll, pitch and yaw."""
+    """Returns the pose of the container relative to the calibration board, from --board-place."""
     x, y, z, yaw, pitch, roll = (_finite(value, "--board-place") for value in values)
     turns = [
         np.deg2rad(angle) * axis for angle, axis in zip((yaw, pitch, roll), _AXES, strict=True)
@@ -329,7 +329,7 @@ def _board_place(values: list[float]) -> Pose:
 
 
 def _camera_yaml(arguments: argparse.Namespace, fit: StillFit, known: KnownCamera) -> str:
-    """Formats the text of camera.yaml, with the still image's path relative to the file."""
+    """Formats the text of camera.yaml; the path of the image at rest is relative to the file."""
     folder = arguments.output.resolve().parent
     still = Path(os.path.relpath(arguments.still.resolve(), folder))
     text = format_calibration(Calibration(fit.view, known.name, still_image=still))

@@ -1,4 +1,4 @@
-"""`slosh intrinsics`: estimates a camera's intrinsic parameters from images of a board."""
+"""`slosh intrinsics`: estimates a camera's parameters from images of a calibration board."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the printable board, or the estimated camera parameters with their uncertainty."""
+    """Writes a printable calibration board, or the estimated camera and its uncertainty."""
     _check_asked(arguments)
     target = parse_target(arguments.board, arguments.square)
     files = _files(arguments.images)

@@ -97,7 +97,7 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
 
 
 def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
-    """Returns a mode's positions along x [m] and heights per unit amplitude, or None."""
+    """Returns a mode's positions along x [m] and heights per amplitude; None if not known."""
     if row.axis != "x" or model.container.section == PRISMATIC:
         return None
     try:

@@ -203,7 +203,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def likely_words(answer: Plan, likely: LikelyHeights) -> str:
-    """Describes the heights for all likely parameters and what they cost in time."""
+    """Describes the heights for all likely parameters, and the longer duration they require."""
     duration, limits = answer.found.motion.duration, answer.limits
     return (
         f"with {likely.count} likely models ({', '.join(likely.parameters)}; 95 %) up to "

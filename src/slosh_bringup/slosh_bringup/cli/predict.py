@@ -226,7 +226,7 @@ def as_text(
     scales: Sequence[SafeScales | None],
     tray: Sequence[TrayPrediction] | None = None,
 ) -> str:
-    """Formats the predictions as a text table; a tray shows its worst container."""
+    """Formats the predictions as a text table; for a tray, only its worst container."""
     rows = [list(HEADING)]
     for place, (one, scale) in enumerate(zip(found, scales, strict=True)):
         remarks = [*_of_tray(tray[place])] if tray else []

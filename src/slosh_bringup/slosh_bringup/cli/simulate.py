@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulates the motion; writes files and prints the result; returns 1 if doubtful."""
+    """Simulates the motion; writes files, prints the result; returns 1 if input is doubtful."""
     plot = arguments.plot
     check_apart([arguments.output, plot], [arguments.model, arguments.motion])
     output = output_path(arguments.output)

@@ -50,7 +50,7 @@ class Detection:
     still_image: Path | None = None
 
     def detector(self) -> SurfaceDetector:
-        """Creates a detector and initialises it with the still image.
+        """Creates a detector and initialises it with the image of the liquid at rest.
 
         Raises:
             SloshCameraError: the calibration or the still image cannot be used.

@@ -65,7 +65,7 @@ class PredictedProfile:
 
     @property
     def highest(self) -> float:
-        """Greatest height that either model predicts within its limits of validity [m]."""
+        """Greatest height [m] that the linear or nonlinear model predicts while it is valid."""
         heights = np.concatenate((self.linear, self.nonlinear))
         return float(np.max(heights, where=np.isfinite(heights), initial=0.0))
 
@@ -119,7 +119,7 @@ def scales(shown: Sequence[PredictedProfile]) -> tuple[float, float]:
 
 
 def draw_heights(axes: Any, one: PredictedProfile, colours: Palette, top: float) -> None:
-    """Draws the heights of both models, the limit or rim, and the end of the motion."""
+    """Draws the heights of linear and nonlinear model, the limit or rim, and the motion's end."""
     axes.plot(*envelope(one.t, 1e3 * one.linear), color=colours.linear, linestyle=(0, (4, 2)))
     axes.plot(*envelope(one.t, 1e3 * one.nonlinear), color=colours.nonlinear)
     limits = one.answer.limits

@@ -64,7 +64,7 @@ def bag_calibration(run: RecordedRun) -> AnyCalibration | None:
 
 
 def bag_pictures(run: RecordedRun, result: ReplayResult) -> tuple[Frame, ...]:
-    """Returns the first image, the highest and that of the largest residual, with the fitted line.
+    """Returns the first image, and those of the largest height and the largest model error.
 
     None where the bag holds no images or does not say how its camera looks at the container.
     """

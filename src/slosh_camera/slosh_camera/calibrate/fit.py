@@ -251,7 +251,7 @@ class _Problem:
         self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), rest))
 
     def solved(self) -> PlaceSolution:
-        """Solves for the pose, the corrections, their covariance and the curves' disagreement."""
+        """Solves for pose, corrections, covariance and the systematic error of each curve."""
         begin = np.concatenate((self._start.place.numbers, self._start.change[self._open]))
         first = np.concatenate((begin / self._scale, np.zeros(self._own_size)))
         result = least_squares(
@@ -316,7 +316,7 @@ class _Problem:
 
 
 def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
-    """Returns the modelled systematic errors of a curve at its samples, (N, K) [px]."""
+    """Returns the systematic errors of a curve at its samples [px], one column per error type."""
     count = len(seen.pixels)
     flat = np.ones((count, 1))
     if seen.curve is Curve.BASE:

@@ -184,7 +184,7 @@ def _extent(view: CupView, camera: PinholeCamera) -> tuple[float, float]:
 
 
 def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) -> FloatArray:
-    """Finds the height of the liquid level, (1,) [m], or (0,) if no line looks like a level.
+    """Finds the height of the liquid level, (1,) [m]; empty if no line looks like a level.
 
     Raises:
         SloshCameraError: two do.

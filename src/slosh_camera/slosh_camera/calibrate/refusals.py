@@ -175,7 +175,7 @@ def check_rival(view: CupView, best: PlaceFit, rival: PlaceFit) -> None:
 
 
 def check_enclosed(best: PlaceFit, fits: list[PlaceFit]) -> None:
-    """Raises SloshCameraError if the fit may be only a part of a larger container.
+    """Raises SloshCameraError if the fitted shape may be only a part of a larger container.
 
     The other one need not be good enough to be used: of clear glass with droplets little is seen.
 

@@ -162,7 +162,7 @@ def _best_level(
 def height_through(
     camera: PinholeCamera, cup: Cup, axis: Axis, pixel: tuple[float, float]
 ) -> FloatArray:
-    """Returns the camera's height (1,) above the level through a pixel [m], or (0,)."""
+    """Returns the camera's height above the level through a pixel, (1,) [m]; empty if none."""
     (ray,) = camera.rays(np.array([pixel]))
     # As components to the right, away from the camera and up; the origin is on the axis.
     right, away, up = (float(value) for value in ray @ axis.rotation)
@@ -237,7 +237,7 @@ def _pixels(
 
 
 def _lookup(chart: Float32Array, pixels: FloatArray) -> FloatArray:
-    """Returns the map's values at the given image pixels; NaN outside the image."""
+    """Returns an edge map's values at the given image pixels; NaN outside the image."""
     rows, columns = chart.shape
     place = np.rint(np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0))
     u, v = place[..., 0], place[..., 1]

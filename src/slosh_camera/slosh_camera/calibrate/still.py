@@ -100,7 +100,7 @@ class _Task:
 
 
 def _by_outline(task: _Task) -> StillFit | None:
-    """Estimates the pose from the container's sides first; returns None if undetermined.
+    """Estimates the pose from the container's sides first; returns None if that fails.
 
     Raises:
         SloshCameraError: two lines may be the level.

@@ -32,7 +32,7 @@ class ContainerEdges:
     """Detects the left and right side of the container in images."""
 
     def __init__(self, view: CupView) -> None:
-        """Projects the container's sides; disables the check if too little is in the image."""
+        """Projects the container's sides; disables the check if too little is visible of them."""
         sides = [_side(view, left) for left in (True, False)]
         self._able = all(len(side) >= TUNING.least_samples for side in sides)
         places = np.vstack(sides)

@@ -206,7 +206,7 @@ class FreeSurfaceDetector:
         self._memory = SurfaceMemory(self._view.cup.radius, self._view.cup.fill_height)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
-        """Refits the surface with the crest fading that was learnt from earlier images."""
+        """Refits the surface; earlier images tell how much crests fade into the background."""
         fade = self._memory.fade
         if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade
@@ -234,7 +234,7 @@ class FreeSurfaceDetector:
         return _Found(view, fit, prior, flags)
 
     def _is_torn(self, steps: Steps, view: Unrolled, fit: SurfaceFit) -> bool:
-        """Whether an image seam exists away from the lines of the detected surface."""
+        """Whether the image is torn: a seam exists away from the lines of the detected surface."""
         upper = self._wall.silhouette(fit.heights, view.softness)
         rows = self._wall.front_rows(fit.heights), np.where(upper < 0.0, np.nan, upper)
         places = [self._grid.pixel_at(np.isfinite(each), each) for each in rows]

@@ -148,7 +148,7 @@ def _steepest(line, row, sign, first):  # type: ignore[no-untyped-def]
 
 @compiled
 def _crossing(line, top, bottom, middle, sign):  # type: ignore[no-untyped-def]
-    """Returns the sub-row position where a scan line crosses a grey level, or NaN."""
+    """Returns the sub-row position where a scan line crosses a grey level; NaN if it does not."""
     for j in range(top, bottom):
         if sign * (line[j] - middle) >= 0.0 > sign * (line[j + 1] - middle):
             return j + (line[j] - middle) / (line[j] - line[j + 1])
@@ -343,7 +343,7 @@ def _edge_at(picture, stationary, row, line, first, last, reversed_weight):  # t
 def surface_score(  # type: ignore[no-untyped-def]
     picture, backdrop, stationary, surface, hidden, front, upper, first, last
 ):
-    """Scores how well an image agrees with the two visible lines of an assumed surface.
+    """Scores how well an image agrees with an assumed surface's contact line and upper edge.
 
     Below the front line there should be liquid, above the upper edge what is behind the glass, in
     between anything; on both lines there should be an edge.

@@ -30,7 +30,7 @@ _NEIGHBOURHOOD = TUNING.fade_rows
 
 @compiled
 def _radial(square):  # type: ignore[no-untyped-def]
-    """Returns the radial factors of the surface mode shapes as functions of ρ²."""
+    """Returns the radial factors of the surface mode shapes at a squared relative radius ρ²."""
     place = square * _PER_UNIT
     k = min(int(place), _TABLE.shape[0] - 2)
     part = place - k
@@ -44,7 +44,7 @@ def _radial(square):  # type: ignore[no-untyped-def]
 
 @compiled
 def _shapes(x, y, out):  # type: ignore[no-untyped-def]
-    """Returns the heights of all surface mode shapes at a position given in radii."""
+    """Returns the heights of all surface mode shapes at a position in units of the radius."""
     first, second, mean, double = _radial(x * x + y * y)
     out[0] = 1.0
     out[1] = first * x
@@ -155,7 +155,7 @@ def silhouette_rows(near, far, bottom, radius, fade, heights):  # type: ignore[n
 
 @entry_point(float64[:, ::1](GIVEN_2))
 def shapes_of(near):  # type: ignore[no-untyped-def]
-    """Returns heights (N, SHAPES) of all mode shapes at positions (N, 3); x and y in radii."""
+    """Returns heights (N, SHAPES) of all mode shapes at positions (N, 3), x and y per radius."""
     shapes = np.empty((near.shape[0], SHAPES))
     for i in range(near.shape[0]):
         _shapes(near[i, 0], near[i, 1], shapes[i])

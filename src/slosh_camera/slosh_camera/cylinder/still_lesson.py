@@ -78,7 +78,7 @@ class StillLearner:
         front: FrontLineFinder,
         edges: ContainerEdges,
     ) -> None:
-        """Stores the parts of the detector that are needed.
+        """Stores the parts of the detector that compute the reference data.
 
         Args:
             view: the container before the camera.

@@ -76,7 +76,7 @@ class SurfaceFitter:
         )
 
     def again(self, view: Unrolled, fit: SurfaceFit, prior: Prior, fade: FadeShare) -> SurfaceFit:
-        """Fits the same edges again with the crest fading learnt from other images.
+        """Fits the same edges again, given how much wave crests fade into the background.
 
         Args:
             view: the picture.

@@ -179,5 +179,5 @@ class SurfaceMemory:
 
 
 def _spread(firsts: Sequence[FloatArray]) -> float:
-    """Returns the greatest distance between the first of several modes and the others [m]."""
+    """Returns the greatest distance of a series of first modes from its first member [m]."""
     return max(float(np.hypot(*(one - firsts[0]))) for one in firsts)

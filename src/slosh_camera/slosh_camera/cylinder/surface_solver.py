@@ -47,7 +47,7 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
 
 @compiled
 def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Returns 1.5 times the median normalised residual of lines of sight; 0 if few.
+    """Returns 1.5 times the median normalised residual of lines of sight; 0 if there are too few.
 
     A surface fitted to the front line alone may lie far below the edge behind it, which most rays
     agree on.
@@ -80,7 +80,7 @@ def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
 
 @compiled
 def _begin(normal, right, heights, centre, precision, share_error, share_precision):  # type: ignore[no-untyped-def]
-    """Initialises the normal equations with the prior of amplitudes and crest fading."""
+    """Initialises the normal equations with the Gaussian prior of all unknowns."""
     for k in range(SHAPES):
         right[k] = 0.0
         for j in range(SHAPES):
@@ -94,7 +94,7 @@ def _begin(normal, right, heights, centre, precision, share_error, share_precisi
 
 @compiled
 def _factorized(normal, held, factor):  # type: ignore[no-untyped-def]
-    """Computes the Cholesky factor of the normal matrix, optionally with fixed crest fading."""
+    """Computes the Cholesky factor of the normal matrix; a large `held` fixes the last unknown."""
     for k in range(SHAPES + 1):
         for j in range(k + 1):
             factor[k, j] = normal[k, j]

@@ -88,7 +88,7 @@ class Backdrop:
 
 @entry_point(float32[:, ::1](GIVEN_3, float64, given(boolean, 2)))
 def _middle(seen, liquid, known):  # type: ignore[no-untyped-def]
-    """Returns the median background levels (L, 2) on both sides of the container, at most 1.
+    """Returns the median background levels beside the container, left and right, at most 1.
 
     1 where nothing is known.
     """

@@ -78,7 +78,7 @@ class SeamFinder:
         return Steps(many, sharp[many])
 
     def is_torn(self, steps: Steps, *lines: tuple[FloatArray, FloatArray]) -> bool:
-        """Whether the image has a seam that is not one of the liquid's lines [px]."""
+        """Whether the image has a seam that is not one of the liquid's lines."""
         found = [
             (row, run)
             for row, sharp in zip(steps.rows.tolist(), steps.sharp, strict=True)

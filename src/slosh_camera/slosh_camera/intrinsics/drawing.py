@@ -1,4 +1,4 @@
-"""Draws the reprojection errors of a camera, and lists missing poses of the board."""
+"""Draws a camera's reprojection errors, and lists missing poses of the calibration board."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def seen_cells(fit: IntrinsicFit) -> frozenset[tuple[int, int]]:
 
 
 def missing_poses(fit: IntrinsicFit) -> list[str]:
-    """Describes which further images of the board are needed; empty if none are."""
+    """Describes which further images of the calibration board are needed; empty if none are."""
     seen = seen_cells(fit)
     unseen = [
         f"{row} {column}" if row != column else "middle"
@@ -88,7 +88,7 @@ def missing_poses(fit: IntrinsicFit) -> list[str]:
 
 
 def _tilts(fit: IntrinsicFit) -> dict[str, float]:
-    """Returns the largest tilt of the board towards each edge of the image [deg]."""
+    """Returns the calibration board's largest tilt towards each edge of the image [deg]."""
     normals = np.array([view.rotation[:, 2] for view in fit.views])
     normals *= np.where(normals[:, 2:] < 0.0, -1.0, 1.0)
     turn, lean = np.rad2deg(np.arctan2(normals[:, :2], normals[:, 2:])).T
@@ -96,7 +96,7 @@ def _tilts(fit: IntrinsicFit) -> dict[str, float]:
 
 
 def _largest(fit: IntrinsicFit) -> float:
-    """Returns the largest fraction of the image's width or height that the board covers."""
+    """Returns the largest fraction of image width or height that the calibration board covers."""
     return max(
         float(np.max(np.ptp(view.view.pixels, axis=0) / fit.camera.size)) for view in fit.views
     )

@@ -1,4 +1,4 @@
-"""Creates a true-to-scale page with a board for printing, as SVG or PDF."""
+"""Creates a true-to-scale page with a calibration board for printing, as SVG or PDF."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POINTS = 72.0 / 25.4
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A page to be printed, with a board.
+    """A printable page with a calibration board.
 
     Attributes:
         width: of the page [mm].
@@ -39,7 +39,7 @@ class Sheet:
 
 
 def sheet_of(target: Target) -> Sheet:
-    """Creates the page of a board on the smallest paper size, from A4, that fits.
+    """Creates the page of a calibration board on the smallest paper, from A4, that fits.
 
     A line of 50 mm below the board tells whether the printer kept the scale.
 
@@ -152,7 +152,7 @@ def _chessboard(board: Chessboard) -> tuple[list[Box], float, float]:
 
 
 def _markers(board: Board) -> tuple[list[Box], float, float]:
-    """Returns the black rectangles of a board's markers, and ChArUco squares without marker."""
+    """Returns the black rectangles of a board's markers and of squares without a marker."""
     markers = markers_of(*board.opencv())
     boxes: list[Box] = []
     side = 1e3 * board.size

@@ -1,4 +1,4 @@
-"""Estimates intrinsic camera parameters with standard deviations from images of a board."""
+"""Estimates intrinsic camera parameters with standard deviations from calibration images."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _MOST_GROUPS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedView:
-    """An image of the board with the corners that the estimated camera predicts.
+    """An image of a calibration board with the corners that the estimated camera predicts.
 
     Attributes:
         view: the board as seen.
@@ -59,7 +59,7 @@ class SolvedView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IntrinsicFit:
-    """A camera estimated from images of a board.
+    """A camera estimated from images of a calibration board.
 
     Attributes:
         camera: intrinsic parameters.
@@ -99,7 +99,7 @@ class _Solution:
 
 
 def solve_intrinsics(views: Views, lens: str = PLUMB_BOB) -> IntrinsicFit:
-    """Estimates a camera's matrix and lens distortion from images of a board.
+    """Estimates a camera's matrix and lens distortion from images of a calibration board.
 
     The standard errors are the larger of two: what the scatter of the corners makes of the fit,
     and how much the fit changes when pictures are left out in turn (jackknife). The latter knows

@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class IntrinsicsTuning:
-    """Requirements on the images of a board."""
+    """Requirements on the images of a calibration board, from which a camera is estimated."""
 
     # drawing.py
     least_tilt: float = number(15.0, "deg", "tilt that separates focal length from distance")

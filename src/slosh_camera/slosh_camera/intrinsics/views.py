@@ -25,7 +25,7 @@ _FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A board that was detected in an image.
+    """A calibration board that was detected in an image.
 
     Attributes:
         name: of the picture.
@@ -67,7 +67,7 @@ class Views:
 
 
 def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
-    """Detects the board in images and selects the useful ones.
+    """Detects the calibration board in images and selects the useful images.
 
     Args:
         pictures: names and images.
@@ -198,7 +198,7 @@ Target = Chessboard | Board
 
 
 def parse_target(text: str, square: float | None) -> Target:
-    """Parses the description of a board on the command line.
+    """Parses the description of a calibration board on the command line.
 
     Args:
         text: inner corners of a chessboard like 9x6, or a board of markers as `parse_board`
@@ -224,7 +224,7 @@ def parse_target(text: str, square: float | None) -> Target:
 
 
 def corners_of(image: Image, target: Target) -> tuple[Array, Array]:
-    """Detects the corners of the board in an image.
+    """Detects the corners of the calibration board in an image.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red.

@@ -50,7 +50,7 @@ class FittedLine:
         return heights
 
     def highest(self) -> tuple[float, float, FloatArray]:
-        """Returns position and height of the line's maximum [m], with its basis functions."""
+        """Returns position and height [m] of the line's maximum, and its basis functions there."""
         x = np.linspace(-0.5 * self.width, 0.5 * self.width, _GRID)
         functions = self.waves.basis(x)
         heights = functions @ self.coefficients

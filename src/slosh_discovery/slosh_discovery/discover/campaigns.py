@@ -109,7 +109,7 @@ def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
 def normal_equations(
     one: Fit, name: str, motions: Sequence[PreparedMotion], temperature: float
 ) -> list[Normal]:
-    """Computes, for each motion, the normal equations of an effect's parameters near neutral.
+    """Computes each motion's normal equations for an effect's parameters near neutral values.
 
     Clock offsets that are unknown follow; what else the explanation has stays.
     """

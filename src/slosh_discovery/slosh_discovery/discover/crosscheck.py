@@ -53,7 +53,7 @@ def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
 def _folds(
     motions: Sequence[PreparedMotion], offsets: Sequence[float]
 ) -> Iterator[tuple[MotionSet, MotionSet]]:
-    """Yields cross-validation folds (fitted, left out, offsets); each leaves out a third.
+    """Yields cross-validation folds (fitted motions, left-out motions); each leaves out a third.
 
     Of fewer than three motions a third of each one's time is left out instead. Of each group as
     many are left out as can be: what is its own can only be seen in its own motions.

@@ -50,7 +50,7 @@ def normalised_differences(
 
 
 def _difference_weights(times: Array) -> Array:
-    """Returns weights (W, P) of the divided difference over P times, with unit sum of squares."""
+    """Returns weights of divided differences, one row per window of times, with norm 1."""
     gaps = times[:, :, np.newaxis] - times[:, np.newaxis, :]
     gaps[:, range(times.shape[1]), range(times.shape[1])] = 1.0
     weights = 1.0 / np.prod(gaps, axis=2)

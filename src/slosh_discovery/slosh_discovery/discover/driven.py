@@ -63,7 +63,7 @@ def _shaken(
     liquid: Array,
     tolerated: float,
 ) -> Array:
-    """Returns height responses (M, K, R) [m] to white input noise, up to a tolerated variance."""
+    """Returns height responses [m] to white input noise, one column per noise component."""
     parts = [np.empty((*motion.heights.shape, 0))]
     if noise.density == 0.0:
         return parts[0]
@@ -84,7 +84,7 @@ def _shaken(
 def _lasting(
     motion: PreparedMotion, noise: InputNoise, model: Model, moments: Array, liquid: Array
 ) -> Array:
-    """Returns height responses (M, K, R) [m] to constant biases of the acceleration.
+    """Returns height responses [m] to constant biases of the acceleration, one column per axis.
 
     Simulated, as they drive a liquid whose frequency changes with the vertical acceleration.
     """
@@ -105,7 +105,7 @@ def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
 
 
 def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
-    """Returns the variance (M, K) [m²] of a peak height's second-order response, or None.
+    """Returns the variance (M, K) [m²] that noise adds to a peak height; None for wall heights.
 
     A wave of height A that noise moves by δ across rises by δ²/2A, of the variance σ⁴/2A² - and
     by about σ where there is hardly a wave.
@@ -159,7 +159,7 @@ def answer_covariance(t: Array, other: Array | float, frequency: float, damping:
 
 
 def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid: Array) -> Array:
-    """Returns derivatives (M, K, 2) of the measured heights by the liquid's modal heights.
+    """Returns derivatives (M, K, 2) of measured heights with respect to the modal heights.
 
     Args:
         motion: the motion.

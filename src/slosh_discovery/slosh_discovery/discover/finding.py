@@ -188,7 +188,7 @@ class MotionFinding:
         )
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draws the measured heights and those of both models; of wall heights the maximum.
+        """Draws a motion's measured heights with those of the base and of the discovered model.
 
         Args:
             axes: matplotlib's; None: of a new figure.
@@ -355,7 +355,7 @@ class Finding(Shown):
         )
 
     def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:
-        """Draws a motion with the heights of both models; see `MotionFinding.plot`.
+        """Draws a motion with the base and discovered model's heights; see `MotionFinding.plot`.
 
         Args:
             motion: which of `motions`.

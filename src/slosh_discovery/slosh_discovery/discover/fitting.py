@@ -116,7 +116,7 @@ class Evaluator:
         return np.clip(motion.in_noises(difference), -1e6, 1e6)
 
     def derivative(self, vector: Array, clock_offsets: Array, residual: Array) -> Array:
-        """Returns the derivatives (N, P) of the residual by the free parameters."""
+        """Returns the derivatives (N, P) of the residual with respect to the free parameters."""
         _, upper = self.explanation.bounds
         steps = STEP * self.explanation.widths
         steps[vector + steps > upper] *= -1.0
@@ -140,7 +140,7 @@ class Evaluator:
         return slopes
 
     def clock_derivative(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
-        """Returns the derivatives (N, C) of the residual by the unknown clock offsets."""
+        """Returns the residual's derivatives (N, C) with respect to unknown clock offsets."""
         lengths = [int(motion.kept.sum()) for motion in self.motions]
         ends = np.cumsum(lengths)
         free = [i for i, motion in enumerate(self.motions) if not motion.motion.same_clock]

@@ -356,7 +356,7 @@ def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
-    """Resamples the inputs at given times and on a grid between these."""
+    """Resamples the inputs at given times and on a finer grid between them."""
     end = max(float(inputs.t[-1]), float(moments[-1]) if len(moments) else -np.inf)
     if len(moments) > 1:
         marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))

@@ -109,7 +109,7 @@ def propose(
     clock_offsets: Sequence[float] | None = None,
     levels: Sequence[float] | None = None,
 ) -> Proposal | None:
-    """Proposes the term that the model's equation of motion lacks, or returns None.
+    """Proposes the term that the equation of motion lacks; returns None if no term helps.
 
     Args:
         motions: measured motions.
@@ -194,7 +194,7 @@ def _extended(problem: _Problem, start: _Fit) -> _Fit | None:
 
 
 def _try(problem: _Problem, start: _Fit, index: int) -> tuple[float, float] | None:
-    """Returns the sum of squares and the best initial coefficient of a term, or None."""
+    """Returns a term's best sum of squares and initial coefficient; None without a solution."""
     tried = []
     for size in (*SIZES, *(-size for size in SIZES)):
         coefficient = size * float(problem.units[index])

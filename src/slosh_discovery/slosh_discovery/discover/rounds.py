@@ -86,7 +86,7 @@ def search_in_rounds(
 def with_noise(
     plain: PreparedMotion, model: Model, clock_offset: float, sensor: SensorNoise | None
 ) -> PreparedMotion:
-    """Returns a motion with the noise of its inputs and of the sensor, as a model implies it.
+    """Returns a motion with noise of its inputs and sensor, estimated with a likely model.
 
     Args:
         plain: the motion.

@@ -317,7 +317,7 @@ def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
 
 
 def _likelihood_above(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Returns the same log likelihood and size from frequencies above those of the liquid."""
+    """Returns a noise's log likelihood and likeliest size [m] above the liquid's frequencies."""
     degrees, square, volume = 0, 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)

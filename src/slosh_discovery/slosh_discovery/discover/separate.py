@@ -149,7 +149,7 @@ def separating_motion(
 
 
 def _search(pair: _Pair) -> _Trial | None:
-    """Searches all families of motions; refines the one that a refit affects least."""
+    """Searches all shapes of motion; refines the one in which the refitted models differ most."""
     turning = _needs_rotation(pair)
     found: list[_Trial] = []
     for family in FAMILIES:
@@ -189,7 +189,7 @@ def _by_merit(trial: _Trial) -> float:
 
 
 def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
-    """Returns the motion with the largest amplitude without spilling, or None."""
+    """Returns the trial with the largest amplitude without spilling; None if each one spills."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
         trial = _try(pair, sized)

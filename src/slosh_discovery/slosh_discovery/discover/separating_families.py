@@ -1,4 +1,4 @@
-"""Families of robot motions, parameterised by frequency and amplitude.
+"""Shapes of robot motions, parameterised by frequency and amplitude.
 
 Every coordinate is p(t) = A w(t) sin(k φ(t) + δ), with a window w that rises from 0 and returns to
 it with three continuous derivatives: so position, velocity and acceleration begin and end at 0.
@@ -19,7 +19,7 @@ from slosh_model.simulate import Inputs
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """Motion along one coordinate in a family of motions.
+    """Oscillation along one coordinate of a robot motion.
 
     Attributes:
         axis: 0, 1, 2 for x, y, z.
@@ -36,7 +36,7 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """A family of motions of the same shape.
+    """Robot motions of one shape, which differ in frequency and amplitude.
 
     Attributes:
         title: for people.
@@ -80,7 +80,7 @@ FAMILIES = (
 
 @dataclass(frozen=True, slots=True)
 class CandidateMotion:
-    """A motion of a family, with its frequency, acceleration and dwell time.
+    """A robot motion of a given shape, with its frequency, acceleration and dwell time.
 
     Attributes:
         family: the family.
@@ -145,7 +145,7 @@ def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) ->
 
 
 def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
-    """Returns the axis, angle [rad] and angular rate [rad/s] of the rotation."""
+    """Returns axis, angle [rad] and angular rate [rad/s] of a candidate motion's rotation."""
     place, first, _ = _swing(t, motion, 1.0, 0.0)
     family = motion.family
     if family.tilt != 0.0:
@@ -168,7 +168,7 @@ def _sweep(motion: CandidateMotion) -> tuple[float, float]:
 def _swing(
     t: Array, motion: CandidateMotion, harmonic: float, shift: float
 ) -> tuple[Array, Array, Array]:
-    """Returns w sin(k φ + δ) and its first and second time derivative."""
+    """Returns the oscillation w sin(k φ + δ) with window w, and its first two time derivatives."""
     since = np.clip(t - TUNING.family_still, 0.0, TUNING.family_swing)
     low, high = (2.0 * math.pi * each for each in _sweep(motion))
     rate = low + (high - low) * since / TUNING.family_swing

@@ -145,7 +145,7 @@ def rejected(judgement: ChosenExplanation, base: Fit) -> ChosenExplanation:
 
 
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
-    """Returns the most probable candidate models, their parts, and the base model."""
+    """Returns the most probable candidate models, all subsets of their effects and the base."""
     chosen: dict[Key, Fit] = {pool.base.explanation.key: pool.base}
     for one in worthy[: TUNING.contenders]:
         effects = one.explanation.effects
@@ -286,7 +286,7 @@ class OtherFrequency:
 
 
 def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFrequency | None:
-    """Returns a frequency of the heights that clearly differs from the model's, or None.
+    """Returns a frequency of the heights that clearly differs from the model's; None if none does.
 
     A model of another container is wrong in everything at once, and a few effects can make
     something of any wave: the container is asked for before effects are named.

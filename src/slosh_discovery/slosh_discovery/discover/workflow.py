@@ -274,7 +274,7 @@ def _effects(judgement: ChosenExplanation, base: Model) -> tuple[FoundEffect, ..
 
 
 def _fitted(chosen: Fit, errors: Array, name: str, group: str | None) -> FittedParameters:
-    """Returns an effect's parameters with standard errors, for one group if groups differ."""
+    """Returns an effect's parameters and standard errors, for one group of motions or for all."""
     explanation = chosen.explanation
     return FittedParameters(
         explanation.part(chosen.vector, name, group),
@@ -364,7 +364,7 @@ def separating_motions(
 
 
 def proposal(judgement: ChosenExplanation, motions: Sequence[PreparedMotion]) -> Proposal | None:
-    """Proposes a generic equation term for an unexplained error, or returns None."""
+    """Proposes a generic equation term for an unexplained error; None if it is explained."""
     if judgement.verdict is not Verdict.UNEXPLAINED or judgement.elsewhere is not None:
         return None
     return propose(

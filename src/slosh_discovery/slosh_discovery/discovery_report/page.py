@@ -154,7 +154,7 @@ def _status(finding: Finding) -> str:
 
 
 def _winner(document: Document) -> int | None:
-    """Returns the index of the candidate model that the verdict names, or None."""
+    """Returns the index of the candidate model that the verdict names; None if it names none."""
     names = {effect["name"] for effect in document["effects"]}
     apart = {effect["name"] for effect in document["effects"] if effect["by_group"]}
     tried = [entry for entry in enumerate(document["candidates"]) if entry[1]["applicable"]]
@@ -175,7 +175,7 @@ def _widest(candidates: Sequence[Document]) -> float:
 
 
 def _groups(rows: Sequence[Document]) -> list[dict[str, Any]]:
-    """Groups rows of the table of residuals by the kind of part, and keeps their indices."""
+    """Groups rows of the residual table by the criterion, such as time or phase; keeps indices."""
     found: dict[str, list[tuple[int, Document]]] = {}
     for index, row in enumerate(rows):
         found.setdefault(row["by"], []).append((index, row))
@@ -280,7 +280,7 @@ def _template() -> Template:
 def heights_chart(
     finding: MotionFinding, moments: Mapping[str, float], size: Size, name: str
 ) -> str:
-    """Draws measured heights and those of both models over time [mm] as SVG.
+    """Draws measured heights and the base and discovered model's over time [mm] as SVG.
 
     Of wall heights by azimuth the highest are shown.
 
@@ -308,7 +308,7 @@ def heights_chart(
 
 
 def residual_chart(finding: MotionFinding, size: Size, name: str) -> str:
-    """Draws the residuals of both models over time [mm], with the noise band, as SVG."""
+    """Draws the base and discovered model's residuals over time [mm], with noise band, as SVG."""
     motion = finding.motion
     measured = motion.peak_heights
 
@@ -344,7 +344,7 @@ def turning_chart(motion: SeparatingMotion, size: Size, name: str) -> str | None
 
 
 def turning_of(inputs: Inputs) -> tuple[Array, str] | None:
-    """Returns tilt and yaw (N, 2) [rad] or rates (N, 3) [rad/s] with a label, or None."""
+    """Returns tilt and yaw (N, 2) [rad] or rates (N, 3) [rad/s] with a label; None if level."""
     if inputs.attitude is not None:
         x, y, z, w = (inputs.attitude / np.linalg.norm(inputs.attitude, axis=1)[:, None]).T
         upright = np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)

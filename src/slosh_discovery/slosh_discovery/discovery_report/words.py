@@ -44,7 +44,7 @@ SIGNIFICANT = 4
 
 
 def part_name(by: str) -> str:
-    """Returns the readable name of a kind of part of the data."""
+    """Returns the readable name of a criterion that divides the data, such as time or phase."""
     return PARTS.get(by, by)
 
 

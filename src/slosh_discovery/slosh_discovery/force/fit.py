@@ -86,7 +86,7 @@ class ForceProblem:
         return self.data.below_cutoff(force)
 
     def basis(self, liquid: Array, rigid: Array, delay: float) -> Array:
-        """Returns the columns (n, k, …) of the linear fit; see `Linear`."""
+        """Returns the columns of the linear fit by sample and measured direction; see `Linear`."""
         data, k = self.data, self.across.shape[1]
         parts = [data.at(values @ self.across, delay) for values in (rigid, liquid)]
         zeros = data.offsets.shape[1]
@@ -118,12 +118,12 @@ class ForceProblem:
 
     @property
     def alpha_width(self) -> float:
-        """Prior standard deviation of the stiffness parameter α, scaled to the rows' noise."""
+        """Prior standard deviation of the stiffness parameter α, scaled to the force's noise."""
         return TUNING.alpha_width / math.sqrt(self.memory)
 
     @property
     def memory(self) -> float:
-        """Number of rows over which the residual is correlated."""
+        """Number of successive samples over which the residual is correlated."""
         t, rows = self.data.inputs.t, self.data.rows
         step = float(t[rows[1]] - t[rows[0]])
         return max(1.0, TUNING.memory * 2.0 * math.pi / self.start[FREQUENCY] / step)
@@ -180,7 +180,7 @@ def fit_force(data: PreparedForce, model: Model) -> Fit:
 
 
 def directions(rigid: Array) -> Array:
-    """Returns the principal directions (3, k) of the motion, without negligible ones."""
+    """Returns the principal directions of the motion, one per column, without negligible ones."""
     centred = rigid - np.median(rigid, axis=0)
     _, sizes, rows = np.linalg.svd(centred, full_matrices=False)
     kept = rows[sizes > TUNING.across * sizes[0]]
@@ -190,7 +190,7 @@ def directions(rigid: Array) -> Array:
 
 
 def _rigid(data: PreparedForce, rigid: Array, across: Array) -> tuple[float, Array]:
-    """Returns the delay [s] and the sensor's axes (3, k), assuming a frozen liquid."""
+    """Returns sensor delay [s] and axes, one per column, for liquid that moves like a solid."""
     span, step = TUNING.delay_span, TUNING.delay_step
     best: tuple[float, float, Array] | None = None
     total = np.linalg.norm((data.force - np.median(data.force, axis=0))[data.usable])
@@ -215,7 +215,7 @@ def _orthonormal(matrix: Array) -> Array:
 
 
 def _axes(problem: ForceProblem, rigid: Array, vector: Array, linear: Linear) -> Array:
-    """Returns the sensor's axes (3, k), estimated from payload and liquid together."""
+    """Returns the sensor's axes, one per column, fitted with the forces of payload and liquid."""
     data, delay = problem.data, float(vector[2])
     pushed = linear.values[0] * rigid + linear.values[1] * problem.liquid(vector)
     columns = np.hstack([data.at(pushed @ problem.across, delay), data.offsets])

@@ -95,7 +95,7 @@ def render_identification(report: IdentificationReport) -> str:
 
 
 def drawn_motions(motions: Sequence[FittedMotion]) -> list[int]:
-    """Returns the indices of the motions to draw: held-out ones, and some operating points."""
+    """Returns the indices of the motions to draw: held-out ones, then one per operating point."""
     held = [index for index, motion in enumerate(motions) if motion.role is Role.HOLDOUT]
     firsts = {motion.point: index for index, motion in reversed(list(enumerate(motions)))}
     spread = sorted(set(firsts.values()) - set(held))
@@ -183,7 +183,7 @@ def _template() -> Template:
 
 
 def heights_chart(motion: FittedMotion, size: Size, name: str) -> str:
-    """Draws measured heights and both models with the 95 % band over time [mm] as SVG.
+    """Draws measured heights, both models (base, identified) and the 95 % band [mm] as SVG.
 
     Of heights at several azimuths the one that moves most is shown.
     """

@@ -215,7 +215,7 @@ def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) ->
 
 
 def _frame_scores(scores: Array, neighbours: Neighbours) -> Array:
-    """Returns the sums (F, V) of the scores over the heights of each image."""
+    """Returns, for each image, the sums of the scores over its heights."""
     summed = np.zeros((int(neighbours.frames[-1]) + 1, scores.shape[1]))
     np.add.at(summed, neighbours.frames, scores)
     return summed

@@ -1,4 +1,4 @@
-"""Least-squares problem: residuals of the heights by parameters and nuisance parameters.
+"""Least-squares problem: residuals of the heights as a function of all unknowns.
 
 Nuisances are a motion's own: the offset of its clock where inputs and heights have two, and the
 state in which a free decay begins. A still level that is unknown is taken out of the residual.

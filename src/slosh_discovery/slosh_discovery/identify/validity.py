@@ -104,7 +104,7 @@ def count_within(errors: Sequence[float], tolerance: float) -> int:
 
 
 def error_at(speed: float, motions: Sequence[MeasuredMotion]) -> LineError | None:
-    """Returns the surface's deviation from a line at a speed (TM20, §2.3), or None."""
+    """Returns the surface's deviation from a line at a speed (TM20, §2.3); None if unknown."""
     found = []
     for motion in motions:
         start, end = rise_span(motion.inputs)

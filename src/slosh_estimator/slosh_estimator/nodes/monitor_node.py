@@ -323,7 +323,7 @@ def event_message(event: Event, frame: str) -> LimitEvent:
 
 
 def announced_model(message: NodeSettings) -> Model | None:
-    """Returns the model in a settings message of the estimator, or None.
+    """Returns the model in a settings message of the estimator; None if it cannot be read.
 
     None: it is another node's, or a stranger's that cannot be read.
     """
@@ -337,7 +337,7 @@ def announced_model(message: NodeSettings) -> Model | None:
 
 
 def announced_tray(message: NodeSettings) -> Tray | None:
-    """Returns the tray that the estimator's settings name, or None if they are invalid."""
+    """Returns the tray that the estimator's settings name; None if the settings are invalid."""
     try:
         document = parse_yaml(message.document, "settings of the estimator").value
         return parse_tray(document["files"][TRAY], "the estimator's tray")

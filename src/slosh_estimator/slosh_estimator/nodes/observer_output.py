@@ -85,7 +85,7 @@ class ObserverOutput:
         self._action.destroy()
 
     def follow(self, sample: Sample, flags: int) -> None:
-        """Advances the observer by one input sample, with the flags of its estimate."""
+        """Advances the observer by one input sample; `flags` tells the validity of that sample."""
         state = self.observer.follow(sample, flags)
         if state is None:
             return

@@ -112,7 +112,7 @@ class Bins:
 
 
 class Stretch:
-    """The section of constant values to which the newest time bin belongs.
+    """The time span of constant values to which the newest time bin belongs.
 
     Args:
         tolerance: how far from the mean a bin of a noiseless sensor may lie.
@@ -128,7 +128,7 @@ class Stretch:
         self.restart()
 
     def restart(self) -> None:
-        """Begins a new section of constant values."""
+        """Begins a new time span of constant values."""
         self.mean: Vector = (0.0, 0.0, 0.0)
         self.count = 0
         self._start = self._last = self._all = 0
@@ -138,17 +138,17 @@ class Stretch:
 
     @property
     def unbroken(self) -> bool:
-        """Whether all bins since the start belong to one constant section."""
+        """Whether all bins since the start belong to one time span of constant values."""
         return self._all == self.count
 
     @property
     def first(self) -> bool:
-        """Whether the section consists only of the first bin since the start."""
+        """Whether the time span consists only of the first bin since the start."""
         return self.count == 1 and math.isnan(self._two[0])
 
     @property
     def seconds(self) -> float:
-        """Duration of the constant section [s]."""
+        """Duration of the time span of constant values [s]."""
         return (self._last + 1 - self._start) * BIN if self.count else 0.0
 
     @property
@@ -159,7 +159,7 @@ class Stretch:
         return sorted(self._bends)[len(self._bends) // 2] / _MEDIAN
 
     def take(self, number: int, value: Vector) -> bool:
-        """Adds a bin; returns whether it continues the constant section."""
+        """Adds a bin; returns whether it continues the time span of constant values."""
         one, two = self._one, self._two
         bend = math.sqrt(sum((value[i] - 2.0 * one[i] + two[i]) ** 2 for i in range(3)))
         if bend == bend:  # two bins are known before it

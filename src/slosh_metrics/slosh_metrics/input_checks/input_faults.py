@@ -237,7 +237,7 @@ def _cut_off(values: Array, top: float, least: float, quantum: float) -> bool:
 
 
 def _is_rough(values: Array) -> bool:
-    """Returns whether the values (N, A) are noisy, so that repeated values are a fault."""
+    """Returns whether values are noisy, so that repeated values are a fault."""
     if any(_is_coarse(column) for column in values.T):
         return False
     first, second, third = (np.linalg.norm(np.diff(values, n, axis=0), axis=1) for n in (1, 2, 3))
@@ -333,7 +333,7 @@ def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _unevenness(t: Array, run: NDArray[np.int64]) -> tuple[tuple[float, float], ...]:
-    """Returns mean change and mean length of sample intervals [s], for all and some samples.
+    """Returns mean change and mean length of sample intervals [s], for all and chosen samples.
 
     Of all samples around a run of rows, and of those that are not of the run's publisher.
     """

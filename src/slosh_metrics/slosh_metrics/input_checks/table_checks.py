@@ -149,7 +149,7 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
 
 
 def _constant_ends(stamps: Integers, acceleration: Array) -> tuple[Vector, Vector] | None:
-    """Returns the constant accelerations at both ends of a motion, or None."""
+    """Returns the constant accelerations at both ends of a motion; None if not constant."""
     found: list[Vector] = []
     for rows in (slice(None), slice(None, None, -1)):
         times = stamps[rows] if rows.step is None else stamps[-1] - stamps[rows]

@@ -26,7 +26,7 @@ class Side(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """A hypothesis on the mounting of a sensor, with its error and prior odds.
+    """A tested hypothesis on the mounting of a sensor, with its error and prior odds.
 
     Attributes:
         rotation, gain, gravity: M, k and h.

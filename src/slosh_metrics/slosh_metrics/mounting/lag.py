@@ -16,7 +16,7 @@ _EACH = 2
 
 
 def _first_row(both: Aligned, lag: float) -> tuple[int, float]:
-    """Returns the sensor row that belongs to the motion's first row, and a fraction of a row."""
+    """Returns whole and fractional index of the sensor sample at the motion's first sample."""
     shift = lag / TUNING.step + both.lags
     first = min(max(math.floor(shift), 0), 2 * both.lags - 1)
     return first, shift - first

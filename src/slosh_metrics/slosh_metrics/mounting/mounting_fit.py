@@ -47,7 +47,7 @@ from slosh_metrics.mounting.tuning import TUNING
 
 
 class TurnFit(NamedTuple):
-    """What a gyroscope's angular velocities say about unit and mounting.
+    """Unit and mounting that the angular velocities of a gyroscope indicate.
 
     Attributes:
         gain: its unit in rad/s.

@@ -144,7 +144,7 @@ def unit_of(fit: MountingFit) -> str | None:
 
 
 def _unit(gain: float, units: Mapping[str, float]) -> str:
-    """Returns the unit that has a given gain, or an empty text."""
+    """Returns the unit that has a given gain; empty if none has."""
     for name, own in units.items():
         if abs(gain / own - 1.0) <= TUNING.unit:
             return name

@@ -1,4 +1,4 @@
-"""Shapes of containers, one family in each module.
+"""Shapes of containers, one kind of shape in each module.
 
 Importing it makes their names known to `model.yaml`.
 """

@@ -76,7 +76,7 @@ class PrismaticContainer(SolvedContainer):
         return (along, across) if self.cornered else (max(along, across),) * 2
 
     def curved_gain(self, n: int, axis: int = 0) -> float:
-        """Returns a mode's wall height per displacement [1]; for equivalent axes the larger."""
+        """Returns a mode's wall height per displacement [1]; the larger if the axes are equal."""
         if self.cornered:
             return self.numbers(n, axis).height_per_displacement
         both = [self.numbers(1, one).reach for one in (0, 1)]

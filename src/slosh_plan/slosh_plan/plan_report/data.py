@@ -77,7 +77,7 @@ class PlanReport:
 
     @property
     def upper(self) -> tuple[float, float] | None:
-        """Upper ends of the 95 % band [m], for the peak and the height after the end, or None."""
+        """Upper ends of the 95 % band [m] for peak and residual height; None without a band."""
         if self.band is None:
             return None
         end = len(self.planned.found.motion.t) - 1

@@ -135,7 +135,7 @@ def series_chart(report: PlanReport, series: ChartSeries, size: Size, name: str)
 
 
 def heights_chart(report: PlanReport, size: Size, name: str) -> str:
-    """Draws heights over time as SVG, with the planned motion's 95 % band and both limits."""
+    """Draws heights over time as SVG, with the planned motion's 95 % band and height limits."""
     series, planned = heights_series(report), report.planned
 
     def draw(axes: Any) -> None:

@@ -147,7 +147,7 @@ class Checker:
         ]
 
     def _use(self, motion: PlannedMotion) -> dict[str, float]:
-        """Returns the fractions of friction and base that a motion uses."""
+        """Returns the fractions of friction and support base that a motion uses."""
         assert self.loose is not None
         inputs = _with_rest(motion, horizon(self.model), self.attitude)
         standing, place = self.loose

@@ -18,7 +18,7 @@ _AHEAD = 1024
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
-    """A planned motion for a controller, with the rows at the waypoints.
+    """A planned motion for a controller, with the sample index at which it passes each waypoint.
 
     Attributes:
         t: (N,) time from 0, strictly increasing [s].
@@ -35,7 +35,7 @@ class Execution:
 
 
 def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
-    """Adds rows to a motion at the times at which it passes the waypoints.
+    """Adds samples to a motion at the times at which it passes the waypoints.
 
     Args:
         motion: along a path through the waypoints.
@@ -81,7 +81,7 @@ def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
 
 
 def _first_nearest(away: Array) -> int:
-    """Returns the row of the first close approach to a waypoint, or else the nearest row."""
+    """Returns the sample index of the first close approach to a waypoint, or of the nearest."""
     near = away <= TUNING.near
     if not near.any():
         return int(np.argmin(away))

@@ -118,7 +118,7 @@ class Interval:
         return 1 + 2 * self.layout.size + self.layout.driven + self.layout.waves
 
     def places(self) -> Any:
-        """Returns a function from the unknowns to s [m] at start, middle and end."""
+        """Returns a function from the unknowns to path positions [m] at start, middle and end."""
         ca = casadi()
 
         unknowns = ca.SX.sym("unknowns", self.size)
@@ -248,7 +248,7 @@ class Interval:
 
 
 def curve_of(leg: Leg) -> Any:
-    """Returns a function from s to the curve's derivatives, each expanded to second order.
+    """Returns a function from path position to the curve's derivatives, expanded to second order.
 
     A spline through many of their values: one look-up in place of three.
     """

@@ -57,7 +57,7 @@ class JointLeg(Leg):
         return np.column_stack([motion, turned, joint_columns(slope, bend, change, torques)])
 
     def joint_derivative(self, s: Array, order: int) -> Array:
-        """Returns the joint positions (N, J), or their derivatives by s."""
+        """Returns the joint positions (N, J) or their derivatives with respect to path length."""
         return np.asarray(self.joints(np.clip(s, 0.0, self.length), order))
 
     def torque_terms(self, s: Array) -> Array:
@@ -78,7 +78,7 @@ class JointLeg(Leg):
         return found / length
 
     def _liquid_axes(self, s: Array) -> Array:
-        """Returns the rotation matrices (N, 3, 3) from world axes to the axes of the liquid."""
+        """Returns rotations (N, 3, 3) from world axes to the liquid's axes, which may not yaw."""
         quaternions = self.attitudes(s)
         back: Array = Rotation.from_quat(quaternions).inv().as_matrix()
         if self.follows_yaw:
@@ -180,7 +180,7 @@ class JointMotion:
 
 
 def joints_along(leg: JointLeg, s: Array, rate: Array, change: Array) -> JointMotion:
-    """Computes the joint motion at path positions s, given ds/dt and d²s/dt², (N,) each."""
+    """Computes the joint motion at path positions s and their rates ds/dt, d²s/dt², (N,) each."""
     assert leg.demands is not None
     slope, bend = leg.joint_derivative(s, 1), leg.joint_derivative(s, 2)
     v, v2, a = rate[:, None], (rate**2)[:, None], change[:, None]

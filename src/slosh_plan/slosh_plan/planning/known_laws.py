@@ -136,7 +136,7 @@ def known_laws(path: Path) -> dict[str, KnownLaw]:
 def best_scaled(
     check: Checker, path: Path, limits: PlanLimits, watch: Watch | None = None
 ) -> Scaled | None:
-    """Returns the fastest known law that keeps the limits, or None.
+    """Returns the fastest known law that keeps the limits; None if none does.
 
     Where the watch is stopped, the fastest so far.
     """
@@ -164,7 +164,7 @@ def fastest(
     longest: float = LONGEST,
     stopped: Callable[[], bool] = never,
 ) -> CheckedMotion | None:
-    """Returns the motion with the shortest duration that keeps the limits, or None.
+    """Returns the motion with the shortest duration that keeps the limits; None if none does.
 
     All durations are simulated with few rows, and those that may keep the limits with all.
 
@@ -265,7 +265,7 @@ class PacedLeg:
         return (spline, spline.derivative(), spline.derivative(2))
 
     def along(self, place: Array, rate: Array, change: Array) -> tuple[Array, Array, Array]:
-        """Converts the parameter and its time derivatives to s and its time derivatives."""
+        """Converts the parameter and its time derivatives to path length s and its derivatives."""
         s, slope, bend = (np.asarray(spline(np.clip(place, 0.0, 1.0))) for spline in self.splines)
         return s, slope * rate, bend * rate**2 + slope * change
 

@@ -50,7 +50,7 @@ class Leg:
         return (self.spline, *(self.spline.derivative(n) for n in (1, 2, 3)))
 
     def at(self, s: Array, orders: int = 3) -> tuple[Array, ...]:
-        """Returns position [m] and derivatives by s, up to the third, (N, 3) each."""
+        """Returns position [m] and its first three derivatives at path lengths s, (N, 3) each."""
         inside = np.clip(s, 0.0, self.length)
         return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 

@@ -234,7 +234,7 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 def _upper(
     model: Model, motion: PlannedMotion, attitude: Array | None
 ) -> tuple[float, float] | None:
-    """Returns the upper ends of a motion's intervals of peak and residual height [m], or None."""
+    """Returns upper ends of peak and residual height [m]; None if their uncertainty is unknown."""
     if model.covariance is None:
         return None
     turned = attitudes(motion, attitude, len(motion.t))

@@ -221,7 +221,7 @@ def _worst(used: Array, places: Array, chosen: list[int]) -> list[int]:
 
 
 def _used(heights: Array, limits: PlanLimits, margin: float, error: ModelError | None) -> Array:
-    """Returns the fractions (models, 2) of both limits that the heights use."""
+    """Returns the fractions (models, 2) of the peak and the residual limit that heights use."""
     known = error or ModelError()
     share = np.where(np.isfinite(heights), abs(known.epsilon) * heights, 0.0)
     upper = heights + np.hypot(known.half_width(0.0, 0.0), share)

@@ -140,7 +140,7 @@ def motion_along(
 
 
 def whole_rows(duration: float) -> float:
-    """Rounds a duration up to a whole number of rows [s]."""
+    """Rounds a duration up to a whole number of sample intervals [s]."""
     return STEP * math.ceil(duration / STEP - 1e-9)
 
 

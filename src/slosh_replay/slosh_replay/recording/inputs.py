@@ -213,7 +213,7 @@ class InputReader:
     def samples(
         self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
     ) -> Samples:
-        """Returns the samples of selected messages; dropped messages are omitted.
+        """Returns the samples of messages with given indices, without those that the node drops.
 
         Args:
             stamps: (N,) of the messages [ns].

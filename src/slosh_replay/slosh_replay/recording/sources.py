@@ -148,7 +148,7 @@ class CellTopics:
         return any(_namespace(topic) == self._home for topic in self._topics)
 
     def topic(self, name: str, message_type: str) -> str | None:
-        """Returns the cell's topic with this last name and type, or None."""
+        """Returns the cell's topic with this last name and type; None if there is none."""
         found = [
             topic
             for topic, kind in self._topics.items()

@@ -123,7 +123,7 @@ def _astray(strays: Mapping[str, int]) -> str:
 
 
 def thinned(series: Series, limit: int = DRAWN) -> NDArray[np.void]:
-    """Returns the rows to draw: all of a short run, the extremes of parts of a long one.
+    """Returns the rows of a series to draw: all of a short run, the extremes of a long one.
 
     Args:
         series: the images.

@@ -46,7 +46,7 @@ class _Event(NamedTuple):
 
 
 class KnownState:
-    """Follows the inputs and the recorded states, and knows when the state is known.
+    """Tracks, by inputs and recorded states, when the state of the liquid is known.
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.

@@ -74,7 +74,7 @@ class ReplayedEstimator:
 
     @property
     def longest_gap_ns(self) -> int:
-        """Longest gap that any settings allow to integrate across [ns]."""
+        """Longest input gap that the models integrate across with any of the settings [ns]."""
         later = [self._input_settings(c) for c in self.setting.changes if c.changed]
         gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
         return max([self.setting.reader.max_gap_ns, *gaps])

@@ -27,7 +27,7 @@ EMPTY = "the gripper was empty: which heights came after that is not recorded"
 
 
 class ReplayedObserver:
-    """Replays the observer; recorded states tell which heights it used when.
+    """Replays the observer; its recorded states tell which heights the live node used, and when.
 
     Args:
         setting: of the replay.

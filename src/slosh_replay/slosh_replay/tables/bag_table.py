@@ -209,7 +209,7 @@ class TableHeights:
     def placed(
         self, motion: RecordedMotion, max_gap: float
     ) -> tuple[RecordedMotion, PlacedHeights]:
-        """Returns the motion with a row for each measured height, and the heights.
+        """Returns the motion with interpolated rows at the heights' stamps, and the heights.
 
         Args:
             motion: the motion.

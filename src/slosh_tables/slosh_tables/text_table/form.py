@@ -201,7 +201,7 @@ def _separator(sample: Sequence[str]) -> tuple[str, int]:
 
 
 def _parts(sample: Sequence[str]) -> str:
-    """Returns the separator that gives all rows equal length, or an empty text."""
+    """Returns the separator that gives all rows equal length; empty if none does."""
     for separator in ("\t", ";", "|", ",", " "):
         heading = _words(sample[0]) if separator == " " else _one(sample[0], separator)
         width = len(_without_end(heading))
