@@ -181,7 +181,7 @@ def _duration(spec: MotionSpec) -> float:
 
 
 def _along(spec: MotionSpec, u: Array, duration: float) -> tuple[Array, Array]:
-    """Returns the container's position [m] and acceleration [m/s²], (N, 3), at times u."""
+    """Returns position [m] and acceleration [m/s²] of the container, (N, 3), at relative times."""
     law = modified_trapezoid(u)
     x, y = PATHS[spec.path]
     columns = [_chain(path, law, duration) for path in (x, y, _VERTICAL)]

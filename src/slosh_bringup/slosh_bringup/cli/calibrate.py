@@ -138,11 +138,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     board.add_argument(
         "--board",
         metavar="BOARD",
-        help=f"board with markers: {FORMAT}, lengths in m; see docs/calibration.md",
+        help=f"calibration board with markers: {FORMAT}, lengths in m; see docs/calibration.md",
     )
     board.add_argument(
         "--board-place", nargs=6, type=float, metavar=("X", "Y", "Z", "YAW", "PITCH", "ROLL"),
-        help="pose of the board in the container's frame [m, deg] (default: the board lies "
+        help="pose of the --board in the container's frame [m, deg] (default: the board lies "
         "face up on the plane on which the container stands)",
     )  # fmt: skip
     board.add_argument(

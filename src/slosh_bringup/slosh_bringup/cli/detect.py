@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help="CSV table of heights to write, in s, m, rad and px",
+        help="CSV table to write: heights, with columns in s, m, rad and px",
     )
     parser.add_argument(
         "--still",

@@ -45,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--fit", metavar="NAME,…", default=",".join(DEFAULT),
-        help="parameters to identify: natural_frequency, damping_ratio, p (TM20's M2), "
+        help="parameters to identify: natural_frequency, damping_ratio, p (factor "
+        "of the acceleration), "
         "fill_height, EFFECT.PARAMETER (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -62,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--tolerance", type=length(0.1), default=0.0005, metavar="M",
-        help="largest mean distance of the surface from a straight line [m] (default: 0.0005)",
+        help="largest allowed mean distance of the surface from a line [m] (default: 0.0005)",
     )  # fmt: skip
     parser.add_argument(
         "--beside", type=Path, nargs="+", action="extend", metavar="DIR", default=[],

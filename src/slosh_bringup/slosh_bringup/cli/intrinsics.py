@@ -31,7 +31,10 @@ _PICTURES, _SHEETS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `slosh intrinsics` to the argument parser."""
     parser.add_argument(
-        "images", nargs="*", type=Path, help="pictures of the board, or folders of pictures"
+        "images",
+        nargs="*",
+        type=Path,
+        help="images of the calibration board, or folders of images",
     )
     parser.add_argument(
         "--board", required=True, metavar="BOARD",
@@ -53,13 +56,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--picture",
         type=Path,
         metavar="OUT.png",
-        help="image to write: all corners with their errors, magnified",
+        help="image to write: detected corners with magnified errors",
     )
     parser.add_argument(
         "--print-board",
         type=Path,
         metavar="OUT.pdf",
-        help="write a sheet with the board to scale (.pdf or .svg)",
+        help="sheet to write: the --board at true scale (.pdf or .svg)",
     )
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 

@@ -48,11 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot_options(parser)
     parser.add_argument(
         "--sensor-rotation", type=RADIANS, nargs=3, metavar=("ROLL", "PITCH", "YAW"),
-        help="sensor_rotation to check [rad] (default: as recorded, or from /tf_static)",
+        help="roll, pitch, yaw of the sensor to check [rad] (default: as recorded, or from "
+        "/tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--sensor-to-origin", type=length(5.0), nargs=3, metavar=("X", "Y", "Z"),
-        help="sensor_to_origin to check [m] (default: as recorded, or from /tf_static)",
+        help="vector from sensor to container to check [m] (default: as recorded, or from "
+        "/tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--namespace", metavar="NAMESPACE", help="namespace of the cell, for a bag with several"

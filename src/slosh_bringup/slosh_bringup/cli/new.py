@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             old_name(parser, action, "--wall-thickness")
     cup.add_argument(
         "--shape", metavar="NAME",
-        help="another container shape, such as frustum or beaker, with dimensions as --length; "
-        "the cell then has no camera",
+        help="container shape other than a cylinder or box, such as frustum or beaker, with "
+        "dimensions as --length; the cell then has no camera",
     )  # fmt: skip
     cup.add_argument(
         "--length", action="append", default=[], metavar="NAME=M",
@@ -54,13 +54,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     liquid = parser.add_argument_group("liquid")
     liquid.add_argument("--liquid", choices=LIQUIDS, help=f"kind of liquid (default {_LIQUID})")
     liquid.add_argument(
-        "--density", type=DENSITY, metavar="KG/M3", help="density of another liquid [kg/m³]"
+        "--density",
+        type=DENSITY,
+        metavar="KG/M3",
+        help="density of a liquid not in --liquid [kg/m³]",
     )
     liquid.add_argument(
         "--viscosity",
         type=VISCOSITY,
         metavar="M2/S",
-        help="kinematic viscosity of another liquid [m²/s]",
+        help="kinematic viscosity of a liquid not in --liquid [m²/s]",
     )
     parser.add_argument(
         "--namespace", default=NAMESPACE, help=f"namespace of the nodes (default {NAMESPACE})"

@@ -68,38 +68,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--limit",
         type=HEIGHT,
         metavar="M",
-        help="largest height of the liquid during the motion [m]; or give --rim-distance",
+        help="largest allowed height of the liquid during the motion [m]; or give --rim-distance",
     )
     add_rim_distance(parser)
     parser.add_argument(
         "--residual", type=HEIGHT, metavar="M",
-        help="largest height of the liquid after the motion's end [m] (default: half of --limit)",
+        help="largest allowed height of the liquid after the motion's end [m] (default: half of "
+        "--limit)",
     )  # fmt: skip
     parser.add_argument(
         "--max-acceleration",
         type=quantities.ACCELERATION,
         default=ACCELERATION,
         metavar="A",
-        help="largest acceleration [m/s²] (default: %(default)g)",
+        help="largest allowed acceleration [m/s²] (default: %(default)g)",
     )
     parser.add_argument(
         "--max-jerk",
         type=quantities.JERK,
         default=JERK,
         metavar="J",
-        help="largest jerk [m/s³] (default: %(default)g)",
+        help="largest allowed jerk [m/s³] (default: %(default)g)",
     )
     parser.add_argument(
         "--max-tilt", type=angle(), default=0.0, metavar="DEG",
-        help="largest tilt of the container from upright [deg] (default: 0, constant attitude)",
+        help="largest allowed tilt of the container from upright [deg] (default: 0, constant "
+        "attitude)",
     )  # fmt: skip
     parser.add_argument(
         "--max-tilt-rate", type=float, default=math.degrees(TILT_RATE), metavar="R",
-        help="largest tilt rate [deg/s] (default: %(default)g)",
+        help="largest allowed tilt rate [deg/s] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--max-tilt-acceleration", type=float, default=math.degrees(TILT_ACCELERATION),
-        metavar="R", help="largest tilt acceleration [deg/s²] (default: %(default)g)",
+        metavar="R", help="largest allowed tilt acceleration [deg/s²] (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--margin", type=HEIGHT, default=0.0, metavar="M",
@@ -113,8 +115,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, metavar="E",
-        help="relative error of the maximum, as reported by slosh replay, as a fraction; used "
-        "like --mae",
+        help="relative error of the model's maximum height, a fraction reported by slosh replay; "
+        "widens the height's interval in addition to --mae",
     )  # fmt: skip
     parser.add_argument(
         "--error", type=Path, nargs="+", action="extend", metavar="RESULT.json",

@@ -75,8 +75,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ".csv.gz)",
     )  # fmt: skip
     for name, kind, unit, text in (
-        ("limit", HEIGHT, "M", "largest height above the still level during the motion [m]"),
-        ("residual", HEIGHT, "M", "largest height after the motion's end [m]"),
+        (
+            "limit",
+            HEIGHT,
+            "M",
+            "largest allowed height above the still level during the motion [m]",
+        ),
+        ("residual", HEIGHT, "M", "largest allowed height after the motion's end [m]"),
         (
             "horizon",
             time(600.0),
@@ -94,7 +99,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, mae, "--sigma")
     parser.add_argument(
         "--epsilon", type=FRACTION, default=0.0, metavar="E",
-        help="relative error of the model's maximum, as a fraction (default 0)",
+        help="relative error of the model's maximum height, as a fraction (default 0)",
     )  # fmt: skip
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",

@@ -36,8 +36,9 @@ EPILOG = """columns of the table:
   t           the motion's samples [s]
   msh         maximum height at the wall as a sensor measures it, including the model's
               effects on the measurement (offset, scale, delay, ...) [m]
-  azimuth     direction of the liquid's own maximum, from the container's +x [rad]
-  sh_x, sh_y  the liquid's own signed height at the container's +x and +y [m]
+  azimuth     direction of the liquid's highest point, from the container's +x [rad]
+  sh_x, sh_y  signed height of the liquid at the container's +x and +y wall, without the
+              model's effects on the measurement [m]
 
 Without effects on the measurement, msh is the length of the vector (sh_x, sh_y). In a rectangle
 it is the sum of their absolute values: the height at the corner.

@@ -82,7 +82,7 @@ def judge(measurement: Measurement) -> ImageDoubt:
 
 
 def disagreement(measurement: Measurement) -> float:
-    """Returns the difference of measured and fitted peak height in standard deviations; or NaN."""
+    """Returns the difference of measured and fitted peak [standard deviations]; or NaN."""
     spread = math.hypot(measurement.msh_stddev, measurement.fitted_msh_stddev)
     apart = abs(measurement.msh - measurement.fitted_msh)
     return apart / spread if spread > 0.0 else math.nan

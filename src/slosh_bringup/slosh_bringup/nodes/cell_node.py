@@ -45,9 +45,11 @@ LATE = 0.1  # s; a sample that is later than that tells of a machine that is too
 LINGER = 1.0  # s; the last messages are delivered before the process ends
 PARAMETERS = (
     ParameterSpec("motion", "c3", "motion by name, or a motion table (.csv, .csv.gz)"),
-    ParameterSpec("model", "", "model file of the truth liquid; empty: the included one"),
-    ParameterSpec("calibration", "", "camera.yaml of the drawn camera; empty: the included one"),
-    ParameterSpec("rate", 1000.0, "rate of accel [Hz]", (10.0, 1000.0)),
+    ParameterSpec("model", "", "model file of the simulated liquid; empty: the included one"),
+    ParameterSpec(
+        "calibration", "", "camera.yaml of the simulated camera; empty: the included one"
+    ),
+    ParameterSpec("rate", 1000.0, "rate of the topic accel [Hz]", (10.0, 1000.0)),
     ParameterSpec("imu_every", 5, "number of accel samples per imu sample; 0: no imu", (0, 1000)),
     ParameterSpec("fps", 60.0, "rate of the images [Hz]", (1.0, 240.0)),
     ParameterSpec("camera", True, "draw and publish images"),
@@ -60,7 +62,10 @@ PARAMETERS = (
         (0.0, 10.0),
     ),
     ParameterSpec(
-        "image_noise", 2.5, "standard deviation of the image noise, of 255", (0.0, 50.0)
+        "image_noise",
+        2.5,
+        "standard deviation of the image noise [grey levels of 255]",
+        (0.0, 50.0),
     ),
     ParameterSpec(
         "push_at",

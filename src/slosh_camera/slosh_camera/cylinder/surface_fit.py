@@ -172,7 +172,7 @@ class SurfaceFitter:
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray,
         heights: FloatArray,
     ) -> FloatArray:  # fmt: skip
-        """Returns rows (M,) of the surface's upper edge near the expected ones, or NaN."""
+        """Returns rows (M,) of the surface's upper edge near expected rows; NaN without edge."""
         guess = np.where(self._wall.stretched | (upper < 0.0), np.nan, upper)
         size = float(np.hypot(heights[1], heights[2]))
         # The prior's doubt of the surface's shape, in rows.

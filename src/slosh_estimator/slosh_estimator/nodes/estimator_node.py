@@ -78,7 +78,9 @@ PARAMETERS = (
     ParameterSpec(
         "containers", "", "folder of model files NAME.yaml for change_container; empty if unused"
     ),
-    ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
+    ParameterSpec(
+        "input", "accel", "kind of input messages of the models", choices=tuple(MESSAGE_TYPES)
+    ),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),

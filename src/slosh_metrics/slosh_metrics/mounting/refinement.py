@@ -23,7 +23,7 @@ _STEPS = 12
 
 
 class Rates(NamedTuple):
-    """Angular velocities (N, 3) of the gyroscope with unit and slope, and the true ones."""
+    """Measured and true angular velocities (N, 3), with derivative and unit of the measured."""
 
     heard: Array
     slope: Array

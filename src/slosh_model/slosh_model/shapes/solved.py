@@ -167,7 +167,7 @@ class SolvedContainer(Container):
         return self.numbers(n, axis).mass_ratio
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the same gain as `curved_gain`; the rest to a plane is quasi-static."""
+        """Returns `curved_gain`; the difference to a plane surface is counted as quasi-static."""
         return self.curved_gain(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:

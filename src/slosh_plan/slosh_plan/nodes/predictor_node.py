@@ -43,8 +43,8 @@ PARAMETERS = (
         read_only=False,
     ),
     ParameterSpec(
-        "residual_limit", 0.0, "height limit after their end [m]; 0 for no limit", (0.0, 10.0),
-        read_only=False,
+        "residual_limit", 0.0, "height limit after a planned motion's end [m]; 0 for no limit",
+        (0.0, 10.0), read_only=False,
     ),
     ParameterSpec(
         "rim_distance", 0.0,
