@@ -193,7 +193,7 @@ class NodeGroup:
         return True
 
     def failed(self) -> NodeEnd | None:
-        """Returns the first node that has ended unexpectedly, or None."""
+        """Returns the first node that has ended unexpectedly; None if there is no such node."""
         for name, code in self.ended().items():
             if code != 0 or name not in ENDING:
                 log = self._log_folder / f"{name}.log"

@@ -23,7 +23,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 class AlignedStreams(Generic[Key]):
-    """Collects several streams of timed values and returns synchronised rows of all of them.
+    """Collects several streams of timed values and returns their values at common stamps.
 
     Args:
         mix: interpolates.

@@ -20,7 +20,7 @@ class FixedFrames:
         self._parents: dict[str, Transform] = {}
 
     def take(self, transforms: Iterable[Transform]) -> None:
-        """Adds fixed transforms."""
+        """Adds fixed transforms to the known frames."""
         for one in transforms:
             self._parents[one.child.lstrip("/")] = one
 

@@ -128,7 +128,7 @@ class InputSettings(NamedTuple):
     def mounted(
         self, kind: str, frame: str, fixed: FixedFrames, *, moving: bool = False
     ) -> dict[str, Any] | None:
-        """Returns the mounting parameters that fixed transforms give for an input frame, or None.
+        """Returns the mounting that fixed transforms give for an input frame; None if unknown.
 
         Args:
             kind: of the input.

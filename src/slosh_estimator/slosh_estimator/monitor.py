@@ -146,7 +146,7 @@ class Monitor:
         self.tray = TrayWatch(tray, self.settings, self._next_excess)
 
     def add_tray(self, stamp_ns: int, heights: Sequence[float]) -> None:
-        """Adds the height [m] of each container on the tray."""
+        """Checks the height [m] of each container on the tray against the container's limit."""
         if self.tray is not None:
             self._events += self.tray.update(stamp_ns, heights)
 

@@ -207,7 +207,7 @@ class Sampling:
                 yield number, frequency, gain
 
     def _sufficient_rate(self) -> int | None:
-        """Returns the lowest round rate [Hz] that carries all modes; None if none does."""
+        """Returns the lowest round rate [Hz] that represents all modes; None if none does."""
         rates = range(math.ceil(1.0 / self.seconds / _STEP) * _STEP, _FASTEST + 1, _STEP)
         # What a rate carries, a higher one carries too.
         found = bisect_left(rates, True, key=self._carries)

@@ -33,7 +33,7 @@ class TrayEstimate(NamedTuple):
 
 
 class TrayEstimates(NamedTuple):
-    """Estimates of K containers for N samples (N, K), and the worst container (N,)."""
+    """Estimates of K containers for N samples, and the worst container of each sample."""
 
     msh: Array
     azimuth: Array

@@ -215,7 +215,7 @@ class ClockDriftWatch:
 
 
 def _line(points: Array) -> ClockLine:
-    """Fits a line to clock offsets: rows (N, 3) of time, offset, standard deviation [s]."""
+    """Fits a line to clock offsets, given rows of time, offset and standard deviation [s]."""
     t, offset, stddev = points.T
     weight = 1.0 / (stddev**2 + TUNING.model_error**2)
     since = t - t[-1]

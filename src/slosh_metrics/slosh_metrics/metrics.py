@@ -112,7 +112,7 @@ class RunningAccuracy:
         self._model_peak = -math.inf
 
     def update(self, measured: float, model: float) -> None:
-        """Adds one pair; ignores one that is not finite."""
+        """Adds one pair of heights; ignores it if it is not finite."""
         if not (math.isfinite(measured) and math.isfinite(model)):
             return
         difference = abs(measured - model)

@@ -85,7 +85,7 @@ class MotionFinder:
             self._take(stamp_ns // BIN_NS, acceleration, 1)
 
     def finish(self) -> None:
-        """Processes the remaining samples at the end."""
+        """Processes the remaining samples at the end of the input."""
         self._close_bin()
 
     def forget_first(self) -> None:

@@ -235,7 +235,7 @@ class Container(ABC):
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Returns the wall height [m] at which the crest is a distance below a known rim, or None.
+        """Returns the wall height [m] that puts the crest a distance below the rim; or None.
 
         Args:
             distance: vertical [m]; 0: at the rim.

@@ -172,7 +172,7 @@ def _covariance(section: Any) -> Covariance | None:
 
 
 def parse_container(section: Mapping[str, Any], folder: Path) -> Container:
-    """Creates a container from a section of a model file.
+    """Creates a container from the container entry of a model file.
 
     Args:
         section: its shape and dimensions.

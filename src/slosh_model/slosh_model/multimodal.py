@@ -119,7 +119,7 @@ class _Basis:
         self.lever = -4.0 * tanks.width[:, None] / (n * np.pi) ** 2 * (n % 2)
 
     def slope(self, amplitudes: Array) -> Array:
-        """Returns the derivative across the width on the grid."""
+        """Returns the derivative across the width of values on the grid."""
         return np.asarray(-(self.k * amplitudes) @ self.sine)
 
     def vertical(self, amplitudes: Array, times: int) -> Array:

@@ -67,7 +67,7 @@ class Wall:
         return self.crest_ratio > 1.0
 
     def place(self, height: float) -> WallPlace:
-        """Returns where the liquid stands for a wave height at the wall [m]."""
+        """Returns the highest position of the liquid on the wall for a wave height [m]."""
         return WallPlace(*self._columns(height))
 
     def places(self, heights: Array) -> dict[str, Array]:

@@ -154,7 +154,7 @@ class Arm(Robot):
     def torque_terms(
         self, joints: Sequence[str], position: Array, slope: Array, bend: Array
     ) -> Array:
-        """Returns joint torque terms (N, 3, J) along a path, τ = α s̈ + β ṡ² + γ [N m or N].
+        """Returns each joint's torque terms along a path, τ = α s̈ + β ṡ² + γ [N m or N].
 
         Newton and Euler's equations; the liquid's and the container's masses count where the
         description holds them.
@@ -183,7 +183,7 @@ class Arm(Robot):
         return found
 
     def _configurations(self, joints: Sequence[str], position: Array) -> Iterator[Array]:
-        """Yields the robot's configuration vector for each row; other joints are at 0."""
+        """Yields the robot's configuration vector for each sample; other joints are at 0."""
         model = self._model
         places = [
             (column, model.joints[model.getJointId(name)])

@@ -272,7 +272,7 @@ def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:
 
 
 def checked_horizon(model: Model, horizon: float | None) -> float:
-    """Returns how long to predict after the motion's end [s], or the default for None.
+    """Returns how long to predict after the motion's end [s]; for None, a default duration.
 
     Raises:
         SloshPlanError: an impossible one.

@@ -154,7 +154,7 @@ class _Budget:
     used: int = 0
 
     def take(self, samples: Array) -> None:
-        """Adds samples; raises SloshPlanError if they exceed the maximum."""
+        """Counts simulated samples; raises SloshPlanError if they exceed the maximum."""
         self.used += int(samples.sum())
         if self.used > self.most:
             raise SloshPlanError(

@@ -22,7 +22,7 @@ PART = "part_{}"
 
 
 def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list[Path]:
-    """Writes a bag for each section of a recording in which time increases.
+    """Writes a bag for each part of a recording in which time increases.
 
     What is told once, such as the nodes' settings, stands at the begin of each of them.
 

@@ -49,7 +49,7 @@ def bag_files(path: Path) -> list[Path]:
 
 
 def import_hint(path: Path) -> str:
-    """Describes how to import a bag in another format; empty if it is not such a bag."""
+    """Describes how to import a bag in another format; empty if the format is not known."""
     if path.is_dir():
         foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
         kind = "a bag of ROS 1 or of rosbag2's SQLite storage" if foreign else ""
@@ -148,7 +148,7 @@ def _information(noted: Path) -> Any:
 
 
 def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:
-    """Returns the files in the order of metadata.yaml, if that lists the same files."""
+    """Returns the files in the order of metadata.yaml, if it lists exactly these files."""
     noted = folder / METADATA
     if not noted.is_file():
         return files

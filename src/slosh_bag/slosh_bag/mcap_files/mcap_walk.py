@@ -183,7 +183,7 @@ class McapWalk:
             raise DamageError("a damaged attachment")
 
     def _admit(self, chunk: Chunk) -> Chunk:
-        """Adds a chunk's schemas and channels, and checks that its messages are defined."""
+        """Registers a chunk's schemas and channels, and checks that its messages are defined."""
         if self.found.chunks and self.found.loose and not self._is_counted():
             raise DamageError("messages both inside and outside chunks")
         for schema in chunk.schemas:

@@ -57,7 +57,7 @@ class LogTimes:
         self._last = 0
 
     def look(self, system_ns: int, steady_ns: int) -> None:
-        """Reads both clocks; call it before messages are polled."""
+        """Reads system clock and monotonic clock; call it before messages are polled."""
         step = system_ns - steady_ns - self._between
         self._now, self._between = system_ns, system_ns - steady_ns
         self._shift_before = self._shift

@@ -22,7 +22,7 @@ class Traffic:
         self._since: float | None = None
 
     def add(self, topic: str, size: int) -> None:
-        """Adds the size of a received message [bytes]."""
+        """Adds the size of a received message [bytes] to its topic's count."""
         self._bytes[topic] = self._bytes.get(topic, 0) + size
 
     def text(self, topics: Iterable[str], now: float) -> str:

@@ -55,7 +55,7 @@ class Push(NamedTuple):
     speed: float
 
     def acceleration(self, t: Array) -> Array:
-        """Returns the container acceleration with the same effect, (N, 3) [m/s²]."""
+        """Returns the container acceleration with the same effect as the push, (N, 3) [m/s²]."""
         part = (t - self.at) / PUSHED
         strength = 0.5 * np.pi * self.speed / PUSHED
         found = np.zeros((len(t), 3))
@@ -121,5 +121,5 @@ def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
 
 
 def _or_constant(values: Array | None, count: int, value: tuple[float, ...]) -> Array:
-    """Returns the given values, or rows of a constant if they are None."""
+    """Returns the given values, or an array that repeats a constant if they are None."""
     return np.broadcast_to(value, (count, len(value))) if values is None else values

@@ -53,7 +53,7 @@ class PictureSink(Protocol):
     """Interface of a picture output that takes results one by one and then writes a file."""
 
     def add(self, result: Result) -> None:
-        """Adds the next measured image."""
+        """Adds the next measured image to the picture."""
 
     def finish(self) -> str:
         """Writes the remaining data and returns a sentence that describes the picture."""
@@ -82,7 +82,7 @@ def judge(measurement: Measurement) -> ImageDoubt:
 
 
 def disagreement(measurement: Measurement) -> float:
-    """Returns the difference of measured and fitted peak [standard deviations]; or NaN."""
+    """Returns |measured - fitted| peak height in standard deviations; NaN if unknown."""
     spread = math.hypot(measurement.msh_stddev, measurement.fitted_msh_stddev)
     apart = abs(measurement.msh - measurement.fitted_msh)
     return apart / spread if spread > 0.0 else math.nan

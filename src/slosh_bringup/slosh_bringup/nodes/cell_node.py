@@ -197,7 +197,7 @@ class CellNode(PreparedNode):
             self._finished.set()
 
     def _perform(self) -> None:
-        """Runs both publishing threads until the motion ends; logs the number of messages."""
+        """Runs the sensor and the image thread until the motion ends; logs the message count."""
         start_ns = int(self.get_clock().now().nanoseconds)
         self._start = time.monotonic()
         self._playing = True

@@ -46,7 +46,7 @@ def bag_topics(run: RecordedRun, seconds: float) -> tuple[TopicRow, ...]:
 
 
 def bag_calibration(run: RecordedRun) -> AnyCalibration | None:
-    """Returns the calibration that the camera node recorded, or None."""
+    """Returns the calibration that the camera node recorded; None if it recorded none."""
     started = settings.latest(run.starts, "camera")
     text = started.files.get("calibration") if started else None
     if started is None or text is None:

@@ -241,7 +241,7 @@ class WatchState:
         self._rows.append((self._seconds(stamp_ns), measured, estimated, *band))
 
     def _fused_at(self, stamp_ns: int) -> tuple[float, float]:
-        """Returns the fused height at a stamp and its standard deviation [m], or NaN."""
+        """Returns the fused height at a stamp and its standard deviation [m]; NaN if unknown."""
         near = min(self._fused, key=lambda one: abs(one.stamp_ns - stamp_ns), default=None)
         if near is None or abs(near.stamp_ns - stamp_ns) > NEAR_NS:
             return math.nan, math.nan

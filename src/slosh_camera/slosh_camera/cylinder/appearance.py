@@ -48,7 +48,7 @@ class Tone:
         return float(np.max(np.abs(self.background - self.liquid)))
 
     def reduce(self, picture: Image) -> Single:
-        """Projects an image (J, M) or (J, M, C) on the colour axis; returns (J, M)."""
+        """Projects each pixel of an image, grey or in colour, on the colour axis."""
         # Takes specks and noise away and leaves edges where they are.
         picture = np.asarray(cv2.medianBlur(picture, 3), dtype=np.uint8)
         weights = self.axis.astype(np.float32)
@@ -98,13 +98,13 @@ def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Ton
 
 
 def _farthest(samples: Image, middle: FloatArray) -> FloatArray:
-    """Returns the largest deviation of samples (N, C) from a colour (C,) in any channel."""
+    """Returns the largest deviation of colour samples from a colour in any channel."""
     away = np.abs(samples - middle)
     return away[:, 0] if middle.size == 1 else np.max(away, axis=1)
 
 
 def _axis(wet: Image, dry: Image, liquid: FloatArray, background: FloatArray) -> FloatArray | None:
-    """Computes the linear discriminant (C,) between two sets of colour samples (N, C)."""
+    """Computes the linear discriminant between two sets of colour samples, one per channel."""
     difference = background - liquid
     axis: FloatArray = difference
     if difference.size > 1:
@@ -117,14 +117,14 @@ def _axis(wet: Image, dry: Image, liquid: FloatArray, background: FloatArray) ->
 
 
 def percentile(samples: NDArray[np.uint8], percent: float) -> FloatArray:
-    """Returns a percentile (C,) of grey levels (N, C), by counting instead of sorting."""
+    """Returns a percentile of grey levels for each channel, by counting instead of sorting."""
     counts = [np.bincount(channel, minlength=256) for channel in samples.T]
     rank = 0.01 * percent * len(samples)
     return np.array([np.searchsorted(np.cumsum(count), rank) for count in counts], np.float64)
 
 
 def _samples(picture: Image, inside: BoolArray, rows: slice) -> Image:
-    """Returns a subset (N, C) of the colours in some image rows, for statistics."""
+    """Returns a subset of the colours in some image rows, for statistics."""
     part = picture[rows][::_EVERY, ::_EVERY]
     return part[inside[rows][::_EVERY, ::_EVERY]].reshape(
         -1, 1 if picture.ndim == 2 else part.shape[2]
@@ -132,7 +132,7 @@ def _samples(picture: Image, inside: BoolArray, rows: slice) -> Image:
 
 
 def _scatter(samples: Image, middle: FloatArray) -> FloatArray:
-    """Returns the covariance (C, C) of colours about a centre, with outliers clipped."""
+    """Returns the covariance between the channels of colours, with outliers clipped."""
     deviation = samples - middle
     usual = percentile(np.abs(deviation).astype(np.uint8), 50.0)
     reach = 3.0 * ROBUST * usual + TUNING.rounding

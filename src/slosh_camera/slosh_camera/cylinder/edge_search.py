@@ -392,7 +392,7 @@ def surface_score(  # type: ignore[no-untyped-def]
 
 @entry_point(float64[:, ::1](GIVEN_3, GIVEN_1))
 def table_at(table, rows):  # type: ignore[no-untyped-def]
-    """Interpolates a table (J, M, 3) at fractional rows (M,); returns (M, 3)."""
+    """Interpolates a table of points at a fractional row on each scan line."""
     values = np.full((rows.size, 3), np.nan)
     for i in range(rows.size):
         if np.isnan(rows[i]):

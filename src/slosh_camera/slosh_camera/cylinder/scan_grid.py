@@ -161,7 +161,7 @@ def _line_azimuths(view: CupView) -> FloatArray:
 def _heights(
     view: CupView, azimuth: FloatArray, still: FloatArray, unit: FloatArray
 ) -> FloatArray:
-    """Returns the heights (M,) in pixels from the level at rest to above the rim."""
+    """Returns heights (M,) [px] in the image, from the level at rest to above the rim."""
     level = view.cup.rim_level
     top = TUNING.unknown_rim * view.cup.radius if level is None else level
     ends = view.project_wall(azimuth, top, Wall.FRONT)

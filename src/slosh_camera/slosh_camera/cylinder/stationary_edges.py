@@ -21,7 +21,7 @@ Single = NDArray[np.float32]
 
 
 def no_edges(shape: tuple[int, int]) -> Single:
-    """Returns an empty edge map (2, J, M), used without an image of the liquid at rest."""
+    """Returns an empty map of edges, used without an image of the liquid at rest."""
     return np.zeros((2, *shape), np.float32)
 
 

@@ -79,7 +79,7 @@ class Backdrop:
         self._share = np.clip(share, 0.0, 1.0).astype(np.float32)
 
     def reduced(self, image: Image, tone: Tone) -> Single:
-        """Returns the expected background (J, M) on the colour axis; 1 where unknown."""
+        """Returns the expected background of the wall on the colour axis; 1 where unknown."""
         seen = image[self._rows, self._columns].reshape(*self._rows.shape, -1)
         level = _middle(seen @ tone.axis, float(tone.axis @ tone.liquid), self._seen)
         level = cv2.erode(level, np.ones((2 * TUNING.bent_rows + 1, 1), np.uint8))
@@ -103,7 +103,7 @@ def _middle(seen, liquid, known):  # type: ignore[no-untyped-def]
 
 @entry_point(float32[:, ::1](given(float32, 2), given(int64, 2), given(float32, 2)))
 def _across(ends, level, share):  # type: ignore[no-untyped-def]
-    """Interpolates image values (J, M) between the left and right surroundings."""
+    """Interpolates image values of the unrolled wall between left and right surroundings."""
     rows, lines = level.shape
     values = np.empty((rows, lines), np.float32)
     for j in range(rows):
@@ -120,14 +120,14 @@ def _place_at(levels: NDArray[np.int64], depth: FloatArray, place: FloatArray) -
 
 
 def _sides(pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns image positions (J, N, 2) to the left and right of the outermost scan lines."""
+    """Returns image positions to the left and right of the outermost scan lines."""
     across = (pixels[:, -1] - pixels[:, 0])[:, np.newaxis]
     out = _BESIDE[:, np.newaxis] * across
     return pixels[:, :1] - out, pixels[:, -1:] + out
 
 
 def _is_alike(image: Image, places: FloatArray, tone: Tone) -> bool:
-    """Whether most of the image at positions (J, N, 2) has the liquid's colour."""
+    """Whether most of the image at the given positions has the liquid's colour."""
     columns, rows = np.rint(places[..., 0]).astype(int), np.rint(places[..., 1]).astype(int)
     height, width = image.shape[:2]
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)

@@ -20,7 +20,7 @@ SKIP = 4
 
 
 class WallGeometry:
-    """Tables of wall points for the samples of all scan lines, (J, M).
+    """Tables of the wall points of all J samples on all M scan lines.
 
     Attributes:
         radius: of the container [m].

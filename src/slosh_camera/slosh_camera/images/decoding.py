@@ -140,7 +140,7 @@ def _rows(encoding: str, rows: int, width: int, step: int, data: Any, pixel_byte
 
 
 def _words(stored: Image, big_endian: bool) -> NDArray[np.uint16]:
-    """Combines pairs of bytes (rows, width, 2 K) to 16-bit numbers (rows, width, K)."""
+    """Combines pairs of bytes to 16-bit numbers, which halves the length of the last axis."""
     return np.ascontiguousarray(stored).view(">u2" if big_endian else "<u2").astype(np.uint16)
 
 

@@ -211,7 +211,7 @@ class SideViewDetector:
         return shape
 
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
-        """Adds grey levels of liquid and background from an image of the liquid at rest."""
+        """Stores grey levels of liquid and background from an image of the liquid at rest."""
         columns = np.arange(self._region.inside.shape[1])
         rows = self._region.rows_at(np.zeros(columns.size))
         corner = np.array([self._region.left, self._region.top])

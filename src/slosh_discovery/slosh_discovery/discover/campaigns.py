@@ -58,7 +58,7 @@ class Normal:
 def find_campaigns(
     one: Fit, motions: Sequence[PreparedMotion], temperature: float
 ) -> Campaigns | None:
-    """Finds the most probable grouping of the motions by an effect of the sensor, or None.
+    """Finds the likeliest grouping of motions by a sensor effect; None if all belong together.
 
     Args:
         one: the best explanation of all motions together.

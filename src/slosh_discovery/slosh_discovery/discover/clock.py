@@ -61,7 +61,7 @@ def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] 
 
 
 def _series(grid: Array, t: Array, heights: Array) -> Array:
-    """Resamples heights to (M, K) at uniformly spaced times."""
+    """Resamples heights to uniformly spaced times, one column per azimuth."""
     columns = []
     for column in heights.T:
         present = np.isfinite(column)

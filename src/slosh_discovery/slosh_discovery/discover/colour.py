@@ -54,7 +54,7 @@ class Neighbours:
     frames: Places
 
     def whitened(self, values: Array, colour: Colour) -> Array:
-        """Returns values (N,) or (N, P), whitened to unit variance."""
+        """Returns a series, or each column of several series, whitened to unit variance."""
         return Whitening.of(self, colour.stddev, colour.memory).applied(values)
 
 
@@ -101,7 +101,7 @@ class Whitening:
         return cls(before, memory, gain, spread, _series_order(before))
 
     def applied(self, values: Array) -> Array:
-        """Whitens values (N,) or (N, P) [m] to unit variance."""
+        """Whitens a series [m], or each column of several series, to unit variance."""
         if self.order is None:
             expected = _rows(self.memory, values) * values[self.before]
         else:

@@ -105,7 +105,7 @@ def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
 
 
 def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
-    """Returns the variance (M, K) [m²] that noise adds to a peak height; None for wall heights.
+    """Returns the variance that noise adds to a peak height [m²]; None for wall heights.
 
     A wave of height A that noise moves by δ across rises by δ²/2A, of the variance σ⁴/2A² - and
     by about σ where there is hardly a wave.
@@ -118,7 +118,7 @@ def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
 
 
 def answer_columns(t: Array, frequency: float, damping: float, tolerated: float) -> Array:
-    """Returns columns L (M, R) so that L Lᵀ approximates the response's covariance.
+    """Returns a matrix L, one row per time, so that L Lᵀ approximates the response's covariance.
 
     By the Cholesky decomposition with pivots: the largest variance that is left comes next.
 
@@ -159,7 +159,7 @@ def answer_covariance(t: Array, other: Array | float, frequency: float, damping:
 
 
 def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid: Array) -> Array:
-    """Returns derivatives (M, K, 2) of measured heights with respect to the modal heights.
+    """Returns derivatives of the measured heights with respect to the heights at +x and +y.
 
     Args:
         motion: the motion.
@@ -183,7 +183,7 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid
 
 
 def _reading(motion: PreparedMotion, model: Model, moments: Array) -> Callable[[Array], Array]:
-    """Returns a function that maps the liquid's heights (M, 2) to measured heights (M, K)."""
+    """Returns a function that maps the liquid's heights at +x and +y to measured heights."""
     nothing, start = np.empty((len(moments), 0, 4)), float(motion.fine.t[0])
 
     def read(liquid: Array) -> Array:

@@ -131,7 +131,7 @@ def correlation_length(series: Sequence[Array]) -> float:
 
 
 def residual_series(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
-    """Returns the residual of each motion as (M, K), NaN where nothing was measured."""
+    """Returns each motion's residual (times, azimuths), NaN where nothing was measured."""
     parts = parts_of(residual, motions)
     return [motion.laid(part) for motion, part in zip(motions, parts, strict=True)]
 

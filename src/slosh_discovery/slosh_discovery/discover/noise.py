@@ -316,7 +316,7 @@ def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float)
 
 
 def even_grid(t: Array, values: Array) -> Array:
-    """Resamples values (M,) or (M, K) to a uniform grid (N, K); NaN where nothing was measured."""
+    """Resamples values to a uniform grid, column by column; NaN where nothing was measured."""
     columns = values if values.ndim == 2 else values[:, np.newaxis]
     spacing = float(np.median(np.diff(t)))
     place = np.round((t - t[0]) / spacing).astype(int)

@@ -60,13 +60,13 @@ class SharedNoise:
 
     @classmethod
     def of(cls, columns: Array) -> SharedNoise:
-        """Creates correlated noise with the covariance L Lᵀ from L (N, R)."""
+        """Creates correlated noise with the covariance L Lᵀ from a matrix L."""
         directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         matters = sizes**2 > TUNING.least_shared
         return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
 
     def removed(self, values: Array) -> Array:
-        """Whitens values (N,) or (N, P) of this noise to unit variance."""
+        """Whitens this noise in a series, or in each column of several, to unit variance."""
         return self._scaled(values, 1.0 / np.sqrt(1.0 + self.variances) - 1.0)
 
     def added(self, white: Array) -> Array:
@@ -155,7 +155,7 @@ class PreparedMotion:
         return white if self._shared is None else self._shared.removed(white)
 
     def _of_sensor(self, difference: Array) -> Array:
-        """Whitens values (N,) or (N, P) [m] with the sensor's noise only."""
+        """Whitens a series [m], or each column of several, with the sensor's noise only."""
         scale = (
             self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
         )
@@ -193,7 +193,7 @@ class PreparedMotion:
         return np.asarray(relative * self._scale)
 
     def laid(self, values: Array) -> Array:
-        """Returns values (N,) of the used heights as an array (M, K), NaN elsewhere."""
+        """Returns values of the used heights as an array (times, azimuths), NaN elsewhere."""
         laid = np.full(self.kept.shape, np.nan)
         laid[self.kept] = values
         return laid
@@ -252,7 +252,7 @@ class Answer:
     read: _Reader | None
 
     def at(self, times: Array, clock_offset: float) -> Array:
-        """Returns the heights (M, K) [m] at times of the measurement's clock."""
+        """Returns the heights (times, azimuths) [m] at times of the measurement's clock."""
         moments = self.clock.moments(times - clock_offset, float(self.t[0]))
         if self.rows is None:
             taken = columns_at(moments, self.t, self.heights)
@@ -347,7 +347,7 @@ def claimed_noise(motion: MeasuredMotion) -> float:
 
 
 def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Returns the rows that have samples and are at least SAMPLE_SPACING apart."""
+    """Returns the indices of measured heights that are at least SAMPLE_SPACING apart."""
     rows = np.flatnonzero(present)
     if len(rows) < 2 or float(np.median(np.diff(t[rows]))) >= TUNING.sample_spacing:
         return rows

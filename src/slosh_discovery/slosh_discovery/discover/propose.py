@@ -255,7 +255,7 @@ def _square(residuals: Sequence[Array]) -> float:
 
 
 def _full(problem: _Problem, fit: _Fit) -> list[tuple[Array, Array]]:
-    """Returns the times and residuals (M, K) of each motion, NaN where nothing was measured."""
+    """Returns times and residuals (times, azimuths) of each motion, NaN if not measured."""
     found = []
     for setting, kept, residual in zip(problem.settings, problem.kept, fit.residuals, strict=True):
         full = np.full(kept.shape, math.nan)

@@ -72,7 +72,7 @@ class Leftovers:
 
     @classmethod
     def of(cls, motion: PreparedMotion, predicted: Array) -> Leftovers:
-        """Creates the residual from predicted heights (M, K) [m] at the motion's times.
+        """Creates the residual of a motion from its predicted heights (times, azimuths) [m].
 
         A still level that is not known goes together like nothing else, and is no noise. Nor is
         what the inputs' noise most likely does.
@@ -292,7 +292,7 @@ def _spacing(part: _Part) -> float:
 
 
 def _liquid(part: _Part) -> Array:
-    """Returns cosine functions (N, B) up to the highest frequency of the liquid."""
+    """Returns cosine functions, one per column, up to the highest frequency of the liquid."""
     span = float(part.t[-1] - part.t[0])
     highest = min(TUNING.liquid_band, TUNING.band_share / _spacing(part))
     count = min(int(2.0 * highest * span) + 1, len(part.t) // 2)

@@ -102,7 +102,7 @@ class _Changing:
 def change_with_time(
     pool: Pool, motions: Sequence[PreparedMotion], temperature: float
 ) -> Change | None:
-    """Returns a change with time that is more probable than any constant effect, or None.
+    """Returns a change with time more probable than any constant effect; None if none is.
 
     Args:
         pool: the explanations.

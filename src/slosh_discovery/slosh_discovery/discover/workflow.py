@@ -151,7 +151,7 @@ def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
 def _judged(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
 ) -> tuple[Searched, ChosenExplanation]:
-    """Searches and judges; repeats both with groups that are found in the motions."""
+    """Searches for effects and judges them; repeats both with groups found in the motions."""
     searched = search_in_rounds(base, plain, told, threads)
     best = searched.pool.ranked()[0]
     ungrouped = all(one.motion.group is None for one in plain)

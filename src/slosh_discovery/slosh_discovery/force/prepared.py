@@ -25,7 +25,7 @@ ORDER = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedForce:
-    """The data of a force fit: N rows of the time grid, n of which are fitted.
+    """The data of a force fit: N samples of the time grid, n of which are fitted.
 
     Attributes:
         inputs: the motion on the grid, whose first container axes are level.
@@ -54,14 +54,14 @@ class PreparedForce:
         return np.asarray(sosfiltfilt(self.band, values, axis=0), dtype=np.float64)
 
     def at(self, values: Array, delay: float) -> Array:
-        """Returns values (N, C) at the fitted rows (n, C), delayed by the sensor's delay [s]."""
+        """Returns values at the fitted times, delayed by the sensor's delay [s]."""
         t = self.inputs.t
         wanted = t[self.rows] - delay
         return np.column_stack([np.interp(wanted, t, column) for column in values.T])
 
 
 def prepared(record: ForceRecord, model: Model) -> PreparedForce:
-    """Prepares a force record for the fit.
+    """Resamples and filters a force record for the fit.
 
     Raises:
         SloshDiscoveryError: no motion, no force, or too little of both; one line.
@@ -92,7 +92,7 @@ def prepared(record: ForceRecord, model: Model) -> PreparedForce:
 
 
 def _checked(record: ForceRecord) -> tuple[Array, Array, list[str]]:
-    """Returns valid times and forces in the order of time, and notes on the others."""
+    """Returns valid times and forces in the order of time, and notes on the omitted ones."""
     name, notes = record.name, []
     finite = np.isfinite(record.force).all(axis=1) & np.isfinite(record.t)
     if np.count_nonzero(finite) < 2:
@@ -141,7 +141,7 @@ def _on_grid(record: ForceRecord, t: Array, frequency: float) -> Inputs:
 
 
 def _continuous(attitude: Array) -> Array:
-    """Returns quaternions with signs chosen so that neighbours do not jump."""
+    """Returns quaternions with signs chosen so that consecutive ones do not jump."""
     unit = attitude / np.linalg.norm(attitude, axis=1)[:, None]
     flips = np.einsum("ij,ij->i", unit[1:], unit[:-1]) < 0.0
     signs = np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)])

@@ -137,7 +137,7 @@ def _whitening(problem: Problem, before: White, vector: Array, residual: Array) 
 
 
 def information(problem: Problem, vector: Array, colour: Colour) -> Array:
-    """Returns the information (P, P) on the parameters if nuisance parameters are free."""
+    """Returns the Fisher information (P, P) on the parameters if nuisance parameters are free."""
     white = White.of(problem, colour, driven_by(problem, vector))
     derivative = white.applied(problem.derivative(vector))
     return shared_information(derivative.T @ derivative, len(problem.parameters))
@@ -230,7 +230,7 @@ def _lags(colour: Colour, frames: int) -> int:
 
 
 def _spread(scores: Array, lags: int) -> Array:
-    """Returns the variance (V, V) of the summed scores, with Bartlett weights for lags."""
+    """Returns the covariance of the summed scores, with Bartlett weights for lags."""
     spread = scores.T @ scores
     for lag in range(1, min(lags, len(scores) - 1) + 1):
         together = scores[lag:].T @ scores[:-lag]

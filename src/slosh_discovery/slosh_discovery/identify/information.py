@@ -137,7 +137,7 @@ def _candidates(
 
 
 def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
-    """Returns height changes (N, P) by parameter [m per width], or None without a solution."""
+    """Returns height changes [m] per prior width of each parameter; None without a solution."""
     azimuths = problem.trials[0].prepared.azimuths
     columns = []
     for place, parameter in enumerate(problem.parameters):

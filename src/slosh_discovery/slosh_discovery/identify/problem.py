@@ -71,7 +71,7 @@ class Problem:
         return np.array([parameter.start for parameter in self.parameters])
 
     def start(self, values: Array) -> Array:
-        """Returns the initial vector (V,): parameters and matching nuisance parameters."""
+        """Returns the initial vector of unknowns: parameters and matching nuisance parameters."""
         vector = np.zeros(self.size)
         vector[: len(values)] = values
         model = self.model_at(vector)
@@ -82,7 +82,7 @@ class Problem:
         return vector
 
     def bounds(self, start: Array) -> tuple[Array, Array]:
-        """Returns lower and upper bounds (V,) of the unknowns."""
+        """Returns lower and upper bounds of all unknowns."""
         reach = self.widths * np.where(np.arange(self.size) < len(self.parameters), 0.0, 1.0)
         for clock in self.clocks:
             reach[list(clock)] = DISCOVER.clock_span
@@ -95,7 +95,7 @@ class Problem:
 
     @property
     def widths(self) -> Array:
-        """Prior widths (V,) of parameters and nuisance parameters."""
+        """Prior widths of all parameters and nuisance parameters."""
         widths = np.full(self.size, TUNING.clock_width)
         widths[: len(self.parameters)] = [parameter.width for parameter in self.parameters]
         gain = self.model.height_gains()[0]
@@ -109,7 +109,7 @@ class Problem:
         return fitted_model(self.model, values)
 
     def predicted(self, vectors: Sequence[Array]) -> list[list[Array | None]]:
-        """Returns heights (M, K) [m] for each vector and trial, or None without a solution."""
+        """Returns heights (times, azimuths) [m] for each vector and trial; None if unsolvable."""
         models = [self.model_at(vector) for vector in vectors]
         liquid = self._from_rest(models)
         return [
@@ -130,7 +130,7 @@ class Problem:
         return np.column_stack(columns) if columns else np.empty((count, 0))
 
     def derivative(self, vector: Array) -> Array:
-        """Returns the derivatives (N, V) of the residual by central differences.
+        """Returns the residual's derivatives with respect to all unknowns, by central differences.
 
         A trial's residual knows its own nuisances alone, so that all trials' first ones are moved
         at a time, and so on.
@@ -173,7 +173,7 @@ class Problem:
         return moved
 
     def _from_rest(self, models: Sequence[Model | None]) -> list[dict[int, Array]]:
-        """Returns the liquid's heights of each model, by the identity of the inputs."""
+        """Returns the liquid's heights of each model from rest, by the `id` of its inputs."""
         pairs: list[tuple[int, Inputs]] = []
         for number, model in enumerate(models):
             if model is not None:
@@ -218,7 +218,7 @@ class Problem:
 
 
 def state_basis(prepared: PreparedMotion) -> Array:
-    """Returns a basis (4, D) of the observable states of a mode: x, y, velocities / ω [m].
+    """Returns a basis, as columns, of a mode's observable states: x, y, velocities / ω [m].
 
     Heights along one line tell of the state along it; the maximum over the wall does not tell how
     the path is turned, and it is turned so that it begins on the x axis.
@@ -245,7 +245,7 @@ def decayed(prepared: PreparedMotion, model: Model, state: Array) -> Array:
 
 
 def guessed_state(prepared: PreparedMotion, model: Model) -> Array:
-    """Estimates the initial state (D,), in `state_basis`, from the measured heights."""
+    """Estimates the initial state, as coefficients of `state_basis`, from measured heights."""
     if prepared.azimuths is None:
         return _guess_from_maximum(prepared, model)
     basis, kept = state_basis(prepared), prepared.kept

@@ -177,7 +177,7 @@ def _integrated(rates: Array, t: Array) -> Array:
 
 
 def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
-    """Returns the first and last row of the first rise, or None if the container rests."""
+    """Returns the first and last sample of the first rise, or None if the container rests."""
     size = np.linalg.norm(inputs.acceleration, axis=1)
     peak = float(size.max(initial=0.0))
     moving = np.flatnonzero(size > max(TUNING.rest * peak, TUNING.clear * sample_noise(size)))

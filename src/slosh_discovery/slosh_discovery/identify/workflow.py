@@ -297,7 +297,7 @@ def _answered(model: Model, trial: Trial) -> FittedVector:
 
 
 def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, float]:
-    """Returns heights (M, K) [m] on the measured clock and level, and the clock offset [s]."""
+    """Returns heights [m] with the measurement's clock and zero level, and clock offset [s]."""
     problem = estimate.problem
     place = problem.trials.index(trial)
     heights = problem.predicted([estimate.vector])[0][place]

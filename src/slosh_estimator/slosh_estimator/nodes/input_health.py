@@ -65,7 +65,7 @@ class InputHealth:
         return "; ".join(texts) if texts and told else ""
 
     def look(self, gate: SampleGate) -> Health | None:
-        """Returns the input's current fault for the diagnostics, or None.
+        """Returns the input's current fault for the diagnostics; None if it has no fault.
 
         Args:
             gate: that judges the input.

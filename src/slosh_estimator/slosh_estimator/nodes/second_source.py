@@ -72,7 +72,7 @@ class SecondSource:
         self._accused = False
 
     def told(self, stamp_ns: int, frame: str, force: Vector, rate: Vector | None) -> None:
-        """Adds a sensor reading: specific force and angular velocity."""
+        """Adds a sensor reading, specific force and angular velocity, to the comparison."""
         if self._heard is None:
             return
         if self._watch is None:
@@ -116,7 +116,7 @@ class SecondSource:
         return (told, "") if self._senses else ("", told)
 
     def facts(self) -> dict[str, str]:
-        """Returns what the comparison of both sources found, for the diagnostics."""
+        """Returns how the second source compares with the input, for the diagnostics."""
         told = {f"second source {kind}": why for kind, why in self._refusals.items()}
         if self._heard is None:
             return told

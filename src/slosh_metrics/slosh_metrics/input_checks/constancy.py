@@ -63,7 +63,7 @@ class Bins:
         return closed
 
     def add_many(self, stamps: Integers, values: Array) -> list[tuple[int, Bin]]:
-        """Adds samples; returns each completed bin with the row of the sample that completes it.
+        """Adds samples; returns each completed bin with the index of the sample that completes it.
 
         Args:
             stamps: (N,) [ns], N > 0.

@@ -104,7 +104,7 @@ class Check(ABC):
         self._remember(memory[bins:], base)
 
     def finish(self) -> None:
-        """Processes the remaining samples at the end."""
+        """Processes the remaining samples at the end of the input."""
         self.faults.finish()
         closed = self._bins.close()
         if closed is not None:

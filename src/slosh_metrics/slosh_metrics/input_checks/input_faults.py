@@ -149,7 +149,7 @@ class FaultWatch:
             self.finish()
 
     def finish(self) -> None:
-        """Analyses the remaining samples at the end of a part."""
+        """Analyses the remaining samples at the end of a part of the input."""
         if self._taken:
             self.look()
         if not len(self._stamps):
@@ -357,6 +357,6 @@ def _missing(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Returns the start and end row (exclusive) of each run of marked samples."""
+    """Returns the start and end index (exclusive) of each run of marked samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -98,7 +98,7 @@ def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> l
 
 
 def _first_rest(stamps: Integers, acceleration: Array) -> int:
-    """Returns the number of rows before the container starts to move."""
+    """Returns the number of samples before the container starts to move."""
     bins, stretch = Bins(3), Stretch(TOLERANCE, MOST)
     for row, (number, (x, y, z)) in bins.add_many(stamps, acceleration):
         if not stretch.take(number, (x, y, z)) and not stretch.first:

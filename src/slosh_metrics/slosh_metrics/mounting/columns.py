@@ -134,7 +134,7 @@ def aligned(
 
 
 def smoothed(t: Array, values: Array, at: Array, box: float) -> Array:
-    """Returns values (M, K) at evenly spaced times, smoothed by three moving averages.
+    """Returns values at evenly spaced times, each column smoothed by three moving averages.
 
     By three boxes of a width [s].
     """

@@ -23,7 +23,7 @@ def _first_row(both: Aligned, lag: float) -> tuple[int, float]:
 
 
 def known_rows(both: Aligned, lag: float) -> BoolArray:
-    """Returns a mask (N,) of the rows in which sensor and motion are known, for a delay [s]."""
+    """Returns a mask of the times at which sensor and motion are known, for a delay [s]."""
     first, _ = _first_row(both, lag)
     count = len(both.used)
     rows: BoolArray = both.used.copy()
@@ -33,7 +33,7 @@ def known_rows(both: Aligned, lag: float) -> BoolArray:
 
 
 def shifted(both: Aligned, lag: float, rows: BoolArray) -> tuple[Array, Array]:
-    """Returns force and angular velocity of a sensor at given rows, corrected by a delay [s]."""
+    """Returns a sensor's force and angular velocity at given samples, corrected by a delay [s]."""
     first, share = _first_row(both, lag)
     count = len(both.used)
     force, rate = (

@@ -75,7 +75,7 @@ def curved(mesh: Triangles, sides: Sequence[Side]) -> Any:
 
 
 def bases(mesh: Any, *parts: str) -> list[Any]:
-    """Creates second-order bases inside a mesh and on parts of its boundary."""
+    """Creates second-order finite-element bases inside a mesh and on parts of its boundary."""
     fem = library()
     mapping = mesh.mapping()
     # Its own tolerance is below the rounding of triangles that are small beside their distance.

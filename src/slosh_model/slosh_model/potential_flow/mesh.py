@@ -238,7 +238,7 @@ def divided(mesh: Triangles, sides: Sequence[Side]) -> Triangles:
 
 
 def on_sides(sides: Sequence[Side], side: Integers, shares: Array) -> Array:
-    """Returns positions (E, 2) on boundary curves for relative positions along them."""
+    """Returns the points on boundary curves for relative positions along them."""
     places = np.empty((len(shares), 2))
     for number, one in enumerate(sides):
         these = side == number

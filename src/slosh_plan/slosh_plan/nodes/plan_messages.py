@@ -75,7 +75,7 @@ class RequestedPath:
 
 
 def points_of(request: Any) -> tuple[Any, Any]:
-    """Returns the points of both trajectories in a request: container and joints."""
+    """Returns the points of a request's container trajectory and joint trajectory."""
     return request.trajectory.points, request.joint_trajectory.points
 
 

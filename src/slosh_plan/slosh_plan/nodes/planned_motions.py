@@ -75,7 +75,7 @@ class PlannedMotions:
         )  # fmt: skip
 
     def health(self) -> Health | None:
-        """Returns a warning if the motion in progress exceeds a limit, or None."""
+        """Returns a warning if the motion in progress exceeds a limit, otherwise None."""
         last = self._last
         if last is None or last.state == MotionPrediction.KEPT:
             return None

@@ -221,7 +221,7 @@ def _finite(msh: Array) -> Array:
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
-    """Returns quaternions (rows, 4) over a motion and the rest after it, or None if upright.
+    """Returns quaternions over a motion and the rest after it, or None if upright.
 
     Args:
         motion: the motion.

@@ -215,7 +215,7 @@ class CollocationProblem:
         )
 
     def _joins(self, flows: tuple[Flow, ...], path: Path, layout: StateLayout) -> _Part:
-        """Returns constraints between legs: rest at corners, continuous tilt and liquid."""
+        """Returns constraints between legs: rest at corners, continuous tilt and liquid state."""
         ca = casadi()
 
         rows: list[tuple[dict[int, float], float]] = []

@@ -99,7 +99,7 @@ class JointDemands:
 
 
 def joint_columns(slope: Array, bend: Array, change: Array, torques: Array | None) -> Array:
-    """Returns the interpolated columns (N, C) of the joints for `JointDemands`.
+    """Returns the joints' columns along a path, which `JointDemands` interpolates.
 
     Args:
         slope, bend, change: (N, J) the joints' first three derivatives by s.

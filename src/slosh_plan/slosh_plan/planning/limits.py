@@ -82,7 +82,7 @@ class PlanLimits(HeightLimits):
         return replace(kept, residual=min(kept.residual, kept.height))
 
     def lowered(self, margin: float) -> PlanLimits:
-        """Returns the limits with both heights reduced by a margin [m].
+        """Returns the limits with the heights during and after the motion lowered by a margin [m].
 
         Raises:
             SloshPlanError: a negative margin, or one that leaves no height.
@@ -97,7 +97,7 @@ class PlanLimits(HeightLimits):
         return replace(self, height=self.height - margin, residual=self.residual - margin)
 
     def reduced(self, share: float) -> PlanLimits:
-        """Returns the limits with both heights reduced by a fraction."""
+        """Returns the limits with the heights during and after the motion cut by a fraction."""
         return replace(
             self, height=self.height * (1.0 - share), residual=self.residual * (1.0 - share)
         )

@@ -59,7 +59,7 @@ class Leg:
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
-        """Returns the columns (N, C) that the search interpolates: position derivatives."""
+        """Returns position derivatives along the leg, which the search interpolates."""
         return np.column_stack(self.at(s)[1:])
 
 
@@ -171,7 +171,7 @@ def _near(one: Array, other: Array) -> bool:
 
 
 def _corners(points: Array) -> tuple[list[int], tuple[bool, ...]]:
-    """Returns the rows of corners, and which of them reverse the direction."""
+    """Returns the indices of corner points, and which of them reverse the direction."""
     steps = np.diff(points, axis=0)
     directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosines = np.einsum("ij,ij->i", directions[:-1], directions[1:])

@@ -258,7 +258,7 @@ def guess_of(
 
 
 def _waves(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
-    """Simulates a motion; returns a function for the first modes of all models by time."""
+    """Simulates a motion; returns a function of time with the first mode of each model."""
     turned = attitudes(motion, None, len(motion.t))
     inputs = Inputs(motion.t, motion.acceleration, turned)
     modal = np.hstack([simulate(model, inputs)[0].modal[:, 0] for model in models])

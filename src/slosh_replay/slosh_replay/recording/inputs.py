@@ -156,7 +156,7 @@ class InputReader:
         return ""
 
     def finish(self) -> None:
-        """Processes the remaining samples at the end."""
+        """Processes the remaining samples at the end of the input."""
         self._adapter.check.finish()
 
     def _raised_now(self) -> dict[int, InputDoubt]:

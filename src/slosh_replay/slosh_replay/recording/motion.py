@@ -199,7 +199,7 @@ _NO_STAMPS = np.empty(0, dtype=np.int64)
 
 
 def at_stamps(wanted: Stamps, stamps: Stamps, values: Array) -> Array | None:
-    """Returns the first values (N, K) at each of the given stamps, or None if one is missing.
+    """Returns the first row of values at each of the given stamps; None if one is missing.
 
     Args:
         wanted: stamps to look for.
@@ -225,7 +225,7 @@ def _stacked(columns: Columns, names: tuple[str, ...]) -> Array:
 
 
 def _reported(columns: Columns, names: tuple[str, ...], known: str) -> Array:
-    """Returns values (N, K), with NaN where the Imu message says 'not reported'."""
+    """Returns values with NaN where the Imu message says 'not reported'."""
     return np.where(
         (columns[known] == NOT_REPORTED)[:, np.newaxis], np.nan, _stacked(columns, names)
     )

@@ -256,7 +256,7 @@ class _Motion:
             sensor.take_motion(stamp, tuple(a), None if poses is None else poses[number])
 
     def finish(self) -> None:
-        """Processes the remaining samples at the end."""
+        """Processes the remaining samples at the end of the input."""
         self._reader.finish()
 
     @property

@@ -175,7 +175,7 @@ def _estimates(result: ReplayResult, tolerance: float | None) -> list[Point]:
 
 
 def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
-    """Checks the results of the other nodes that have a tolerance."""
+    """Checks the replayed results of nodes other than the estimator against their tolerances."""
     return [
         point
         for name, found in result.verified.items()

@@ -161,7 +161,7 @@ class ModelHeights(NamedTuple):
 
     @property
     def as_read(self) -> Array:
-        """Heights (M, K) [m] as a sensor measures them."""
+        """Heights [m] as a sensor measures them, one column per model."""
         return self.heights if self.readings is None else self.readings
 
 

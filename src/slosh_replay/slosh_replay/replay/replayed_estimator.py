@@ -81,7 +81,7 @@ class ReplayedEstimator:
 
     @property
     def waiting_ns(self) -> int | None:
-        """Stamp [ns] of the first input whose use is not yet decided, or None."""
+        """Stamp [ns] of the first input whose use is undecided; None if all are decided."""
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:

@@ -282,7 +282,7 @@ class Messages(NamedTuple):
 
 
 def split(batches: Sequence[Messages], until: int) -> tuple[Messages, list[Messages]]:
-    """Splits batches at a stamp [ns]: one batch up to the stamp, and the rest."""
+    """Splits batches at a stamp [ns]: one batch up to the stamp and one after it."""
     due = [batch.rows(batch.stamps <= until) for batch in batches if batch.stamps[0] <= until]
     rest = [batch.rows(batch.stamps > until) for batch in batches if batch.stamps[-1] > until]
     return joined_messages(due), [batch for batch in rest if len(batch.stamps)]

@@ -159,7 +159,7 @@ def read_bag_table(
 
 
 class PlacedHeights(NamedTuple):
-    """Measured heights at the rows of a motion: maximum (N,), or by azimuth (N, K)."""
+    """Measured heights at the samples of a motion: maximum, or wall heights by azimuth."""
 
     msh: Array
     eta_azimuth: Array | None
@@ -168,7 +168,7 @@ class PlacedHeights(NamedTuple):
 
 
 class TableHeights:
-    """Collects measured heights and assigns them to the rows of a motion.
+    """Collects measured heights and assigns them to the samples of a motion.
 
     Args:
         columns: those of the table that the bag was made of; empty: of none.
@@ -209,7 +209,7 @@ class TableHeights:
     def placed(
         self, motion: RecordedMotion, max_gap: float
     ) -> tuple[RecordedMotion, PlacedHeights]:
-        """Returns the motion with interpolated rows at the heights' stamps, and the heights.
+        """Returns the motion with samples added at the heights' stamps, and the heights.
 
         Args:
             motion: the motion.
@@ -251,7 +251,7 @@ def _notes(between: int, outside: int, came: Measurements) -> tuple[str, ...]:
 
 
 def with_rows_at(motion: RecordedMotion, between: Stamps) -> RecordedMotion:
-    """Adds linearly interpolated rows to the motion.
+    """Adds linearly interpolated samples to the motion at the given stamps.
 
     Args:
         motion: the motion.
@@ -291,13 +291,13 @@ def _unit(quaternions: Array) -> Array:
 
 
 def _rows(rows: Stamps, stamps: Stamps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Returns the row of each stamp, and whether the row has exactly this stamp."""
+    """Returns the sample index for each stamp, and whether the sample has exactly this stamp."""
     row = np.minimum(np.searchsorted(rows, stamps), len(rows) - 1)
     return row, rows[row] == stamps
 
 
 def _reachable(rows: Stamps, stamps: Stamps, max_gap_ns: int) -> NDArray[np.bool_]:
-    """Returns whether each stamp is at a row, or between two rows close to each other."""
+    """Returns whether each stamp is at a sample, or between two samples close to each other."""
     after = np.searchsorted(rows, stamps)
     last = len(rows) - 1
     exact = rows[np.minimum(after, last)] == stamps

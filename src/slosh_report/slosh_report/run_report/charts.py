@@ -39,7 +39,7 @@ MARKS = 60
 
 
 def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
-    """Draws measured height and both models' (linear, nonlinear) over time [mm] as SVG."""
+    """Draws measured, linear and nonlinear model's heights over time [mm] as SVG."""
 
     def draw(axes: Any) -> None:
         _heights(axes, report, slice(None), chart_points(size))
@@ -65,7 +65,7 @@ def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> s
 
 
 def motion_chart(report: RunReport, motion: RunMotion, name: str) -> str:
-    """Draws measured height and both models' (linear, nonlinear) in one motion [mm] as SVG."""
+    """Draws measured, linear and nonlinear model's heights in one motion [mm] as SVG."""
     beside = 0.05 * (motion.end - motion.start)
     ends = (motion.start - beside, motion.end + beside)
     part = slice(*np.searchsorted(report.t, ends).tolist())

@@ -158,13 +158,13 @@ def model_names(motions: list[dict[str, Any]]) -> list[str]:
 
 
 def model_index(motion: dict[str, Any], name: str) -> int | None:
-    """Returns the index of a model's row in a motion, or None if it is missing."""
+    """Returns the index of a model in a motion's results; None if it is missing."""
     names = [row["name"] for row in motion["models"]]
     return names.index(name) if name in names else None
 
 
 def best_index(motion: dict[str, Any]) -> int | None:
-    """Returns the index of the row with the smallest MAE, or None if all are unknown."""
+    """Returns the index of the model with the smallest MAE; None if all are unknown."""
     known = [
         (row["sigma"], i) for i, row in enumerate(motion["models"]) if row["sigma"] is not None
     ]
@@ -175,7 +175,7 @@ Differences = list[tuple[int, dict[str, Any]]]
 
 
 def differences_apart(rows: list[dict[str, Any]]) -> tuple[Differences, Differences]:
-    """Splits the rows of differences into displayed and collapsed ones."""
+    """Splits the table of differences into displayed and collapsed rows."""
     ordered = sorted(enumerate(rows), key=lambda entry: entry[1]["first"] is None)
     return ordered[:UNFOLDED], ordered[UNFOLDED:]
 

@@ -143,7 +143,7 @@ def _path(axes: Any, t: Array, phi: Array, height: Array) -> None:
 
 
 def _shades(t: Array) -> list[tuple[float, slice]]:
-    """Returns opacity and index range of each section of the drawn path."""
+    """Returns opacity and index range of each part of the drawn path."""
     if not len(t):
         return []
     edges = np.searchsorted(t, np.linspace(t[0], t[-1], SHADES + 1)[1:-1])
@@ -154,7 +154,7 @@ def _shades(t: Array) -> list[tuple[float, slice]]:
 
 
 def _above(series: AzimuthSeries, threshold: float) -> tuple[Array, Array, Array]:
-    """Returns times, azimuths and heights of samples above the threshold."""
+    """Returns times, azimuths and heights of samples above the azimuth threshold."""
     with np.errstate(invalid="ignore"):
         chosen = np.isfinite(series.azimuth) & (series.height > threshold)
     return series.t[chosen], series.azimuth[chosen], series.height[chosen]

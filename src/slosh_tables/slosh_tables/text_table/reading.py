@@ -293,7 +293,7 @@ class _Numbers:
 
     @property
     def data(self) -> Array:
-        """Returns the values (N, K) that were read."""
+        """Returns the values that were read, one row per line of the table."""
         return np.frombuffer(self._values, np.float64).reshape(-1, len(self._columns))
 
     def read(self) -> None:

@@ -60,7 +60,7 @@ class MotionWithTerms:
         return cls(model, motion, inputs, np.searchsorted(inputs.t, moments))
 
     def heights(self, terms: Sequence[Term], coefficients: Sequence[float]) -> Array:
-        """Returns the heights (M, K) [m] at the sensor with the terms added to the model.
+        """Returns the heights (times, azimuths) [m] at the sensor, by the model with the terms.
 
         Raises:
             SloshModelError: the solution runs away.
