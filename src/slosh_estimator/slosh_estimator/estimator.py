@@ -248,7 +248,7 @@ class Estimator:
         self._settled_ns = state.settled_ns
 
     def _is_unmoved(self) -> bool:
-        """Returns whether the container's acceleration raises the liquid by less than 'STILL'."""
+        """Returns whether the container's acceleration raises the liquid by hardly anything."""
         last = self._last
         if last is None:
             return self._at_rest

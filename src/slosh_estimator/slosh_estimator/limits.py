@@ -115,7 +115,7 @@ class LimitTracker:
         self._below_since_ns: int | None = None
 
     def update(self, stamp_ns: int, value: float) -> Event | None:
-        """Adds a value [m]; returns the event that it causes, or None. NaN changes nothing."""
+        """Checks a value [m], ignoring NaN, against the limit; returns the event it causes."""
         if math.isnan(value):
             return None
         if not self.active:

@@ -123,7 +123,7 @@ class _Basis:
         return np.asarray(-(self.k * amplitudes) @ self.sine)
 
     def vertical(self, amplitudes: Array, times: int) -> Array:
-        """Returns the n-th derivative along z at the still level on the grid."""
+        """Returns the n-th derivative along z of values on the grid, at the still level."""
         rate = self.k**times * (self.tanh if times % 2 else 1.0)
         return np.asarray((rate * amplitudes) @ self.cosine)
 

@@ -71,7 +71,7 @@ class Wall:
         return WallPlace(*self._columns(height))
 
     def places(self, heights: Array) -> dict[str, Array]:
-        """Returns where the liquid stands for heights (N,), by the field names of WallPlace."""
+        """Returns the liquid's highest positions for wave heights (N,), by field of WallPlace."""
         return dict(zip(WallPlace._fields, self._columns(heights), strict=True))
 
     def _columns(self, height: Any) -> tuple[Any, ...]:
@@ -85,7 +85,7 @@ class Wall:
         return surface, along, radius, self.freeboard - surface, left
 
     def height_at(self, distance: float = 0.0) -> float:
-        """Returns the wall height [m] at which the crest is a distance below the rim; NaN if none.
+        """Returns the wall height [m] that puts the crest a distance below the rim; NaN if none.
 
         NaN: the rim is not known. Not above 0: no wave leaves so much.
         """

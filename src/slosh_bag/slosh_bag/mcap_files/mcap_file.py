@@ -212,16 +212,16 @@ class McapFile:
 
     @property
     def counts(self) -> dict[int, int]:
-        """Number of messages written to the file by channel."""
+        """Number of messages of each channel that were written to the file."""
         return self._counts.copy()
 
     @property
     def waiting(self) -> dict[int, int]:
-        """Number of messages that are not yet written to the file by channel."""
+        """Number of messages of each channel that are not yet written to the file."""
         return {channel: len(entries) // 2 for channel, entries in self._chunk.entries.items()}
 
     def discard(self) -> dict[int, int]:
-        """Removes messages that are not yet written; returns their number by channel."""
+        """Removes messages that are not yet written; returns their number for each channel."""
         counts = self.waiting
         self._chunk = _OpenChunk()
         return counts

@@ -144,7 +144,7 @@ class SurfaceReading:
         return float(np.sqrt(np.average(np.square(self._residual), weights=self._told)))
 
     def _stddev(self, height: float, shapes: FloatArray) -> float:
-        """Returns the standard deviation of a height [m] with mode-shape values (SHAPES,)."""
+        """Returns the standard deviation of a height [m], given the mode shapes at its place."""
         width = self.edge_width if np.isfinite(self.edge_width) else TUNING.wide_rows
         variance = float(shapes @ self._fit.covariance @ shapes)
         parts = (

@@ -154,7 +154,7 @@ def _agree_in_place(correlations: FloatArray) -> bool:
 
 @entry_point(float64[::1](given(float32, 2, "A"), given(float32, 2, "A")))
 def _correlations(now, learnt):  # type: ignore[no-untyped-def]
-    """Returns the correlation with the stored edge strips for each shift, (2 _LOOKED + 1,)."""
+    """Returns the correlation with the stored edge strips for each shift in pixels."""
     shifts = 2 * _LOOKED + 1
     rows, width = learnt.shape[0], learnt.shape[1] - 2 * _LOOKED
     size, together, squares = 0.0, np.zeros(shifts), np.zeros(shifts)

@@ -174,7 +174,7 @@ class GlassWall:
         return np.minimum(self.outer_radius, self._plan_index(slope) * self.radius)
 
     def _turn(self, impact: Array, slope: Array, distance: float, rear: BoolArray | None) -> Array:
-        """Returns the azimuth relative to the camera where rays meet the chosen wall [rad]."""
+        """Returns the azimuth relative to the camera where rays meet front or rear wall [rad]."""
         in_wall = impact / self._plan_index(slope)
         angle: Array = (
             _arcsin(impact / self.outer_radius)

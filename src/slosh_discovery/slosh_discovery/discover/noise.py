@@ -171,7 +171,7 @@ def _scale_of(differences: Sequence[Array], order: int) -> Noise | None:
 
 
 def still_noise(motion: MeasuredMotion) -> Noise | None:
-    """Estimates the noise of the heights before the container moves, or returns None.
+    """Estimates the heights' noise before the container moves; None with too few samples.
 
     None: the part is too short, the clocks differ, or the heights there do not vary at all (a
     detection that locks on a still surface tells nothing of one that moves).

@@ -85,7 +85,7 @@ def unrelated_motion(
 
 
 def noted_model(facts: Mapping[str, str]) -> Model | None:
-    """Returns a model of water in the container that a bag's metadata name; None if none."""
+    """Returns a model of water in the container that a bag's metadata name; None without."""
     container = noted_container(facts)
     return None if container is None else plain(Model(container))
 

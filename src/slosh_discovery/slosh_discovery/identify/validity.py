@@ -72,7 +72,7 @@ class LineLimit:
 def line_limit(
     motions: Sequence[MeasuredMotion], ratio: float, tolerance: float = TOLERANCE
 ) -> LineLimit | None:
-    """Finds the range of speeds in which the surface is a straight line, or returns None.
+    """Finds the speeds at which the surface is a straight line; None without any profile.
 
     Args:
         motions: those with a profile and an operating speed count.

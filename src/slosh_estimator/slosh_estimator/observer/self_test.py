@@ -17,7 +17,7 @@ INPUTS = 6
 
 
 class _Arrays:
-    """Arrays of the compiled functions after some inputs."""
+    """State arrays of the observer's compiled functions after some inputs."""
 
     def __init__(self, model: Model) -> None:
         self.store = store_of(model.nonlinear(), MAX_STEP)

@@ -255,7 +255,7 @@ class PacedLeg:
 
     @cached_property
     def splines(self) -> tuple[BSpline, ...]:
-        """Splines of s [m] over the parameter, and of its first two derivatives."""
+        """Splines of path length s [m] over the parameter, and of its first two derivatives."""
         s = np.linspace(0.0, self.leg.length, TUNING.leg_points + 1)
         squared = (self.leg.at(s)[2] ** 2).sum(axis=1)
         least = (self.pace.floor**2) * squared.mean() + (TUNING.straight / self.leg.length) ** 2

@@ -40,7 +40,7 @@ class JerkLaw:
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
-        """Returns s [m], ds/dt and d²s/dt² (M,) at times [s] from the start of the leg."""
+        """Returns path length s [m], ds/dt and d²s/dt² (M,) at times [s] from the leg's start."""
         step = self.duration / len(self.jerk)
         nodes = self.nodes()
         row = np.clip((t / step).astype(np.int64), 0, len(self.jerk) - 1)
@@ -54,7 +54,7 @@ class JerkLaw:
         )
 
     def nodes(self) -> Array:
-        """Returns s, ds/dt and d²s/dt² at the nodes (N + 1, 3)."""
+        """Returns path length s, ds/dt and d²s/dt² at the nodes (N + 1, 3)."""
         step = self.duration / len(self.jerk)
         place, speed, change = self.start
         a = change + np.concatenate([[0.0], np.cumsum(self.jerk) * step])
