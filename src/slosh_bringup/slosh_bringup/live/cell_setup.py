@@ -121,7 +121,7 @@ def read_setup(path: Path) -> CellSetup:
 
 
 def _record(source: YamlDocument) -> str:
-    """Returns the file's setting of what to record; empty if it has none."""
+    """Returns what the cell file says to record; empty if it says nothing."""
     value = source.value.get("record", "")
     if "record" in source.value and value not in RECORD:
         raise SloshBringupError(
