@@ -28,7 +28,7 @@ TRAY = "tray"
 FARTHEST = 2.0
 """Largest coordinate of a place [m]."""
 _KEY = "containers"
-_KEYS = ("name", "model", "place", "limit")
+_KEYS = ("name", "model", "place", "limit", "empty")
 _NAME = re.compile(r"[\w-][\w.-]{0,39}")
 
 
@@ -41,12 +41,14 @@ class TrayContainer:
         model: its own.
         place: centre of its still surface in the tray's frame [m].
         limit: of its height [m]; NaN: none of its own.
+        empty: whether its place is empty; the model is that of the last container there.
     """
 
     name: str
     model: Model
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     limit: float = math.nan
+    empty: bool = False
 
     @property
     def placed(self) -> Model:
@@ -85,10 +87,27 @@ class Tray:
         """The tray with each model changed."""
         return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
 
+    def with_container(self, index: int, container: TrayContainer) -> Tray:
+        """The tray with another container in one place, counted from 0."""
+        listed = list(self.containers)
+        listed[index] = container
+        return Tray(tuple(listed))
+
+    @property
+    def present(self) -> tuple[TrayContainer, ...]:
+        """The containers that are there."""
+        return tuple(one for one in self.containers if not one.empty)
+
     @property
     def first(self) -> TrayContainer:
         """The container that a camera looks at, and that stands for a cell with one."""
         return self.containers[0]
+
+    @property
+    def turning(self) -> TrayContainer:
+        """A container whose liquid turns with it, as in a box; the first where all are round."""
+        boxes = (one for one in self.present if one.model.container.cornered)
+        return next(boxes, self.first)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -166,6 +185,8 @@ def format_tray(tray: Tray) -> str:
         entry: dict[str, Any] = {"name": one.name, "place": list(one.place)}
         if not math.isnan(one.limit):
             entry["limit"] = one.limit
+        if one.empty:
+            entry["empty"] = True
         entry["model"] = parse_yaml(format_model(one.model), "model").value
         listed.append(entry)
     return format_yaml({_KEY: listed}, sort_keys=False, default_flow_style=None)
@@ -186,9 +207,14 @@ def _container(document: YamlDocument, index: int) -> TrayContainer:
         raise SloshModelError(
             f"{document.where(*path)}: name = {shown(name)} must be letters, digits, '_', '-', '.'"
         )
+    empty = entry.get("empty", False)
+    if not isinstance(empty, bool):
+        raise SloshModelError(
+            f"{document.where(*path)}: empty = {shown(empty)} must be true or false"
+        )
     return TrayContainer(
         name, _model(document, index, entry), _place(document, index, entry),
-        _limit(document, index, entry),
+        _limit(document, index, entry), empty,
     )  # fmt: skip
 
 

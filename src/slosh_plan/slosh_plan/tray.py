@@ -8,9 +8,11 @@ from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import ModelError, Prediction, predict
-from slosh_plan.scaling import SafeScales, safe_scales
+from slosh_plan.scaling import COUNT, SafeScales, safe_scales
+from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
 
 L = TypeVar("L", bound=HeightLimits)
@@ -46,6 +48,7 @@ def predict_tray(
     trajectories: Sequence[Trajectory],
     *,
     limits: HeightLimits | None = None,
+    state: LiquidState | None = None,
     horizon: float | None = None,
     error: ModelError | None = None,
 ) -> list[TrayPrediction]:
@@ -55,25 +58,40 @@ def predict_tray(
         tray: the tray; each container is driven by the acceleration of its place.
         trajectories: candidates, of the tray's frame.
         limits: of all containers, beside their own limits and rims; None: nothing.
+        state: at the start, of one container; None: at rest.
         horizon, error: as of `predict`.
 
     Raises:
-        SloshPlanError: as of `predict`.
+        SloshPlanError: as of `predict`; no container is there.
     """
+    check_present(tray)
     asked = limits or HeightLimits()
     by_name = {
         one.name: predict(
-            one.placed, trajectories, limits=limits_of(one, asked), horizon=horizon, error=error
+            one.placed,
+            trajectories,
+            limits=limits_of(one, asked),
+            state=state,
+            horizon=horizon,
+            error=error,
         )
-        for one in tray.containers
+        for one in tray.present
     }
-    found = []
-    for place in range(len(trajectories)):
-        containers = {name: answers[place] for name, answers in by_name.items()}
-        found.append(
-            TrayPrediction(containers, max(containers, key=lambda n: _use(containers[n])))
-        )
-    return found
+    return [
+        prediction_of({name: answers[place] for name, answers in by_name.items()})
+        for place in range(len(trajectories))
+    ]
+
+
+def check_present(tray: Tray) -> None:
+    """Raises SloshPlanError where no container is on the tray."""
+    if not tray.present:
+        raise SloshPlanError("the tray is empty: no liquid to predict")
+
+
+def prediction_of(containers: Mapping[str, Prediction]) -> TrayPrediction:
+    """The prediction of a motion of a tray, from those of its containers by name."""
+    return TrayPrediction(containers, max(containers, key=lambda name: _use(containers[name])))
 
 
 def _use(found: Prediction) -> float:
@@ -90,20 +108,26 @@ def tray_scales(
     limits: HeightLimits,
     found: TrayPrediction,
     *,
+    state: LiquidState | None = None,
     horizon: float | None = None,
+    count: int = COUNT,
+    most: float = math.inf,
 ) -> SafeScales:
     """The time scales at which every container keeps its limits; see `slosh_plan.safe_scales`.
 
     Args:
-        tray, motion, limits, horizon: as above.
+        tray, motion, limits, state, horizon: as above.
         found: the prediction of the motion, by whose margins the limits are kept.
+        count: of the scales that are looked at.
+        most: samples that may be simulated, of all containers together.
     """
     each = [
         safe_scales(
-            one.placed, motion, limits_of(one, limits), horizon=horizon,
-            margin=found.containers[one.name].margin,
+            one.placed, motion, limits_of(one, limits), state=state, horizon=horizon,
+            margin=found.containers[one.name].margin, count=count,
+            most=most / len(tray.present),
         )
-        for one in tray.containers
+        for one in tray.present
     ]  # fmt: skip
     shared = each[0]
     for other in each[1:]:

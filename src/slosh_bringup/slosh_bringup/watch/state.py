@@ -165,9 +165,9 @@ class WatchState:
         """Stores the start or end of a limit violation."""
         self._events.append(event)
         if event.kind == START:
-            self._open[event.source] = event
+            self._open[event.id] = event
         else:
-            self._open.pop(event.source, None)
+            self._open.pop(event.id, None)
 
     def take_parameters(
         self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
@@ -214,7 +214,7 @@ class WatchState:
         frame: dict[str, Any] = {
             "drawing": self._drawing,
             "verdict": judgement.verdict.value,
-            "reason": judgement.reason,
+            "reason": judgement.reason + ("" if exceeded else self._worst(now)),
             "time": self._seconds(self._newest),
             "rows": [[None if v != v else round(v, 7) for v in row] for row in rows],
             "now": self._now(now),
@@ -323,6 +323,14 @@ class WatchState:
             }
             for event in reversed(self._events)
         ]
+
+    def _worst(self, now: float) -> str:
+        """The container of a tray that is nearest to its limit, for a sentence; empty: no tray."""
+        report, at = self._nodes.get("monitor", (None, -math.inf))
+        name = report.facts.get("worst container", "") if report is not None else ""
+        if report is None or not name or now - at > SILENT:
+            return ""
+        return f"; worst container {name}: {report.facts.get(f'container {name}', '')}"
 
     def _advice(self) -> str:
         """Returns the command to run if model and camera disagree."""

@@ -8,7 +8,6 @@ import sys
 import time
 from collections import ChainMap
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from threading import Event
 from typing import Any
@@ -24,7 +23,7 @@ from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
-from slosh_estimator.held_container import HeldContainer
+from slosh_estimator.held_container import EMPTY, FRESH, TRAY_PLACE, HeldContainer
 from slosh_estimator.inputs import (
     JOINTS,
     MESSAGE_TYPES,
@@ -52,7 +51,7 @@ from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import TILT, Model
 from slosh_model.model_text import format_model
-from slosh_model.tray import TRAY, format_tray, read_tray
+from slosh_model.tray import TRAY, Tray, format_tray, read_tray
 from slosh_msgs.msg import ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
@@ -65,7 +64,6 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
-TRAY_STAYS = "the cell carries a tray: its containers are those of the tray's file"
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
@@ -200,6 +198,9 @@ class EstimatorNode(PreparedNode):
             self._await_the_robot()
         at_rest = self._values["starts_at_rest"]
         self._estimator = Estimator(self._felt(self._tray.first.placed), at_rest=at_rest)
+        self._estimator.empty = self._tray.first.empty
+        if self._tray.first.empty:
+            self._container[EMPTY] = True
         self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
 
     def _ask_for_the_robot(self) -> None:
@@ -247,9 +248,8 @@ class EstimatorNode(PreparedNode):
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._changes = ContainerChanges(
-            self, self._tray.first.model, self._values["containers"],
+            self, self._tray, self._values["containers"],
             lambda: self._input.gate.last_ns or self._now(), self._take,
-            TRAY_STAYS if self._tray.is_tray else "",
         )  # fmt: skip
         if self._tray.is_tray:
             self._trays = self.create_publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
@@ -350,15 +350,28 @@ class EstimatorNode(PreparedNode):
             fill_tray(self._tray_message, sample.stamp_ns, tray)
             self._trays.publish(self._tray_message)
 
-    def _take(self, held: HeldContainer) -> int:
-        """Goes on with what the gripper holds from the next input on; the last stamp before it."""
-        self._estimator.load_model(self._felt(held.model), fresh=held.fresh, empty=held.empty)
-        self._container.update(held.recorded)
+    def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
+        """Goes on with what a place holds from the next input on; the last stamp before it.
+
+        Args:
+            index: of the place on the tray, from 0; of one container 0.
+            held: what is there.
+            tray: with it.
+        """
+        model = self._felt(tray.containers[index].placed)
+        if not index:
+            self._estimator.load_model(model, fresh=held.fresh, empty=held.empty)
+            self._container.update(held.recorded)
+        self._others.change(tray, index, fresh=held.fresh)
+        self._tray = tray
+        place = {TRAY_PLACE: tray.names[index]} if tray.is_tray else {}
+        self._container.update({FRESH: held.fresh, **place})
         self._announce_start()
-        self._container.update(replace(held, fresh=False).recorded)  # of this start alone
+        self._container.update({FRESH: False, **dict.fromkeys(place, "")})  # of this start alone
         self._set_names()
-        self._observe_anew()
-        self._input.sampling.carry(modes_of(self._estimator.model))
+        if not index:
+            self._observe_anew()
+            self._input.sampling.carry(modes_of(self._estimator.model))
         return self._input.gate.last_ns or 0
 
     def _on_load_model(
@@ -436,7 +449,7 @@ class EstimatorNode(PreparedNode):
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
-        if self._estimator.empty:
+        if not self._tray.present:
             return OK, "no container: the gripper is empty"
         # That one is the container's shape, no trouble.
         flags &= ~(EstimateFlag.LINEAR_ONLY | EstimateFlag.NO_CONTAINER)

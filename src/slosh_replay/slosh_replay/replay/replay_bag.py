@@ -135,6 +135,7 @@ def replay_bag(
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
         tray=tray,
+        trays=[],
         starts=sources.starts,
         outputs=outputs or Outputs(),
         loaded=[],
