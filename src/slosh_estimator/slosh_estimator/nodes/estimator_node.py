@@ -27,6 +27,7 @@ from slosh_estimator.held_container import EMPTY, FRESH, TRAY_PLACE, HeldContain
 from slosh_estimator.inputs import (
     JOINTS,
     MESSAGE_TYPES,
+    PLACED,
     POSE_WINDOW,
     ROBOT,
     TOPIC_NAMES,
@@ -236,7 +237,8 @@ class EstimatorNode(PreparedNode):
 
     def _felt(self, model: Model) -> Model:
         """Returns the model that runs; with poses it includes gravity by tilt."""
-        felt = model.feeling_gravity() if self._kind in WINDOWED else model
+        turns = self._kind in WINDOWED or PLACED in self._given
+        felt = model.feeling_gravity() if turns else model
         self._added = "" if felt is model else ADDED
         if self._added:
             self.get_logger().info(self._added)
@@ -291,9 +293,21 @@ class EstimatorNode(PreparedNode):
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
+        if PLACED in parameters:
+            self._feel_gravity()
         self._announce_start()
         modes = modes_of(self._estimator.model)
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
+
+    def _feel_gravity(self) -> None:
+        """Goes on with models that feel the tilt that transforms tell."""
+        at_rest = self._values["starts_at_rest"]
+        self._estimator.load_model(
+            self._felt(self._tray.first.placed), empty=self._tray.first.empty
+        )
+        self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
+        self._set_names()
+        self._observe_anew()
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.
@@ -423,7 +437,8 @@ class EstimatorNode(PreparedNode):
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
         others = (other.model for other in self._others.others)
-        unfelt = (attitude_warning(m, self._kind) for m in (self._estimator.model, *others))
+        models = () if PLACED in self._given else (self._estimator.model, *others)
+        unfelt = (attitude_warning(model, self._kind) for model in models)
         self._unfelt = next(filter(None, unfelt), "")
         self._wall = self._estimator.model.container.wall
 
