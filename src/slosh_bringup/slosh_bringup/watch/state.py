@@ -109,6 +109,9 @@ class WatchState:
 
     Args:
         command: the command that finds why the two sides disagree; empty: none fits.
+
+    Attributes:
+        cells: lines of the list of cells; empty: there is one cell only.
     """
 
     def __init__(self, command: str = "") -> None:
@@ -130,6 +133,7 @@ class WatchState:
         self._open: dict[int, LimitNews] = {}
         self._nodes: dict[str, tuple[NodeReport, float]] = {}
         self._rows: list[tuple[float, ...]] = []
+        self.cells: list[dict[str, Any]] = []
 
     def is_alone(self, now: float) -> bool:
         """Whether the estimate is drawn by itself, because no comparison contains it."""
@@ -166,6 +170,8 @@ class WatchState:
         self._events.append(event)
         if event.kind == START:
             self._open[event.id] = event
+            if len(self._open) > KEPT_EVENTS:
+                del self._open[next(iter(self._open))]
         else:
             self._open.pop(event.id, None)
 
@@ -224,7 +230,7 @@ class WatchState:
         if self._count % SLOW == 0:
             frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
             frame |= {"events": self._shown_events(), "command": self._advice()}
-            frame["container"] = self._container
+            frame |= {"container": self._container, "cells": self.cells}
         self._count += 1
         return json.dumps(plain(frame), allow_nan=False, separators=(",", ":"))
 
