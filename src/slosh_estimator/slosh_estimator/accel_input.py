@@ -1,4 +1,4 @@
-"""Accelerations of the container's origin, gravity excluded (geometry_msgs/AccelStamped)."""
+"""Reads the acceleration of the container's origin, without gravity, from AccelStamped."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from slosh_metrics.input_checks.input_checks import AccelCheck
 
 
 class AccelInput(CheckedInput):
-    """Converts accelerations in the world's or the container's axes to samples.
+    """Converts accelerations in world or container axes to input samples of the models.
 
     Without an attitude the container counts as upright and not yawing: the two frames have the
     same axes, and azimuths refer to them.
@@ -92,12 +92,12 @@ class AccelInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state on which the next samples depend, besides the last stamp."""
+        """Returns the reader's state as numbers, except the stamp of the last sample."""
         own = [*self.gate.last, *self.sampling.memory]
         return [*own, *self.checked_memory(self.gate.last_ns or 0)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state of another reader after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -114,7 +114,7 @@ class AccelInput(CheckedInput):
         accelerations: Array,
         poses: Array | None = None,
     ) -> Samples:
-        """Returns the samples of N messages, without dropped ones.
+        """Returns the samples of N messages; dropped messages are omitted.
 
         Args:
             stamps: (N,) [ns].
@@ -150,7 +150,7 @@ class AccelInput(CheckedInput):
         )  # fmt: skip
 
     def warning(self) -> str | None:
-        """Returns a warning about new messages, with a remedy; None: none."""
+        """Returns a warning with a remedy if new messages were dropped, or None."""
         strange = self.gate.counts[SampleVerdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if not new:
@@ -158,7 +158,7 @@ class AccelInput(CheckedInput):
         return self.refusal()
 
     def remark(self) -> str | None:
-        """Returns a remark about the settings; None: none."""
+        """Returns a remark about settings that have no effect, or None."""
         if any(self._arm) and not self._apart:
             return (
                 "sensor_to_origin has no effect: the input accel contains no rotation; connect "
@@ -167,7 +167,7 @@ class AccelInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were refused by their frame; None: none was."""
+        """Returns why samples were dropped because of their frame, or None."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         if self._apart:

@@ -1,4 +1,4 @@
-"""Inputs of the models, and how they are read: the same live and in a replay."""
+"""Settings of the estimator's input, and the readers for each type of input message."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ PoseSource = JointPoses | TransformPoses | PlacedAccel
 
 
 class InputSettings(NamedTuple):
-    """Settings of the input.
+    """Settings of the estimator's input.
 
     Attributes:
         kind: one of MESSAGE_TYPES; None: the first of them that is there.
@@ -107,7 +107,7 @@ class InputSettings(NamedTuple):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
-        """Makes the settings from an estimator node's parameters.
+        """Creates the settings from the parameters of an estimator node.
 
         Args:
             parameters: by name; those of a node of old have no `max_jump`: it set nothing aside.
@@ -142,7 +142,7 @@ class InputSettings(NamedTuple):
     def mounted(
         self, kind: str, frame: str, fixed: FixedFrames, *, moving: bool = False
     ) -> dict[str, Any] | None:
-        """Returns the mounting parameters that transforms give for an input frame.
+        """Returns the mounting parameters that fixed transforms give for an input frame, or None.
 
         Args:
             kind: of the input.
@@ -182,22 +182,23 @@ class InputSettings(NamedTuple):
         if mount is None and world is not None:
             mount = replace(world, to_origin=(0.0, 0.0, 0.0))
         arm = mount is None or math.hypot(*mount.to_origin) > LEAST_ARM
-        if moving and arm:
-            return {PLACED: frame}
         if mount is None:
-            return None
+            return {PLACED: frame} if moving else None
         found = {
             "sensor_rotation": [mount.roll, mount.pitch, mount.yaw],
-            "sensor_to_origin": list(mount.to_origin), "world_frame": frame,
-        }  # fmt: skip
-        return found | ({APART: True} if arm else {})
+            "sensor_to_origin": list(mount.to_origin),
+        }
+        if moving and arm:
+            return found | {PLACED: frame}
+        return found | {"world_frame": frame} | ({APART: True} if arm else {})
 
     def with_mounting(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Returns the settings with parameters of `mounted`."""
+        """Returns the settings with the mounting parameters that `mounted` returned."""
         if CHAINED in parameters:
             return self._replace(chained=True)
-        if PLACED in parameters:
-            return self._replace(placed=parameters[PLACED])
+        placed = parameters.get(PLACED, "")
+        if placed and "sensor_rotation" not in parameters:
+            return self._replace(placed=placed)
         if BASE in parameters:
             return self._replace(base=_base(parameters[BASE]))
         roll, pitch, yaw = parameters["sensor_rotation"]
@@ -205,10 +206,11 @@ class InputSettings(NamedTuple):
         world = parameters.get("world_frame", self.frames[0])
         transform = SensorTransform(roll, pitch, yaw, (x, y, z))
         apart = APART in parameters
-        return self._replace(transform=transform, frames=(world, self.frames[1]), apart=apart)
+        frames = world, self.frames[1]
+        return self._replace(transform=transform, frames=frames, apart=apart, placed=placed)
 
     def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
-        """What a sensor is said to be, for a comparison with a motion.
+        """Returns the configured mounting of a sensor, and whether its axes are the world's.
 
         Args:
             kind: IMU or ACCEL.
@@ -225,7 +227,7 @@ class InputSettings(NamedTuple):
         return Expected(rotation, place, kind == IMU, arm), in_world
 
     def poses(self, kind: str) -> PoseSource | None:
-        """Makes the converter from messages of a kind to poses; None: not needed.
+        """Returns the converter from messages of this type to poses, or None if none is needed.
 
         Raises:
             SloshEstimatorError: the robot's description does not fit.
@@ -245,7 +247,7 @@ class InputSettings(NamedTuple):
         return None
 
     def reader(self, kind: str) -> AnyInput:
-        """Makes the reader that converts messages of a kind to samples."""
+        """Returns the reader that converts messages of a type to input samples."""
         found = self._reader(kind)
         if isinstance(self.pose_window, int):
             found.sampling.mute()
@@ -258,6 +260,7 @@ class InputSettings(NamedTuple):
         old = self.checks is None
         mount = SensorTransform() if old else self.transform
         if kind == ACCEL:
+            mount = SensorTransform() if self.placed else mount
             return AccelInput(self.gate, self.frames, mount, self.checks, apart=self.apart)
         if kind in VELOCITIES:
             return VelocityInput(
@@ -272,7 +275,7 @@ class InputSettings(NamedTuple):
 
 
 def _base(told: Sequence[Any] | None) -> Base | None:
-    """Parses the base in a node's settings: its name, position and quaternion."""
+    """Returns the base of a robot from a node's settings: name, position and quaternion."""
     if told is None:
         return None
     frame, px, py, pz, x, y, z, w = told
@@ -280,7 +283,7 @@ def _base(told: Sequence[Any] | None) -> Base | None:
 
 
 class WantedInput(NamedTuple):
-    """User's choice of a recording's input, which overrides the recorded settings.
+    """The user's choice of input for a recording, which overrides the recorded settings.
 
     Attributes:
         kind: one of MESSAGE_TYPES; None: as recorded.
@@ -293,7 +296,7 @@ class WantedInput(NamedTuple):
     tool_frame: str = ""
 
     def over(self, recorded: InputSettings) -> InputSettings:
-        """Returns recorded settings with the user's choice applied."""
+        """Returns the recorded settings, overridden by the user's choice."""
         return recorded._replace(
             kind=self.kind or recorded.kind,
             urdf=self.urdf or recorded.urdf,

@@ -24,7 +24,6 @@ from slosh_estimator.mounting import Quaternion, rotated
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Pose, Sample
-from slosh_estimator.sampling import Modes
 from slosh_estimator.transform_poses import Transform, TransformPoses, between
 from slosh_estimator.tuning import TUNING
 
@@ -68,10 +67,6 @@ class PlacedAccel:
         self._arms: deque[Sample] = deque(maxlen=TUNING.kept_states)
         self._waiting: deque[tuple[int, Vector]] = deque(maxlen=TUNING.kept_states)
         self._given = 0
-
-    def carry(self, modes: Modes) -> None:
-        """Is told the modes of the model, which the lever arm's motion must carry."""
-        self._arm.sampling.carry(modes)
 
     def take_transforms(
         self, transforms: Iterable[Transform], *, fixed: bool = False

@@ -119,7 +119,6 @@ IN_WORLD = fixed_frames(link("world", "base", 0.0, (1.0, 2.0, 0.0), MOUNTED))
 @pytest.mark.parametrize(
     ("fixed", "frame", "moving", "found"),
     [
-        (ON_CUP, "sensor", True, {PLACED: "sensor"}),
         (ON_CUP, "forearm", True, {PLACED: "forearm"}),
         (ON_CUP, "forearm", False, None),
         (ON_CUP, "world", True, {}),
@@ -128,6 +127,17 @@ IN_WORLD = fixed_frames(link("world", "base", 0.0, (1.0, 2.0, 0.0), MOUNTED))
 )
 def test_how_a_frame_is_mounted(fixed, frame, moving, found):
     assert SETTINGS.mounted("accel", frame, fixed, moving=moving) == found
+
+
+def test_a_frame_fixed_beside_the_container_tells_its_mounting_for_the_second_source():
+    how = SETTINGS.with_mounting(SETTINGS.mounted("accel", "sensor", ON_CUP, moving=True))
+    assert how.placed == "sensor"
+    expected, in_world = how.expected("accel", "sensor")
+    assert not in_world
+    assert expected.rotation == pytest.approx(MOUNTED.as_matrix(), abs=1e-9)
+    assert expected.to_origin == pytest.approx(ARM)
+    sample = how.reader("accel").update(MS, "world", 1.0, 2.0, 3.0)  # placed already
+    assert sample[1:4] == (1.0, 2.0, 3.0)
 
 
 def test_a_frame_at_the_container_or_in_the_world_gives_its_axes():

@@ -1,4 +1,4 @@
-"""A tray's file: it comes back equal, and what cannot be is named with its line."""
+"""Tests files of trays: read as written, errors with line numbers."""
 
 import math
 
@@ -32,7 +32,7 @@ SIZES = st.floats(0.02, 0.1)
 def test_a_tray_comes_back_from_its_text(cups):
     tray = Tray(
         tuple(
-            TrayContainer(f"cup_{index}", Model(Cylinder(radius, fill)), place, limit, empty)
+            TrayContainer(f"cup_{index}", Model(Cylinder(radius, fill)), place, limit, empty=empty)
             for index, (radius, fill, place, limit, empty) in enumerate(cups)
         )
     )

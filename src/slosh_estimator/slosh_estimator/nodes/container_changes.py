@@ -1,4 +1,4 @@
-"""Changes of the container: the estimator's service, what waits for its moment, and the topic."""
+"""Changes of the container while the estimator runs: service, schedule and topic."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NAME = re.compile(r"[\w-][\w.-]*")
 
 
 class _Waiting(NamedTuple):
-    """A change that applies to inputs with later stamps than this one [ns]."""
+    """A change of the container that applies to inputs after a stamp [ns]."""
 
     after_ns: int
     place: int
@@ -39,7 +39,7 @@ class _Waiting(NamedTuple):
 
 
 class ContainerChanges:
-    """Answers `change_container`, keeps what lies ahead, and tells what applies.
+    """Serves `change_container`, schedules later changes and publishes the current one.
 
     Args:
         node: the estimator's.
@@ -78,14 +78,14 @@ class ContainerChanges:
         return str(self._node.get_parameter("container_frame").value)
 
     def reach(self, stamp_ns: int) -> None:
-        """Is told the stamp of each input before it is used [ns]."""
+        """Applies the changes that are due before an input with this stamp [ns] is used."""
         while stamp_ns > self.next_ns:
             due = self._waiting.pop(0)
             self._take(due.place, due.held)
             self._look_ahead()
 
     def facts(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Returns the current container and waiting changes, for the diagnostics."""
         waiting = {"changes ahead": str(len(self._waiting))} if self._waiting else {}
         if not self.tray.is_tray:
             return {"container": self._held[0].described, **waiting}
@@ -93,7 +93,7 @@ class ContainerChanges:
         return {**{f"place {name}": held.described for name, held in pairs}, **waiting}
 
     def load(self, model: Model) -> None:
-        """Replaces the model of what is held, as `load_model` does: neither name nor level change.
+        """Replaces the model of the current container, for the service `load_model`.
 
         Raises:
             SloshEstimatorError: nothing can change.
@@ -179,7 +179,7 @@ class ContainerChanges:
         )
 
     def _requested(self, request: Any, before: HeldContainer) -> HeldContainer:
-        """What a request makes of what was held before."""
+        """Returns what the gripper will hold after a request."""
         model = None
         if request.model:
             model = parse_model(request.model, "model")

@@ -1,4 +1,4 @@
-"""The model of a LoadModel request, which is untrusted."""
+"""Reads the model in a LoadModel request, whose content is untrusted."""
 
 from __future__ import annotations
 

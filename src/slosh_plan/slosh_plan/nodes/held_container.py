@@ -1,4 +1,4 @@
-"""What the gripper holds, for the predictor and the planner."""
+"""Follows changes of the container in the gripper, for predictor and planner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predicts the liquid's response to each message of `planned_trajectory`."""
+"""Predicts the liquid's response to each message on the topic `planned_trajectory`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NAME = "the planned motion"
 
 
 class PlannedMotions:
-    """Receives planned trajectories and publishes predictions.
+    """Receives planned trajectories and publishes predictions for them.
 
     Args:
         node: the node.
@@ -76,7 +76,7 @@ class PlannedMotions:
         )  # fmt: skip
 
     def health(self) -> Health | None:
-        """Returns a warning about a motion that is not over; None: none."""
+        """Returns a warning if the motion in progress exceeds a limit, or None."""
         last = self._last
         if last is None or last.state == MotionPrediction.KEPT:
             return None
@@ -160,11 +160,12 @@ class PlannedMotions:
         nonlinear, limits = found.nonlinear, found.limits
         said = warning(found) or f"the liquid will rise to {1e3 * found.upper:.1f} mm"
         said = f"worst container {tray.worst}: {said}" if tray.worst else said
+        said = "; ".join(filter(None, (said, tray.falling)))
         return filled(
             MotionPrediction,
             stamp_ns=now,
             frame_id=self._frame,
-            state=MotionPrediction.KEPT if found.kept else MotionPrediction.EXCEEDED,
+            state=MotionPrediction.KEPT if tray.kept else MotionPrediction.EXCEEDED,
             id=self.count,
             start_ns=start_ns,
             from_estimate=live,

@@ -106,9 +106,9 @@ def relayed(
     if delay < 0.0:
         raise SloshEstimatorError(f"{NAME}: by its stamp it began {-delay:.2f} s ago")
     found = look_ahead(tray, motion, delay, limits=rules.heights, state=state)
-    if found.of_worst.kept:
+    if found.kept:
         return Relayed(_with_velocities(goal, given), _said(found), is_new=False)
-    words = _named(found, warning(found.of_worst))
+    words = "; ".join(filter(None, (_named(found, warning(found.of_worst)), found.falling)))
     if not rules.replans:
         raise SloshEstimatorError(f"{NAME} is refused: {words}")
     return _retimed(goal, given, tray, rules, state, words, watch)
@@ -199,4 +199,4 @@ def _said(found: TrayPrediction) -> str:
 
 
 def _named(found: TrayPrediction, words: str) -> str:
-    return f"worst container {found.worst}: {words}" if found.worst else words
+    return f"worst container {found.worst}: {words}" if found.worst and words else words
