@@ -40,6 +40,8 @@ CHAINED = "pose_chained"
 """Under this name the settings say that the frame of poses moves in the world."""
 PLACED = "accel_placed"
 """Under this name the settings hold the frame of accelerations that transforms place, moving."""
+SINCE = "accel_placed_since"
+"""Under this name the settings hold the stamp of the first moving transform used for that [ns]."""
 APART = "accel_apart"
 """Under this name the settings say that nothing tells how the frame of accelerations turns."""
 LEAST_ARM = 1e-3
@@ -86,6 +88,7 @@ class InputSettings(NamedTuple):
         base: another frame of poses, where it stands in the world; None: there is none.
         chained: whether the frame of poses moves in the world, as transforms say.
         placed: frame of accelerations that transforms place, moving; empty: none.
+        since_ns: stamp of the first moving transform that is used for that [ns]; 0: of all.
         apart: see `AccelInput`.
     """
 
@@ -103,6 +106,7 @@ class InputSettings(NamedTuple):
     base: Base | None = None
     chained: bool = False
     placed: str = ""
+    since_ns: int = 0
     apart: bool = False
 
     @classmethod
@@ -136,6 +140,7 @@ class InputSettings(NamedTuple):
             base=_base(parameters.get(BASE)),
             chained=parameters.get(CHAINED, False),
             placed=parameters.get(PLACED, ""),
+            since_ns=parameters.get(SINCE, 0),
             apart=parameters.get(APART, False),
         )
 
@@ -241,7 +246,7 @@ class InputSettings(NamedTuple):
             gate = replace(self.gate, chosen=False)
             arm = PoseInput(gate, 0.0, None, world, True, False, "transforms")
             arm.sampling.carry(self.modes)
-            return PlacedAccel(world, container, self.placed, arm)
+            return PlacedAccel(world, container, self.placed, arm, self.since_ns)
         if kind == JOINTS:
             return JointPoses(Robot(self.urdf, self.tool_frame or container, world))
         return None

@@ -51,13 +51,17 @@ class PlacedAccel:
         world, container: names of their frames.
         frame: of the accelerations.
         arm: differentiates the lever arm; of its own.
+        since_ns: moving transforms before this stamp are not used [ns]; 0: all are.
 
     Attributes:
         frame: as given.
+        since_ns: stamp of the first moving transform that is used [ns]; 0: none has come.
     """
 
-    def __init__(self, world: str, container: str, frame: str, arm: PoseInput) -> None:
-        self.frame = frame
+    def __init__(
+        self, world: str, container: str, frame: str, arm: PoseInput, since_ns: int = 0
+    ) -> None:
+        self.frame, self.since_ns = frame, since_ns
         self._chains = {
             _CONTAINER: TransformPoses(world, container), _SENSOR: TransformPoses(world, frame),
         }  # fmt: skip
@@ -78,6 +82,9 @@ class PlacedAccel:
             fixed: whether they hold for all time.
         """
         listed = list(transforms)
+        if not fixed and listed:
+            self.since_ns = self.since_ns or listed[0].stamp_ns
+            listed = [one for one in listed if one.stamp_ns >= self.since_ns]
         for key, chain in self._chains.items():
             for stamp_ns, position, quaternion in chain.take(listed, fixed=fixed):
                 self._pairs.add(key, stamp_ns, (*position, *quaternion))

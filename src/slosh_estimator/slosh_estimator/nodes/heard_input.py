@@ -15,9 +15,11 @@ from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.gate import SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import (
+    APART,
     MESSAGE_TYPES,
     MOUNTED,
     POSED,
+    SINCE,
     TOPIC_NAMES,
     AnyInput,
     InputSettings,
@@ -148,10 +150,12 @@ class HeardInput:
         self._first = self._first or time.monotonic()
         moving = self._node.count_publishers(topics.TF) > 0
         speaks = self._node.count_publishers(topics.TF_STATIC) > 0
-        if found is None and speaks and time.monotonic() - self._first < PATIENCE:
+        patient = time.monotonic() - self._first < PATIENCE
+        apart = found is not None and APART in found
+        if patient and ((found is None and speaks) or (apart and not moving)):
             return False
         self._decided = True
-        if found is None:
+        if found is None or apart:
             found = self._settings.mounted(self._kind, frame, self._fixed, moving=moving)
         if found:
             how = self._mounted(found)
@@ -237,7 +241,11 @@ class HeardInput:
 
     def _on_placing(self, message: Any) -> None:
         assert isinstance(self.poses, PlacedAccel)
-        self._on_placed(self.poses.take_transforms(map(_transform, message.transforms)))
+        is_first = not self.poses.since_ns
+        found = self.poses.take_transforms(map(_transform, message.transforms))
+        if is_first and self.poses.since_ns:  # what a replay must know
+            self._mounted({SINCE: self.poses.since_ns})
+        self._on_placed(found)
 
     def _on_placed(self, found: list[PlacedAcceleration]) -> None:
         """Uses accelerations that transforms have brought to the container."""
