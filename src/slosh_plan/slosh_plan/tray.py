@@ -55,7 +55,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def loose_words(self) -> list[str]:
-        """Sentences on the containers that stand loosely: how much of what holds them is used."""
+        """Sentences on loosely standing containers: used fractions of friction and base."""
         return [
             f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
             f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"
@@ -125,7 +125,7 @@ def check_present(tray: Tray) -> None:
 
 
 def _standing(tray: Tray, motion: Trajectory) -> Mapping[str, StandingUse]:
-    """How much of friction and base each container uses that stands loosely."""
+    """Returns the fractions of friction and base that each loose container uses."""
     return {
         one.name: standing_use(
             feeling(one.placed, attitude_of(motion)), one.standing,

@@ -193,7 +193,7 @@ def _unmixed(sources: Sources) -> Sources:
 
 
 def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
-    """Returns the starts of the estimator that published estimates."""
+    """Returns the starts of those estimator processes that published estimates."""
     processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
     if len(processes) < 2 or sources.estimate is None:
         return sources.starts
