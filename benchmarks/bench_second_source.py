@@ -29,15 +29,15 @@ from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_msgs_py import qos, topics
 from slosh_testing.graph import Graph
 
-GOAL = 1.5
+GOAL = 1.3
 ALONE, COMPARED = "/alone", "/compared"
 POSE_EVERY = 8
-REACH, SPEED = 0.1, 6.0
-"""Amplitude [m] and angular frequency [rad/s] of the motion."""
+REACH, SPEED = 0.2, 2.0 * math.pi
+"""Way [m] and angular frequency [rad/s] of a motion of a second; then it rests for one."""
 
 
 def send(namespace: str, count: int) -> None:
-    """Publishes accelerations at the rate, and poses, of a motion to and fro."""
+    """Publishes accelerations at the rate, and poses, of motions after each of which is judged."""
     rclpy.init()
     node = rclpy.create_node("sender", namespace=namespace)
     accels = node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
@@ -50,8 +50,11 @@ def send(namespace: str, count: int) -> None:
     for k in range(count):
         time.sleep(max(0.0, begin + k / RATE - time.monotonic()))
         accel.header.stamp = pose.header.stamp = node.get_clock().now().to_msg()
-        place = REACH * math.sin(SPEED * k / RATE)
-        accel.accel.linear.x = -SPEED * SPEED * place
+        angle = SPEED * min(k / RATE % 2.0, 1.0)
+        # Position and acceleration of (1 - cos)², which begins and ends without a jump.
+        place = 0.25 * REACH * (1.0 - math.cos(angle)) ** 2
+        change = math.cos(angle) - math.cos(2.0 * angle)
+        accel.accel.linear.x = 0.5 * REACH * SPEED * SPEED * change
         accels.publish(accel)
         if k % POSE_EVERY == 0:
             pose.pose.position.x = place
