@@ -46,13 +46,13 @@ class CameraCalibration(Generic[_View]):
 
 
 class Calibration(CameraCalibration[CupView]):
-    """A calibration of a cylinder, which is seen from all sides through its wall."""
+    """A calibration of a cylinder or a frustum, which is seen through its wall."""
 
     __slots__ = ()
 
 
 class SideCalibration(CameraCalibration[BoxView]):
-    """A calibration of a rectangular container, whose face is seen from the side."""
+    """A calibration of a container that is seen from the side: its face or its silhouette."""
 
     __slots__ = ()
 
