@@ -93,11 +93,7 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
     )  # fmt: skip
     about_x, about_y = _mirrored(places, 1), _mirrored(places, 0)
     if not about_x and not about_y:
-        raise SloshModelError(
-            "outline is symmetric neither about x nor about y through its centre; turn it, or "
-            "take a symmetric outline close to it",
-            ("container", "outline"),
-        )
+        raise SloshModelError(_asymmetry(places), ("container", "outline"))
     scale = float(np.abs(places).max())
     sides = _half(outline, not about_x, scale)
     if about_x and about_y:
@@ -121,6 +117,27 @@ def _mirrored(places: Array, axis: int) -> bool:
         gap = np.hypot(*np.moveaxis(p - share[..., None] * d, 2, 0))
         away[first : first + 256] = gap.min(axis=1)
     return bool(away.max() < TUNING.asymmetry * np.abs(places).max())
+
+
+def _asymmetry(places: Array) -> str:
+    """Says how an outline that is not symmetric about x or y has to be turned, if that helps."""
+    # An axis of symmetry passes through a corner or the middle of a side.
+    middles = 0.5 * (places + np.roll(places, -1, axis=0))
+    turns = []
+    for x, y in np.vstack((places, middles)):
+        c, s = np.array((x, y)) / max(math.hypot(x, y), 1e-300)
+        if _mirrored(places @ np.array([[c, -s], [s, c]]), 1):
+            # To the nearer one of x and y.
+            turns.append(-math.remainder(math.degrees(math.atan2(y, x)), 90.0))
+    if turns:
+        return (
+            "outline is symmetric neither about x nor about y through its centre; turned by "
+            f"{min(turns, key=abs):.4g} deg it is: turn its points, and the container's frame back"
+        )
+    return (
+        "outline has no axis of symmetry: its modes are not along two directions at right angles, "
+        "which the models need; take a symmetric outline close to it"
+    )
 
 
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
