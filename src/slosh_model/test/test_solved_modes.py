@@ -546,7 +546,7 @@ def test_a_profile_from_the_rim_to_the_floor_is_the_same():
         ("shape: prism, outline: [[0, 0], [0.1, 0], [0.04, 0.07]], fill_height: 0.05",
          "outline has no axis of symmetry"),
         ("shape: prism, outline: [[0, 0], [0.1, 0], [0, 0.1]], fill_height: 0.05",
-         r"symmetric neither about x nor about y .* turned by -45 deg it is"),
+         r"symmetric neither about x nor about y .* turned by 45 deg it is"),
         ("shape: prism, outline: [[0, 0], [0.1, 0], [0.05, 0]], fill_height: 0.05", "no area"),
         ("shape: beaker, radius: 0.03, foot_radius: 0.04, height: 0.1, fill_height: 0.05",
          "foot_radius = 0.04 m must be below radius"),

@@ -234,16 +234,18 @@ def _size(sides: Sequence[Side]) -> Size:
     everything = np.vstack(edge)
     extent = everything.max(axis=0) - everything.min(axis=0)
     base = float(min(extent.max() / TUNING.outline_parts, extent.min() / TUNING.narrow_parts))
-    places = [everything]
-    sizes = [
-        np.full(len(t), base)
-        if side.piece.straight
-        else np.minimum(base, TUNING.bend * bending(at))
-        for side, at in zip(sides, edge, strict=True)
-    ]
+    # What asks for no less than the base tells nothing.
+    places, sizes = [], []
+    for side, at in zip(sides, edge, strict=True):
+        if not side.piece.straight:
+            bend = TUNING.bend * bending(at)
+            places.append(at[bend < base])
+            sizes.append(bend[bend < base])
     for place, share in sharp_corners(sides):
         places.append(place[None])
         sizes.append(np.array([share * base]))
+    if not places:
+        return lambda at: np.full(len(at), base)
     size = graded(np.vstack(places), np.concatenate(sizes))
     return lambda at: np.minimum(size(at), base)
 
