@@ -1,4 +1,4 @@
-"""Bodies of revolution from the side: images marched through a body of liquid, truth exact."""
+"""Tests side views of bodies of revolution against rendered images with exact truth."""
 
 import math
 from dataclasses import replace
@@ -61,7 +61,7 @@ def calibrated(body, above=0.0, distance=DISTANCE):
 
 
 def wall_height(body, slope):
-    """Where the plane z = slope r meets the wall."""
+    """Returns the height at which the plane z = slope r meets the wall [m]."""
     _, levels, radii = body.wall_line
     return float(np.interp(0.0, levels - slope * radii, levels))
 

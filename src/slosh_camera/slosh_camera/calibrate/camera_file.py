@@ -1,4 +1,4 @@
-"""The file `camera.yaml` of a calibration: camera, container, pose, region and settings.
+"""Reads and writes camera.yaml: camera, container, pose, image region and detection settings.
 
 The camera's part has the keys of ROS camera_calibration files.
 """
@@ -73,7 +73,7 @@ _T = TypeVar("_T")
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Read the calibration file of a container that is seen through its wall.
+    """Reads the calibration file of a camera that views a cylinder or frustum through its wall.
 
     Args:
         path: the file, usually camera.yaml.
@@ -89,7 +89,7 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def read_any_calibration(path: str | Path) -> AnyCalibration:
-    """Read a calibration file, of a view through the wall or of a side view.
+    """Reads the calibration file of a view through the wall or of a side view.
 
     Args:
         path: the file, usually camera.yaml.
@@ -107,7 +107,7 @@ def read_any_calibration(path: str | Path) -> AnyCalibration:
 def parse_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> Calibration:
-    """Parses the calibration of a container that is seen through its wall.
+    """Parses the calibration of a camera that views a cylinder or frustum through its wall.
 
     Args:
         text: YAML.
@@ -126,7 +126,7 @@ def parse_calibration(
 def parse_any_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> AnyCalibration:
-    """Parses a calibration, of a view through the wall or of a side view.
+    """Parses the calibration of a view through the wall or of a side view.
 
     Args:
         text: YAML.
@@ -144,7 +144,7 @@ def parse_any_calibration(
 
 
 def format_calibration(calibration: AnyCalibration) -> str:
-    """Formats a calibration file; parse_any_calibration restores the same calibration."""
+    """Formats a calibration as YAML text, which parse_any_calibration reads without loss."""
     camera, pose = calibration.view.camera, calibration.view.pose
     container = _container_block(calibration)
     document: dict[str, Any] = {
@@ -179,7 +179,7 @@ def format_calibration(calibration: AnyCalibration) -> str:
 
 
 def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
-    """The container's keys, without what is unknown."""
+    """Returns the container's entries of the calibration file, without unknown values."""
     view = calibration.view
     if isinstance(view, RoundView):
         box = view.box
@@ -197,13 +197,13 @@ def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
 
 
 def _view_block(calibration: AnyCalibration) -> dict[str, Any]:
-    """Says that a cup that may be seen from the side is seen through its wall."""
+    """Returns the key `view` of a frustum that is seen through its wall, otherwise nothing."""
     through = isinstance(calibration, Calibration) and calibration.view.cup.taper
     return {"view": _THROUGH} if through else {}
 
 
 def _frustum_block(cup: Cup) -> dict[str, Any]:
-    """The keys of a cup with an inclined wall."""
+    """Returns the keys of a frustum's container block."""
     top = cup.radius if cup.rim_level is None else cup.rim_level
     lengths = {
         "bottom_radius": float(cup.radius_at(-cup.fill_height)),
@@ -241,7 +241,7 @@ def _calibration(
 
 
 def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
-    """Refuse a file without a pose, and say how to obtain one."""
+    """Raises SloshCameraError for a file without a pose; the message says how to obtain one."""
     if "pose" not in root and "container" in root and "camera_matrix" in root:
         raise SloshCameraError(
             f"{place(source, 'pose')}: is missing: the camera is not calibrated yet; run "
@@ -272,7 +272,7 @@ def _container(root: Mapping[str, Any], source: YamlDocument, folder: Path | Non
 
 
 def _is_through_wall(root: Mapping[str, Any], source: YamlDocument) -> bool:
-    """Whether the file says that the container is seen through its wall."""
+    """Returns whether the file's key `view` says that the camera views through the wall."""
     view = root.get("view")
     if view not in (None, _SIDE, _THROUGH):
         raise SloshCameraError(
@@ -363,7 +363,7 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
 
 
 def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
-    """Build an object; its errors get the file's name and the key's position."""
+    """Builds an object; adds file name and key to the messages of its errors."""
     try:
         return build()
     except SloshCameraError as error:

@@ -65,17 +65,17 @@ def grazing_half_angle(wall: GlassWall, origin: Array) -> float:
 
 
 def silhouette_half_angle(wall: GlassWall, origin: Array) -> float:
-    """Azimuth of the sides of the outer wall from the camera's [rad]; NaN: it sees none.
+    """Returns the angle about the axis from the camera to the outer wall's silhouette [rad].
 
     A plane through the camera touches a cone along a line of one azimuth, as it does a cylinder:
-    that of a cylinder as wide as the cone at the camera's height.
+    that of a cylinder as wide as the cone at the camera's height. NaN: the camera sees none.
     """
     cosine = (wall.outer_radius + wall.taper * origin[2]) / np.hypot(origin[0], origin[1])
     return float(np.arccos(cosine)) if abs(cosine) < 1.0 else float("nan")
 
 
 def _solved(wall: GlassWall, origin: Array, points: Array, *, far: bool) -> Array:
-    """Directions (N, 3) to points that are all on the front, or all on the rear wall."""
+    """Returns directions (N, 3) to points that are all on the front or all on the rear wall."""
     outside = GlassWall(wall.outer_radius, taper=wall.taper)
     start = outside.trace(origin, points - origin).front
     unknown = np.column_stack((np.arctan2(start[:, 1], start[:, 0]), start[:, 2]))
@@ -101,7 +101,7 @@ def _solved(wall: GlassWall, origin: Array, points: Array, *, far: bool) -> Arra
 def _stepped(
     wall: GlassWall, origin: Array, points: Array, unknown: Array, error: Array, far: bool
 ) -> tuple[Array, Array]:
-    """Places (N, 2) after a step of Newton's method, and their errors (N, 2).
+    """Returns the entry points (N, 2) after a step of Newton's method, and their errors (N, 2).
 
     A step that leaves the wall, or does not help, is halved.
     """
@@ -121,7 +121,10 @@ def _stepped(
 
 
 def _error(wall: GlassWall, origin: Array, points: Array, unknown: Array, far: bool) -> Array:
-    """How far off (N, 2) rays by places outside arrive: radii around, and up [m]."""
+    """Returns by how much rays miss their points (N, 2), along the circumference and upwards [m].
+
+    The rays enter the wall at the azimuths and heights `unknown` (N, 2).
+    """
     outside = _outside(wall, unknown[:, 0], unknown[:, 1])
     trace = wall.from_outside(outside, _unit(outside - origin))
     found = trace.rear if far else trace.front

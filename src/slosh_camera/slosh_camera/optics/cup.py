@@ -1,4 +1,4 @@
-"""Projects a cylindrical or conical container into an image, and pixels on its wall.
+"""Projects a transparent cylinder or cone into an image, and pixels back onto its wall.
 
 Container frame: origin in the centre of the still free surface, z up along the axis, azimuth
 counted from +x towards +y. Rays to the inner wall bend where they enter and leave the transparent
@@ -37,7 +37,7 @@ STEEPEST_TAPER = 0.5
 
 
 class Wall(Enum):
-    """The two intersections of a ray with the container's wall.
+    """Front or rear wall, the two places where a ray meets the container.
 
     >>> [wall.value for wall in Wall]
     ['front', 'rear']
@@ -49,7 +49,7 @@ class Wall(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Cup(SeenContainer):
-    """A cylindrical container, or one whose wall is a cone.
+    """A cylindrical or conical container with a transparent wall.
 
     >>> Cup(radius=0.04, fill_height=0.06, rim_height=0.11).rim_level  # m above the still level
     0.05
@@ -85,7 +85,7 @@ class Cup(SeenContainer):
     def of(
         cls, container: Container, wall_thickness: float = 0.0, wall_refractive_index: float = 1.49
     ) -> Cup:
-        """The cup that a container of a model is.
+        """Makes the container that a camera sees from a container of a model.
 
         Raises:
             SloshCameraError: its wall is neither a cylinder nor a cone.
@@ -105,16 +105,16 @@ class Cup(SeenContainer):
         )  # fmt: skip
 
     def radius_at(self, level: ArrayLike) -> Array:
-        """Inner radius at heights above the still level [m]."""
+        """Returns the inner radius at heights above the still level [m]."""
         return np.asarray(self.radius + self.taper * np.asarray(level, dtype=np.float64))
 
     def outer_radius_at(self, level: ArrayLike) -> Array:
-        """Outer radius at heights above the still level [m]."""
+        """Returns the outer radius at heights above the still level [m]."""
         wall = self.wall_thickness * float(np.hypot(1.0, self.taper))
         return np.asarray(self.radius_at(level) + wall)
 
     def outer_points(self, azimuth: ArrayLike, level: ArrayLike) -> Array:
-        """Points (..., 3) of the outer wall by azimuth [rad] and height above the level [m]."""
+        """Returns points (..., 3) of the outer wall [m] by azimuth [rad] and height [m]."""
         angle, height = np.broadcast_arrays(
             np.asarray(azimuth, dtype=np.float64), np.asarray(level, dtype=np.float64)
         )
@@ -122,29 +122,25 @@ class Cup(SeenContainer):
         return np.stack((outer * np.cos(angle), outer * np.sin(angle), height), axis=-1)
 
     def upright_points(self, points: Array) -> Array:
-        """Points (..., 3) as they are where the wall is upright [m]."""
+        """Maps points (..., 3) [m] so that an inclined wall becomes a vertical cylinder."""
         return (
             points / (1.0 + self.taper / self.radius * points[..., 2:]) if self.taper else points
         )
 
     def upright(self, height: ArrayLike) -> Array:
-        """Heights above the still level [m] as they are on the upright wall [m]."""
+        """Maps heights above the still level [m] to those on the vertical cylinder [m]."""
         given = np.asarray(height, dtype=np.float64)
-        return (
-            np.asarray(given / (1.0 + self.taper / self.radius * given)) if self.taper else given
-        )
+        return np.asarray(given / (1.0 + self.taper / self.radius * given))
 
     def leaning(self, height: ArrayLike) -> Array:
-        """The inverse of `upright`."""
+        """Maps heights on the vertical cylinder [m] back; the inverse of `upright`."""
         given = np.asarray(height, dtype=np.float64)
-        return (
-            np.asarray(given / (1.0 - self.taper / self.radius * given)) if self.taper else given
-        )
+        return np.asarray(given / (1.0 - self.taper / self.radius * given))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CupView:
-    """A container as seen by a camera.
+    """Projection between a cylindrical container and a camera's image.
 
     >>> from slosh_camera.optics.pose import look_at
     >>> camera = PinholeCamera(640, 480, fx=800.0, fy=800.0, cx=319.5, cy=239.5)
@@ -166,7 +162,7 @@ class CupView:
     _half: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse a container that is not in front of the camera."""
+        """Raises SloshCameraError if the container is not in front of the camera."""
         centre = self.pose.camera_centre
         object.__setattr__(self, "_centre", centre)
         cup = self.cup
@@ -195,7 +191,7 @@ class CupView:
 
     @property
     def container(self) -> Cup:
-        """The container."""
+        """The cylindrical container."""
         return self.cup
 
     @property
@@ -204,7 +200,7 @@ class CupView:
         return float(np.arctan2(self._centre[1], self._centre[0]))
 
     def project(self, points: ArrayLike) -> Array:
-        """Project points of the container frame into the image.
+        """Projects points in the container frame into the image, without refraction.
 
         Args:
             points: (N, 3) [m].
@@ -218,7 +214,7 @@ class CupView:
     def project_wall(
         self, azimuth: ArrayLike, height: ArrayLike, wall: Wall | None = None
     ) -> Array:
-        """Project points of the inner wall, with refraction by the wall.
+        """Projects points of the inner wall into the image, with refraction by the wall.
 
         Args:
             azimuth: (N,) or scalar [rad].
@@ -237,7 +233,7 @@ class CupView:
         return self.project(self._centre + sight(self._glass, self._centre, points, rear))
 
     def wall_points(self, azimuth: ArrayLike, height: ArrayLike) -> Array:
-        """Points (N, 3) of the inner wall in the container frame [m], by azimuth and height."""
+        """Returns points (N, 3) of the inner wall [m] at given azimuths and heights."""
         angle, level = np.broadcast_arrays(
             np.atleast_1d(np.asarray(azimuth, dtype=np.float64)),
             np.atleast_1d(np.asarray(height, dtype=np.float64)),
@@ -246,7 +242,7 @@ class CupView:
         return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), level))
 
     def rays(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Rays of pixels in the container frame.
+        """Returns origins and directions of pixels' rays in the container frame.
 
         Args:
             pixels: (N, 2).
@@ -257,12 +253,12 @@ class CupView:
         return self._centre, self.camera.rays(pixels) @ self.pose.rotation
 
     def trace(self, pixels: ArrayLike) -> WallTrace:
-        """Intersect the rays of pixels (N, 2) with the inner wall, in the container frame [m]."""
+        """Intersects the rays of pixels (N, 2) with the inner wall, in the container frame [m]."""
         origin, direction = self.rays(pixels)
         return self._glass.trace(origin, direction)
 
     def on_wall(self, pixels: ArrayLike, wall: Wall) -> tuple[Array, Array]:
-        """Project pixels back on the inner wall: the ray's intersection with it.
+        """Projects pixels back onto the inner front or rear wall.
 
         Args:
             pixels: (N, 2).
@@ -277,7 +273,7 @@ class CupView:
         return np.arctan2(points[:, 1], points[:, 0]), points[:, 2]
 
     def tangent_azimuths(self) -> tuple[float, float]:
-        """Returns the ends of the visible part of the front wall at the still level.
+        """Returns the azimuths that limit the visible front wall at the liquid's level.
 
         Returns:
             Azimuths [rad] in (-pi, pi] of the inner wall's left and right edge in the image.
@@ -291,7 +287,7 @@ class CupView:
         return float(wrapped[0]), float(wrapped[1])
 
     def _visible_half_angle(self) -> float:
-        """Half the arc of a cylinder's front wall that is visible [rad]."""
+        """Returns half the visible arc of a cylinder's front wall [rad]."""
         distance = float(np.hypot(self._centre[0], self._centre[1]))
         outer = self._glass.outer_radius
         to_edge = float(np.sqrt(distance**2 - outer**2))
@@ -300,27 +296,27 @@ class CupView:
 
     @property
     def side_half_angle(self) -> float:
-        """Azimuth of the right side of the outer wall from the camera's [rad]."""
+        """Angle about the axis from the camera to the outer wall's silhouette [rad]."""
         return silhouette_half_angle(self._glass, self._centre)
 
     def levels(self) -> tuple[float, float]:
-        """Heights of floor and rim above the still level [m].
+        """Heights of the container's floor and rim above the liquid's level at rest [m].
 
         Of an unknown rim a height stands in that leaves room for most waves.
         """
         return -self.cup.fill_height, self.cup.rim_level or self.cup.radius
 
     def outline(self) -> Array:
-        """Pixels (N, 2) of floor and rim; NaN where the camera cannot see."""
+        """Image points (N, 2) of floor and rim [px]; NaN if the camera cannot see them."""
         around = np.linspace(-np.pi, np.pi, _AROUND)
         return np.vstack([self.project_wall(around, level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Returns the pixels (N, 2) of heights (N,) [m] on the right outer edge."""
+        """Returns the image points (N, 2) of heights (N,) [m] on the right outer edge."""
         return self.project(self.cup.outer_points(self.tangent_azimuths()[1], heights))
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Returns the pixels (N, 2) of the fitted surface; empty: no fit.
+        """Returns the image points (N, 2) of the fitted surface; empty if there is none.
 
         On the upright wall every mode of one azimuthal wave is a cosine.
         """
@@ -332,18 +328,18 @@ class CupView:
         return self.project_wall(around, self.cup.leaning(line))
 
     def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
-        """Returns which azimuths (N,) [rad] of the wall face the camera."""
+        """Returns which wall azimuths (N,) [rad] face the camera."""
         half = abs(_wrapped(np.asarray(self.tangent_azimuths()[0]) - self.camera_azimuth))
         found: NDArray[np.bool_] = np.abs(_wrapped(azimuth - self.camera_azimuth)) <= half + 1e-9
         return found
 
     def height_per_pixel(self, pixel: ArrayLike, wall: Wall) -> float:
-        """Returns the height of one pixel row on the wall [m/px]; NaN: the ray misses it."""
+        """Returns the height of one pixel row on the wall [m/px], NaN if the ray misses it."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_wall([[u, v - 0.5], [u, v + 0.5]], wall)
         return float(abs(height[1] - height[0]))
 
 
 def _wrapped(angle: Array) -> Array:
-    """Returns the same angle in (-π, π]."""
+    """Returns the equivalent angle in (-π, π] [rad]."""
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), dtype=np.float64)
