@@ -1,4 +1,4 @@
-"""The page of a motion map: table and pictures."""
+"""HTML page of a motion map: table and charts."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ COMPARED = "quintic"
 
 
 class KnownProfile:
-    """A known law, with the interface of `Profile`."""
+    """A known time law for comparison, with the interface of `Profile`."""
 
     def acceleration(self, u: Array) -> Array:
-        """Returns the second derivative at given times; 0 outside 0 to 1."""
+        """Returns the second derivative at normalised times; 0 outside the range 0 to 1."""
         inside = (u >= 0.0) & (u <= 1.0)
         return np.where(inside, LAWS[COMPARED](np.clip(u, 0.0, 1.0))[2], 0.0)
 
 
 def render_map(model: Model, found: MotionMap, name: str) -> str:
-    """Renders the page of a map as HTML; all texts are escaped.
+    """Renders the page of a motion map as HTML; all texts are escaped.
 
     Args:
         model: of the liquid.
@@ -44,7 +44,7 @@ def render_map(model: Model, found: MotionMap, name: str) -> str:
 
 
 def _waves(model: Model, found: MotionMap) -> Markup:
-    """Draws peak and dwell height by speed, and those of a known law."""
+    """Draws peak and dwell height over the machine's speed, also for a known time law."""
     speeds = [row.speed for row in found.rows]
     known = [heights(model, found.stroke, KnownProfile(), speed).peak for speed in speeds]
     top = 1.6 * 1e3 * found.limits.height
@@ -64,7 +64,7 @@ def _waves(model: Model, found: MotionMap) -> Markup:
 
 
 def _laws(found: MotionMap) -> Markup:
-    """Draws the acceleration of some laws over the normalised time."""
+    """Draws the acceleration of several time laws over the normalised time."""
     u = np.linspace(0.0, 1.0, 201)
     places = np.unique(np.linspace(0, len(found.rows) - 1, SHOWN).round().astype(int))
     with style("laws"):

@@ -67,7 +67,7 @@ class AccelInput(CheckedInput):
         now_ns: int | None = None,
         pose: Pose | None = None,
     ) -> Sample | None:
-        """Returns the sample, or None if it is dropped; accelerations in m/s².
+        """Returns the input sample of an acceleration [m/s²], or None if it is dropped.
 
         Args:
             stamp_ns, frame, ax, ay, az: of the message.

@@ -96,7 +96,7 @@ class HeldContainer:
 
 
 def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = math.nan) -> Tray:
-    """The tray with what one of its places holds.
+    """Returns the tray after a change of what one of its places holds.
 
     Args:
         tray: before.
@@ -112,7 +112,7 @@ def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = mat
 
 
 def changed_place(parameters: Mapping[str, Any]) -> str:
-    """Which place of a tray recorded settings of an estimator changed; empty: all of it."""
+    """Returns the tray place that an estimator's recorded settings changed; empty means all."""
     return str(parameters.get(TRAY_PLACE) or "")
 
 

@@ -178,7 +178,7 @@ class InputSettings(NamedTuple):
     def _placed(
         self, frame: str, fixed: FixedFrames, mount: SensorTransform | None, *, moving: bool
     ) -> dict[str, Any] | None:
-        """The mounting of accelerations; see `mounted`.
+        """Returns the mounting of an acceleration sensor by transforms; see `mounted`.
 
         A frame that stands still in the world gives its axes alone. In any other one a sensor is
         mounted, and what lies between it and the container accelerates, too, where it turns.

@@ -142,7 +142,7 @@ class Monitor:
         return stamp_ns
 
     def carry(self, tray: Tray, stamp_ns: int = 0) -> None:
-        """Watches the containers of a tray, each by its own limit.
+        """Monitors the containers of a tray, each by its own limit.
 
         Args:
             tray: the tray.
@@ -422,7 +422,7 @@ class Monitor:
         self._close_one(source, stamp_ns, reason)
 
     def _close_one(self, source: Source, stamp_ns: int, reason: str) -> None:
-        """Ends an excess, but not those of a tray's containers."""
+        """Ends a limit violation of the first container; others on a tray continue."""
         event = self._trackers[source].close(stamp_ns, reason)
         if event is not None:
             self._events.append(event)

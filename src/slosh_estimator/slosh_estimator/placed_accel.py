@@ -1,4 +1,4 @@
-"""Accelerations of a frame that moves, brought to the container by transforms.
+"""Converts accelerations of a moving frame to the container's origin by transforms.
 
 The sensor's frame F and the container C are both in the tree of transforms. With u = x_C - x_F in
 the world's axes, the container's origin is accelerated by
@@ -31,7 +31,7 @@ _CONTAINER, _SENSOR = "container", "sensor"
 
 
 class PlacedAcceleration(NamedTuple):
-    """An acceleration of the container's origin.
+    """An acceleration of the container's origin, with its stamp and pose.
 
     Attributes:
         stamp_ns: of the sensor's message [ns].
@@ -45,7 +45,7 @@ class PlacedAcceleration(NamedTuple):
 
 
 class PlacedAccel:
-    """Brings accelerations of a frame to the container's origin, and to the world's axes.
+    """Converts accelerations of a frame to the container's origin and to world axes.
 
     Args:
         world, container: names of their frames.
@@ -75,7 +75,7 @@ class PlacedAccel:
     def take_transforms(
         self, transforms: Iterable[Transform], *, fixed: bool = False
     ) -> list[PlacedAcceleration]:
-        """Returns the accelerations that transforms of one message complete, in order.
+        """Returns the converted accelerations that the transforms of a message complete, in order.
 
         Args:
             transforms: of the message.
@@ -93,7 +93,7 @@ class PlacedAccel:
         return self._completed()
 
     def take(self, stamp_ns: int, vector: Vector) -> list[PlacedAcceleration]:
-        """Returns the accelerations that are complete after one more.
+        """Adds an acceleration; returns those whose transforms are now complete.
 
         Args:
             stamp_ns: the moment [ns].
@@ -105,7 +105,7 @@ class PlacedAccel:
         return self._completed()
 
     def trouble(self) -> str:
-        """Returns in one line why accelerations are not placed; empty: they are."""
+        """Returns in one line why accelerations are not converted; empty if they are."""
         for chain in self._chains.values():
             text = chain.trouble(rest=True)
             if text:
@@ -118,7 +118,7 @@ class PlacedAccel:
         return ""
 
     def facts(self) -> dict[str, str]:
-        """Returns facts for the diagnostics."""
+        """Returns the state of the conversion by name, for the diagnostics."""
         chain = next(iter(self._chains[_SENSOR].facts().values()))
         return {"lever arm": f"from transforms: {chain}; {self._arm.delay:.3f} s later"}
 
@@ -140,7 +140,7 @@ class PlacedAccel:
         return found
 
     def _placed(self, stamp_ns: int, vector: Vector) -> PlacedAcceleration | None:
-        """Returns the acceleration; None: the transforms have a gap there."""
+        """Converts one acceleration; returns None if the transforms have a gap at its stamp."""
         arms = _around(self._arms, stamp_ns)
         turn = _turn_at(self._sensor, stamp_ns)
         if arms is None or turn is None:
@@ -154,7 +154,7 @@ class PlacedAccel:
 
 
 def _around(arms: deque[Sample], stamp_ns: int) -> tuple[Sample, Sample] | None:
-    """The lever arm's samples around a moment; drops those before."""
+    """Returns the lever arm's samples before and after a stamp; drops earlier samples."""
     while len(arms) > 1 and arms[1].stamp_ns <= stamp_ns:
         arms.popleft()
     before = arms[0]
@@ -165,7 +165,7 @@ def _around(arms: deque[Sample], stamp_ns: int) -> tuple[Sample, Sample] | None:
 
 
 def _turn_at(sensor: deque[tuple[int, Values]], stamp_ns: int) -> Quaternion | None:
-    """The sensor's attitude at a moment, world ← sensor; drops those before."""
+    """Returns the sensor's attitude at a stamp, world ← sensor; drops earlier transforms."""
     while len(sensor) > 1 and sensor[1][0] <= stamp_ns:
         sensor.popleft()
     before = sensor[0]
@@ -183,7 +183,7 @@ def _turn_at(sensor: deque[tuple[int, Values]], stamp_ns: int) -> Quaternion | N
 
 
 def _mixed(before: Sample, after: Sample, share: float) -> Pose:
-    """The container's pose between two samples, with a quaternion of length 1."""
+    """Interpolates the container's pose between two samples, with a unit quaternion."""
     one, other = before.pose, after.pose
     assert one is not None
     assert other is not None

@@ -74,7 +74,7 @@ class TransformPoses:
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
     def trouble(self, *, rest: bool = False) -> str:
-        """Returns in one line why poses are missing or wrong; empty: unknown.
+        """Returns in one line why poses are missing or wrong; empty if no reason is known.
 
         Args:
             rest: whether a chain may rest for a long time.

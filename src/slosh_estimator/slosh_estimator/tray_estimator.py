@@ -72,7 +72,7 @@ class TrayEstimator:
         self.tray, self._bounds = tray, tray.bounds.tolist()
 
     def change(self, tray: Tray, index: int, *, fresh: bool) -> None:
-        """Goes on with another container in one place; the others go on as they are.
+        """Replaces the container in one place; the estimates of other containers continue.
 
         Args:
             tray: with the other container.

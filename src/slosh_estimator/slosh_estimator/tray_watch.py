@@ -42,7 +42,7 @@ class TrayWatch:
         return self._judge_anew(stamp_ns)
 
     def carry(self, tray: Tray, stamp_ns: int) -> None:
-        """Watches other containers in the same places in heights with later stamps."""
+        """Replaces the containers of the tray from a stamp [ns] on."""
         self._changes.append((stamp_ns, tray))
 
     def _judge_anew(self, stamp_ns: int) -> list[Event]:
@@ -53,7 +53,7 @@ class TrayWatch:
         return self._named(found)
 
     def _reach(self, stamp_ns: int) -> list[Event]:
-        """Watches the containers that are there at a stamp; another one ends an excess."""
+        """Applies container changes before a stamp; ends violations of replaced containers."""
         found: list[Event] = []
         while self._changes and self._changes[0][0] < stamp_ns:
             last_ns, tray = self._changes.popleft()

@@ -91,14 +91,14 @@ class Tray:
         return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
 
     def with_container(self, index: int, container: TrayContainer) -> Tray:
-        """The tray with another container in one place, counted from 0."""
+        """Returns the tray with another container in one place; the index counts from 0."""
         listed = list(self.containers)
         listed[index] = container
         return Tray(tuple(listed))
 
     @property
     def present(self) -> tuple[TrayContainer, ...]:
-        """The containers that are there."""
+        """The containers that are on the tray, without empty places."""
         return tuple(one for one in self.containers if not one.empty)
 
     @property
@@ -108,7 +108,7 @@ class Tray:
 
     @property
     def turning(self) -> TrayContainer:
-        """A container whose liquid turns with it, as in a box; the first where all are round."""
+        """First container whose liquid rotates with it, as in a box; else the first container."""
         boxes = (one for one in self.present if one.model.container.cornered)
         return next(boxes, self.first)
 

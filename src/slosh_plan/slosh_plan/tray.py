@@ -49,7 +49,7 @@ class TrayPrediction(NamedTuple):
 
     @property
     def falling(self) -> str:
-        """Describes containers that slide, tip or lift off; empty: all stand."""
+        """Describes containers that slide, tip or lift off; empty if all of them stand."""
         pairs = zip(self.standing.values(), self.loose_words, strict=True)
         return "; ".join(words for use, words in pairs if not use.stands)
 
@@ -119,7 +119,7 @@ def predict_tray(
 
 
 def check_present(tray: Tray) -> None:
-    """Raises SloshPlanError where no container is on the tray."""
+    """Raises SloshPlanError if there is no container on the tray."""
     if not tray.present:
         raise SloshPlanError("the tray is empty: no liquid to predict")
 

@@ -225,7 +225,7 @@ class LiveBag:
     def _change_place(
         self, estimator, source, place: int, held: HeldContainer, before: int, stamp: int
     ) -> None:
-        """Another container in one place of the tray, as the estimator's node does it."""
+        """Replaces the container in one place of the tray, as the estimator's node does."""
         tray = tray_holding(self._others.tray, place, held, self.tray.containers[place].limit)
         own = {TRAY_PLACE: tray.names[place], FRESH: held.fresh}
         if place == 0:

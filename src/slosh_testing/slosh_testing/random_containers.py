@@ -1,4 +1,4 @@
-"""Containers of any contour drawn at random by a number, possible and impossible ones."""
+"""Creates random containers of any contour from a seed, possible and impossible ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Draw = Callable[[np.random.Generator], dict[str, Any]]
 
 
 def container_text(kind: str, number: int) -> str:
-    """Returns the model file of a random container.
+    """Returns the text of the model file of a random container.
 
     Args:
         kind: of KINDS or IMPOSSIBLE.
@@ -31,7 +31,7 @@ def _rounded(points: Array) -> list[list[float]]:
 
 
 def _revolved(points: Array, share: float, **more: Any) -> dict[str, Any]:
-    """A profile (r, z) filled to a share of its height."""
+    """Returns a body of revolution from a profile (r, z), filled to a share of its height."""
     low, high = float(points[:, 1].min()), float(points[-1, 1])
     return {
         "shape": "revolution", "profile": _rounded(points),
@@ -48,7 +48,7 @@ def _bowl(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _bulb(rng: np.random.Generator) -> dict[str, Any]:
-    """A flask whose still surface is narrower than its belly."""
+    """Returns a flask whose still surface is narrower than its belly."""
     belly, neck = rng.uniform(0.03, 0.06), rng.uniform(0.25, 0.6)
     turn = np.linspace(0.0, math.pi - math.asin(neck), 15)
     round_part = np.column_stack((np.sin(turn), 1.0 - np.cos(turn))) * belly
@@ -59,14 +59,14 @@ def _bulb(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _narrow_neck(rng: np.random.Generator) -> dict[str, Any]:
-    """A bottle filled into its neck."""
+    """Returns a bottle that is filled into its neck."""
     body, neck = rng.uniform(0.025, 0.05), rng.uniform(0.008, 0.015)
     points = np.array([[0.0, 0.0], [body, 0.0], [body, 0.1], [neck, 0.14], [neck, 0.2]])
     return _revolved(points, rng.uniform(0.75, 0.9))
 
 
 def _core(rng: np.random.Generator) -> dict[str, Any]:
-    """A ring about a core, as in a cake tin."""
+    """Returns a ring-shaped container with a core, like a cake tin."""
     core, out = rng.uniform(0.01, 0.03), rng.uniform(0.05, 0.09)
     high = rng.uniform(0.05, 0.1)
     lean = rng.uniform(0.0, 0.01)
@@ -94,7 +94,7 @@ def _cone(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _polygon(rng: np.random.Generator) -> dict[str, Any]:
-    """A random outline that is symmetric about y."""
+    """Returns a random outline that is symmetric about y."""
     count = int(rng.integers(2, 6))
     angle = np.sort(rng.uniform(-0.45 * math.pi, 0.45 * math.pi, count))
     away = rng.uniform(0.03, 0.08, count)

@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_rim_distance(parser)
     parser.add_argument(
         "--residual", type=HEIGHT, metavar="M",
-        help="largest allowed height in the dwell [m] (default: half of --limit)",
+        help="largest allowed height during the dwell [m] (default: half of --limit)",
     )  # fmt: skip
     parser.add_argument(
         "--ratio", type=float, default=0.4, metavar="B",
@@ -76,13 +76,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="DIR",
-        help="folder to write, new or empty",
+        help="folder for results, new or empty",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
 def speeds(text: str) -> list[float]:
-    """Reads `20:60` or `20:60:5`.
+    """Parses speeds such as `20:60` or `20:60:5` (lowest, highest, step) [1/min].
 
     Raises:
         argparse.ArgumentTypeError: not two or three numbers, or impossible speeds.
@@ -106,7 +106,7 @@ def speeds(text: str) -> list[float]:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Finds the laws, writes the folder and prints a summary."""
+    """Finds the time laws of the strokes, writes the result folder and prints a summary."""
     if not 0.05 <= arguments.ratio <= 1.0:
         raise SloshBringupError(f"--ratio {arguments.ratio:g}: must be 0.05 … 1")
     model = read_model(arguments.model)
@@ -140,7 +140,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def facts(found: MotionMap) -> dict[str, object]:
-    """Returns the map's figures in SI units; speeds per minute."""
+    """Returns the motion map's results in SI units; speeds are per minute."""
     return {
         "safe_to": found.rows[-1].speed,
         "fastest": found.fastest,
@@ -160,7 +160,7 @@ def facts(found: MotionMap) -> dict[str, object]:
 
 
 def summary(found: MotionMap, output: Path) -> str:
-    """Describes the map in some lines."""
+    """Describes the motion map in a few lines of text."""
     first, last = found.rows[0], found.rows[-1]
     lines = [
         f"{first.speed:g} to {last.speed:g}/min in {len(found.rows)} rows, "

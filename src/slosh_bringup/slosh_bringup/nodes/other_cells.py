@@ -1,4 +1,4 @@
-"""Hears the other cells of the graph, for the list on an operator's page."""
+"""Subscribes to the other cells in the ROS graph, for the list on the operator's page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Take = Callable[[Subscription, Any, int], Iterator[Any]]
 
 
 class OtherCells:
-    """Finds cells by their comparisons, and hears the newest of each.
+    """Finds cells by their comparison topics and receives the newest messages of each.
 
     Args:
         node: the node.
@@ -49,7 +49,7 @@ class OtherCells:
         self._looked = -LOOK_EVERY
 
     def look(self, now: float) -> None:
-        """Takes what has come; looks for new cells now and then."""
+        """Processes the received messages, and searches for new cells from time to time."""
         if now - self._looked >= LOOK_EVERY:
             self._looked = now
             self._find()
@@ -60,23 +60,23 @@ class OtherCells:
                 self.hear_settings(name, message)
 
     def hear_comparison(self, name: str, message: SloshComparison, now: float) -> None:
-        """Passes on a cell's comparison."""
+        """Passes a cell's comparison to the list of cells."""
         self.cells.take_comparison(name, hearing.compared(message), now)
 
     def hear_settings(self, name: str, message: NodeSettings) -> None:
-        """Passes on the settings of a cell's node."""
+        """Passes the settings of a cell's node to the list of cells."""
         with contextlib.suppress(SloshBagError):  # a stranger's; ours can be read
             start = node_start(message, time.time_ns(), topics.SETTINGS)
             self.cells.take_parameters(name, start.node, start.parameters)
 
     def hear_diagnostics(self, message: Any) -> None:
-        """Passes on what the nodes of all known cells report."""
+        """Passes the diagnostics of the nodes of all known cells to the list of cells."""
         for name in self.cells.names:
             for report in reports(message, name):
                 self.cells.take_report(name, report)
 
     def _names(self, topic: str) -> set[str]:
-        """The cells that publish comparisons: by the topic, or a renamed one's publishers."""
+        """Returns the namespaces of the cells that publish comparisons on a topic."""
         name = topics.cell_name(topic, _TYPE)
         if name is not None:
             return {name.namespace or "/"}

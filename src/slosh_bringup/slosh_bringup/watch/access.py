@@ -87,7 +87,7 @@ class Access:
 
 
 def _is_own_or_link(headers: Mapping[str, str]) -> bool:
-    """Whether a request comes from the page itself, or is a link on another page of this host."""
+    """Whether a request comes from the page itself, or from a link on a page of the same host."""
     site = headers.get("sec-fetch-site", "none")
     followed = headers.get("sec-fetch-mode") == "navigate"
     return site in ("none", "same-origin") or (site == "same-site" and followed)

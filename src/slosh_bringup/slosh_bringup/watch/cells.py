@@ -1,4 +1,4 @@
-"""The list of cells on an operator's page: name, state, height, limit, page.
+"""List of the cells on an operator's page: name, state, height, limit and page.
 
 Time is an argument: the steady clock [s].
 """
@@ -23,7 +23,7 @@ WORST = "worst container"
 
 
 class _Cell:
-    """What is known of one cell."""
+    """The newest data received from one cell."""
 
     def __init__(self) -> None:
         self.compared: Compared | None = None
@@ -33,7 +33,7 @@ class _Cell:
         self.worst = ""
 
     def row(self, name: str, now: float, *, own: bool) -> dict[str, Any]:
-        """Returns the cell's line of the list."""
+        """Returns the cell's line in the list."""
         compared = self.compared
         judgement = judge(
             compared.state if compared else None,
@@ -50,7 +50,7 @@ class _Cell:
         }  # fmt: skip
 
     def _nearest(self) -> tuple[float, float]:
-        """Height that is nearest to its limit, and the limit [m]; NaN: not known."""
+        """The height nearest to its limit, and that limit [m]; NaN if unknown."""
         limits, compared = self.settings.limits, self.compared
         if compared is None:
             return math.nan, limits[Source.ESTIMATED]
@@ -63,7 +63,7 @@ class _Cell:
 
 
 class CellList:
-    """Collects what cells say of themselves.
+    """Collects the messages of all cells for the list on the operator's page.
 
     Args:
         own: namespace of the cell whose page it is.
@@ -74,7 +74,7 @@ class CellList:
         self._cells: dict[str, _Cell] = {own: _Cell()}
 
     def keep(self, names: Collection[str]) -> None:
-        """Forgets cells that are gone, but for the own one."""
+        """Removes the cells that are not in `names`, except the page's own cell."""
         for name in self._cells.keys() - {*names, self._own}:
             del self._cells[name]
 
@@ -91,7 +91,7 @@ class CellList:
             cell.settings = MonitorSettings.from_told(parameters)
 
     def take_report(self, name: str, report: NodeReport) -> None:
-        """Stores where a known cell's page is, and its worst container."""
+        """Stores the port of a known cell's page, and the cell's worst container."""
         cell = self._cells.get(name)
         if cell is None:
             return
@@ -107,7 +107,7 @@ class CellList:
         return tuple(sorted(self._cells))
 
     def rows(self, now: float) -> list[dict[str, Any]]:
-        """The list; empty: there is one cell only."""
+        """Lines of the list of cells; empty if there is only one cell."""
         if len(self._cells) < 2:
             return []
         return [self._cells[name].row(name, now, own=name == self._own) for name in self.names]

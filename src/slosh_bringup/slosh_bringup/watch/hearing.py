@@ -29,7 +29,7 @@ def hear_comparison(state: WatchState, message: Any, now: float) -> None:
 
 
 def compared(message: Any) -> Compared:
-    """Returns the shown part of a SloshComparison."""
+    """Returns the displayed fields of a SloshComparison."""
     silent = ((CAMERA, message.measured_stale), (MODEL, message.estimate_stale))
     return Compared(
         stamp_ns(message),

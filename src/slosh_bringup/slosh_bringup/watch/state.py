@@ -331,7 +331,7 @@ class WatchState:
         ]
 
     def _worst(self, now: float) -> str:
-        """The container of a tray that is nearest to its limit, for a sentence; empty: no tray."""
+        """Describes the tray's container nearest to its limit; empty if there is no tray."""
         report, at = self._nodes.get("monitor", (None, -math.inf))
         name = report.facts.get("worst container", "") if report is not None else ""
         if report is None or not name or now - at > SILENT:

@@ -197,13 +197,13 @@ def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
 
 
 def _view_block(calibration: AnyCalibration) -> dict[str, Any]:
-    """Returns the key `view` of a frustum that is seen through its wall, otherwise nothing."""
+    """Returns the key `view` of a frustum that is seen through its wall; otherwise empty."""
     through = isinstance(calibration, Calibration) and calibration.view.cup.taper
     return {"view": _THROUGH} if through else {}
 
 
 def _frustum_block(cup: Cup) -> dict[str, Any]:
-    """Returns the keys of a frustum's container block."""
+    """Returns the keys of a frustum in the container block of the camera file."""
     top = cup.radius if cup.rim_level is None else cup.rim_level
     lengths = {
         "bottom_radius": float(cup.radius_at(-cup.fill_height)),
@@ -272,7 +272,7 @@ def _container(root: Mapping[str, Any], source: YamlDocument, folder: Path | Non
 
 
 def _is_through_wall(root: Mapping[str, Any], source: YamlDocument) -> bool:
-    """Returns whether the file's key `view` says that the camera views through the wall."""
+    """Returns whether the file's key `view` says that the camera looks through the wall."""
     view = root.get("view")
     if view not in (None, _SIDE, _THROUGH):
         raise SloshCameraError(
@@ -284,7 +284,7 @@ def _is_through_wall(root: Mapping[str, Any], source: YamlDocument) -> bool:
 def _body(
     block: Mapping[str, Any], source: YamlDocument, folder: Path | None, through: bool
 ) -> RoundBody | Cup:
-    """A container by its contour, as a model has it, with its wall."""
+    """Reads the container's contour from the calibration file, with its wall."""
     wall = {
         key: number(block[key], source, f"container.{key}")
         for key in WALL

@@ -154,7 +154,7 @@ def axis_from_sides(left: FloatArray, right: FloatArray, radius: float) -> Axis 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConeAxis:
-    """The axis of a cone in the camera frame, from its two sides, at an unknown distance.
+    """The axis of a cone in the camera frame, found from its two sides; its distance is unknown.
 
     Attributes:
         up: (3,) unit vector along the axis.
@@ -166,12 +166,12 @@ class ConeAxis:
 
     @property
     def forward(self) -> FloatArray:
-        """(3,) unit vector from the camera's centre to the axis, at right angles to it."""
+        """Unit vector (3,) from the camera's centre to the axis, perpendicular to the axis."""
         across = self.tip - (self.tip @ self.up) * self.up
         return np.asarray(across / np.linalg.norm(across))
 
     def at(self, away: float, above: float) -> tuple[Axis, float]:
-        """Returns the axis and the camera's height above the still level [m].
+        """Returns the axis, and the camera's height above the still level [m].
 
         Args:
             away: of the tip from the camera's centre [m].
@@ -182,7 +182,7 @@ class ConeAxis:
 
 
 def cone_from_sides(left: FloatArray, right: FloatArray, taper: float) -> ConeAxis | None:
-    """Computes a cone's axis from its two sides: both planes through the camera touch it.
+    """Computes a cone's axis from the planes through the camera that touch its two sides.
 
     Each plane's outward normal n is inclined to the axis u by the wall: n·u = -sin(atan(taper)).
     The planes meet in the line through the camera and the tip.

@@ -117,7 +117,7 @@ def _axes(
 def _pairs(
     lines: list[UprightLine], shape: tuple[int, int]
 ) -> Iterator[tuple[UprightLine, UprightLine]]:
-    """Yields pairs of lines that are far enough apart and beside each other."""
+    """Yields pairs of nearly vertical lines that are side by side and far enough apart."""
     for first, second in combinations(lines, 2):
         left, right = sorted((first, second), key=lambda line: line.column)
         shared = min(left.bottom, right.bottom) - max(left.top, right.top)
@@ -182,7 +182,7 @@ def _best_cone(
     sides: tuple[UprightLine, UprightLine],
     level: tuple[float, float] | None,
 ) -> CandidatePlace | None:
-    """Returns the level with most support on a cone with two lines as sides; None: impossible."""
+    """Returns the level best supported by the image on a cone with two sides; None if none is."""
     left, right = sides
     cone = cone_from_sides(_line_rays(left, camera), _line_rays(right, camera), cup.taper)
     if cone is None:

@@ -1,4 +1,4 @@
-"""Heights on an inclined wall from those on the upright wall, on which surfaces are fitted."""
+"""Converts heights on the upright wall, where surfaces are fitted, to the inclined wall."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_camera.optics.cup import Cup
 
 
 def on_inclined_wall(measurement: Measurement, cup: Cup, zero: float) -> Measurement:
-    """Returns a measurement on the container's own wall.
+    """Converts a measurement from the equivalent upright wall to the container's inclined wall.
 
     Args:
         measurement: with upright heights, as `Cup.upright` gives them.

@@ -1,4 +1,4 @@
-"""Directions in which points on the inside of a transparent cone are seen.
+"""Computes the directions in which the camera sees inner points of a transparent cone.
 
 A cone has no plan view as a cylinder has: where the ray meets the outside is found by Newton's
 method, on which its way on depends smoothly up to the silhouette.
@@ -19,7 +19,7 @@ _ARRIVED, _EXACT = 1e-9, 1e-12
 def sight_through(
     wall: GlassWall, origin: Array, points: Array, rear: BoolArray | None = None
 ) -> Array:
-    """Returns the directions from outside to points on the inside of a cone.
+    """Returns the directions of rays from outside that reach inner points of a cone.
 
     Args:
         wall: the cone.
@@ -45,7 +45,7 @@ def sight_through(
 
 
 def grazing_half_angle(wall: GlassWall, origin: Array) -> float:
-    """Returns half the visible arc of the front wall at z = 0 [rad]; NaN: the wall is too thick.
+    """Returns half the visible arc of the front wall at z = 0 [rad]; NaN if the wall is too thick.
 
     The ray that touches the outside has its azimuth there; the level where it arrives is found
     by steps.
@@ -75,7 +75,7 @@ def silhouette_half_angle(wall: GlassWall, origin: Array) -> float:
 
 
 def _solved(wall: GlassWall, origin: Array, points: Array, *, far: bool) -> Array:
-    """Returns directions (N, 3) to points that are all on the front or all on the rear wall."""
+    """Returns ray directions (N, 3) to points that are all on the front or on the rear wall."""
     outside = GlassWall(wall.outer_radius, taper=wall.taper)
     start = outside.trace(origin, points - origin).front
     unknown = np.column_stack((np.arctan2(start[:, 1], start[:, 0]), start[:, 2]))
@@ -140,7 +140,7 @@ def _outside(wall: GlassWall, azimuth: Array, level: Array) -> Array:
 
 
 def _divided(slopes: Array, error: Array) -> Array:
-    """Solves systems of two equations (N, 2, 2); NaN where one has no solution."""
+    """Solves systems of two equations (N, 2, 2); NaN where a system has no solution."""
     (a, b), (c, d) = np.moveaxis(slopes, 0, -1)
     first, second = error.T
     whole = (a * d - b * c)[:, np.newaxis]

@@ -71,7 +71,7 @@ class Cup(SeenContainer):
     taper: float = field(default=0.0, metadata={"is_length": False})
 
     def __post_init__(self) -> None:
-        """Refuse a container that cannot be."""
+        """Raises SloshCameraError for physically impossible dimensions."""
         SeenContainer.__post_init__(self)
         if not abs(self.taper) <= STEEPEST_TAPER:
             raise SloshCameraError(
@@ -85,7 +85,7 @@ class Cup(SeenContainer):
     def of(
         cls, container: Container, wall_thickness: float = 0.0, wall_refractive_index: float = 1.49
     ) -> Cup:
-        """Makes the container that a camera sees from a container of a model.
+        """Creates the container that a camera sees from a container of a model.
 
         Raises:
             SloshCameraError: its wall is neither a cylinder nor a cone.
@@ -122,18 +122,18 @@ class Cup(SeenContainer):
         return np.stack((outer * np.cos(angle), outer * np.sin(angle), height), axis=-1)
 
     def upright_points(self, points: Array) -> Array:
-        """Maps points (..., 3) [m] so that an inclined wall becomes a vertical cylinder."""
+        """Maps points (..., 3) [m] of an inclined wall to those on a vertical cylinder."""
         return (
             points / (1.0 + self.taper / self.radius * points[..., 2:]) if self.taper else points
         )
 
     def upright(self, height: ArrayLike) -> Array:
-        """Maps heights above the still level [m] to those on the vertical cylinder [m]."""
+        """Converts heights above the still level [m] to those on the vertical cylinder [m]."""
         given = np.asarray(height, dtype=np.float64)
         return np.asarray(given / (1.0 + self.taper / self.radius * given))
 
     def leaning(self, height: ArrayLike) -> Array:
-        """Maps heights on the vertical cylinder [m] back; the inverse of `upright`."""
+        """Converts heights on the vertical cylinder [m] back; the inverse of `upright`."""
         given = np.asarray(height, dtype=np.float64)
         return np.asarray(given / (1.0 - self.taper / self.radius * given))
 

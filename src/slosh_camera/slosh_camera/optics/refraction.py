@@ -87,7 +87,7 @@ class GlassWall:
         return bent
 
     def from_outside(self, start: Array, direction: Array) -> WallTrace:
-        """Traces unit directions (N, 3) on from points (N, 3) where they meet the outside [m]."""
+        """Traces rays of unit direction (N, 3) from where they meet the outer face, (N, 3) [m]."""
         if self.bends:
             direction = _refracted(direction, self.outward(start), 1.0 / self.index)
         front = self._hit(start, direction, self.radius, far=False)
@@ -96,7 +96,7 @@ class GlassWall:
         return WallTrace(front, self._hit(front, direction, self.radius, far=True))
 
     def outward(self, points: Array) -> Array:
-        """Returns the unit normals (N, 3) of the wall at points (N, 3) on either face."""
+        """Returns the wall's unit normals (N, 3) at points (N, 3) of its inner or outer face."""
         across = np.hypot(points[:, 0], points[:, 1])
         normal = np.column_stack((points[:, 0], points[:, 1], -self.taper * across))
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -179,7 +179,7 @@ class GlassWall:
         return float(self._turn(self._widest(slope), slope, distance, None)[0])
 
     def _hit(self, start: Array, direction: Array, radius: float, far: bool) -> Array:
-        """Returns the first hits (N, 3) of rays with a face of a radius [m] at z = 0; NaN: none.
+        """Returns the first intersections (N, 3) of rays with a wall face; NaN if they miss it.
 
         A ray steeper than the wall has none.
         """

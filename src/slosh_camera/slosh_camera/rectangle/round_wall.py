@@ -115,7 +115,7 @@ def round_wall(
 
 
 def _shrinking(view: RoundView) -> float:
-    """Returns the curvature of the far half's line at rest as a share of the near half's."""
+    """Returns the curvature of the resting line on the far half relative to the near half."""
     inner = view.body.size
     return (view.distance - inner) / (view.distance + inner)
 

@@ -168,7 +168,7 @@ class ContainerChanges:
         return f"after {after_ns * 1e-9:.3f} s: {held.described}"
 
     def _place(self, name: str) -> int:
-        """Which place of the tray a request names, from 0."""
+        """Returns the index of the tray place that a request names, from 0."""
         names = self.tray.names
         if name in names:
             return names.index(name)

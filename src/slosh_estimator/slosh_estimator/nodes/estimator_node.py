@@ -302,7 +302,7 @@ class EstimatorNode(PreparedNode):
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
 
     def _feel_gravity(self) -> None:
-        """Goes on with models that feel the tilt that transforms tell."""
+        """Restarts the models with gravity by tilt, since transforms give the attitude."""
         at_rest = self._values["starts_at_rest"]
         self._estimator.load_model(
             self._felt(self._tray.first.placed), empty=self._tray.first.empty
@@ -367,7 +367,7 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
-        """Goes on with what a place holds from the next input on; the last stamp before it.
+        """Applies what a place holds to later inputs; returns the stamp of the last input [ns].
 
         Args:
             index: of the place on the tray, from 0; of one container 0.

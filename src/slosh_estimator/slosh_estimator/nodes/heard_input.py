@@ -248,7 +248,7 @@ class HeardInput:
         self._on_placed(found)
 
     def _on_placed(self, found: list[PlacedAcceleration]) -> None:
-        """Uses accelerations that transforms have brought to the container."""
+        """Processes accelerations that transforms have converted to the container's origin."""
         assert isinstance(self.source, AccelInput)
         for stamp, vector, pose in found:
             self._before(stamp)

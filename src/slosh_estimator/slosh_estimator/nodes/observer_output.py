@@ -196,7 +196,7 @@ def words(state: Calm) -> str:
 
 
 def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer, wall: Wall) -> None:
-    """Writes a fused state, and how far it is from the container's rim, into a reused message."""
+    """Writes a fused state, with its distance to the rim, into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
     for name, value in told_fields(state, observer.counts).items():

@@ -38,7 +38,7 @@ def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
 
 
 def tray_at(path: str, tell: Callable[[str], object], service: str) -> Tray:
-    """Reads the model or tray file named by a service's caller.
+    """Reads the model or tray file that the caller of a service names.
 
     Args:
         path: of the file, on this machine.

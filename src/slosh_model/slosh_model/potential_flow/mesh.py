@@ -103,7 +103,7 @@ def _attempt(sides: Sequence[Side], size: Size) -> Triangles | None:
 
 
 def _joined(found: tuple[Array, Integers, Array], size: Size) -> tuple[Triangles, BoolArray]:
-    """Returns triangles, and which boundary parts (E,) are not a side of any triangle."""
+    """Returns triangles, and a mask of the boundary parts that no triangle has as a side."""
     edge_points, side, shares = found
     count = len(edge_points)
     points = _filled(edge_points, size)
@@ -120,7 +120,7 @@ def _joined(found: tuple[Array, Integers, Array], size: Size) -> tuple[Triangles
 def _split(
     sides: Sequence[Side], found: tuple[Array, Integers, Array], halved: BoolArray, size: Size
 ) -> tuple[tuple[Array, Integers, Array], Size]:
-    """Halves some parts of the boundary, and limits the triangles' size there."""
+    """Halves the selected parts of the boundary, and limits the triangles' size there."""
     points, side, shares = found
     middle = shares.mean(axis=1)
     between = on_sides(sides, side[halved], middle[halved])

@@ -120,7 +120,7 @@ def _mirrored(places: Array, axis: int) -> bool:
 
 
 def _asymmetry(places: Array) -> str:
-    """Returns why an outline has no symmetry about x or y, and which turn gives it one."""
+    """Explains that an outline is not symmetric about x or y, and which rotation makes it so."""
     # An axis of symmetry passes through a corner or the middle of a side.
     middles = 0.5 * (places + np.roll(places, -1, axis=0))
     turns = []

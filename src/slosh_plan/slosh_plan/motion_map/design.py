@@ -1,4 +1,4 @@
-"""Finds the law of a stroke with the lowest waves in a given time.
+"""Finds the time law of a stroke with the lowest waves for a given duration.
 
 The heights of the linear model are linear in the law's weights, so the law with the lowest peak
 and residual wave follows from a linear program. It is solved some times: the difference between
@@ -27,10 +27,10 @@ MINUTE = 60.0
 
 
 class Law(Protocol):
-    """A normalised time law."""
+    """Interface of a normalised time law of a stroke."""
 
     def acceleration(self, u: Array) -> Array:
-        """Returns the second derivative at normalised times; 0 outside 0 to 1."""
+        """Returns the second derivative at normalised times; 0 outside the range 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Stroke:
         return self.ratio * self.cycle(speed)
 
     def inputs(self, profile: Law, speed: float, cycles: float) -> Inputs:
-        """Returns a number of cycles as the model's input."""
+        """Returns the acceleration of a number of cycles as input of the model."""
         duration, cycle = self.duration(speed), self.cycle(speed)
         step = duration / TUNING.map_rows
         t: Array = step * np.arange(math.ceil(cycles * cycle / step) + 1, dtype=np.float64)
@@ -66,7 +66,7 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class StrokeHeights:
-    """What a stroke does to the liquid, over many cycles.
+    """Heights of the liquid that a stroke causes over many cycles.
 
     Attributes:
         peak: greatest height [m]; infinite where the model left its range.
@@ -80,14 +80,14 @@ class StrokeHeights:
     jerk: float
 
     def excess(self, limits: PlanLimits) -> float:
-        """Largest relative excess of a limit; at most 0 if all are kept."""
+        """Returns the largest relative excess over a limit; up to 0 if all limits are kept."""
         names = ("acceleration", "jerk", "residual")
         used = [getattr(self, name) / getattr(limits, name) for name in names]
         return float(max(self.peak / limits.height, *used)) - 1.0
 
 
 def heights(model: Model, stroke: Stroke, profile: Law, speed: float) -> StrokeHeights:
-    """Simulates a stroke again and again, until the waves of earlier strokes have died out.
+    """Simulates repeated strokes until the waves of earlier strokes have decayed.
 
     Args:
         model: the model.
@@ -115,7 +115,7 @@ def heights(model: Model, stroke: Stroke, profile: Law, speed: float) -> StrokeH
 def designed(
     model: Model, stroke: Stroke, speed: float, limits: PlanLimits, before: Profile | None
 ) -> Profile | None:
-    """Returns the law with the lowest waves; None: the stroke needs more acceleration or jerk.
+    """Returns the time law with the lowest waves; None if acceleration or jerk limit forbid it.
 
     Args:
         model: the model.
@@ -158,7 +158,7 @@ def _program(
     limits: PlanLimits,
     before: Profile | None,
 ) -> Profile | None:
-    """Solves one linear program; its unknowns are weights, peak, residual and changes."""
+    """Solves a linear program for the weights, peak, residual and changes of a time law."""
     u = np.linspace(0.0, 1.0, TUNING.map_rows // 2 + 1)
     acceleration, share = spline(np.eye(COUNT)), 1.0 - TUNING.map_slack
     shares = [
@@ -168,7 +168,7 @@ def _program(
     size = 2 * COUNT + 2
 
     def rows(block: Array, column: int | None, least: Array) -> tuple[Array, Array]:
-        """Rows |block weights + least| ≤ the unknown of a column, or 1 without one."""
+        """Returns the inequalities |block · weights + least| ≤ a column's unknown, or ≤ 1."""
         full = np.zeros((2 * len(block), size))
         full[:, :COUNT] = np.concatenate([block, -block])
         bound = np.concatenate([-least, least])

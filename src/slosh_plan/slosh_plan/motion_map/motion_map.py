@@ -1,4 +1,4 @@
-"""A map from a machine's speed to the law of its stroke, with every interpolated speed checked."""
+"""Map from a machine's speed to the stroke's time law; interpolated speeds are checked."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapRow:
-    """The law at one speed of the map.
+    """The stroke's time law at one speed of the map.
 
     Attributes:
         speed: of the machine [1/min].
@@ -40,7 +40,7 @@ class MapRow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionMap:
-    """Laws by speed; between two speeds the coefficients are interpolated linearly.
+    """Time laws by speed; between two speeds their coefficients are interpolated linearly.
 
     Attributes:
         stroke: the machine's cycle.
@@ -59,7 +59,7 @@ class MotionMap:
     reason: str
 
     def profile(self, speed: float) -> Profile:
-        """Returns the law at a speed of the map's range [1/min].
+        """Returns the time law at a speed in the map's range [1/min].
 
         Raises:
             SloshPlanError: the speed is outside the range.
@@ -80,7 +80,7 @@ def motion_map(
     limits: PlanLimits,
     progress: Callable[[float], None] = lambda share: None,
 ) -> MotionMap:
-    """Designs the laws of a stroke for a machine's speeds, from the lowest on.
+    """Designs the time laws of a stroke for a machine's speeds, starting with the lowest.
 
     The map ends below the first speed at which a limit is exceeded, found to FINEST.
 
@@ -117,7 +117,7 @@ def motion_map(
 def _row(
     model: Model, stroke: Stroke, speed: float, limits: PlanLimits, rows: list[MapRow]
 ) -> MapRow | None:
-    """Designs the law of a speed; None: the stroke needs more acceleration or jerk."""
+    """Designs the time law at a speed; None if acceleration or jerk limit forbid it."""
     before = rows[-1].profile if rows else None
     profile = designed(model, stroke, speed, limits, before)
     if profile is None:
@@ -134,7 +134,7 @@ def _joined(
     checked: list[tuple[float, StrokeHeights]],
     depth: int = 0,
 ) -> bool:
-    """Adds a row if it and all laws on the way to it keep the limits, with rows between if needed.
+    """Adds a row if all time laws interpolated up to it keep the limits; inserts rows if not.
 
     Returns:
         whether the row was added; else all rows up to the last safe one were.
@@ -160,7 +160,7 @@ def _joined(
 def _between(
     model: Model, stroke: Stroke, low: MapRow, high: MapRow
 ) -> list[tuple[float, StrokeHeights]]:
-    """Simulates interpolated laws between two rows."""
+    """Simulates time laws that are interpolated between two rows of the map."""
     found = []
     for share in SHARES:
         weights: Array = (1.0 - share) * low.profile.weights + share * high.profile.weights
@@ -177,7 +177,7 @@ def _approach(
     rows: list[MapRow],
     checked: list[tuple[float, StrokeHeights]],
 ) -> str:
-    """Adds the highest safe speed below an unsafe one, by halving the interval.
+    """Adds the highest safe speed below an unsafe one, found by bisection.
 
     Returns:
         in words what exceeds a limit just above it; empty: nothing was tried.
@@ -192,7 +192,7 @@ def _approach(
 
 
 def _why(speed: float, row: MapRow | None, limits: PlanLimits) -> str:
-    """Says in words what exceeds a limit at a speed."""
+    """Describes in words which limit is exceeded at a speed."""
     if row is None:
         return (
             f"at {speed:g}/min the stroke needs more than {limits.acceleration:g} m/s² or "

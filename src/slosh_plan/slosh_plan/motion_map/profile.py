@@ -1,4 +1,4 @@
-"""A stroke's normalised time law: polynomials of the seventh degree, one for each segment."""
+"""A stroke's normalised time law: one polynomial of degree 7 for each segment."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COUNT = TUNING.map_segments + DEGREE - 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """A law from 0 to 1 over the normalised time u from 0 to 1, at rest at both ends.
+    """A time law from 0 to 1 over the normalised time u from 0 to 1, at rest at both ends.
 
     Attributes:
         weights: (COUNT,) of the acceleration's B-splines of the fifth degree.
@@ -30,20 +30,20 @@ class Profile:
     weights: Array
 
     def acceleration(self, u: Array) -> Array:
-        """Returns the second derivative at given times; 0 outside 0 to 1."""
+        """Returns the second derivative at normalised times; 0 outside the range 0 to 1."""
         inside = (u >= 0.0) & (u <= 1.0)
         return np.where(inside, spline(self.weights)(np.clip(u, 0.0, 1.0)), 0.0)
 
     def position(self, u: Array) -> Array:
-        """Returns the law at given times."""
+        """Returns the normalised position at given normalised times."""
         return np.asarray(self.polynomials()(np.clip(u, 0.0, 1.0)), dtype=np.float64)
 
     def polynomials(self) -> PPoly:
-        """Returns the law as polynomials of the seventh degree between the knots."""
+        """Returns the time law as polynomials of degree 7 between the knots."""
         return PPoly.from_spline(spline(self.weights).tck).antiderivative(2)
 
     def coefficients(self) -> Array:
-        """Returns (segments, 8) coefficients of v⁰ … v⁷; v runs from 0 to 1 in each segment."""
+        """Returns coefficients (segments, 8) of v⁰ … v⁷; v runs from 0 to 1 in each segment."""
         found = self.polynomials()
         width = np.diff(found.x)
         real = width > 0.0  # the knots at both ends coincide
@@ -53,12 +53,12 @@ class Profile:
 
 
 def spline(weights: Array) -> BSpline:
-    """Returns the acceleration's spline of given weights (COUNT,) or (COUNT, columns)."""
+    """Returns the acceleration's spline for given weights, one spline per column."""
     ends = np.zeros((1, *weights.shape[1:]))
     return BSpline(KNOTS, np.concatenate([ends, weights, ends]), DEGREE)
 
 
 def moments() -> Array:
-    """Returns (2, COUNT) each B-spline's part in the final speed and the final position."""
+    """Returns each B-spline's contribution to final speed and final position, (2, COUNT)."""
     each = spline(np.eye(COUNT))
     return np.array([each.antiderivative(order)(1.0) for order in (1, 2)])

@@ -107,11 +107,11 @@ END_FUNCTION_BLOCK
 
 
 def _all(found: MotionMap) -> Array:
-    """Returns (rows, segments, POWERS) coefficients of the position [m]."""
+    """Returns the coefficients of the position [m] by row, segment and power."""
     return found.stroke.length * np.array([row.profile.coefficients() for row in found.rows])
 
 
 def _lines(numbers: list[str]) -> str:
-    """Formats numbers in short lines."""
+    """Formats numbers in text lines of limited length."""
     parts = [numbers[n : n + PER_LINE] for n in range(0, len(numbers), PER_LINE)]
     return ",\n".join("        " + ", ".join(part) for part in parts)

@@ -39,7 +39,7 @@ class ContainerWatch:
 
     @property
     def described(self) -> str:
-        """What the gripper holds, in one line."""
+        """Describes in one line what the gripper holds."""
         if not self.tray.is_tray:
             return self._described
         pairs = (f"{one.name} {one.model.container.described}" for one in self.tray.present)
@@ -47,12 +47,12 @@ class ContainerWatch:
 
     @property
     def files(self) -> dict[str, str]:
-        """Texts of the files in use, for the node's settings."""
+        """Texts of the model and tray files in use, for the node's settings."""
         tray = {TRAY: format_tray(self.tray)} if self.tray.is_tray else {}
         return {"model": format_model(self.tray.first.model), **tray}
 
     def asked(self, path: str, service: str) -> Tray:
-        """The tray of a request, or its model as a tray of one.
+        """Returns the tray that a request names; a single model becomes a tray with one container.
 
         Args:
             path: of the file that the request names; empty: what the gripper holds.

@@ -91,7 +91,7 @@ class NewestEstimate:
         return LiquidState(_modal(message.linear), _modal(message.nonlinear))
 
     def state_for(self, tray: Tray) -> LiquidState:
-        """The same for what the gripper holds.
+        """Returns the present state of the liquid that the gripper holds; see `state`.
 
         Raises:
             SloshEstimatorError: as `state`; the liquid of a tray's further containers is not told.

@@ -193,7 +193,7 @@ def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan
 
 
 def joint_points(t: Array, joints: JointMotion) -> list[JointTrajectoryPoint]:
-    """Makes the points of a joint motion at times (N,) [s]."""
+    """Creates the trajectory points of a joint motion at times (N,) [s]."""
     columns = (joints.position, joints.velocity, joints.acceleration)
     return [
         JointTrajectoryPoint(

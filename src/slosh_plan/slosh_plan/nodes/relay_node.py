@@ -1,4 +1,4 @@
-"""The relay node: between whoever sends joint trajectories and the robot's controller."""
+"""Relay node between the sender of joint trajectories and the robot's controller."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ PARAMETERS = (
     ParameterSpec(
         "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
     ),
-    ParameterSpec("urdf", "", "robot's description"),
-    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
+    ParameterSpec("urdf", "", "URDF file of the robot"),
+    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
     ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, besides the URDF's limits; empty: none"
+        "joint_limits", "", "MoveIt's joint_limits.yaml, beside the URDF's limits; empty if unused"
     ),
     ParameterSpec(
         "controller", "",
         "action of the robot's controller, such as /arm_controller/follow_joint_trajectory",
     ),
-    ParameterSpec("limit", 0.02, "limit of the height during a motion [m]", (1e-4, 10.0)),
+    ParameterSpec("limit", 0.02, "height limit during a motion [m]", (1e-4, 10.0)),
     ParameterSpec(
-        "residual_limit", 0.0, "limit of the height after its end [m]; 0.0: as limit", (0.0, 10.0)
+        "residual_limit", 0.0, "height limit after a motion's end [m]; 0.0: as limit", (0.0, 10.0)
     ),
     ParameterSpec(
         "rim_distance", 0.0, "least distance of the liquid to the rim [m]; 0.0: the rim itself",
@@ -60,7 +60,7 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "replan", True,
-        "true: a motion that exceeds a limit gets new times on its joint path; false: refused",
+        "true: a motion that exceeds a limit gets new times on its path; false: it is refused",
     ),
     ParameterSpec("time_limit", 5.0, "time limit of the search for new times [s]", (0.1, 60.0)),
 )  # fmt: skip
@@ -73,7 +73,7 @@ POLL = 0.2
 
 
 class RelayNode(PreparedNode):
-    """Judges goals of FollowJointTrajectory and passes them on.
+    """Checks goals of FollowJointTrajectory against height limits and passes them on.
 
     Its callbacks wait for the controller: it needs an executor with THREADS.
 
@@ -110,12 +110,12 @@ class RelayNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels for one and for many motions."""
+        """Compiles or loads the compiled code for single and for many simulations."""
         for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts relaying."""
+        """Starts to accept and relay goals."""
         self._container = ContainerWatch(self, self._tray, lambda: None)
         self._settings.publish(self._container.files)
         self._estimate = NewestEstimate(self)
@@ -128,7 +128,7 @@ class RelayNode(PreparedNode):
         )  # fmt: skip
 
     def close(self) -> None:
-        """Ends the waits; the controller goes on with what it has."""
+        """Ends all waiting; the controller continues its present goal."""
         self._closing.set()
         if hasattr(self, "_server"):
             self._server.destroy()
@@ -178,7 +178,7 @@ class RelayNode(PreparedNode):
         return self._kind.Result(error_code=code, error_string=line)
 
     def _relay(self, goal: Any) -> Any:
-        """Judges a goal, sends it on and waits for its end."""
+        """Checks a goal, sends it to the controller and waits for its result."""
         if not self._client.server_is_ready():
             raise SloshEstimatorError(f"no controller serves {self._controller}: is it active?")
         sent = self._judged(goal)
@@ -216,7 +216,7 @@ class RelayNode(PreparedNode):
             )  # fmt: skip
 
     def _state(self) -> LiquidState | None:
-        """The liquid's state; None: nobody tells, and it counts as at rest."""
+        """Returns the liquid's state, or None if it is unknown, which counts as at rest."""
         try:
             return self._estimate.state_for(self._container.tray)
         except SloshEstimatorError:
@@ -227,7 +227,7 @@ class RelayNode(PreparedNode):
             goal.publish_feedback(feedback)
 
     def _awaited(self, future: Any, longest: float) -> Any | None:
-        """What a future gives; None: the controller is gone, or too slow."""
+        """Returns the result of a future; None if the controller is gone or too slow."""
         done, end = threading.Event(), time.monotonic() + longest
         future.add_done_callback(lambda _: done.set())
         gone = self._gone()
@@ -237,7 +237,7 @@ class RelayNode(PreparedNode):
         return future.result()
 
     def _gone(self) -> Callable[[], bool]:
-        """Makes a look whether the controller has been away for long."""
+        """Returns a function that tells whether the controller has been away for too long."""
         seen = [time.monotonic()]
 
         def look() -> bool:
@@ -262,7 +262,7 @@ class RelayNode(PreparedNode):
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the relay node."""
     return run_node(lambda: RelayNode(later=True), threads=THREADS)
 
 

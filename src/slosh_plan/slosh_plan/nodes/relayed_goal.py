@@ -1,4 +1,4 @@
-"""What becomes of a joint trajectory's goal: sent as it is, with new times, or refused."""
+"""Decides about a joint trajectory: sent unchanged, sent with new times, or refused."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ NAME = "the goal"
 
 
 class WrongJointsError(SloshPlanError):
-    """A goal's joints are not those of the robot."""
+    """Error of a goal whose joints are not those of the robot."""
 
 
 class Relayed(NamedTuple):
-    """What is sent to the controller.
+    """The goal that is sent to the controller, and what was changed.
 
     Attributes:
         goal: of the action.
@@ -52,7 +52,7 @@ class Relayed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RelayRules:
-    """By what goals are judged.
+    """Rules by which goals are checked.
 
     Attributes:
         robot: whose joints move.
@@ -68,7 +68,7 @@ class RelayRules:
 
     @property
     def heights(self) -> HeightLimits:
-        """The limits of heights alone."""
+        """The height limits alone, without joint limits."""
         limits = self.limits
         return HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
 
@@ -83,7 +83,7 @@ def relayed(
     state: LiquidState | None,
     watch: Watch,
 ) -> Relayed:
-    """Judges a goal.
+    """Checks a goal and returns what is to be sent to the controller.
 
     Args:
         goal: of the action.
@@ -117,7 +117,7 @@ def relayed(
 def _waypoints(
     message: Any, robot: CarryingRobot, standing: Mapping[str, float]
 ) -> JointWaypoints:
-    """The goal's points, from where the joints stand where the first one comes later."""
+    """Returns the goal's waypoints, preceded by the present joint positions if it starts later."""
     if not len(message.points):
         raise SloshPlanError(f"{NAME} has no points")
     names, t, columns = joint_columns(message, NAME)
@@ -146,14 +146,14 @@ def _waypoints(
 
 
 def _motion(given: JointWaypoints, robot: CarryingRobot) -> Trajectory:
-    """The container's motion as a controller runs the points; checks them."""
+    """Computes the container's motion as a controller executes the waypoints; checks these."""
     return robot.arm.motion(
         given.t, given.names, given.position, given.velocity, given.acceleration, NAME
     )
 
 
 def _with_velocities(goal: Any, given: JointWaypoints) -> Any:
-    """The goal, with the velocities by which it was judged where it has none.
+    """Returns the goal; missing velocities are those with which it was checked.
 
     Between bare positions a controller moves on straight lines, and jumps in velocity.
     """

@@ -107,7 +107,7 @@ def plan_for(
     *,
     robust: bool = False,
 ) -> tuple[Plan, str]:
-    """Plans for what is carried, within a time; see `plan` and `plan_tray`.
+    """Plans for a tray or a single container within a time; see `plan` and `plan_tray`.
 
     Args:
         tray: a tray, or a model as a tray of one.

@@ -68,7 +68,7 @@ class Watch:
         self.stopped()
 
     def forget(self) -> None:
-        """Forgets the safe motions so far: those of another container."""
+        """Discards the safe motions found so far, which belong to another container."""
         self._duration = math.inf
 
     def found(self, duration: float) -> None:

@@ -102,7 +102,7 @@ class InputBlocks:
         return _pose_columns(found, self._world)
 
     def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
-        """Returns the accelerations that a message completes."""
+        """Returns the converted accelerations that a message completes."""
         if hasattr(message, "transforms"):
             return poses.take_transforms(map(_transform, message.transforms))
         if message.header.frame_id != poses.frame:
