@@ -132,7 +132,7 @@ class CupRenderer:
     def _paint(self, sh_x: float, sh_y: float) -> tuple[Layer, Layer]:
         """Returns the noise-free image and the fraction of each cup pixel that liquid covers."""
         edges = self._lines.edges(sh_x, sh_y)
-        # The wall hides what lies below its front line; the surface has the rest of each pixel.
+        # The wall hides what lies below its contact line; the surface has the rest of each pixel.
         wet = self._above_floor(edges.top)
         body = self._above_floor(edges.front)
         cup = self._behind + wet * (self._surface - self._behind)
@@ -251,7 +251,7 @@ class SurfaceEdges:
 
     Attributes:
         front: (C,) line on the wall's half that faces the camera.
-        top: (C,) highest row of the whole surface: the front line, a crest inside, or the rear
+        top: (C,) highest row of the whole surface: the contact line, a crest inside, or the rear
             line.
     """
 

@@ -200,7 +200,7 @@ def run(arguments: argparse.Namespace) -> int:
         if detection and not fit.level_shows:
             raise SloshCameraError(
                 f"still image: the still level is not certain: {detection[0]}; click on its "
-                "front line: --level U V"
+                "contact line: --level U V"
             )
     except SloshCameraError as error:
         raise SloshBringupError(f"{arguments.still}: {error}") from error

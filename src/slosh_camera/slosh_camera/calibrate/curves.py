@@ -117,7 +117,7 @@ def look_for_curves(
 ) -> tuple[SeenCurve, ...]:
     """Detects edges along each visible curve of the container; skips unusable curves.
 
-    They are looked for so far to both sides, the still level's front line no farther than
+    They are looked for so far to both sides, the still level's contact line no farther than
     `level_reach` [px].
     """
     apart = separation(view)

@@ -50,7 +50,7 @@ class Hint:
     Attributes:
         numbers: (5,) in the order of CameraPlace; NaN where nothing is known.
         stddev: (5,) their standard deviations.
-        level: a pixel on the front line of the still level; None: not told.
+        level: a pixel on the contact line of the still level; None: not told.
     """
 
     numbers: FloatArray

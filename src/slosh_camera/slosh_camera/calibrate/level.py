@@ -31,7 +31,7 @@ class Level:
 
     Attributes:
         height: above the level of the pose [m].
-        row: v of the middle of its front line [px].
+        row: v of the middle of its contact line [px].
         strength: how much it looks like a level, 0 to 1.
     """
 

@@ -45,7 +45,7 @@ class Outline:
 
     Attributes:
         place: of the camera.
-        curves: edges on its two sides, and on the level's front line, in the middle of its
+        curves: edges on its two sides, and on the level's contact line, in the middle of its
             meniscus.
     """
 
@@ -85,7 +85,7 @@ def find_outline(
         edges: the image, without distortion.
         camera: its camera, without distortion.
         cup: the container.
-        level: a pixel on the front line of the still level; None: not told.
+        level: a pixel on the contact line of the still level; None: not told.
 
     Returns:
         Both; None where there are no two sides, the liquid is shallow, or no line between the
@@ -227,7 +227,7 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
             return np.array([_middle(strength, heights, front, cup, place)])
     raise SloshCameraError(
         "still image: two levels are possible; printed rings, seams and the edge of a foot look "
-        "similar; click on the still level's front line: --level U V"
+        "similar; click on the still level's contact line: --level U V"
     )
 
 

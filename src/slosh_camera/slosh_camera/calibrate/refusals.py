@@ -96,20 +96,20 @@ def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | N
             return ""
         return (
             f"the level that fits is {away:.0f} px away from the pixel of --level; click on "
-            "the front line of the level, between the container's sides"
+            "the contact line of the level, between the container's sides"
         )
     if levels.rival is not None:
         apart = 1e3 * levels.rival.height
         return (
             f"two levels are possible, {abs(apart):.0f} mm apart: the other is "
             f"{'above' if apart > 0.0 else 'below'} the best fit; printed rings, seams and "
-            "the edge of a foot look similar; click on the still level's front line: --level "
+            "the edge of a foot look similar; click on the still level's contact line: --level "
             "U V"
         )
     if levels.own.strength < TUNING.least_level:
         return (
             "the line that fits the still level best does not run from side to side as the "
-            "level of a liquid does; click on the still level's front line: --level U V"
+            "level of a liquid does; click on the still level's contact line: --level U V"
         )
     return ""
 

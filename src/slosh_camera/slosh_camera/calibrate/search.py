@@ -67,7 +67,7 @@ def find_candidates(
         camera: its camera, without distortion.
         cup: the container.
         count: at most so many.
-        level: a pixel on the front line of the still level; None: not told.
+        level: a pixel on the contact line of the still level; None: not told.
 
     Returns:
         Candidates that differ from one another, the best first; empty where the image has no
@@ -188,7 +188,7 @@ def _best_cone(
     if cone is None:
         return None
     tip = float(cup.outer_radius_at(0.0)) / cup.taper
-    # The level's front line in the container's middle is in each of these rows.
+    # The level's contact line in the container's middle is in each of these rows.
     rows, width = maps.level.shape[0], right.column - left.column
     v = np.arange(0.03 * rows, 0.99 * rows, TUNING.row_step) if level is None else level[1]
     slope = (np.atleast_1d(v) - camera.cy) / camera.fy

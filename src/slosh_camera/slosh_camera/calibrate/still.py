@@ -62,7 +62,7 @@ def calibrate_by_edges(
         hint: what a board tells in addition.
         doubt: how far camera and container may be off; what is in doubt is estimated.
         distance: of the camera from the container's axis, to a tenth [m]; None: unknown.
-        level: a pixel on the front line of the still level, to a pixel or two; None: unknown.
+        level: a pixel on the contact line of the still level, to a pixel or two; None: unknown.
 
     Returns:
         The pose.
@@ -270,7 +270,7 @@ def _at_level(fit: PlaceFit, height: float) -> list[CameraPlace]:
     """Returns camera poses for a liquid level that is higher by a distance [m]."""
     place, radius = fit.place, fit.cup.radius
     moved = replace(place, height=place.height - height)
-    # The rear line appears on the front wall so much above the front line.
+    # The rear line appears on the front wall so much above the contact line.
     above = -height * (place.distance + radius) / (2.0 * radius)
     if not 0.0 < -height < radius:
         return [moved]
@@ -355,7 +355,8 @@ def _worth_a_fit(rough: list[PlaceFit]) -> list[PlaceFit]:
 def _mirrored(place: CameraPlace, cup: Cup) -> CameraPlace:
     """Mirrors a camera pose to the other side of the liquid level.
 
-    From above the rear line is often the stronger and passes for the front line of a camera below.
+    From above the rear line is often the stronger and passes for the contact line of a camera
+    below.
     """
     reach = np.copysign(cup.radius, place.height)
     was = np.arctan2(place.height, place.distance + reach)

@@ -143,7 +143,7 @@ def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> Flo
 
     Args:
         colours: (N, M, channels) of the strip, from below.
-        rear: (N,) rows from the front line to the rear one.
+        rear: (N,) rows from the contact line to the rear one.
         near: where the rows begin whose median is taken, from either line.
         far: where they end.
     """

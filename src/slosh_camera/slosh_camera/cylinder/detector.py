@@ -4,8 +4,8 @@ The wall is unrolled along scan lines and reduced to one axis from liquid to bac
 of the liquid behind the front wall gives points at known places; a surface of the shapes of DL22,
 eqs. (18) and (19), is fitted to them, robustly. It predicts where the surface ends against the
 background - the line on the rear wall, or a crest before it; that edge is looked for there and
-fitted together with the front line. A peak on the camera's side has the front line's points up to
-it, one on the far side those of the upper edge [DL22, Fig. 7c, d].
+fitted together with the contact line. A peak on the camera's side has the contact line's points
+up to it, one on the far side those of the upper edge [DL22, Fig. 7c, d].
 """
 
 from __future__ import annotations

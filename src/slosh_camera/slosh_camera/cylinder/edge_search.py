@@ -345,8 +345,8 @@ def surface_score(  # type: ignore[no-untyped-def]
 ):
     """Scores how well an image agrees with an assumed surface's contact line and upper edge.
 
-    Below the front line there should be liquid, above the upper edge what is behind the glass, in
-    between anything; on both lines there should be an edge.
+    Below the contact line there should be liquid, above the upper edge what is behind the glass,
+    in between anything; on both lines there should be an edge.
 
     Args:
         picture: (J, M).

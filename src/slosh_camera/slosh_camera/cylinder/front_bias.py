@@ -1,8 +1,8 @@
 """Systematic error of the contact line measured on the liquid at rest.
 
 An uneven wall bends a line, and where front and rear line are one edge in the image, what is found
-lies between them. A surface that is fitted to such a front line alone leans towards the camera or
-away from it. The liquid at rest is level, so that its image tells; once the line has risen or
+lies between them. A surface that is fitted to such a contact line alone leans towards the camera
+or away from it. The liquid at rest is level, so that its image tells; once the line has risen or
 fallen by some rows, it is seen through another place of the wall, and apart from the other line.
 """
 

@@ -49,7 +49,7 @@ class StillLesson:
         bodies: rows that show liquid, one after the other to be tried.
         surface: what the free surface looks like, see `Unrolled`; NaN: not known.
         stationary: edges that are not the liquid's, see `stationary_edges`.
-        bias: what the front line is off.
+        bias: what the contact line is off.
         surrounded: whether what is beside the container tells what is behind it.
         sure: whether it is known which of the edges is the liquid's.
         turn: of the container's sides against the calibration [rad].
@@ -85,7 +85,7 @@ class StillLearner:
             grid: the scan lines.
             wall: their tables.
             chooser: fits surfaces.
-            front: finds the front line.
+            front: finds the contact line.
             edges: of the container.
         """
         self._view, self._grid, self._wall = view, grid, wall

@@ -34,7 +34,7 @@ class StillSurface:
 
     Attributes:
         view: the picture, with what the free surface looks like in it.
-        points: of the front line.
+        points: of the contact line.
         fit: the level surface.
         body: rows that show liquid.
         zero: (SHAPES,) heights of the surface at rest [m]: its level and its tilt.
@@ -57,7 +57,7 @@ def find_still_surface(
 
     Args:
         chooser: fits it.
-        seen: pictures, points of the front line and rows of liquid, the usual ones first.
+        seen: pictures, points of the contact line and rows of liquid, the usual ones first.
         prior: of the heights of liquid at rest.
         nearest: (2,) the place of the wall that is nearest to the camera, from the axis [m].
 
@@ -104,7 +104,7 @@ def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
 def _at_rest(fit: SurfaceFit, nearest: FloatArray) -> FloatArray:
     """Returns level and tilt (SHAPES,) [m] of a surface fitted to liquid at rest.
 
-    What bends a front line by some tenths of a millimetre, an uneven wall or what mirrors in the
+    What bends a contact line by some tenths of a millimetre, an uneven wall or what mirrors in the
     liquid's end, reads as a tilt towards the camera of a millimetre at the rear wall. So where
     that line is all that is seen, the calibration knows the tilt better.
     """

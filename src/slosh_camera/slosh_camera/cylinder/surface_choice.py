@@ -53,11 +53,11 @@ class SurfaceChooser:
 
         Args:
             view: the picture.
-            points: of the front line.
+            points: of the contact line.
             prior: of the heights.
 
         Returns:
-            The fit to the front line and the upper edge; None where the points do not agree, or
+            The fit to the contact line and the upper edge; None where the points do not agree, or
             the fit is no likely surface.
         """
         starts, shares = self._candidates(points.azimuth, points.height, points.bound, prior)
@@ -107,7 +107,7 @@ class SurfaceChooser:
 
         Args:
             view: the picture.
-            points: of the front line.
+            points: of the contact line.
             at_rest, moving: priors of the heights of liquid of changed level.
 
         Returns:

@@ -41,9 +41,9 @@ class Sighting:
     """Analysis of a single image, before it is compared with earlier images.
 
     Attributes:
-        seen: pictures of the wall with the points of the front line.
+        seen: pictures of the wall with the points of the contact line.
         candidates: surfaces fitted to them; none where no liquid can be told.
-        certain: the front line leaves no choice between surfaces.
+        certain: the contact line leaves no choice between surfaces.
         flags: why no liquid can be told.
         steps: sharp steps of the image, which may be those of a seam.
     """

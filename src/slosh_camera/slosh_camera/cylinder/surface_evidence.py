@@ -45,7 +45,7 @@ class Unrolled:
     def scatters(self) -> bool:
         """Whether the surface looks like the liquid below it, as with milk.
 
-        Such a liquid scatters light, as milk does: it ends at the upper edge, and its front line
+        Such a liquid scatters light, as milk does: it ends at the upper edge, and its contact line
         is a mere shade. Other surfaces mirror what is around them.
         """
         return self.surface < TUNING.like_liquid
@@ -105,7 +105,7 @@ class SurfaceFit:
     """Fitted amplitudes of the surface's mode shapes, and the agreement of the edges.
 
     Attributes:
-        points: of the front line.
+        points: of the contact line.
         heights: (SHAPES,) [m] above the container's origin.
         covariance: (SHAPES, SHAPES) [m²], for a given share of the fade.
         fade: share of the fade that the crests show.

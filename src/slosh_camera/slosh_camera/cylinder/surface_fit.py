@@ -41,7 +41,7 @@ class SurfaceFitter:
         """Fits a surface to the front contact line alone.
 
         Args:
-            points: of the front line.
+            points: of the contact line.
             prior: of the heights.
             start: (SHAPES,) a first guess of the heights [m]; None: at rest.
             coarse: deviations of a point up to which it counts at first.
@@ -62,7 +62,7 @@ class SurfaceFitter:
 
         Args:
             view: the picture.
-            points: of the front line.
+            points: of the contact line.
             start: (SHAPES,) heights of the surface [m].
             prior: of the heights.
             coarse: deviations of an edge up to which it counts at first.
@@ -97,7 +97,7 @@ class SurfaceFitter:
         Args:
             view: the picture.
             points: as found without a surface.
-            expected, upper: (M,) rows of the surface's front line and upper edge.
+            expected, upper: (M,) rows of the surface's contact line and upper edge.
         """
         band = np.where(upper > 0.0, np.fmax(expected - upper, 0.0), np.inf)
         apart = max(TUNING.apart_rows, TUNING.apart_widths * view.softness)
@@ -129,7 +129,7 @@ class SurfaceFitter:
         Args:
             view: the picture.
             points: as found without a surface.
-            expected, upper: (M,) rows of the surface's front line and upper edge.
+            expected, upper: (M,) rows of the surface's contact line and upper edge.
         """
         apart = max(TUNING.apart_rows, TUNING.apart_widths * view.softness)
         found, again = self._looked_for(view, ~points.bound, expected, upper + apart)
@@ -182,7 +182,7 @@ class SurfaceFitter:
         floor = np.where(agree, points.place, expected)
         floor -= max(TUNING.apart_rows, TUNING.apart_widths * view.softness)
         if view.scatters:
-            # The front line is too faint to be taken for the upper edge, however near.
+            # The contact line is too faint to be taken for the upper edge, however near.
             floor = expected + reach
         row, slope = edge_search.follow_edge(
             view.picture,

@@ -53,7 +53,7 @@ class Prior:
         """Returns mean (SHAPES,) [m] and inverse covariance of the amplitudes, given a first mode.
 
         The shapes of second order grow with the square of the first mode. Crests are sharper than
-        troughs: the double shape has its crest where the first mode has it. A front line alone
+        troughs: the double shape has its crest where the first mode has it. A contact line alone
         cannot tell these shapes from the first, so they are held tighter then.
 
         Args:

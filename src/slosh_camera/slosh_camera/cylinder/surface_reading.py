@@ -51,7 +51,7 @@ class SurfaceReading:
             zero: (SHAPES,) heights of the surface at rest [m].
             footprint: of a sample on the wall [m].
             cut_off: the surface reaches the image's border; nothing is told of what is beyond.
-            shaded: the front line is a mere shade, whose points hardly speak for themselves.
+            shaded: the contact line is a mere shade, whose points hardly speak for themselves.
         """
         self._fit, points = fit, fit.points
         self._heights = fit.heights - zero

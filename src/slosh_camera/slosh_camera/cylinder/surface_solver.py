@@ -1,6 +1,6 @@
 """Robust fit of surface mode shapes to wall points and silhouettes; compiled.
 
-Two kinds of evidence. A point of the front line lies on the wall: its height is the surface's
+Two kinds of evidence. A point of the contact line lies on the wall: its height is the surface's
 there. An upper edge is a silhouette: along its line of sight from the front to the rear wall the
 surface just touches the ray, at the rear wall or at a crest in between. Both are linear in the
 shapes' heights, the second for a given place of touch. How much of a crest's fade there is
@@ -49,8 +49,8 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
 def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
     """Returns 1.5 times the median normalised residual of lines of sight; 0 if there are too few.
 
-    A surface fitted to the front line alone may lie far below the edge behind it, which most rays
-    agree on.
+    A surface fitted to the contact line alone may lie far below the edge behind it, which most
+    rays agree on.
     """
     ratios = np.empty(ray_scale.size)
     count = 0

@@ -50,7 +50,7 @@ class CylinderTuning:
     hidden_leak: float = number(0.3, "1", "part of the contradiction that counts on a hidden line")
     edge_reach: int = number(4, "row", "distance at which an edge belongs to another line")
     unknown_surface: tuple[float, float] = number(
-        (0.3, 0.8), "1", "weights of front line and upper edge"
+        (0.3, 0.8), "1", "weights of contact line and upper edge"
     )
     dull_surface: tuple[float, float] = number((0.15, 1.0), "1", "for a surface like its liquid")
     bright_surface: tuple[float, float] = number((0.45, 0.65), "1", "for another known surface")
@@ -64,7 +64,7 @@ class CylinderTuning:
     hidden_line: float = number(0.6, "1", "contradiction at which a line counts as hidden")
     # front_bias.py
     bias_lines: int = number(5, "1", "number of lines over which errors are averaged")
-    bias_rows: float = number(3.0, "row", "rise over which the front line's bias changes")
+    bias_rows: float = number(3.0, "row", "rise over which the contact line's bias changes")
     # silhouette.py
     fade_rows: float = number(3.5, "row", "rows below a crest in which it fades in")
     # stationary_edges.py
@@ -80,7 +80,7 @@ class CylinderTuning:
     # still_surface.py
     second_body: float = number(0.3, "1", "lead that the upper part of the wall needs")
     still_wave: float = number(1e-3, "m", "largest first mode measured in the still image")
-    tilt_towards: float = number(math.radians(0.05), "rad", "σ of a tilt by the front line")
+    tilt_towards: float = number(math.radians(0.05), "rad", "σ of a tilt by the contact line")
     # surface_choice.py
     pair_lines: int = number(18, "1", "number of lines whose pairs give first guesses")
     agree_rows: float = number(5.0, "row", "distance at which a point agrees with a guess")
@@ -121,7 +121,7 @@ class CylinderTuning:
     again_rows: int = number(5, "row", "distance within which it is looked for")
     apart_rows: float = number(3.0, "row", "least distance of two distinct edges")
     apart_widths: float = number(1.5, "width", "the same in widths of an edge")
-    shade_rows: float = number(8.0, "row", "standard deviation of a point of a faint front line")
+    shade_rows: float = number(8.0, "row", "standard deviation of a point of a faint contact line")
     shade_band: float = number(40.0, "row", "least height of the surface for that deviation")
     least_slope: float = number(0.03, "contrast", "least slope of an edge")
     least_upper: float = number(0.125, "1", "least part of the lines that shows the upper edge")
@@ -164,7 +164,7 @@ class CylinderTuning:
     of_width: float = number(0.05, "1", "part of an edge's width in it")
     of_height: float = number(0.0025, "1", "part of the height in it")
     of_rest: float = number(2e-5, "m", "least deviation of a height")
-    shade_weight: float = number(0.004, "1", "weight of a point of a faint front line")
+    shade_weight: float = number(0.004, "1", "weight of a point of a faint contact line")
     wide_rows: float = number(10.0, "row", "assumed width of an edge that is not measured")
     together_lines: int = number(40, "1", "most lines whose errors are correlated")
     correlated: float = number(0.05, "1", "least correlation that counts")

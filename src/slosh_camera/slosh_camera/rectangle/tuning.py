@@ -58,7 +58,7 @@ class RectangleTuning:
     apart_softness: float = number(2.4, "softness", "the same for soft edges")
     sharp_percentile: float = number(10.0, "%", "percentile of the edges for the sharpness")
     least_surface: float = number(0.08, "contrast", "least contrast of surface and liquid")
-    most_surface: float = number(0.5, "contrast", "contrast at which the front line is sharper")
+    most_surface: float = number(0.5, "contrast", "contrast at which the contact line is sharper")
     margin: float = number(0.02, "width", "part over which heights at the rear wall are continued")
     all_down: float = number(0.99, "1", "part seen from above that counts as all")
     askew: float = number(0.06, "width", "shift of the rear wall at which crests hide it")
