@@ -14,6 +14,7 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import MAX_STEP
+from slosh_estimator.observer import layout
 from slosh_estimator.observer import observer_kernel as kernel
 from slosh_estimator.observer import (
     self_test as self_test,
@@ -62,15 +63,15 @@ class Observer:
         self._constants = divided(self._store)[1].copy()
         modes = len(self._constants)
         self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
-        self._blocks = np.zeros((2 * modes, kernel.BLOCK))
-        self._theta = np.zeros(kernel.PARAMETERS)
+        self._blocks = np.zeros((2 * modes, layout.BLOCK))
+        self._theta = np.zeros(layout.PARAMETERS)
         self._averages = np.zeros(3)
         self._motions = MotionFinder()
         self._moved_ns: int | None = None
         self._noise = _noise()
-        self._ring = np.zeros((TUNING.kept_inputs, kernel.MODES + 4 * modes))
-        self._out = np.zeros(kernel.STATE + 4 * modes)
-        self._covariance = np.zeros((4 * modes + kernel.PARAMETERS,) * 2)
+        self._ring = np.zeros((TUNING.kept_inputs, layout.MODES + 4 * modes))
+        self._out = np.zeros(layout.STATE + 4 * modes)
+        self._covariance = np.zeros((4 * modes + layout.PARAMETERS,) * 2)
         self._slow_variance = np.square(
             [TUNING.frequency_spread, TUNING.damping_spread, TUNING.level_spread,
              TUNING.clock_spread]
@@ -190,7 +191,7 @@ class Observer:
             self._motions.forget_first()
         self._moved_ns = spans[-1].end_ns
         if sample.stamp_ns - self._moved_ns < TUNING.calm_after_ns:
-            self._averages[kernel.COUNT] = 0.0
+            self._averages[layout.COUNT] = 0.0
 
     def _use_waiting(self) -> None:
         while self._waiting:
@@ -233,7 +234,7 @@ class Observer:
     def _move_anchor(self) -> None:
         """Moves the anchor to the middle of the ring, to free its oldest inputs."""
         middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
-        self._corrected(float(middle[kernel.TIME]), _NO_POINTS)
+        self._corrected(float(middle[layout.TIME]), _NO_POINTS)
 
     def _corrected(self, moment: float, points: Array) -> bool:
         """Corrects by points and moves the anchor to their time; False: they are rejected."""
@@ -248,7 +249,7 @@ class Observer:
         if not ratio <= 1.0:
             return False
         self._anchored_at = moment
-        times = self._ring[:, kernel.TIME]
+        times = self._ring[:, layout.TIME]
         while self._first < last and times[(self._first + 1) % len(times)] <= moment:
             self._first += 1
         return True
@@ -271,47 +272,47 @@ class Observer:
 
     def _forget(self) -> None:
         """Resets the covariance at the anchor to that of an unknown wave."""
-        states = len(self._covariance) - kernel.PARAMETERS
+        states = len(self._covariance) - layout.PARAMETERS
         self._covariance[states:, states:] = np.diag(self._slow_variance)
         self._spread(self._largest)
 
     def _spread(self, height: float) -> None:
         """Sets the standard deviation of each wave's height at the anchor [m]."""
-        states = len(self._covariance) - kernel.PARAMETERS
+        states = len(self._covariance) - layout.PARAMETERS
         self._covariance[:states], self._covariance[:, :states] = 0.0, 0.0
-        place = height / self._blocks[:, kernel.GAIN]
-        rate = place * self._blocks[:, kernel.OMEGA]
+        place = height / self._blocks[:, layout.GAIN]
+        rate = place * self._blocks[:, layout.OMEGA]
         variance = np.square(np.column_stack([place, rate])).ravel()
         np.fill_diagonal(self._covariance[:states, :states], variance)
 
     def _state(self) -> FusedState:
         out = self._out.tolist()
-        variance = self._covariance.diagonal()[-kernel.PARAMETERS :].tolist()
+        variance = self._covariance.diagonal()[-layout.PARAMETERS :].tolist()
         theta = self._theta.tolist()
         return FusedState(
-            self._newest_ns, self._corrected_ns, out[kernel.MSH], out[kernel.AZIMUTH],
-            out[kernel.SH_X], out[kernel.SH_Y], out[kernel.STDDEV_X], out[kernel.STDDEV_Y],
-            out[kernel.STDDEV], out[kernel.STATE :], math.exp(theta[kernel.FREQUENCY]),
-            math.exp(theta[kernel.DAMPING]), math.sqrt(variance[kernel.FREQUENCY]),
-            math.sqrt(variance[kernel.DAMPING]), out[kernel.ENVELOPE],
-            out[kernel.ENVELOPE_STDDEV], out[kernel.DECAY], self._moved_ns,
-            theta[kernel.LEVEL], theta[kernel.CLOCK],
+            self._newest_ns, self._corrected_ns, out[layout.MSH], out[layout.AZIMUTH],
+            out[layout.SH_X], out[layout.SH_Y], out[layout.STDDEV_X], out[layout.STDDEV_Y],
+            out[layout.STDDEV], out[layout.STATE :], math.exp(theta[layout.FREQUENCY]),
+            math.exp(theta[layout.DAMPING]), math.sqrt(variance[layout.FREQUENCY]),
+            math.sqrt(variance[layout.DAMPING]), out[layout.ENVELOPE],
+            out[layout.ENVELOPE_STDDEV], out[layout.DECAY], self._moved_ns,
+            theta[layout.LEVEL], theta[layout.CLOCK],
         )  # fmt: skip
 
 
 def _noise() -> Array:
-    noise = np.zeros(kernel.NOISES)
-    noise[kernel.FLOOR] = TUNING.noise_floor
-    noise[kernel.SHARE], noise[kernel.WAVE] = TUNING.noise_share, TUNING.noise_wave
-    noise[kernel.MEMORY] = TUNING.noise_memory
-    noise[kernel.FREQUENCY_WALK] = TUNING.frequency_walk
-    noise[kernel.DAMPING_WALK] = TUNING.damping_walk
-    noise[kernel.LEVEL_WALK], noise[kernel.CLOCK_WALK] = TUNING.level_walk, TUNING.clock_walk
-    noise[kernel.GATE] = TUNING.innovation_gate
-    noise[kernel.COMMON], noise[kernel.FORM] = TUNING.common_error, TUNING.form_error
-    noise[kernel.RELATIVE], noise[kernel.ALIKE] = TUNING.relative_error, TUNING.error_memory
-    noise[kernel.MEAN] = TUNING.rest_average
-    noise[kernel.STEEP] = TUNING.noise_steep
-    noise[kernel.MOST_FREQUENCY] = TUNING.most_frequency
-    noise[kernel.MOST_DAMPING] = TUNING.most_damping
+    noise = np.zeros(layout.NOISES)
+    noise[layout.FLOOR] = TUNING.noise_floor
+    noise[layout.SHARE], noise[layout.WAVE] = TUNING.noise_share, TUNING.noise_wave
+    noise[layout.MEMORY] = TUNING.noise_memory
+    noise[layout.FREQUENCY_WALK] = TUNING.frequency_walk
+    noise[layout.DAMPING_WALK] = TUNING.damping_walk
+    noise[layout.LEVEL_WALK], noise[layout.CLOCK_WALK] = TUNING.level_walk, TUNING.clock_walk
+    noise[layout.GATE] = TUNING.innovation_gate
+    noise[layout.COMMON], noise[layout.FORM] = TUNING.common_error, TUNING.form_error
+    noise[layout.RELATIVE], noise[layout.ALIKE] = TUNING.relative_error, TUNING.error_memory
+    noise[layout.MEAN] = TUNING.rest_average
+    noise[layout.STEEP] = TUNING.noise_steep
+    noise[layout.MOST_FREQUENCY] = TUNING.most_frequency
+    noise[layout.MOST_DAMPING] = TUNING.most_damping
     return noise
