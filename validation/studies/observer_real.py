@@ -35,6 +35,7 @@ from slosh_estimator.observer.states import WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_metrics.alignment import despike, find_still_level
+from slosh_model.kernel import UPRIGHT
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
 
@@ -225,6 +226,9 @@ def followed(run: Run, t: Array, points: Array) -> tuple[Array, Array, int]:
         points: (M, 3) as of WallHeights, one for each.
     """
     observer, inputs = Observer(run.model), run.motion.inputs
+    upright = np.tile(UPRIGHT, (len(inputs.t), 1))
+    poses = inputs.poses if len(inputs.poses) else upright
+    yaws = inputs.yaws if len(inputs.yaws) else np.zeros(len(inputs.t))
     states: list[tuple[float, ...]] = []
     innovations: list[float] = []
     following = 0
@@ -237,8 +241,8 @@ def followed(run: Run, t: Array, points: Array) -> tuple[Array, Array, int]:
         taken = observer.taken
         state = observer.follow(
             Sample(
-                FIRST_NS + round(1e9 * moment), ax, ay, az, float(inputs.yaws[i]) if len(inputs.yaws) else 0.0, i == 0,
-                tuple(inputs.poses[i].tolist()) if len(inputs.poses) else None,
+                FIRST_NS + round(1e9 * moment), ax, ay, az, float(yaws[i]), i == 0,
+                tuple(poses[i].tolist()),
             )
         )  # fmt: skip
         if observer.taken > taken:
