@@ -24,7 +24,7 @@ from slosh_estimator.observer.observer import Observer
 from slosh_estimator.sample import Sample
 from slosh_model.simulate import Inputs, simulate
 
-TOLERANCE, LENGTH, BEGIN = 1e-3, 60.0, 0.5
+TOLERANCE, LENGTH, BEGIN = 1e-3, 150.0, 0.5
 HEAD = ("camera", "stops", "false calms", "false at the first", "wait, median [s]",
         "needed, median [s]", "constant wait [s]", "ratio")  # fmt: skip
 

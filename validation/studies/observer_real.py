@@ -7,6 +7,9 @@ of SLOSH_SHARED_DATA or ../shared/data). The commanded motion drives the observe
 maxima it is given those of the first half of each second; it foretells the others, over one and a
 half periods at most. The clock offset of a run is that of the best correlation of all its heights,
 the still level that of its quiet part. One number is tuned, `STDDEV`, by the runs of `TUNED`.
+
+The second table is of the stops of the twelve upright runs: when the heights stay within
+TOLERANCE, when calm is told with all heights and without any, and what is seen behind that.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import measured_tray
@@ -30,14 +34,16 @@ from slosh_base.types import Array
 from slosh_discovery.discover import MeasuredMotion
 from slosh_discovery.discover.clock import first_offset
 from slosh_discovery.discover.problem import prepare
+from slosh_estimator.observer.calm import CalmWatch
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.observer.states import WallHeights
+from slosh_estimator.observer.states import FusedState, Outcome, WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_metrics.alignment import despike, find_still_level
 from slosh_model.kernel import UPRIGHT
 from slosh_model.model import Model
 from slosh_model.simulate import Inputs, simulate
+from slosh_replay.tables.antisloshing import read_heights
 
 TUNED = (*UNTILTED_FIT, *TILTED_FIT)
 """Runs that STDDEV was chosen by; the others are reported only."""
@@ -46,10 +52,19 @@ STDDEV = 2.5e-3
 TRIED = (0.5e-3, 1e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3)
 USED, PERIOD, FIRST_NS = 0.5, 1.0, 1_000_000_000
 """The first part of each period is used [s], and the stamp of time zero [ns]."""
+REST, STEP = 60.0, 0.002
+"""Rest behind a stop, and step of its samples [s]."""
 MOVES = 0.05
 """Acceleration of a container that moves [m/s²]."""
 NIS = float(chi2.ppf(0.95, 1) / chi2.ppf(norm.cdf(TUNING.innovation_gate), 1))
 """Innovation over its limit that 95 % keep."""
+TOLERANCE = 3e-3
+"""Of a calm wave at the real stops [m]: the heights do not tell of lower ones."""
+STOP_HEAD = (
+    "stop", "record behind it [s]", "measured calm [s]", "told with heights [s]",
+    "told without [s]",
+    "highest after with [mm]", "highest after without [mm]",
+)  # fmt: skip
 HEAD = (
     "run", "tuned by", "heights left out", "open loop RMS [mm]", "foretold RMS [mm]",
     "inside 1.96 σ [%]", "NEES, mean", "NIS inside 95 % [%]", "rejected",
@@ -89,6 +104,20 @@ class Found(NamedTuple):
     rejected: int
 
 
+class Followed(NamedTuple):
+    """What an observer gave.
+
+    Attributes:
+        states: its fused states.
+        innovations: over their limits, one for each step that used measurements.
+        counts: of the measurements, by outcome.
+    """
+
+    states: list[FusedState]
+    innovations: list[float]
+    counts: Mapping[Outcome, int]
+
+
 def main() -> int:
     """Runs the command; exit code 1 where the data are missing."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -108,11 +137,66 @@ def main() -> int:
     lines += [row(name, "yes" if name in TUNED else "", (one,)) for name, one in all_found.items()]
     for told, names in (("yes", TUNED), ("", tuple(set(all_found) - set(TUNED)))):
         lines.append(row("**all**", told, tuple(all_found[name] for name in names)))
-    text = "\n".join(lines)
-    print(text)
-    if given.docs:
-        fill(PAGE, "measured", text)
+    stops = ["| " + " | ".join(STOP_HEAD) + " |", "|---" + "|--:" * (len(STOP_HEAD) - 1) + "|"]
+    upright = [run for run in cups if not run.name.startswith("Tilt")]
+    stops += [stop_row(run) for run in tqdm(upright, leave=False)]
+    for name, table in (("measured", lines), ("stops", stops)):
+        text = "\n".join(table)
+        print(text)
+        if given.docs:
+            fill(PAGE, name, text)
     return 0
+
+
+def stop_row(run: Run) -> str:
+    """A row of the table of stops, with the highest height that is seen after calm is told."""
+    inputs, t, height, end = whole_record(run)
+    high = t[(height > TOLERANCE) & (t > end)]
+    needed = float(high[-1]) - end if len(high) else 0.0
+    unended = needed > 0.0 and high[-1] > t[-1] - 1.0
+    cells = [run.name, f"{t[-1] - end:.1f}", f"{'> ' if unended else ''}{needed:.1f}"]
+    seen = np.column_stack([np.full(len(t), math.nan), height, np.full(len(t), STDDEV)])
+    highest = []
+    for points in (seen, seen[:0]):
+        watch = CalmWatch(TOLERANCE)
+        states = followed(run.model, inputs, t[: len(points)], points).states
+        calm = [one for one in map(watch.update, states) if one.calm]
+        moments = [1e-9 * (one.stamp_ns - FIRST_NS) - end for one in calm]
+        told = next((moment for moment in moments if moment > 0.0), math.inf)
+        behind = height[t > end + told]
+        highest.append(f"{1e3 * behind.max():.1f}" if len(behind) else "")
+        cells.append(f"{told:.1f}" if told < math.inf else "never")
+    return "| " + " | ".join([*cells, *highest]) + " |"
+
+
+def whole_record(run: Run) -> tuple[Inputs, Array, Array, float]:
+    """A run to the end of its heights, which rests longer than the motion's file tells.
+
+    Returns:
+        the motion; (M,) times of the heights on its clock [s] and heights [m]; when it ends [s].
+    """
+    motion, inputs = run.motion, run.motion.inputs
+    assert motion.msh is not None
+    t, height = read_heights(measured_tray.DATA / "antisloshing" / "heights" / f"{run.name}.mat")
+    first = int(np.flatnonzero(height == motion.msh[0])[0])
+    level, _ = still_level(motion)
+    t = t - t[first] + motion.t[0] - first_offset(prepare(motion), run.model)
+    height = despike(height) - level
+    known = np.isfinite(height) & (t >= inputs.t[0])
+    moves = inputs.t[np.linalg.norm(inputs.acceleration, axis=1) > MOVES]
+    return rested(inputs, REST), t[known], height[known], float(moves[-1])
+
+
+def rested(inputs: Inputs, seconds: float) -> Inputs:
+    """A motion and so long a rest behind it [s]."""
+    rest = np.arange(STEP, seconds, STEP)
+    attitude = inputs.attitude
+    assert attitude is not None
+    return Inputs(
+        np.concatenate([inputs.t, inputs.t[-1] + rest]),
+        np.vstack([inputs.acceleration, np.zeros((len(rest), 3))]),
+        np.vstack([attitude, np.tile(attitude[-1], (len(rest), 1))]),
+    )
 
 
 def tune(runs: list[Run]) -> None:
@@ -154,13 +238,7 @@ def tray_runs() -> list[Run]:
     """The four cups of the tray, at rest behind their motion."""
     motion = measured_tray.tray_motion()
     order, _ = measured_tray.made_order(motion)
-    assert motion.attitude is not None
-    rest = np.arange(1.0, 5001.0) * 1e-3
-    inputs = Inputs(
-        np.concatenate([motion.t, motion.t[-1] + rest]),
-        np.vstack([motion.acceleration, np.zeros((len(rest), 3))]),
-        np.vstack([motion.attitude, np.tile(motion.attitude[-1], (len(rest), 1))]),
-    )
+    inputs = rested(Inputs(motion.t, motion.acceleration, motion.attitude), 5.0)
     runs = []
     cups = measured_tray.tray_of(order).containers
     for number, cup in zip(measured_tray.CUPS, cups, strict=True):
@@ -192,10 +270,12 @@ def foretold(run: Run, stddev: float) -> Found:
     spread = math.hypot(stddev, noise)
     given = t % PERIOD < USED
     points = np.array([[math.nan, one, spread] for one in height[given]])
-    states, innovations, rejected = followed(run, t[given], points)
+    states, innovations, counts = followed(run.model, inputs, t[given], points)
+    moments = np.array([1e-9 * (state.stamp_ns - FIRST_NS) for state in states])
+    told = np.array([(state.msh, state.msh_stddev, state.level) for state in states])
     begin = inputs.t[np.linalg.norm(inputs.acceleration, axis=1) > MOVES][0]
     left = ~given & (t > begin)
-    expected, deviation, level = (np.interp(t[left], states[:, 0], c) for c in states.T[1:])
+    expected, deviation, level = (np.interp(t[left], moments, column) for column in told.T)
     error = height[left] - expected - level
     # As the filter has it: the height's own error, that of the wave's form, that in its size.
     form = TUNING.form_error * expected**2 / run.model.container.reaches[0]
@@ -204,7 +284,7 @@ def foretold(run: Run, stddev: float) -> Found:
     opened = np.interp(t[left], inputs.t, simulate(run.model, inputs)[0].msh) - height[left]
     return Found(
         int(left.sum()), *(float(np.sqrt(np.mean(one**2))) for one in (opened, error)),
-        error**2 / variance, innovations, rejected,
+        error**2 / variance, np.array(innovations), counts[Outcome.REJECTED],
     )  # fmt: skip
 
 
@@ -217,20 +297,20 @@ def still_level(motion: MeasuredMotion) -> tuple[float, float]:
     return still.level, still.noise
 
 
-def followed(run: Run, t: Array, points: Array) -> tuple[Array, Array, int]:
-    """(N, 4) times, heights, their deviations and levels; innovations; rejected heights.
+def followed(model: Model, inputs: Inputs, t: Array, points: Array) -> Followed:
+    """Runs the observer.
 
     Args:
-        run: the run.
-        t: (M,) times of the heights that the observer is given [s].
+        model: of the liquid.
+        inputs: the motion.
+        t: (M,) times of the heights that it is given [s].
         points: (M, 3) as of WallHeights, one for each.
     """
-    observer, inputs = Observer(run.model), run.motion.inputs
+    observer = Observer(model)
+    found = Followed([], [], observer.counts)
     upright = np.tile(UPRIGHT, (len(inputs.t), 1))
     poses = inputs.poses if len(inputs.poses) else upright
     yaws = inputs.yaws if len(inputs.yaws) else np.zeros(len(inputs.t))
-    states: list[tuple[float, ...]] = []
-    innovations: list[float] = []
     following = 0
     for i, moment in enumerate(inputs.t):
         while following < len(t) and t[following] <= moment:
@@ -246,11 +326,10 @@ def followed(run: Run, t: Array, points: Array) -> tuple[Array, Array, int]:
             )
         )  # fmt: skip
         if observer.taken > taken:
-            innovations.append(observer.innovation)
+            found.innovations.append(observer.innovation)
         if state is not None:
-            states.append((moment, state.msh, state.msh_stddev, state.level))
-    rejected = sum(n for outcome, n in observer.counts.items() if outcome.value == "rejected")
-    return np.array(states), np.array(innovations), rejected
+            found.states.append(state)
+    return found
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from slosh_estimator.observer.layout import (
     DAMPING,
     DECAY,
     ENVELOPE,
+    ENVELOPE_NOISE,
     ENVELOPE_STDDEV,
     FREQUENCY,
     GAIN,
@@ -25,6 +26,7 @@ from slosh_estimator.observer.layout import (
     SENSITIVITY,
     SH_X,
     SH_Y,
+    SPECTRUM,
     STATE,
     STDDEV,
     STDDEV_X,
@@ -75,7 +77,7 @@ def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-unty
     """
     modes, size = records(store)[1], covariance.shape[0]
     row, states = np.zeros(size), 2 * blocks.shape[0]
-    height = variance = 0.0
+    height = variance = shaken = 0.0
     decay = math.inf
     for n in range(modes.shape[0]):
         mode, wave, axes = modes[n], np.zeros(4), 0.0
@@ -86,6 +88,8 @@ def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-unty
             wave[axis] = gain * (place + averages[MEAN_X + axis] / (omega * omega))
             wave[2 + axis] = gain * rate / omega
             decay = min(decay, omega * block[ZETA])
+            # The stationary variance of an oscillator that white noise drives.
+            shaken += gain * gain * averages[SPECTRUM] / (4.0 * block[ZETA] * omega**3)
             widest = 0.0
             for i, scale in ((0, gain), (1, gain / omega)):
                 row[:] = 0.0
@@ -101,6 +105,7 @@ def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-unty
         height += math.sqrt(0.5 * (squares + math.sqrt(rest)))
         variance += axes
     out[ENVELOPE], out[ENVELOPE_STDDEV], out[DECAY] = height, math.sqrt(max(variance, 0.0)), decay
+    out[ENVELOPE_NOISE] = math.sqrt(shaken)
 
 
 @compiled

@@ -33,12 +33,16 @@ heights along the modal axes [m], the container's angle in them [rad]; then q an
 block."""
 
 (
-    SH_X, SH_Y, MSH, AZIMUTH, STDDEV_X, STDDEV_Y, STDDEV, ENVELOPE, ENVELOPE_STDDEV, DECAY, STATE,
-) = range(11)  # fmt: skip
+    SH_X, SH_Y, MSH, AZIMUTH, STDDEV_X, STDDEV_Y, STDDEV, ENVELOPE, ENVELOPE_STDDEV,
+    ENVELOPE_NOISE, DECAY, STATE,
+) = range(12)  # fmt: skip
 """Columns of an answer: heights at +x and +y, their maximum [m] and its azimuth [rad], standard
 deviations of the three heights [m]; the largest height that the wave reaches if nothing moves from
-now on, and its standard deviation [m]; the slowest mode's ζω [1/s]; then x, y, vx, vy of each
+now on, its standard deviation, and that of what the input's noise at rest adds to it [m]; the
+slowest mode's ζω [1/s]; then x, y, vx, vy of each
 mode."""
 
-MEAN_X, MEAN_Y, COUNT = range(3)
-"""Mean of the acceleration that drives the liquid at rest [m/s²], and of how many inputs."""
+MEAN_X, MEAN_Y, SPECTRUM, COUNT = range(4)
+"""Mean of the acceleration that drives the liquid at rest [m/s²], spectral density of its noise in
+one axis [m²/s³], and of how many inputs."""
+AVERAGES = 4

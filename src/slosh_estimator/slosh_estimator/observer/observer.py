@@ -19,6 +19,7 @@ from slosh_estimator.observer import observer_kernel as kernel
 from slosh_estimator.observer import (
     self_test as self_test,
 )  # its checks belong to the compiled functions
+from slosh_estimator.observer.envelope_bounds import Envelope, EnvelopeBounds
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
@@ -65,7 +66,8 @@ class Observer:
         self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
         self._blocks = np.zeros((2 * modes, layout.BLOCK))
         self._theta = np.zeros(layout.PARAMETERS)
-        self._averages = np.zeros(3)
+        self._averages = np.zeros(layout.AVERAGES)
+        self._bounds = EnvelopeBounds()
         self._motions = MotionFinder()
         self._moved_ns: int | None = None
         self._noise = _noise()
@@ -266,6 +268,7 @@ class Observer:
         self._begin(self._store, self._blocks)
         self._count = self._first = self._rejected = 0
         self._anchored_at, self._corrected_ns = now, None
+        self._bounds = EnvelopeBounds()
         self._forget()
         if at_rest:
             self._spread(TUNING.rest_wave)
@@ -289,6 +292,7 @@ class Observer:
         out = self._out.tolist()
         variance = self._covariance.diagonal()[-layout.PARAMETERS :].tolist()
         theta = self._theta.tolist()
+        bounds = self._bounded(out, variance[layout.DAMPING])
         return FusedState(
             self._newest_ns, self._corrected_ns, out[layout.MSH], out[layout.AZIMUTH],
             out[layout.SH_X], out[layout.SH_Y], out[layout.STDDEV_X], out[layout.STDDEV_Y],
@@ -296,7 +300,19 @@ class Observer:
             math.exp(theta[layout.DAMPING]), math.sqrt(variance[layout.FREQUENCY]),
             math.sqrt(variance[layout.DAMPING]), out[layout.ENVELOPE],
             out[layout.ENVELOPE_STDDEV], out[layout.DECAY], self._moved_ns,
-            theta[layout.LEVEL], theta[layout.CLOCK],
+            theta[layout.LEVEL], theta[layout.CLOCK], *bounds,
+        )  # fmt: skip
+
+    def _bounded(self, out: list[float], damping_variance: float) -> tuple[float, float]:
+        """Returns the bounds of the envelope: see EnvelopeBounds."""
+        since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
+        return self._bounds.update(
+            Envelope(
+                self._newest_ns, out[layout.ENVELOPE], out[layout.ENVELOPE_STDDEV],
+                out[layout.ENVELOPE_NOISE], out[layout.DECAY], math.sqrt(damping_variance),
+            ),
+            resting=since >= TUNING.calm_after_ns, corrected_ns=self._corrected_ns,
+            contradicted=self._rejected > 0,
         )  # fmt: skip
 
 

@@ -95,7 +95,7 @@ def follow(  # type: ignore[no-untyped-def]
         ring: (K, MODES + 2 blocks) past states; changed.
         count: states before it, since the last restart.
         blocks: (2 modes, BLOCK) since the anchor; changed.
-        averages: (3,) of the acceleration; changed.
+        averages: (AVERAGES,) of the acceleration; changed.
         noise: (NOISES,).
         bound: a mass farther out is no liquid any more [m].
 

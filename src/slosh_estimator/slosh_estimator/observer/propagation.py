@@ -21,6 +21,7 @@ from slosh_estimator.observer.layout import (
     PARAMETERS,
     PHI,
     SENSITIVITY,
+    SPECTRUM,
     TIME,
     ZETA,
 )
@@ -97,11 +98,13 @@ def anchored(blocks):  # type: ignore[no-untyped-def]
 
 @compiled
 def averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
-    """Updates the average of the acceleration of the liquid."""
+    """Updates the average of the acceleration of the liquid and of its noise."""
     averages[COUNT] += 1.0
     share = max(1.0 / averages[COUNT], dt / (time + dt))
     averages[MEAN_X] += share * (run["ax"] - averages[MEAN_X])
     averages[MEAN_Y] += share * (run["ay"] - averages[MEAN_Y])
+    noise = (run["ax"] - averages[MEAN_X]) ** 2 + (run["ay"] - averages[MEAN_Y]) ** 2
+    averages[SPECTRUM] += share * (0.5 * noise * dt - averages[SPECTRUM])
 
 
 @compiled

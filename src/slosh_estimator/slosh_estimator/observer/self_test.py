@@ -28,7 +28,7 @@ class _Arrays:
         self.blocks = np.zeros((2 * count, layout.BLOCK))
         self.ring = np.zeros((8, layout.MODES + 4 * count))
         self.covariance = 1e-4 * np.eye(4 * count + layout.PARAMETERS)
-        self.averages, self.out = np.zeros(3), np.zeros(layout.STATE + 4 * count)
+        self.averages, self.out = np.zeros(layout.AVERAGES), np.zeros(layout.STATE + 4 * count)
         self.noise = np.full(layout.NOISES, 0.1)
         self.noise[layout.GATE] = 40.0
         kernel.begin.load()(self.store, self.blocks)

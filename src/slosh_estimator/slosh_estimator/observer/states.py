@@ -63,6 +63,7 @@ class FusedState(NamedTuple):
         moved_ns: when the container moved last [ns]; None: it has not.
         level: still level above the measurement's zero [m].
         clock_offset: by how much stamps of measurements are late [s].
+        bound, sure_bound: upper bound of the envelope, of 95 % and sure [m]; see EnvelopeBounds.
     """
 
     stamp_ns: int
@@ -85,6 +86,8 @@ class FusedState(NamedTuple):
     moved_ns: int | None
     level: float
     clock_offset: float
+    bound: float
+    sure_bound: float
 
     @property
     def uncorrected(self) -> float:
