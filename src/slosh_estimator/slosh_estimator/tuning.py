@@ -182,6 +182,11 @@ class EstimatorTuning:
         SECOND, "ns", "time after the start in which measurements may come"
     )
     calm_after_ns: int = number(SECOND // 5, "ns", "time after a motion that still belongs to it")
+    # sensed/force_surface.py
+    force_block_ns: int = number(SECOND // 25, "ns", "time over which a force is averaged")
+    force_zero_ns: int = number(3 * SECOND, "ns", "time over which a force's zero is averaged")
+    force_zero_first_ns: int = number(SECOND, "ns", "the same at first")
+    force_moves: float = number(0.1, "m/s²", "acceleration of a moving container")
 
 
 TUNING = EstimatorTuning()
