@@ -33,6 +33,7 @@ NODES: Mapping[str, str] = {
     "player": "slosh_bag.nodes.player_node",
     "predictor": "slosh_plan.nodes.predictor_node",
     "recorder": "slosh_bag.nodes.recorder_node",
+    "sensor": "slosh_estimator.nodes.sensor_node",
     "watch": "slosh_bringup.nodes.watch_node",
 }
 # Those that end by themselves.

@@ -139,6 +139,9 @@ class EstimatorTuning:
         SECOND, "ns", "time between two recorded states of the observer"
     )
     ahead_ns: int = number(SECOND, "ns", "time by which a measurement may be ahead of the input")
+    sensed_wait_ns: int = number(
+        SECOND // 5, "ns", "time that a sensor's height waits for a later image"
+    )
     usual_stddev: float = number(5e-4, "m", "standard deviation of a height that states none")
     least_stddev: float = number(1e-4, "m", "least standard deviation of a height")
     trusted_stddev: float = number(1e-3, "m", "standard deviation of a trusted fused height")

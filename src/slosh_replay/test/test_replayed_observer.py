@@ -45,7 +45,7 @@ class ObservedBag(LiveBag):
             self._state_ns = state.stamp_ns
             self._put_state(observer.state())
         modal = np.array(state.modal).reshape(-1, 4)
-        fields = told_fields(state, observer.counts)
+        fields = told_fields(state, observer.counts, observer.sensed)
         fields["msh"] += self._wrong
         self._put(
             FUSED, state.stamp_ns, log_ns, modal_position=modal[:, :2].ravel(),
@@ -61,7 +61,8 @@ class ObservedBag(LiveBag):
             judged_stamp=judged, counts=np.array(state.counts, dtype=np.uint64),
             rejected_in_turn=state.rejected, anchored_at=state.anchored_at, model=state.model,
             parameters=state.parameters, covariance=state.covariance, changes=state.changes,
-            past=state.past,
+            past=state.past, sensed=state.sensed,
+            sensed_stamp=-1 if state.sensed_ns is None else state.sensed_ns,
         )  # fmt: skip
 
     def _surface(self, stamp, height, estimate, lag):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from array import array
+from functools import partial
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -60,7 +61,9 @@ class ObserverOutput:
         )
         self._calm_out = node.create_publisher(Calm, topics.CALM, qos.LATCHED_STREAM)
         self._bool_out = node.create_publisher(Bool, topics.IS_CALM, qos.LATCHED_STREAM)
-        node.create_subscription(FreeSurface, topics.FREE_SURFACE, self._take, qos.STREAM_IN)
+        for name, sensed in ((topics.FREE_SURFACE, False), (topics.SENSED_SURFACE, True)):
+            taker = partial(self._take, sensed=sensed)
+            node.create_subscription(FreeSurface, name, taker, qos.STREAM_IN)
         self._timer = node.create_timer(TUNING.calm_silence, self._look)
         self._action = ActionServer(
             node, WaitUntilCalm, topics.WAIT_UNTIL_CALM, self._on_goal,
@@ -109,11 +112,11 @@ class ObserverOutput:
         counts = self.observer.counts
         return {f"heights {outcome.value}": counts[outcome] for outcome in Outcome}
 
-    def _take(self, message: FreeSurface) -> None:
+    def _take(self, message: FreeSurface, *, sensed: bool) -> None:
         if self.hears:
             stamp_ns = to_nanoseconds(message.header.stamp)
             heights = SurfaceHeights(*(getattr(message, name) for name in _FIELDS))
-            self.observer.take(wall_heights(stamp_ns, heights))
+            self.observer.take(wall_heights(stamp_ns, heights), sensed=sensed)
 
     def _look(self) -> None:
         """Publishes STALE if the input has stopped, so that the last state is not `calm`."""
@@ -198,7 +201,7 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) ->
     """Writes a fused state into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
-    for name, value in told_fields(state, observer.counts).items():
+    for name, value in told_fields(state, observer.counts, observer.sensed).items():
         setattr(message, name, value)
     message.trusted = state.trusted
     modal = state.modal
@@ -218,7 +221,8 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
     message.corrected_stamp = -1 if state.corrected_ns is None else state.corrected_ns
     message.judged_stamp = -1 if state.judged_ns is None else state.judged_ns
     message.counts, message.rejected_in_turn = array("Q", state.counts), state.rejected
-    message.anchored_at = state.anchored_at
+    message.anchored_at, message.sensed = state.anchored_at, state.sensed
+    message.sensed_stamp = -1 if state.sensed_ns is None else state.sensed_ns
     for name in ("model", "parameters", "covariance", "changes", "past"):
         setattr(message, name, array("d", getattr(state, name).tobytes()))
 

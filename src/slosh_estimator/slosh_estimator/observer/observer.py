@@ -47,13 +47,16 @@ class Observer:
 
     Args:
         model: container, liquid and effects.
+        holds: whether sensors wait for images, which come later; a replay is given them in time.
 
     Attributes:
         counts: of measurements, by outcome.
+        sensed: how many of them force or level sensors measured beside the camera.
         innovation: normalised innovation of the last measurement over its limit.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, holds: bool = True) -> None:
+        self._holds = holds
         self.counts = dict.fromkeys(Outcome, 0)
         self.innovation = math.nan
         container = model.container
@@ -80,12 +83,15 @@ class Observer:
         )  # fmt: skip
         self._begin, self._read = kernel.begin.load(), kernel.read.load()
         self._follow, self._correct = kernel.follow.load(), kernel.correct.load()
-        self._waiting: deque[WallHeights] = deque()
+        self._cameras: deque[WallHeights] = deque()
+        self._sensors: deque[WallHeights] = deque()
         self._epoch_ns: int | None = None
         self._given_ns = _LONG_AGO
         self._newest_ns = _LONG_AGO
         self._corrected_ns: int | None = None
         self._judged_ns: int | None = None
+        self.sensed = 0
+        self._sensed_ns: int | None = None
         # Inputs since the restart; the one before the anchor; rejected measurements in succession.
         self._count = self._first = self._rejected = 0
         self._anchored_at = 0.0
@@ -95,11 +101,17 @@ class Observer:
         """Measurements so far that do not wait any more."""
         return sum(self.counts.values())
 
-    def take(self, heights: WallHeights) -> None:
-        """Queues a measurement; earlier ones are used first."""
-        self._waiting.append(heights)
-        if len(self._waiting) > TUNING.waiting_heights:
-            self._judged_ns = self._waiting.popleft().stamp_ns
+    def take(self, heights: WallHeights, *, sensed: bool = False) -> None:
+        """Queues a measurement; earlier ones are used first.
+
+        Args:
+            heights: to queue.
+            sensed: whether a force or level sensor beside the camera measured them.
+        """
+        queue = self._sensors if sensed else self._cameras
+        queue.append(heights)
+        if len(queue) > TUNING.waiting_heights:
+            self._take_next(sensed=sensed)
             self._note(Outcome.LATE)
 
     def follow(self, sample: Sample, flags: int = 0) -> FusedState | None:
@@ -140,7 +152,7 @@ class Observer:
             self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
             tuple(self.counts.values()), self._rejected, self._anchored_at, self._store.copy(),
             self._theta.copy(), self._covariance.ravel().copy(), self._blocks.ravel().copy(),
-            np.concatenate(kept),
+            np.concatenate(kept), self.sensed, self._sensed_ns,
         )  # fmt: skip
 
     def take_up(self, state: ObserverState) -> None:
@@ -166,6 +178,7 @@ class Observer:
         self._given_ns, self._corrected_ns = state.stamp_ns, state.corrected_ns
         self._judged_ns, self._rejected = state.judged_ns, state.rejected
         self._anchored_at = state.anchored_at
+        self.sensed, self._sensed_ns = state.sensed, state.sensed_ns
 
     def _step(self, sample: Sample, now: float) -> bool:
         """Steps the model; False: it has left the physical range."""
@@ -196,13 +209,30 @@ class Observer:
             self._averages[layout.COUNT] = 0.0
 
     def _use_waiting(self) -> None:
-        while self._waiting:
-            ahead_ns = self._waiting[0].stamp_ns - self._newest_ns
+        while self._cameras or self._sensors:
+            image, sensor = (
+                queue[0].stamp_ns if queue else None for queue in (self._cameras, self._sensors)
+            )
+            sensed = image is None or (sensor is not None and sensor < image)
+            ahead_ns = ((sensor if sensed else image) or 0) - self._newest_ns
             if 0 < ahead_ns < TUNING.ahead_ns:
                 return
-            heights = self._waiting.popleft()
-            self._judged_ns = heights.stamp_ns
+            # A camera is later than a sensor, and what is before the last one used is too late.
+            if sensed and self._holds and image is None and ahead_ns > -TUNING.sensed_wait_ns:
+                return
+            heights = self._take_next(sensed=sensed)
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
+
+    def _take_next(self, *, sensed: bool) -> WallHeights:
+        """Removes the next measurement of a queue and notes that it is judged."""
+        if not sensed:
+            heights = self._cameras.popleft()
+            self._judged_ns = heights.stamp_ns
+            return heights
+        heights = self._sensors.popleft()
+        self._sensed_ns = heights.stamp_ns
+        self.sensed += 1
+        return heights
 
     def _note(self, outcome: Outcome) -> None:
         self.counts[outcome] += 1

@@ -18,6 +18,7 @@ SAME_FIELDS: Final = (
 """Fields of FusedEstimate.msg that are attributes of FusedState."""
 TOLD_FIELDS: Final = (
     *SAME_FIELDS, "uncorrected", "heights_taken", "heights_used", "heights_rejected",
+    "sensed_taken",
 )  # fmt: skip
 """All of its numbers but the modal state; see `told_fields`."""
 
@@ -102,12 +103,15 @@ class FusedState(NamedTuple):
         return self.corrected_ns is not None and self.msh_stddev <= TUNING.trusted_stddev
 
 
-def told_fields(state: FusedState, counts: Mapping[Outcome, int]) -> dict[str, float]:
+def told_fields(
+    state: FusedState, counts: Mapping[Outcome, int], sensed: int = 0
+) -> dict[str, float]:
     """Returns the numbers of FusedEstimate.msg by field name, without the modal state.
 
     Args:
         state: to tell.
         counts: of the measurements before it, by outcome.
+        sensed: how many of them are of sensors beside the camera.
     """
     return {
         **{name: getattr(state, name) for name in SAME_FIELDS},
@@ -115,6 +119,7 @@ def told_fields(state: FusedState, counts: Mapping[Outcome, int]) -> dict[str, f
         "heights_taken": sum(counts.values()),
         "heights_used": counts[Outcome.USED],
         "heights_rejected": counts[Outcome.REJECTED],
+        "sensed_taken": sensed,
     }
 
 
@@ -133,3 +138,5 @@ class ObserverState(NamedTuple):
     covariance: Array
     changes: Array
     past: Array
+    sensed: int = 0
+    sensed_ns: int | None = None

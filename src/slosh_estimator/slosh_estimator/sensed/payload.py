@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 
 from slosh_estimator.errors import SloshEstimatorError
 
+LONGEST = 1_000_000
+"""Size of the document at most [bytes]."""
 Direction = tuple[float, float, float]
 
 

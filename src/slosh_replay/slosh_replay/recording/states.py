@@ -83,5 +83,6 @@ def _observer_state(message: Any) -> ObserverState:
     return ObserverState(
         stamp_ns(message), int(message.first_stamp), corrected, judged,
         tuple(map(int, message.counts)), int(message.rejected_in_turn), message.anchored_at,
-        *numbers,
+        *numbers, int(message.sensed),
+        None if message.sensed_stamp < 0 else int(message.sensed_stamp),
     )  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 
 from slosh_estimator.observer.states import TOLD_FIELDS
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.recording.sources import FUSED as FUSED_TYPE
@@ -15,7 +15,7 @@ from slosh_replay.recording.sources import TRAY as TRAY_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
-from slosh_replay.replay.replayed_observer import SURFACES, ReplayedObserver
+from slosh_replay.replay.replayed_observer import DOORS, SURFACES, ReplayedObserver
 from slosh_replay.replay.verification import (
     COMPARED,
     ESTIMATED,
@@ -48,7 +48,10 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
         ReplayedNode(
             "observer",
             ReplayedObserver,
-            inputs=(NodeTopic(SAMPLES, ""), NodeTopic(FREE_SURFACE, SURFACE, SURFACES)),
+            inputs=(
+                NodeTopic(SAMPLES, ""),
+                *(NodeTopic(door, SURFACE, SURFACES) for door in DOORS),
+            ),
             outputs=(NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, TOLD_FIELDS),),
             needs_recorded=True,
         ),

@@ -14,12 +14,14 @@ from slosh_estimator.observer.states import TOLD_FIELDS, WallHeights, told_field
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Samples
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import FREE_SURFACE, FUSED_ESTIMATE
+from slosh_msgs_py.topics import FREE_SURFACE, FUSED_ESTIMATE, SENSED_SURFACE
 from slosh_replay.replay.nodes import Moment, Setting, recorded_name
 from slosh_replay.replay.replayed_estimator import SAMPLES, samples_of
 from slosh_replay.replay.verification import Messages
 
-TAKEN: Final = "heights_taken"
+TAKEN: Final = ("heights_taken", "sensed_taken")
+DOORS: Final = (FREE_SURFACE, SENSED_SURFACE)
+"""Topics of measured surfaces: of the camera, and of sensors beside it."""
 SURFACES: Final = SurfaceHeights._fields
 UNKNOWN = "the observer's state is not in the recording, until the next known one"
 
@@ -37,9 +39,9 @@ class ReplayedObserver:
         self._setting = setting
         self._start = -1
         self._observer: Observer | None = None
-        self._surfaces: deque[WallHeights] = deque()
-        self._taken = 0
-        self._states: deque[tuple[int, int]] = deque()
+        self._surfaces: tuple[deque[WallHeights], ...] = tuple(deque() for _ in DOORS)
+        self._taken = [0] * len(DOORS)
+        self._states: deque[tuple[int, tuple[int, ...]]] = deque()
         self._hears = True
         self._lost = self._was_empty = False
 
@@ -47,9 +49,11 @@ class ReplayedObserver:
         """Updates by samples, heights and recorded states; returns the replayed states."""
         recorded = moment.messages[recorded_name(FUSED_ESTIMATE)]
         if len(recorded.stamps):
-            counts = recorded.columns[TAKEN].astype(np.int64).tolist()
+            taken, sensed = (recorded.columns[name].astype(np.int64) for name in TAKEN)
+            counts = zip((taken - sensed).tolist(), sensed.tolist(), strict=True)
             self._states.extend(zip(recorded.stamps.tolist(), counts, strict=True))
-        self._surfaces.extend(_heights(moment.messages[FREE_SURFACE]))
+        for door, waiting in zip(DOORS, self._surfaces, strict=True):
+            waiting.extend(_heights(moment.messages[door]))
         batch = moment.messages[SAMPLES]
         if not len(batch.stamps):
             return {}
@@ -73,7 +77,7 @@ class ReplayedObserver:
             self._was_empty = True
             return
         sample = samples.one(index)
-        if self._was_empty and self._surfaces and self._setting.fused is not None:
+        if self._was_empty and any(self._surfaces) and self._setting.fused is not None:
             self._setting.fused.lose(sample.stamp_ns - 1, EMPTY)
             self._lost = True
         self._was_empty = False
@@ -87,13 +91,13 @@ class ReplayedObserver:
         if self._lost and self._take_up(observer, sample.stamp_ns):
             return
         if state is not None:
-            told.append((state.stamp_ns, told_fields(state, observer.counts)))
+            told.append((state.stamp_ns, told_fields(state, observer.counts, observer.sensed)))
 
     def _begin(self, start: int) -> None:
         """Creates the observer for a start of the node."""
         self._start = start
         model = self._setting.loaded[start]
-        self._observer, self._taken = Observer(model), 0
+        self._observer, self._taken = Observer(model, holds=False), [0] * len(DOORS)
         self._hears = not model.uses("reading")
 
     def _follow_losses(self, stamp_ns: int) -> None:
@@ -116,13 +120,16 @@ class ReplayedObserver:
             observer.take_up(states[0])
         except SloshEstimatorError:
             return False
-        self._lost, self._taken = False, observer.taken
+        self._lost = False
+        self._taken = [observer.taken - observer.sensed, observer.sensed]
         self._setting.fused.find(stamp_ns)
-        judged = states[0].judged_ns
-        stamps = [heights.stamp_ns for heights in self._surfaces]
-        if judged in stamps:
-            for _ in range(stamps.index(judged) + 1):
-                self._surfaces.popleft()
+        for waiting, judged in zip(
+            self._surfaces, (states[0].judged_ns, states[0].sensed_ns), strict=True
+        ):
+            stamps = [heights.stamp_ns for heights in waiting]
+            if judged in stamps:
+                for _ in range(stamps.index(judged) + 1):
+                    waiting.popleft()
         return True
 
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
@@ -134,9 +141,10 @@ class ReplayedObserver:
         _, taken = self._states.popleft()
         if self._lost:  # how many came before is not known
             return
-        while self._hears and self._taken < taken and self._surfaces:
-            observer.take(self._surfaces.popleft())
-            self._taken += 1
+        for place, waiting in enumerate(self._surfaces):
+            while self._hears and self._taken[place] < taken[place] and waiting:
+                observer.take(waiting.popleft(), sensed=place > 0)
+                self._taken[place] += 1
 
 
 def _heights(batch: Messages) -> list[WallHeights]:
