@@ -14,15 +14,16 @@ from slosh_replay.manifest import Expectation
 from slosh_replay.replay.checking import check_result
 from slosh_testing.live_bag import MODEL, START, TYPES, LiveBag
 
-FUSED, STATE = "fused_estimate", "observer_state"
+FUSED, STATE, SENSED = "fused_estimate", "observer_state", "sensed_surface"
 NAN = math.nan
 
 
 class ObservedBag(LiveBag):
     """A recording of an estimator with an observer; `wrong` is added to its first height."""
 
-    def __init__(self, *, cut: float = 0.0, wrong: float = 0.0) -> None:
+    def __init__(self, *, cut: float = 0.0, wrong: float = 0.0, sensor: bool = False) -> None:
         super().__init__()
+        self._sensor = sensor
         self.states = True
         self._observer = Observer(self.model)
         self._cut, self._wrong, self._state_ns = cut, wrong, 0
@@ -71,11 +72,21 @@ class ObservedBag(LiveBag):
         unknown = SurfaceHeights(*(NAN,) * 11, 0)
         surface = unknown._replace(msh=height, azimuth=azimuth)
         self._observer.take(wall_heights(stamp, surface))
+        if self._sensor:  # its newer heights come before the older ones of the camera
+            newer = stamp + 20_000_000
+            edge = unknown._replace(sh_left=height, azimuth_left=azimuth)
+            none = np.empty(0, dtype=np.float32)
+            self._put(
+                SENSED, newer, **edge._asdict(), distance_to_rim=NAN, profile_azimuth=none,
+                profile_height=none, peak_u=NAN, peak_v=NAN, peak_side=0,
+            )  # fmt: skip
+            self._observer.take(wall_heights(newer, edge), sensed=True)
 
 
 @pytest.fixture
 def bag(tmp_path, monkeypatch):
     monkeypatch.setitem(TYPES, FUSED, "slosh_msgs/msg/FusedEstimate")
+    monkeypatch.setitem(TYPES, SENSED, "slosh_msgs/msg/FreeSurface")
     monkeypatch.setitem(TYPES, STATE, "slosh_msgs/msg/ObserverState")
     return lambda **how: ObservedBag(**how).write(tmp_path / "bag")
 
@@ -90,6 +101,14 @@ def test_fused_estimates_come_out_again_bit_for_bit(bag):
     assert found.exact, found.lines()
     assert found.recorded == 500
     assert failures(result) == ()
+
+
+@pytest.mark.parametrize("cut", [0.0, 1.7])
+def test_with_a_sensor_beside_the_camera_too(bag, cut):
+    written = bag(sensor=True, cut=cut)
+    found = replay_bag(written).verified[FUSED]
+    assert found.exact, found.lines()
+    assert found.recorded > 250
 
 
 def test_a_wrong_one_fails(bag):
