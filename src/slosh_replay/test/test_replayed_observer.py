@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from slosh_estimator.observer.calm import CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
@@ -15,6 +16,7 @@ from slosh_replay.replay.checking import check_result
 from slosh_testing.live_bag import MODEL, START, TYPES, LiveBag
 
 FUSED, STATE, SENSED = "fused_estimate", "observer_state", "sensed_surface"
+CALM = "calm"
 NAN = math.nan
 
 
@@ -25,7 +27,8 @@ class ObservedBag(LiveBag):
         super().__init__()
         self._sensor = sensor
         self.states = True
-        self._observer = Observer(self.model)
+        self._observer, self._watch = Observer(self.model), CalmWatch(1e-3)
+        self._calm_slot = -1
         self._cut, self._wrong, self._state_ns = cut, wrong, 0
 
     def entries(self, seconds):
@@ -48,6 +51,12 @@ class ObservedBag(LiveBag):
         modal = np.array(state.modal).reshape(-1, 4)
         fields = told_fields(state, observer.counts, observer.sensed)
         fields["msh"] += self._wrong
+        calm = self._watch.update(state)
+        if state.stamp_ns // 50_000_000 != self._calm_slot:
+            self._calm_slot = state.stamp_ns // 50_000_000
+            told = calm_fields(calm)
+            told["bound"] += self._wrong
+            self._put(CALM, state.stamp_ns, log_ns, **told)
         self._put(
             FUSED, state.stamp_ns, log_ns, modal_position=modal[:, :2].ravel(),
             modal_velocity=modal[:, 2:].ravel(), trusted=state.trusted, **fields,
@@ -86,6 +95,7 @@ class ObservedBag(LiveBag):
 @pytest.fixture
 def bag(tmp_path, monkeypatch):
     monkeypatch.setitem(TYPES, FUSED, "slosh_msgs/msg/FusedEstimate")
+    monkeypatch.setitem(TYPES, CALM, "slosh_msgs/msg/Calm")
     monkeypatch.setitem(TYPES, SENSED, "slosh_msgs/msg/FreeSurface")
     monkeypatch.setitem(TYPES, STATE, "slosh_msgs/msg/ObserverState")
     return lambda **how: ObservedBag(**how).write(tmp_path / "bag")
@@ -100,6 +110,9 @@ def test_fused_estimates_come_out_again_bit_for_bit(bag):
     found = result.verified[FUSED]
     assert found.exact, found.lines()
     assert found.recorded == 500
+    calm = result.verified[CALM]
+    assert calm.exact, calm.lines()
+    assert calm.recorded > 50
     assert failures(result) == ()
 
 
@@ -115,6 +128,7 @@ def test_a_wrong_one_fails(bag):
     result = replay_bag(bag(wrong=1e-9))
     assert result.verified[FUSED].identical == 499
     assert any(FUSED in line for line in failures(result))
+    assert any(CALM in line for line in failures(result))
 
 
 def test_from_the_middle_of_a_run_they_do_from_the_next_state_on(bag):
@@ -122,6 +136,9 @@ def test_from_the_middle_of_a_run_they_do_from_the_next_state_on(bag):
     found = result.verified[FUSED]
     assert found.exact, found.lines()
     assert 0 < sum(found.unchecked.values()) < 60
+    calm = result.verified[CALM]
+    assert calm.exact, calm.lines()
+    assert sum(calm.unchecked.values()) > 0
     assert found.recorded > 250
 
 

@@ -14,7 +14,7 @@ from rclpy.task import Future
 from std_msgs.msg import Bool
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch
+from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
@@ -50,7 +50,7 @@ class ObserverOutput:
         self._fused.header.frame_id = self._calm.header.frame_id = frame
         self._watch = CalmWatch(tolerance)
         self._waits: list[_Wait] = []
-        self._calm_ns = -(2**62)
+        self._calm_slot = -1
         self._heard = time.monotonic()
         self.load(model)
         self._fused_out = node.create_publisher(
@@ -102,8 +102,9 @@ class ObserverOutput:
         calm = self._watch.update(state)
         for wait in self._waits:
             wait.update(state)
-        if not 0 <= state.stamp_ns - self._calm_ns < TUNING.calm_ns:
-            self._calm_ns = state.stamp_ns
+        # By stamps alone, so that a replay from the middle of a run tells the same.
+        if state.stamp_ns // TUNING.calm_ns != self._calm_slot:
+            self._calm_slot = state.stamp_ns // TUNING.calm_ns
             fill_calm(self._calm, calm)
             self._tell()
 
@@ -127,7 +128,6 @@ class ObserverOutput:
         calm.tolerance = self._watch.tolerance
         calm.envelope = calm.bound = calm.time_until_calm = math.nan
         calm.shortest_time = calm.longest_time = math.nan
-        self._watch = CalmWatch(self._watch.tolerance)
         self._tell()
 
     def _tell(self) -> None:
@@ -231,13 +231,5 @@ def fill_calm(message: Calm, state: CalmState) -> None:
     """Writes a calm state into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
-    message.calm, message.reason, message.tolerance = (
-        state.calm,
-        int(state.reason),
-        state.tolerance,
-    )
-    message.envelope, message.bound = state.envelope, state.bound
-    times = (state.wait, state.shortest, state.longest)
-    message.time_until_calm, message.shortest_time, message.longest_time = (
-        value if math.isfinite(value) else math.nan for value in times
-    )
+    for name, value in calm_fields(state).items():
+        setattr(message, name, value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from slosh_estimator.observer.states import FusedState
 from slosh_estimator.tuning import TUNING
@@ -46,6 +46,21 @@ class CalmState(NamedTuple):
     def calm(self) -> bool:
         """Whether the liquid is calm."""
         return self.reason is CalmReason.CALM
+
+
+CALM_FIELDS: Final = (
+    "calm", "reason", "tolerance", "envelope", "bound", "time_until_calm", "shortest_time",
+    "longest_time",
+)  # fmt: skip
+"""Fields of Calm.msg, beside the header."""
+
+
+def calm_fields(state: CalmState) -> dict[str, float]:
+    """Returns the numbers of Calm.msg by field name; an unknown time is NaN."""
+    times = (state.wait, state.shortest, state.longest)
+    told = (value if math.isfinite(value) else math.nan for value in times)
+    values = (state.calm, int(state.reason), state.tolerance, state.envelope, state.bound, *told)
+    return dict(zip(CALM_FIELDS, values, strict=True))
 
 
 class CalmWatch:
