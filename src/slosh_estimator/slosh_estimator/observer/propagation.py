@@ -51,11 +51,14 @@ def _oscillation(stiffness, decay, dt):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _step(block, dt, lift, density, q, u):  # type: ignore[no-untyped-def]
-    """Propagates transition, sensitivity and noise of a block by dt; q, u: its state."""
+def _step(block, swing, dt, lift, density, q, u):  # type: ignore[no-untyped-def]
+    """Propagates transition, sensitivity and noise of a block by dt.
+
+    swing: its transition matrix over dt; q, u: its state.
+    """
     decay = block[OMEGA] * block[ZETA]
     stiffness = block[OMEGA] * block[OMEGA] * lift
-    a, b, c, d = _oscillation(stiffness, decay, dt)
+    a, b, c, d = swing
     # A constant force moves the place by `still` and the rate by b.
     still = (1.0 - a) / stiffness if abs(stiffness) > 1e-9 else 0.5 * dt * dt
     by_damping = -2.0 * decay * u
@@ -80,11 +83,17 @@ def propagated(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
     middle = (0.5 * (begin + end) - one[TIME]) / whole if whole > 0.0 else 1.0
     lift = one[LIFT] + middle * (two[LIFT] - one[LIFT])
     density = one[DENSITY] + middle * (two[DENSITY] - one[DENSITY])
+    dt = end - begin
+    swing = (1.0, 0.0, 0.0, 1.0)
     for k in range(blocks.shape[0]):
-        at = MODES + 2 * k
+        at, block = MODES + 2 * k, blocks[k]
+        omega, zeta = block[OMEGA], block[ZETA]
+        # In a round container both axes of a mode swing alike.
+        if k % 2 == 0 or omega != blocks[k - 1, OMEGA] or zeta != blocks[k - 1, ZETA]:
+            swing = _oscillation(omega * omega * lift, omega * zeta, dt)
         q = one[at] + middle * (two[at] - one[at])
         u = one[at + 1] + middle * (two[at + 1] - one[at + 1])
-        _step(blocks[k], end - begin, lift, density, q, u)
+        _step(block, swing, dt, lift, density, q, u)
 
 
 @compiled
