@@ -171,6 +171,9 @@ class EstimatorTuning:
     common_error: float = number(0.5, "1", "part of a variance that all points share")
     relative_error: float = number(0.015, "1", "error of a height as part of the wave")
     error_memory: float = number(0.1, "s", "time over which errors of heights are alike")
+    large_correction: float = number(
+        0.02, "1", "wave, in radii, that a correction adds by the nonlinear equations"
+    )
     rest_average: float = number(0.5, "s", "time over which the acceleration at rest is averaged")
     form_error: float = number(0.15, "1", "error of a height η by the form of the wave, in η²/R")
     # observer/calm.py

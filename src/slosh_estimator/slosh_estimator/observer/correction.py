@@ -183,16 +183,19 @@ def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def carry_correction(store, ring, at, last, blocks, mean, moment):  # type: ignore[no-untyped-def]
-    """Adds a correction to all later rows of the ring and to the model."""
+def carry_correction(  # type: ignore[no-untyped-def]
+    store, ring, at, last, blocks, mean, moment, is_added
+):
+    """Adds a correction to all later rows of the ring, unless it is, and to the model."""
     kept, start = ring.shape[0], moment
-    if ring[at % kept, TIME] == moment:
+    if ring[at % kept, TIME] == moment and not is_added:
         _corrected(blocks, mean, ring[at % kept])
     for row in range(at, last):
         one, two = ring[row % kept], ring[(row + 1) % kept]
         propagated(blocks, one, two, start, two[TIME])
         start = two[TIME]
-        _corrected(blocks, mean, two)
+        if not is_added:
+            _corrected(blocks, mean, two)
     modes, newest = records(store)[1], ring[last % kept]
     for n in range(modes.shape[0]):
         place = MODES + 4 * n

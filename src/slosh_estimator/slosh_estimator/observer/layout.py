@@ -17,19 +17,21 @@ PARAMETERS = 4
 (
     FLOOR, SHARE, WAVE, MEMORY, FREQUENCY_WALK, DAMPING_WALK, LEVEL_WALK, CLOCK_WALK, GATE, COMMON,
     FORM, STEEP, MOST_FREQUENCY, MOST_DAMPING, RELATIVE, ALIKE, MEAN,
-) = range(17)  # fmt: skip
+    LARGE,
+) = range(18)  # fmt: skip
 """Noise: spectral density of w at rest [m²/s³]; its amplitude as parts of the acceleration and of
 the wave's own, and how long such an error lasts [s]; random walks of ε, κ [1/s], of the level
 [m²/s] and of the clock [s]; the largest innovation, as of a normal deviate; the part of a variance
 that all points of a measurement share; error of a height η by the form of the wave, in η²/R;
 height of a wave whose own error is twice as large, as part of R; largest |ε| and |κ|; error of a
 height as part of the wave; how long errors of heights are alike, and time of the average at rest
-[s]."""
-NOISES = 17
+[s]; wave of a correction that is carried on by the nonlinear equations, as part of R."""
+NOISES = 18
 
-TIME, LIFT, DENSITY, HEIGHT_X, HEIGHT_Y, TURN, MODES = range(7)
+TIME, LIFT, DENSITY, HEIGHT_X, HEIGHT_Y, TURN, AX, AY, AZ, MODES = range(10)
 """Columns of the ring: time [s], vertical acceleration as part of g, spectral density of w,
-heights along the modal axes [m], the container's angle in them [rad]; then q and q̇ of each
+heights along the modal axes [m], the container's angle in them [rad], acceleration of the
+liquid along them [m/s²]; then q and q̇ of each
 block."""
 
 (

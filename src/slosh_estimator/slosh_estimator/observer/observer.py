@@ -358,6 +358,7 @@ def _noise() -> Array:
     noise[layout.COMMON], noise[layout.FORM] = TUNING.common_error, TUNING.form_error
     noise[layout.RELATIVE], noise[layout.ALIKE] = TUNING.relative_error, TUNING.error_memory
     noise[layout.MEAN] = TUNING.rest_average
+    noise[layout.LARGE] = TUNING.large_correction
     noise[layout.STEEP] = TUNING.noise_steep
     noise[layout.MOST_FREQUENCY] = TUNING.most_frequency
     noise[layout.MOST_DAMPING] = TUNING.most_damping

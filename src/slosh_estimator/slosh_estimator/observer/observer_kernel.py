@@ -34,12 +34,16 @@ from slosh_estimator.observer.correction import (
     measured,
 )
 from slosh_estimator.observer.layout import (
+    AX,
+    AY,
+    AZ,
     DAMPING,
     DENSITY,
     FLOOR,
     FREQUENCY,
     HEIGHT_X,
     HEIGHT_Y,
+    LARGE,
     LIFT,
     MEAN,
     MEMORY,
@@ -60,6 +64,7 @@ from slosh_estimator.observer.propagation import (
     propagated,
     take_constants,
 )
+from slosh_estimator.observer.wave_carry import carry_wave, correction_size
 from slosh_model import kernel
 from slosh_model.constants import GRAVITY
 from slosh_model.layout import records
@@ -108,6 +113,7 @@ def follow(  # type: ignore[no-untyped-def]
     pose = kernel.pose_at(poses, 0)
     row[HEIGHT_X], row[HEIGHT_Y], row[TURN] = kernel.advance(run, modes, ax, ay, az, yaw, pose, dt)
     averaged(run, averages, noise[MEAN], dt)
+    row[AX], row[AY], row[AZ] = run["ax"], run["ay"], run["az"]
     row[TIME], row[LIFT] = now, 1.0 + run["lift"] * run["az"] / GRAVITY
     wave, inside = 0.0, True
     for n in range(modes.shape[0]):
@@ -213,8 +219,12 @@ def correct(  # type: ignore[no-untyped-def]
         theta[i] += mean[states + i]
     covariance[:, :] = carried
     anchored(trial)
-    carry_correction(store, ring, at, last, trial, mean, moment)
-    change_constants(store, mean[states + FREQUENCY], mean[states + DAMPING])
+    large = correction_size(trial, mean) > noise[LARGE] * reaches[0]
+    if large:
+        carry_wave(store, ring, at, last, mean, moment)
+    carry_correction(store, ring, at, last, trial, mean, moment, large)
+    if not large:
+        change_constants(store, mean[states + FREQUENCY], mean[states + DAMPING])
     blocks[:, :] = trial
     take_constants(store, blocks)
     return ratio

@@ -131,18 +131,23 @@ def take_constants(store, blocks):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def change_constants(store, frequency, damping):  # type: ignore[no-untyped-def]
-    """Multiplies ω by exp(frequency) and ζ by exp(damping)."""
+def change_mode(mode, frequency, damping):  # type: ignore[no-untyped-def]
+    """Multiplies ω of a mode by exp(frequency) and ζ by exp(damping)."""
     factor = math.exp(frequency)
     square = factor * factor
+    mode["natural_frequency"] *= factor
+    mode["damping_ratio"] *= math.exp(damping)
+    mode["curvature"] *= square
+    mode["height_gain"] *= square
+    mode["height_gain_y"] *= square
+
+
+@compiled
+def change_constants(store, frequency, damping):  # type: ignore[no-untyped-def]
+    """Multiplies ω by exp(frequency) and ζ by exp(damping)."""
     modes = records(store)[1]
     for n in range(modes.shape[0]):
-        mode = modes[n]
-        mode["natural_frequency"] *= factor
-        mode["damping_ratio"] *= math.exp(damping)
-        mode["curvature"] *= square
-        mode["height_gain"] *= square
-        mode["height_gain_y"] *= square
+        change_mode(modes[n], frequency, damping)
 
 
 @compiled
