@@ -40,7 +40,7 @@ from slosh_model.layout import records
 
 @compiled
 def _rows(blocks, heights, size):  # type: ignore[no-untyped-def]
-    """Returns height rows by the state at the anchor (2, size) and height noise (2,)."""
+    """Returns the measurement matrix (2, size) of the heights, and their noise (2,)."""
     rows, noise = np.zeros((2, size)), np.zeros(2)
     states = 2 * blocks.shape[0]
     for k in range(blocks.shape[0]):
@@ -70,7 +70,7 @@ def _product(one, matrix, other):  # type: ignore[no-untyped-def]
 
 @compiled
 def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-untyped-def]
-    """Writes the largest height that the wave still reaches if nothing moves from now on.
+    """Writes the largest height that the wave can still reach if the container rests.
 
     Each mode goes along an ellipse about the place where the liquid rests; its longer half axis is
     the height. The standard deviation is bounded from above.
@@ -110,7 +110,7 @@ def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-unty
 
 @compiled
 def answered(store, blocks, covariance, averages, row, out):  # type: ignore[no-untyped-def]
-    """Writes the fused state of a row of the ring."""
+    """Writes the fused state that belongs to a stored input."""
     _envelope(store, blocks, covariance, averages, out)
     runs, modes = records(store)
     hx, hy = kernel.turned(row[HEIGHT_X], row[HEIGHT_Y], row[TURN])

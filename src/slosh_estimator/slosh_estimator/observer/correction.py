@@ -62,7 +62,7 @@ def _update(mean, covariance, rows, innovations, variances):  # type: ignore[no-
 
 @compiled
 def _widened(covariance, variance):  # type: ignore[no-untyped-def]
-    """Returns the covariance with one additional state of a given variance."""
+    """Returns the covariance with one more state, which has a given variance."""
     size = covariance.shape[0]
     wide = np.zeros((size + 1, size + 1))
     wide[:size, :size] = covariance
@@ -72,7 +72,7 @@ def _widened(covariance, variance):  # type: ignore[no-untyped-def]
 
 @compiled
 def _tested(covariance, rows, innovations, variances, shared, gate):  # type: ignore[no-untyped-def]
-    """Returns the normalised innovation divided by its limit."""
+    """Returns the normalised innovation of a measurement, divided by its limit."""
     count = innovations.shape[0]
     wide = _widened(covariance, shared)
     total = _update(np.zeros(wide.shape[0]), wide, rows, innovations, variances)
@@ -97,7 +97,7 @@ def measured(  # type: ignore[no-untyped-def]
     points,
     mean,
 ):
-    """Corrects the covariance by a measurement and writes the correction of the mean.
+    """Updates the covariance by a measurement and writes the correction of the mean.
 
     Args:
         elapsed: since the measurement before [s]: errors of images that follow each other closely
@@ -149,7 +149,7 @@ def measured(  # type: ignore[no-untyped-def]
 
 @compiled
 def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
-    """Adds a correction at the anchor to a later row of the ring."""
+    """Adds a correction at the reference time to a later stored state."""
     states = 2 * blocks.shape[0]
     by_gain = 2.0 * mean[states + FREQUENCY]
     row[HEIGHT_X] *= 1.0 + by_gain
@@ -168,7 +168,7 @@ def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
-    """Interpolates heights along the modal axes, their rates and the angle between two rows."""
+    """Interpolates heights along the modal axes, their rates and the angle at a time."""
     whole = two[TIME] - one[TIME]
     share = (moment - one[TIME]) / whole if whole > 0.0 else 0.0
     heights = (
@@ -205,6 +205,6 @@ def carry_correction(  # type: ignore[no-untyped-def]
 
 @compiled
 def bounded(theta, mean, states, noise):  # type: ignore[no-untyped-def]
-    """Limits the correction so that ε and κ stay within their bounds."""
+    """Limits the correction so that the frequency and damping errors stay within bounds."""
     for i, most in ((FREQUENCY, noise[MOST_FREQUENCY]), (DAMPING, noise[MOST_DAMPING])):
         mean[states + i] = min(max(mean[states + i], -most - theta[i]), most - theta[i])

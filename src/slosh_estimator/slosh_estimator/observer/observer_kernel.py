@@ -1,4 +1,4 @@
-"""Compiled functions of the observer: an extended Kalman filter of the modal state.
+"""Compiled extended Kalman filter for the modal state of the liquid.
 
 The observer runs a model of its own with the estimator's input. Its state is, for each mode and
 axis, place q [m] and rate q̇ [m/s] of the mass, and four slow parameters: ε and κ with
@@ -72,7 +72,7 @@ from slosh_model.layout import records
 
 @entry_point(void(CHANGED_1, CHANGED_2))
 def begin(store, blocks):  # type: ignore[no-untyped-def]
-    """Sets the anchor to the current state of the model.
+    """Sets the reference time of the filter to the current state of the model.
 
     Args:
         store: the observer's model, as `slosh_model.layout` has it.
@@ -91,7 +91,7 @@ def begin(store, blocks):  # type: ignore[no-untyped-def]
 def follow(  # type: ignore[no-untyped-def]
     store, poses, now, dt, ax, ay, az, yaw, ring, count, blocks, averages, noise, bound
 ):
-    """Propagates the state to the newest input.
+    """Propagates the filter to the newest input.
 
     Args:
         store: the observer's model; changed.
@@ -138,7 +138,7 @@ def follow(  # type: ignore[no-untyped-def]
 
 @entry_point(void(GIVEN_1, GIVEN_2, GIVEN_2, int64, GIVEN_2, GIVEN_1, CHANGED_1))
 def read(store, blocks, ring, count, covariance, averages, out):  # type: ignore[no-untyped-def]
-    """Writes the fused state at the newest input.
+    """Writes the fused state at the time of the newest input.
 
     Args:
         store, blocks, ring: as in `follow`.
@@ -160,7 +160,7 @@ def correct(  # type: ignore[no-untyped-def]
     store, ring, first, last, blocks, theta, covariance, noise, since, moment, cornered, reaches,
     points,
 ):  # fmt: skip
-    """Corrects the state by a measurement that may be delayed.
+    """Corrects the state by a measurement, which may be delayed.
 
     Args:
         store: the observer's model at the newest input; changed.

@@ -36,7 +36,7 @@ from slosh_model.layout import records
 
 @compiled
 def _oscillation(stiffness, decay, dt):  # type: ignore[no-untyped-def]
-    """Returns the transition matrix of ẍ + 2 decay ẋ + stiffness x = 0 over dt, row by row."""
+    """Returns the transition matrix of ẍ + 2 decay ẋ + stiffness x = 0 over dt, by rows."""
     squared = stiffness - decay * decay
     if squared > 1e-9:
         omega = math.sqrt(squared)
@@ -78,7 +78,7 @@ def _step(block, swing, dt, lift, density, q, u):  # type: ignore[no-untyped-def
 
 @compiled
 def propagated(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
-    """Propagates all blocks over a part of the time between two rows of the ring."""
+    """Propagates all mode axes over a part of the time between two stored inputs."""
     whole = two[TIME] - one[TIME]
     middle = (0.5 * (begin + end) - one[TIME]) / whole if whole > 0.0 else 1.0
     lift = one[LIFT] + middle * (two[LIFT] - one[LIFT])
@@ -98,7 +98,7 @@ def propagated(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
 
 @compiled
 def anchored(blocks):  # type: ignore[no-untyped-def]
-    """Resets transition, sensitivity and noise of all blocks at the anchor."""
+    """Resets transition, sensitivity and noise of all mode axes at the reference time."""
     for k in range(blocks.shape[0]):
         block = blocks[k]
         block[PHI:] = 0.0
@@ -118,7 +118,7 @@ def averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def take_constants(store, blocks):  # type: ignore[no-untyped-def]
-    """Writes ω', ζ' and height gain of each block with the current effects."""
+    """Writes frequency, damping and height gain of each mode axis."""
     runs, modes = records(store)
     run = runs[0]
     for n in range(modes.shape[0]):
@@ -144,7 +144,7 @@ def change_mode(mode, frequency, damping):  # type: ignore[no-untyped-def]
 
 @compiled
 def change_constants(store, frequency, damping):  # type: ignore[no-untyped-def]
-    """Multiplies ω by exp(frequency) and ζ by exp(damping)."""
+    """Multiplies the natural frequency by exp(frequency), the damping by exp(damping)."""
     modes = records(store)[1]
     for n in range(modes.shape[0]):
         change_mode(modes[n], frequency, damping)
@@ -152,7 +152,7 @@ def change_constants(store, frequency, damping):  # type: ignore[no-untyped-def]
 
 @compiled
 def _transition(blocks, size):  # type: ignore[no-untyped-def]
-    """Returns the transition matrix (size, size) of the state since the anchor."""
+    """Returns the transition matrix (size, size) of the state since the reference time."""
     states = 2 * blocks.shape[0]
     transition = np.eye(size)
     for k in range(blocks.shape[0]):
@@ -176,7 +176,7 @@ def _product_by_transposed(one, other):  # type: ignore[no-untyped-def]
 
 @compiled
 def carried_covariance(blocks, covariance, noise, elapsed):  # type: ignore[no-untyped-def]
-    """Propagates the covariance from the anchor in place: F P Fᵀ + Q."""
+    """Propagates the covariance from the reference time in place: F P Fᵀ + Q."""
     size, states = covariance.shape[0], 2 * blocks.shape[0]
     transition = _transition(blocks, size)
     # P is symmetric: F (F P)ᵀ is F P Fᵀ.

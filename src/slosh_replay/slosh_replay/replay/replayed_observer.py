@@ -35,7 +35,7 @@ EMPTY = "the gripper was empty: which heights came after that is not recorded"
 
 
 class ReplayedObserver:
-    """Replays the observer; each recorded state counts the heights before it.
+    """Replays the observer; recorded states tell which heights it used when.
 
     Args:
         setting: of the replay.
@@ -61,7 +61,7 @@ class ReplayedObserver:
         self._lost = self._was_empty = self._calm_lost = False
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Updates by samples, heights and recorded states; returns the replayed states."""
+        """Processes samples, heights and recorded states; returns the fused states."""
         recorded = moment.messages[recorded_name(FUSED_ESTIMATE)]
         if len(recorded.stamps):
             taken, sensed = (recorded.columns[name].astype(np.int64) for name in TAKEN)
@@ -137,7 +137,7 @@ class ReplayedObserver:
         self._lost = self._calm_lost = True
 
     def _begin(self, start: int) -> None:
-        """Creates the observer for a start of the node."""
+        """Creates the observer at a start of the node."""
         self._start = start
         model = self._setting.loaded[start]
         self._observer, self._taken = Observer(model, holds=False), [0] * len(DOORS)
@@ -145,7 +145,7 @@ class ReplayedObserver:
         self._watch = CalmWatch(self._tolerances[0][1])
 
     def _follow_losses(self, stamp_ns: int) -> None:
-        """Marks what cannot be compared where the estimator's inputs are not all recorded."""
+        """Excludes messages from the comparison if inputs before them were not recorded."""
         losses = self._setting.losses
         while losses and losses[0] < stamp_ns:
             after_ns = losses.pop(0)
@@ -153,7 +153,7 @@ class ReplayedObserver:
                 self._lose(after_ns, UNKNOWN)
 
     def _take_up(self, observer: Observer, stamp_ns: int) -> bool:
-        """Takes up the recorded state of this moment, if there is one."""
+        """Restores the recorded state with this stamp, if there is one."""
         states = self._setting.observer_states
         while states and states[0].stamp_ns < stamp_ns:
             del states[0]
@@ -176,7 +176,7 @@ class ReplayedObserver:
         return True
 
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
-        """Gives the observer the heights that the live one had used at this sample."""
+        """Passes to the observer the heights that the live one had used at this sample."""
         while self._states and self._states[0][0] < stamp_ns:
             self._states.popleft()
         if not self._states or self._states[0][0] != stamp_ns:
@@ -191,7 +191,7 @@ class ReplayedObserver:
 
 
 def _heights(batch: Messages) -> list[WallHeights]:
-    """Converts recorded FreeSurface messages as the node does."""
+    """Converts recorded FreeSurface messages to wall heights as the node does."""
     if not len(batch.stamps):
         return []
     columns = [batch.columns[name].tolist() for name in SURFACES]
