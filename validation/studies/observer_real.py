@@ -89,14 +89,14 @@ class Found(NamedTuple):
     """What came of a run.
 
     Attributes:
-        count: heights left out.
+        heights: number of those left out.
         opened, foretold: root mean square error of them [m].
         squares: of each error over its standard deviation.
         innovations: over their limits, of the heights that were given.
         rejected: of these.
     """
 
-    count: int
+    heights: int
     opened: float
     foretold: float
     squares: Array
@@ -209,7 +209,7 @@ def tune(runs: list[Run]) -> None:
 
 def row(name: str, told: str, parts: tuple[Found, ...]) -> str:
     """A row of the table from one or several runs, which count by their heights."""
-    counts = np.array([one.count for one in parts], dtype=np.float64)
+    counts = np.array([one.heights for one in parts], dtype=np.float64)
     opened, error = (
         1e3 * math.sqrt(np.average([getattr(one, key) ** 2 for one in parts], weights=counts))
         for key in ("opened", "foretold")
@@ -282,9 +282,10 @@ def foretold(run: Run, stddev: float) -> Found:
     relative = TUNING.relative_error * expected
     variance = deviation**2 + spread**2 + 2.0 * form**2 + relative**2
     opened = np.interp(t[left], inputs.t, simulate(run.model, inputs)[0].msh) - height[left]
+    rms = [float(np.sqrt(np.mean(one**2))) for one in (opened, error)]
     return Found(
-        int(left.sum()), *(float(np.sqrt(np.mean(one**2))) for one in (opened, error)),
-        error**2 / variance, np.array(innovations), counts[Outcome.REJECTED],
+        int(left.sum()), rms[0], rms[1], error**2 / variance, np.array(innovations),
+        counts[Outcome.REJECTED],
     )  # fmt: skip
 
 

@@ -30,6 +30,6 @@ def test_left_out_heights_are_inside_where_the_noise_is_stated_and_outside_where
     right, wrong = foretold(run, NOISE), foretold(run, 0.1 * NOISE)
     assert np.mean(right.squares <= 1.96**2) > 0.9
     assert np.mean(wrong.squares <= 1.96**2) < 0.5
-    assert right.count == pytest.approx(0.5 * 60 * 4.5, abs=30)
+    assert right.heights == pytest.approx(0.5 * 60 * 4.5, abs=30)
     assert right.foretold == pytest.approx(NOISE, rel=0.2)
     assert "| own |  |" in row("own", "", (right,))
