@@ -46,6 +46,7 @@ setup(
         "console_scripts": [
             "planner = slosh_plan.nodes.planner_node:main",
             "predictor = slosh_plan.nodes.predictor_node:main",
+            "relay = slosh_plan.nodes.relay_node:main",
         ]
     },
 )

@@ -25,8 +25,9 @@ def test_every_constant_is_a_row_and_no_name_stands_twice():
 
 @pytest.mark.parametrize("row", [*topics.TOPICS, *SERVICES], ids=lambda row: row.name)
 def test_types_exist(row):
-    if row.type.startswith("tf2_msgs"):
-        pytest.importorskip("tf2_msgs")
+    package = row.type.partition("/")[0]
+    if package in ("tf2_msgs", "control_msgs"):
+        pytest.importorskip(package)
     assert find_type(row.type).__name__ == row.type.rpartition("/")[2]
 
 
@@ -55,7 +56,7 @@ def test_inputs_are_what_the_robot_its_planner_and_its_camera_publish():
         if not row.is_absolute and topics.cell_name(f"/slosh/{row.name}").is_input
     }
     assert inputs == {
-        "accel", "imu", "pose", "twist", "planned_trajectory",
+        "accel", "imu", "pose", "twist", "planned_trajectory", "force", "level", "level_point",
         "camera/image_raw", "camera/image_raw/compressed", "camera/camera_info",
     }  # fmt: skip
     assert topics.cell_name("/slosh/camera/points").is_input
