@@ -35,7 +35,7 @@ HIGH, LOW, LONGEST = 0.03, 1e-4, 0.3  # m; s; how long a wave is high
 NODES = ("estimator", "monitor", "recorder")
 GROWTH, BUFFERS = 1.05, 3.0  # 1, MB; what memory may grow from the first half to the second one
 EXACT, TOLD = ("estimate", "fused_estimate"), "comparison"
-"""What a replay must give bit for bit; and what a live monitor's deadlines change, which is told."""
+"""What a replay gives bit for bit; and what depends on a live monitor's deadlines."""
 
 
 def main() -> int:
