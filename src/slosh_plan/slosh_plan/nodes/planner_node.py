@@ -49,6 +49,10 @@ PARAMETERS = (
     ParameterSpec(
         "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
     ),
+    ParameterSpec(
+        "robust", False,
+        "keep the limits for all likely values (95 %) of the model's parameters",
+    ),
     ParameterSpec("urdf", "", "URDF file of the robot, for joint paths; empty if not needed"),
     ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
     ParameterSpec(
@@ -190,7 +194,7 @@ class PlannerNode(PreparedNode):
         longest = min(given(request.time_limit, self._values["time_limit"]), longest)
         answer, container = plan_for(
             tray, asked.path(tray.turning.model, watch.stopped), limits, asked.attitude,
-            given(request.margin, 0.0), longest, watch,
+            given(request.margin, 0.0), longest, watch, robust=self._values["robust"],
         )  # fmt: skip
         motion = answer.found.motion
         self._large.add(len(motion.t))

@@ -8,12 +8,14 @@ from typing import NamedTuple
 
 from slosh_base.types import Array
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning.checked import LooseContainer, attitudes, horizon
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.plan import NoSafeMotionError, Plan, plan
 from slosh_plan.planning.progress import Watch
+from slosh_plan.planning.robust import plan_robust
 from slosh_plan.prediction import ModelError, Prediction
 from slosh_plan.trajectory import Trajectory
 from slosh_plan.tray import TrayPrediction, check_present, limits_of, predict_tray
@@ -102,6 +104,8 @@ def plan_for(
     margin: float,
     time_limit: float,
     watch: Watch,
+    *,
+    robust: bool = False,
 ) -> tuple[Plan, str]:
     """Plans for what is carried, within a time; see `plan` and `plan_tray`.
 
@@ -110,6 +114,10 @@ def plan_for(
         path, limits, attitude, margin: as of `plan`.
         time_limit: of all searches together [s]; each of a tray's has half of what is left.
         watch: ends the searches.
+        robust: whether the limits hold for all likely parameters of the model; see `plan_robust`.
+
+    Raises:
+        SloshPlanError: as of `plan`, and a robust plan for a tray.
 
     Returns:
         the plan, and the container that determines it; empty: there is no tray.
@@ -125,10 +133,18 @@ def plan_for(
     def make_within(one: TrayContainer, kept: PlanLimits) -> Plan:
         return make(one, kept, 0.5 * max(time_limit - watch.elapsed, 0.0))
 
+    if robust:
+        if tray.is_tray:
+            raise SloshPlanError("a robust plan is for one container, not for a tray")
+        found, _ = plan_robust(
+            tray.first.placed, path, limits, attitude=attitude, margin=margin,
+            time_limit=time_limit, watch=watch,
+        )  # fmt: skip
+        return found, ""
     if not tray.is_tray:
         return make(tray.first, limits, time_limit), ""
-    found = plan_tray(tray, limits, make_within, attitude=attitude, margin=margin)
-    return found.plan, found.of
+    of_tray = plan_tray(tray, limits, make_within, attitude=attitude, margin=margin)
+    return of_tray.plan, of_tray.of
 
 
 def _height(one: TrayContainer, limits: PlanLimits) -> float:
