@@ -1,4 +1,4 @@
-"""The simulated force sensor under the container, with all that spoils such a force."""
+"""Simulated force sensor under the container, with noise, delay and other errors."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def sensed_force(
     seed: int,
     push: Push | None = None,
 ) -> Array:
-    """(N, 3) forces at the motion's samples in the sensor's axes [N].
+    """Returns the forces (N, 3) [N] at the motion's samples in the sensor's axes.
 
     Args:
         model: the truth liquid.
@@ -76,7 +76,7 @@ def sensed_force(
 
 
 def calibration_record(model: Model, sensor: ForceSensor, seed: int) -> ForceRecord:
-    """The record of a stroke and a rest by which `slosh identify --force` finds the payload."""
+    """Returns a record of a stroke and a rest, from which the payload can be identified."""
     stroke = make_motion(STROKE, RATE)
     count = round(REST * RATE)
     t = np.arange(len(stroke.t) + count) / RATE

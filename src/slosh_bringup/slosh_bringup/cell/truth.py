@@ -80,7 +80,7 @@ def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) 
 
 
 def simulated(model: Model, motion: CellMotion, push: Push | None) -> tuple[Inputs, Response]:
-    """What the liquid feels, and its response; see `integrate_truth`."""
+    """Returns the acceleration that drives the liquid, and its response; see `integrate_truth`."""
     felt = motion.specific_force() - np.array([0.0, 0.0, GRAVITY])
     if push is not None:
         felt = felt + push.acceleration(motion.t)

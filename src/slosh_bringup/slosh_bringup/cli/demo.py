@@ -68,7 +68,7 @@ def tell(line: str) -> None:
 
 
 def _identified(output: Path, model: str) -> Path:
-    """Identifies the payload of the simulated sensor; returns the document's path."""
+    """Identifies the payload of the simulated force sensor; returns the result file's path."""
     from slosh_bringup.cell.force_sensor import ForceSensor, calibration_record
     from slosh_discovery.force.text import force_json
     from slosh_discovery.force.workflow import identify_force

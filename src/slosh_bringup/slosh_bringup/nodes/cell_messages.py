@@ -64,7 +64,7 @@ def pose_message(stamp: Any, position: Array, attitude: Array) -> PoseStamped:
 
 
 def force_message(stamp: Any, force: Array) -> WrenchStamped:
-    """Makes a WrenchStamped of a force in the sensor's axes [N]."""
+    """Creates a WrenchStamped message with a force in the sensor's axes [N]."""
     message = WrenchStamped()
     message.header.stamp, message.header.frame_id = stamp, FORCE_FRAME
     to = message.wrench.force

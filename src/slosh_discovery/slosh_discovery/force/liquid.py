@@ -55,7 +55,7 @@ def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array
 
 
 def response_force(model: Model, inputs: Inputs, response: Response) -> Array:
-    """(N, 3) Σ (mₙ/m₁) ẍₙ of a simulated response, in the container's axes [m/s²]."""
+    """Returns Σ (mₙ/m₁) ẍₙ (N, 3) of a simulated response, in the container's axes [m/s²]."""
     container, first = model.container, model.container.mass_ratio(1, X_AXIS)
     step = float(inputs.t[1] - inputs.t[0])
     speed = np.zeros((len(inputs.t), 2))

@@ -1,4 +1,4 @@
-"""The sensor node: heights from a force sensor or level sensors, as a camera node tells them."""
+"""Sensor node: publishes heights from a force sensor or level sensors, as a camera node does."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ PARAMETERS = (
 
 
 class SensorNode(GuardedNode):
-    """Converts messages, calls the cores and publishes."""
+    """ROS node that converts sensor messages to liquid heights and publishes them."""
 
     def __init__(self) -> None:
         super().__init__("sensor")
@@ -92,7 +92,7 @@ class SensorNode(GuardedNode):
         self._settings.publish({PAYLOAD: text} if text else {})
 
     def _hear_force(self, unstamped: str, kind: str) -> None:
-        """Hears forces; those without stamps are stamped and published for the recorder, too."""
+        """Subscribes to forces; publishes unstamped ones again with stamps, for the recorder."""
         if not unstamped:
             self.create_subscription(WrenchStamped, topics.FORCE, self._on_force, qos.STREAM_IN)
             return
@@ -110,7 +110,7 @@ class SensorNode(GuardedNode):
         self.create_subscription(UNSTAMPED[kind], unstamped, on_unstamped, qos.STREAM_IN)
 
     def _on_settings(self, message: NodeSettings) -> None:
-        """Takes the model of the estimator, each time that it has loaded another one."""
+        """Uses the estimator's model, each time that the estimator has loaded another one."""
         model = announced_model(message)
         if model is None or model == self._model:
             return
@@ -148,7 +148,7 @@ class SensorNode(GuardedNode):
         self._level(to_nanoseconds(message.header.stamp), point.x, point.y, point.z)
 
     def _level(self, stamp_ns: int, x: float, y: float, height: float) -> None:
-        """Publishes a height [m] that was measured at a place."""
+        """Publishes a height [m] that was measured at one place on the surface."""
         self._report.counts["level"] += 1
         if self._model is None or not math.isfinite(x + y + height):
             return
@@ -186,7 +186,7 @@ class SensorNode(GuardedNode):
 
 
 def _read_payload(path: str) -> tuple[Payload | None, str]:
-    """Reads the identified payload and the text of its file."""
+    """Reads the identified payload, and the text of its file."""
     if not path:
         return None, ""
     try:
@@ -197,7 +197,7 @@ def _read_payload(path: str) -> tuple[Payload | None, str]:
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the sensor node."""
     return run_node(SensorNode)
 
 

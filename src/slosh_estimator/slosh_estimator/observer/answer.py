@@ -1,4 +1,4 @@
-"""Heights, envelope and their standard deviations of the observer's state."""
+"""Computes heights, envelope and standard deviations from the observer's state."""
 
 from __future__ import annotations
 

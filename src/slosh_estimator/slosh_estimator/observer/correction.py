@@ -186,7 +186,7 @@ def expected_heights(blocks, one, two, moment):  # type: ignore[no-untyped-def]
 def carry_correction(  # type: ignore[no-untyped-def]
     store, ring, at, last, blocks, mean, moment, is_added
 ):
-    """Adds a correction to all later rows of the ring, unless it is, and to the model."""
+    """Adds a correction to all later rows of the ring buffer, and to the model."""
     kept, start = ring.shape[0], moment
     if ring[at % kept, TIME] == moment and not is_added:
         _corrected(blocks, mean, ring[at % kept])

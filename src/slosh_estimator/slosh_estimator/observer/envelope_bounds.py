@@ -1,4 +1,4 @@
-"""Bounds the wave's envelope while nothing moves and nothing is measured."""
+"""Bounds the wave's envelope while the container is at rest and nothing is measured."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class Envelope(NamedTuple):
-    """The largest height that the wave still reaches, as the filter has it.
+    """The largest height that the wave can still reach, according to the filter.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -28,7 +28,7 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeBounds:
-    """Upper bounds of the envelope: of 95 %, and the sure one that calm is told by.
+    """Upper bounds of the wave's envelope: a 95 % bound, and a certain one that decides calm.
 
     In motion, and at each measurement, a bound is the filter's height and some of its deviations.
     At rest nothing gives the liquid energy, so that a bound decays from there with the least
@@ -45,7 +45,7 @@ class EnvelopeBounds:
     def update(
         self, envelope: Envelope, *, resting: bool, corrected_ns: int | None, contradicted: bool
     ) -> tuple[float, float]:
-        """Returns the bound of 95 % and the sure one [m].
+        """Returns the 95 % bound and the certain bound of the envelope [m].
 
         Args:
             envelope: of a newer moment.

@@ -102,7 +102,7 @@ class Observer:
         return sum(self.counts.values())
 
     def take(self, heights: WallHeights, *, sensed: bool = False) -> None:
-        """Queues a measurement; earlier ones are used first.
+        """Queues a measurement; measurements with earlier stamps are used first.
 
         Args:
             heights: to queue.
@@ -224,7 +224,7 @@ class Observer:
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
 
     def _take_next(self, *, sensed: bool) -> WallHeights:
-        """Removes the next measurement of a queue and notes that it is judged."""
+        """Removes the next measurement from a queue and marks it as processed."""
         if not sensed:
             heights = self._cameras.popleft()
             self._judged_ns = heights.stamp_ns
@@ -334,7 +334,7 @@ class Observer:
         )  # fmt: skip
 
     def _bounded(self, out: list[float], damping_variance: float) -> tuple[float, float]:
-        """Returns the bounds of the envelope: see EnvelopeBounds."""
+        """Returns the bounds of the wave's envelope; see `EnvelopeBounds`."""
         since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
         return self._bounds.update(
             Envelope(

@@ -52,7 +52,7 @@ def _oscillation(stiffness, decay, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def _step(block, swing, dt, lift, density, q, u):  # type: ignore[no-untyped-def]
-    """Propagates transition, sensitivity and noise of a block by dt.
+    """Propagates transition, sensitivity and noise of a group of states by a time step dt.
 
     swing: its transition matrix over dt; q, u: its state.
     """
@@ -107,7 +107,7 @@ def anchored(blocks):  # type: ignore[no-untyped-def]
 
 @compiled
 def averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
-    """Updates the average of the acceleration of the liquid and of its noise."""
+    """Updates the mean acceleration that acts on the liquid, and the mean of its noise."""
     averages[COUNT] += 1.0
     share = max(1.0 / averages[COUNT], dt / (time + dt))
     averages[MEAN_X] += share * (run["ax"] - averages[MEAN_X])
@@ -132,7 +132,7 @@ def take_constants(store, blocks):  # type: ignore[no-untyped-def]
 
 @compiled
 def change_mode(mode, frequency, damping):  # type: ignore[no-untyped-def]
-    """Multiplies ω of a mode by exp(frequency) and ζ by exp(damping)."""
+    """Multiplies a mode's natural frequency ω by exp(frequency), its damping ζ by exp(damping)."""
     factor = math.exp(frequency)
     square = factor * factor
     mode["natural_frequency"] *= factor

@@ -1,4 +1,4 @@
-"""Carries a large correction on to the newest input by the nonlinear equations.
+"""Propagates a large correction to the newest input by the nonlinear equations.
 
 A wave that the camera shows and the model did not know is corrected by its whole height. Its
 frequency is not that of a small wave, so that the linear transition would turn its phase wrongly
@@ -49,7 +49,7 @@ def _input(row):  # type: ignore[no-untyped-def]
 
 @compiled
 def _added(row, n, moves, old, new):  # type: ignore[no-untyped-def]
-    """Adds a difference of a mode's state to a row; old, new: what its gains are."""
+    """Adds a difference of a mode's state to a stored row, given its old and new gains."""
     at = MODES + 4 * n
     x, y = row[at], row[at + 2]
     row[at] += moves[X]
@@ -62,7 +62,7 @@ def _added(row, n, moves, old, new):  # type: ignore[no-untyped-def]
 
 @compiled
 def _integrated(constants, q, u0, u1, dt, moment, run):  # type: ignore[no-untyped-def]
-    """Integrates a mode over dt, with sub-steps as `kernel.advance` has them."""
+    """Integrates a mode over a time dt, with the sub-steps of `kernel.advance`."""
     count = math.ceil(dt / run["max_step"]) if dt > 0.0 else 0
     before = u0
     for i in range(count):
@@ -75,7 +75,7 @@ def _integrated(constants, q, u0, u1, dt, moment, run):  # type: ignore[no-untyp
 
 @compiled
 def carry_wave(store, ring, at, last, mean, moment):  # type: ignore[no-untyped-def]
-    """Adds a correction at a moment behind a row to all later rows; changes ω and ζ, too.
+    """Adds a correction of state, ω and ζ at a past time to all later stored rows.
 
     Args:
         store: the model; changed.

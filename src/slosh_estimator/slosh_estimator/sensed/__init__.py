@@ -1,1 +1,1 @@
-"""Heights of the liquid from a force sensor under the container, or from level sensors."""
+"""Liquid heights from a force sensor under the container or from level sensors."""

@@ -1,4 +1,4 @@
-"""Heights of the wave from the force under the container.
+"""Computes wave heights from the force under the container.
 
 A sensor carries M (container and liquid), of which m sloshes at the displacement x. Its force is
 F = M a + m ẍ with ẍ = -ω²x - 2ζωẋ - a (Ibrahim 2005, ch. 5), so that but for the damping
@@ -24,7 +24,7 @@ from slosh_model.model import Model
 
 
 class Motion(NamedTuple):
-    """How the container is accelerated.
+    """Acceleration of the container.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -39,7 +39,7 @@ class Motion(NamedTuple):
 
 
 class SensedWave(NamedTuple):
-    """What a force tells of the wave.
+    """The wave that a measured force indicates.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -58,7 +58,7 @@ class SensedWave(NamedTuple):
 
 
 class ForceSurface:
-    """Turns forces and accelerations into heights, one for each block of time.
+    """Converts forces and accelerations to heights, one for each block of time.
 
     Args:
         model: of the liquid.
@@ -93,7 +93,7 @@ class ForceSurface:
         self.refused = 0
 
     def take_force(self, stamp_ns: int, fx: float, fy: float, fz: float) -> list[SensedWave]:
-        """Takes a force in the sensor's axes and unit; returns the waves that are complete."""
+        """Adds a force in the sensor's axes and unit; returns the waves of complete blocks."""
         stamp_ns -= self._delay_ns
         if not (math.isfinite(fx + fy + fz) and stamp_ns > self._newest_force_ns):
             self.refused += 1
@@ -108,7 +108,7 @@ class ForceSurface:
         return self._complete()
 
     def take_motion(self, motion: Motion) -> list[SensedWave]:
-        """Takes an acceleration; returns the waves that are complete."""
+        """Adds an acceleration of the container; returns the waves of complete blocks."""
         finite = math.isfinite(motion.ax + motion.ay + motion.yaw)
         if not finite or motion.stamp_ns <= self._newest_motion_ns:
             self.refused += 1
@@ -118,7 +118,7 @@ class ForceSurface:
         return self._complete()
 
     def _restarted_if_set_back(self, stamp_ns: int, newest_ns: int) -> list[SensedWave]:
-        """Begins anew behind a clock that was set back; less is disorder."""
+        """Starts again if the clock was set back; small decreases count as disorder."""
         if newest_ns - stamp_ns > TUNING.set_back_ns:
             self._forces.clear()
             self._motions.clear()
@@ -127,7 +127,7 @@ class ForceSurface:
         return []
 
     def _complete(self) -> list[SensedWave]:
-        """Evaluates the blocks that end before the newest of both sides."""
+        """Evaluates the time blocks that end before the newest force and acceleration."""
         found: list[SensedWave] = []
         until = min(self._newest_force_ns, self._newest_motion_ns) // self._block_ns
         if not self._forces or not self._motions:
@@ -144,7 +144,7 @@ class ForceSurface:
         return found
 
     def _wave(self, block: int) -> SensedWave | None:
-        """Evaluates a block and drops what belongs to it; None: one side is missing."""
+        """Evaluates a time block and drops its samples; None if force or motion is missing."""
         begin_ns, end_ns = block * self._block_ns, (block + 1) * self._block_ns
         forces, motions = [], []
         while self._forces and self._forces[0][0] < end_ns:
@@ -186,7 +186,7 @@ class ForceSurface:
 
 
 class _Axis(NamedTuple):
-    """A direction along the floor (c, s), in the sensor's axes; height per displacement; mass."""
+    """A direction along the floor, its direction in the sensor's axes, height gain and mass."""
 
     c: float
     s: float
@@ -196,7 +196,7 @@ class _Axis(NamedTuple):
 
 
 def _pushes(motions: list[Motion], axes: list[_Axis]) -> tuple[list[float], float]:
-    """Mean acceleration along each axis of the container, and the size of it [m/s²]."""
+    """Returns the mean acceleration along each container axis, and its magnitude [m/s²]."""
     x = y = 0.0
     for motion in motions:
         c, s = math.cos(motion.yaw), math.sin(motion.yaw)

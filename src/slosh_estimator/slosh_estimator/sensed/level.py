@@ -1,4 +1,4 @@
-"""Heights at the wall from a level sensor anywhere above the liquid."""
+"""Computes wall heights from a level sensor anywhere above the liquid."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_model.model import Model
 
 
 class LevelPlace(NamedTuple):
-    """Where a level is measured.
+    """Place on the surface at which a level sensor measures.
 
     Attributes:
         azimuth: about the container's axis [rad].
@@ -23,7 +23,7 @@ class LevelPlace(NamedTuple):
 
 
 def wall_factor(model: Model, place: LevelPlace) -> float:
-    """Returns the first wave's height at the wall over that at a place.
+    """Returns the ratio of the first mode's height at the wall to that at a place.
 
     In a round container the wave follows J₁(ξ₁r/R), else a sine up to the wall.
 

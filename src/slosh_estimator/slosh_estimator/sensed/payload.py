@@ -1,4 +1,4 @@
-"""What a force sensor carries, as `slosh identify --force` found it."""
+"""Payload of a force sensor, as identified by `slosh identify --force`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Direction = tuple[float, float, float]
 
 
 class Payload(NamedTuple):
-    """What a force sensor carries.
+    """Payload that a force sensor carries.
 
     Attributes:
         natural_frequency: of the first mode [rad/s].
@@ -41,7 +41,7 @@ class Payload(NamedTuple):
 
 
 def parse_payload(text: str, name: str) -> Payload:
-    """Reads the document that `slosh identify --force -o DIR` writes.
+    """Parses the document that `slosh identify --force -o DIR` writes.
 
     Args:
         text: JSON.
@@ -73,7 +73,7 @@ def parse_payload(text: str, name: str) -> Payload:
 def _number(
     document: Mapping[str, Any], name: str, key: str, part: str = "value", least: float = 1e-12
 ) -> float:
-    """A finite number of the document that is at least so large."""
+    """Returns a finite number of the document that is not below a minimum."""
     value = document.get(key)
     if part:
         value = value.get(part) if isinstance(value, dict) else None
@@ -86,7 +86,7 @@ def _number(
 
 
 def _directions(document: Mapping[str, Any], name: str) -> tuple[tuple[Direction, Direction], ...]:
-    """One or two directions along the floor, each with a direction of the sensor."""
+    """Returns one or two directions along the floor, each with its direction in sensor axes."""
     found = []
     entries = document.get("directions")
     for entry in entries if isinstance(entries, list) else []:

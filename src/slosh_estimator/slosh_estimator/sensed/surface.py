@@ -1,4 +1,4 @@
-"""What sensors tell of the surface, as the fields of FreeSurface.msg that a camera would fill.
+"""Converts sensor results to the fields of FreeSurface.msg that a camera would fill.
 
 All points that are told are places on the wall whose heights are measured: see
 `observer.surface_heights.wall_heights`.
@@ -12,7 +12,7 @@ from slosh_estimator.sensed.force_surface import SensedWave
 
 
 def wave_fields(wave: SensedWave, reach: float) -> dict[str, float]:
-    """Returns the fields of a wave that a force tells, without those that stay unknown.
+    """Returns the message fields of a wave from a force, without fields that stay unknown.
 
     A force does not tell the still level: opposite points are as high as they are deep, so that
     their mean says nothing. Their independent errors are halves of their variances, and four of
@@ -39,5 +39,5 @@ def wave_fields(wave: SensedWave, reach: float) -> dict[str, float]:
 
 
 def level_fields(height: float, azimuth: float, stddev: float) -> dict[str, float]:
-    """Returns the fields of a height at one place on the wall [m, rad]."""
+    """Returns the message fields of a height at one place on the wall [m, rad]."""
     return {"sh_left": height, "azimuth_left": azimuth, "msh_stddev": stddev}

@@ -85,7 +85,7 @@ def _alone(estimates: Messages) -> Messages:
 
 
 def _heard(calm: Messages) -> Messages:
-    """Removes what the node told of a silent input, by its own clock."""
+    """Removes messages that a node published by its own clock about a silent input."""
     return calm.rows(calm.columns["reason"] != CalmReason.STALE)
 
 

@@ -112,7 +112,7 @@ class ReplayedObserver:
             self._look(state, calm)
 
     def _look(self, state: FusedState, calm: Told) -> None:
-        """Computes whether the liquid is calm, as often as the node tells it."""
+        """Computes whether the liquid is calm, at the rate at which the node publishes it."""
         while len(self._tolerances) > 1 and self._tolerances[1][0] < state.stamp_ns:
             del self._tolerances[0]
             self._watch = CalmWatch(self._tolerances[0][1])
@@ -129,7 +129,7 @@ class ReplayedObserver:
                 self._setting.calm.find(state.stamp_ns)
 
     def _lose(self, after_ns: int, why: str) -> None:
-        """Marks that what follows a stamp cannot be compared."""
+        """Marks messages after a stamp as not comparable."""
         if self._setting.fused is not None:
             self._setting.fused.lose(after_ns, why)
         if self._setting.calm is not None and not self._calm_lost:
