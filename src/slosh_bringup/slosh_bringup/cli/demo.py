@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--force", action="store_true",
-        help="an opaque container on a simulated force sensor, without a camera; its payload is "
+        help="simulate an opaque container on a force sensor, without a camera; its payload is "
         "identified first",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the results as JSON")

@@ -36,27 +36,27 @@ UNSTAMPED = {TWIST: Twist, WRENCH: Wrench}
 PAYLOAD = "payload"
 PARAMETERS = (
     ParameterSpec(
-        PAYLOAD, "", "identification.json of `slosh identify --force`; empty: no force sensor"
+        PAYLOAD, "", "identification.json of `slosh identify --force`; empty without one"
     ),
     ParameterSpec(
         "unstamped_force", "", "topic of forces without stamps, which are stamped on arrival and "
-        "published again as `force`; empty: none",
+        "published again as `force`; empty if unused",
     ),
     ParameterSpec(
-        "unstamped_type", WRENCH, "its type: geometry_msgs/Wrench, or Twist with the force as its "
-        "linear part", choices=tuple(UNSTAMPED),
+        "unstamped_type", WRENCH, "type of unstamped_force: geometry_msgs/Wrench, or Twist with "
+        "the force as its linear part", choices=tuple(UNSTAMPED),
     ),
     ParameterSpec(
         "level_distance", 0.0, "distance from the level sensor (`level`) down to the still level "
         "[m]; 0.0: no such sensor", (0.0, 10.0),
     ),
     ParameterSpec(
-        "level_place", [0.0, 0.0], "where it looks at the liquid: x, y in the container's frame "
-        "[m]", (-5.0, 5.0), length=2,
+        "level_place", [0.0, 0.0], "place that the level sensor measures: x, y in the container's "
+        "frame [m]", (-5.0, 5.0), length=2,
     ),
-    ParameterSpec("level_stddev", 1e-3, "standard deviation of a level [m]", (1e-5, 0.1)),
+    ParameterSpec("level_stddev", 1e-3, "standard deviation of a measured level [m]", (1e-5, 0.1)),
     ParameterSpec(
-        "beside_camera", False, "true: a camera node publishes free_surface, this one "
+        "beside_camera", False, "true: a camera node publishes free_surface, and this node "
         "sensed_surface",
     ),
     ParameterSpec("container_frame", "container", "the container's frame, on all output"),
