@@ -239,7 +239,7 @@ def _rates(basis: _Basis, state: Array, sway: Array, lift: Array, order: int) ->
 
 
 def _vertical_velocities(basis: _Basis, eta: Array, psi: Array, order: int) -> list[Array]:
-    """Returns the vertical velocities at the surface on the grid, for orders 1…M."""
+    """Returns the vertical velocities at the surface on the grid, one entry per order."""
     height = eta @ basis.cosine
     powers = [np.ones_like(height)]
     for k in range(1, order + 1):

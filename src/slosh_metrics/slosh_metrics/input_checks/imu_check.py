@@ -108,7 +108,7 @@ class ImuCheck(Check):
             self._blame(Cause(CONSTANT, force))
 
     def _spins_askew(self, rate: Vector, force: Vector) -> bool:
-        """Returns whether the container spins about an axis that shows a tilted sensor.
+        """Returns whether the measured axis of a rotation shows that the sensor is tilted.
 
         It has not been upright in the sensor's eyes, and spins about what it takes for vertical.
         """
