@@ -44,6 +44,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "governor = slosh_plan.nodes.governor_node:main",
             "planner = slosh_plan.nodes.planner_node:main",
             "predictor = slosh_plan.nodes.predictor_node:main",
         ]

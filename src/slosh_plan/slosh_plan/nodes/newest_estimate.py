@@ -62,7 +62,7 @@ class NewestEstimate:
         """
         fused = self._newest(self._fused, FusedEstimate)
         if fused is not None and fused.trusted and self._age(fused) <= OLDEST:
-            modal = _modal(fused)
+            modal = modal_of(fused)
             return LiquidState(modal, modal)
         message = self._newest(self._estimates, SloshEstimate)
         if message is None:
@@ -83,7 +83,7 @@ class NewestEstimate:
             )
         if message.flags & EstimateFlag.INPUT_TOO_SLOW:
             raise SloshEstimatorError(f"{TOO_SLOW}, and so is the liquid's state")
-        return LiquidState(_modal(message.linear), _modal(message.nonlinear))
+        return LiquidState(modal_of(message.linear), modal_of(message.nonlinear))
 
     def _newest(self, subscription: Any, kind: type) -> Any:
         with subscription.handle:
@@ -98,7 +98,8 @@ class NewestEstimate:
         return float(now - to_nanoseconds(message.header.stamp)) / SECOND
 
 
-def _modal(answer: ModelEstimate | FusedEstimate) -> Any:
+def modal_of(answer: ModelEstimate | FusedEstimate) -> Any:
+    """Returns (modes, 4) x, y, vx, vy of each mode's mass of a message [m, m/s]."""
     position = np.array(answer.modal_position).reshape(-1, 2)
     velocity = np.array(answer.modal_velocity).reshape(-1, 2)
     return np.hstack((position, velocity))

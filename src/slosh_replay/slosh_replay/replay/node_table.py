@@ -35,6 +35,8 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
         containers: of a tray; 0: there is none.
     """
     estimate = ("samples_used", *estimate_fields(modes))
+    # What a governor reads of it.
+    modal = [f"modal_{kind}[{k}]" for kind in ("position", "velocity") for k in range(2 * modes)]
     tray = NodeTopic(TRAY_ESTIMATE, TRAY_TYPE, tray_fields(containers))
     return (
         ReplayedNode(
@@ -49,7 +51,7 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
             "observer",
             ReplayedObserver,
             inputs=(NodeTopic(SAMPLES, ""), NodeTopic(FREE_SURFACE, SURFACE, SURFACES)),
-            outputs=(NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, TOLD_FIELDS),),
+            outputs=(NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal)),),
             needs_recorded=True,
         ),
         ReplayedNode(
