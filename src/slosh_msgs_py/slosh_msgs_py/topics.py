@@ -52,9 +52,7 @@ SAFE_TWIST: Final = "safe_twist"
 GOVERNED_MOTION: Final = "governed_motion"
 """The same with all that is known of it."""
 STOP_TRAJECTORY: Final = "stop_trajectory"
-"""The motion of an emergency stop,"""
-STOP_JOINT_TRAJECTORY: Final = "stop_joint_trajectory"
-"""and that of the robot's joints."""
+"""The motion of an emergency stop; latched."""
 PREDICTION: Final = "prediction"
 PREDICTION_OUTCOME: Final = "prediction_outcome"
 TRUTH: Final = "cell/truth"
@@ -170,10 +168,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic(SAFE_TWIST, "geometry_msgs/msg/TwistStamped", _ANSWER, remappable=True),
     Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER),
     Topic(
-        STOP_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _ANSWER, remappable=True
-    ),
-    Topic(
-        STOP_JOINT_TRAJECTORY, "trajectory_msgs/msg/JointTrajectory", _ANSWER, remappable=True
+        STOP_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _ANSWER,
+        remappable=True, latched=True,
     ),
     Topic(FREE_SURFACE, "slosh_msgs/msg/FreeSurface", _ANSWER, remappable=True, page=True),
     Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),

@@ -100,7 +100,7 @@ class PlanTuning:
     governor_enough: float = number(0.9, "1", "part of the limit below which stops are alike")
     governor_haste: float = number(0.3, "1/s", "part of the limit that a second of a stop costs")
     governor_past: int = number(256, "1", "steps that an observed state may be behind")
-    governor_stddevs: float = number(3.0, "σ", "by which an observed height is raised")
+    governor_stddevs: float = number(4.0, "σ", "by which an observed height is raised")
     governor_pull: float = number(4.0, "1/s", "speed towards a target by the distance")
     # consistency.py
     window: float = number(0.1, "s", "window over which two fields are compared")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,6 +13,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import format_model, parse_model
@@ -122,13 +124,30 @@ def test_silence_nan_and_a_turn_stop_it_and_the_next_command_moves_it(cell: Cell
 
 
 def test_an_emergency_stop_holds_until_it_is_released(cell: Cell) -> None:
-    cell.follow(0.2, 20)
+    stops = cell.listen(MultiDOFJointTrajectory, topics.STOP_TRAJECTORY, qos.EVENT)
+    before = cell.follow(0.2, 20)
     answer = cell.call(Trigger, topics.EMERGENCY_STOP, Trigger.Request())
     assert answer.success
-    assert answer.message.startswith("at rest in ")
+    assert re.match(r"at rest in [\d.]+ s, \d+ mm from here; .* at most$", answer.message), (
+        answer.message
+    )
+    cell.until(lambda: stops)
+    points = stops[0].points
+    assert points[0].velocities[0].linear.x == pytest.approx(before.velocity[0], abs=0.05)
+    assert points[-1].velocities[0].linear.x == 0.0
+    gap = points[1].time_from_start.nanosec - points[0].time_from_start.nanosec
+    assert gap == 50_000_000
     refused = cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request())
     assert not refused.success or cell.governor._core.rests
-    cell.rest(GovernedMotion.REQUESTED)
+    rest = cell.rest(GovernedMotion.REQUESTED)
+    # It has gone as far as was told.
+    gone = next(one.position[0] for one in cell.moved if one.steps == rest.steps)
+    told = points[-1].transforms[0].translation.x
+    begun = next(
+        one for one in cell.moved
+        if to_nanoseconds(one.header.stamp) == to_nanoseconds(stops[0].header.stamp)
+    )  # fmt: skip
+    assert gone - begun.position[0] == pytest.approx(told, abs=1e-9)
     assert cell.follow(0.2, 5).velocity[0] == 0.0
     assert cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
     assert cell.follow(0.2, 20).velocity[0] > 0.05

@@ -23,6 +23,7 @@ from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.trajectory import FARTHEST
 from slosh_plan.tuning import TUNING
 
+MOST_STEPS = 10_000
 PERIODS = (1e-3, 0.05)
 """Shortest and longest time of a step [s]."""
 
@@ -171,6 +172,11 @@ class Governor:
         period: time of a step [s].
         timeout: a command holds for so long [s].
 
+    Attributes:
+        model: the NL twin.
+        limits: with the container's rim.
+        period, timeout: as given.
+
     Raises:
         SloshPlanError: an infinite or impossible limit, an impossible period.
     """
@@ -189,7 +195,7 @@ class Governor:
         self.limits, self.period, self.timeout = limits.under_rim(model), period, timeout
         if not math.isfinite(self.limits.height):
             raise SloshPlanError("the governor needs a limit of the height, or a rim")
-        self._nonlinear = nonlinear = model.nonlinear()
+        self.model = nonlinear = model.nonlinear()
         self._factors = (doubt or ModelDoubt()).factors
         self._stores = np.stack([_twin(nonlinear, *factors) for factors in self._factors])
         fastest = max(mode.natural_frequency for mode in nonlinear.mode_constants())
@@ -220,7 +226,7 @@ class Governor:
         self._taken_ns = self._last_ns = -(2**62)
         self._steps = self._commands = self._liquid_ns = 0
         self._reason = StopReason.NONE
-        self._govern = kernel.govern.load()
+        kernel.govern.load()
 
     def take(self, command: Command) -> None:
         """Takes a command; the last one before a step counts."""
@@ -261,7 +267,7 @@ class Governor:
         follow = self._reason is StopReason.NONE and self._command is not None
         wanted = self._velocity() if follow else np.zeros(3)
         self._past.append((now_ns, self._stores.copy(), self._chosen.copy()))
-        unsafe = self._govern(
+        unsafe = kernel.govern(
             self._stores, self._stop, self._state, wanted, follow, self._settings, self._how,
             self._chosen, self._answer,
         )  # fmt: skip
@@ -344,14 +350,16 @@ class Governor:
             self._steps, self._commands, self._liquid_ns,
         )  # fmt: skip
 
-    def held_stop(self) -> tuple[Array, Array]:
-        """Returns the stop from the last moment on: (N,) times [s], (N, 3) acceleration [m/s²]."""
-        rows = max(int(self._state[kernel.ROWS]), 1)
-        spacing = self._settings[kernel.SPACING]
-        begun = self._state[kernel.SUBSTEP] * self.period
-        t = np.concatenate(([0.0], spacing * np.arange(1, rows + 1) - begun))
-        stop = np.concatenate((self._chosen[None], self._stop[1:rows], np.zeros((1, 3))))
-        return t, stop
+    def stopped(self) -> list[Governed]:
+        """Makes all steps until the container rests, if nothing else comes.
+
+        A copy of a governor tells so how it will stop.
+        """
+        self.stop()
+        moved = [self.step(self._last_ns + round(self.period * SECOND))]
+        while not self.rests and len(moved) < MOST_STEPS:
+            moved.append(self.step(self._last_ns + round(self.period * SECOND)))
+        return moved
 
 
 def _possible(command: Command) -> bool:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import Transform, Twist, TwistStamped
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_base.types import Array
 from slosh_msgs.msg import GovernedMotion
 from slosh_msgs_py.conversions import filled
 from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
 from slosh_plan.governor import Command, Governed
 from slosh_plan.governor.parameters import velocity_command
-from slosh_plan.trajectory import Trajectory
 
 AXES = "xyz"
 
@@ -67,33 +65,26 @@ def safe_twist(moved: Governed, frame: str) -> TwistStamped:
     return message
 
 
-def stop_message(
-    motion: Trajectory, velocity: Array, stamp_ns: int, frame: str, name: str
-) -> MultiDOFJointTrajectory:
-    """Makes the message of a stop.
+def stop_message(moving: Sequence[Governed], period: float, frame: str) -> MultiDOFJointTrajectory:
+    """Makes the message of a stop; positions are from where it begins.
 
     Args:
-        motion: with positions from where the container is.
-        velocity: (3,) of the container at its begin [m/s].
-        stamp_ns: when it begins [ns].
+        moving: steps, the first before the stop begins.
+        period: between two of them [s].
         frame: of the world.
-        name: of the container.
     """
-    message = MultiDOFJointTrajectory(joint_names=[name])
-    message.header.stamp, message.header.frame_id = to_time(stamp_ns), frame
-    assert motion.position is not None
-    steps = 0.5 * np.diff(motion.t)[:, None] * (motion.acceleration[1:] + motion.acceleration[:-1])
-    speeds = velocity + np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    speeds[-1] = 0.0
-    since = np.rint((motion.t - motion.t[0]) * SECOND).astype(np.int64).tolist()
-    columns = (motion.position.tolist(), speeds.tolist(), motion.acceleration.tolist())
-    for t, place, speed, change in zip(since, *columns, strict=True):
-        pose, rate, push = Transform(), Twist(), Twist()
-        _set(pose.translation, place)
-        _set(rate.linear, speed)
-        _set(push.linear, change)
-        point = MultiDOFJointTrajectoryPoint(time_from_start=to_duration(t))
-        point.transforms, point.velocities, point.accelerations = [pose], [rate], [push]
+    message = MultiDOFJointTrajectory(joint_names=["container"])
+    message.header.stamp, message.header.frame_id = to_time(moving[0].stamp_ns), frame
+    for number, one in enumerate(moving):
+        pose, rate, change = Transform(), Twist(), Twist()
+        begin = moving[0].position
+        _set(pose.translation, [a - b for a, b in zip(one.position, begin, strict=True)])
+        _set(rate.linear, one.velocity)
+        _set(change.linear, one.acceleration)
+        point = MultiDOFJointTrajectoryPoint(
+            time_from_start=to_duration(round(number * period * SECOND))
+        )
+        point.transforms, point.velocities, point.accelerations = [pose], [rate], [change]
         message.points.append(point)
     return message
 

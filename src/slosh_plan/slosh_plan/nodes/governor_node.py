@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import math
 import sys
 import time
 from collections import deque
@@ -10,6 +12,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
@@ -30,6 +33,7 @@ from slosh_plan.nodes.governor_messages import (
     governed_message,
     pose_command,
     safe_twist,
+    stop_message,
     twist_command,
 )
 from slosh_plan.nodes.held_container import ContainerWatch
@@ -104,6 +108,9 @@ class GovernorNode(PreparedNode):
         self._container = ContainerWatch(self, self._model, self._on_container)
         self._safe = self.create_publisher(TwistStamped, topics.SAFE_TWIST, qos.STREAM_OUT)
         self._told = self.create_publisher(GovernedMotion, topics.GOVERNED_MOTION, qos.STREAM_OUT)
+        self._stops = self.create_publisher(
+            MultiDOFJointTrajectory, topics.STOP_TRAJECTORY, qos.EVENT
+        )
         kinds = {
             TWIST: (TwistStamped, topics.DESIRED_TWIST),
             POSE: (PoseStamped, topics.DESIRED_POSE),
@@ -157,9 +164,19 @@ class GovernorNode(PreparedNode):
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._report.counts["emergency_stop"] += 1
+        told = copy.deepcopy(self._core).stopped() if self._moved else []
         self._core.stop()
-        rest = 0.0 if self._moved is None else self._moved.rest
-        response.success, response.message = True, f"at rest in {rest:.2f} s"
+        response.success, response.message = True, "at rest"
+        if told and self._moved and not self._core.rests:
+            moving = [self._moved, *told]
+            frame = self._values["world_frame"]
+            self._stops.publish(stop_message(moving, self._core.period, frame))
+            gone = math.dist(told[-1].position, self._moved.position)
+            highest = max(one.peak for one in told)
+            response.message = (
+                f"at rest in {self._core.period * len(told):.2f} s, {1e3 * gone:.0f} mm from "
+                f"here; the liquid rises to {1e3 * highest:.1f} mm at most"
+            )
         return response
 
     def _on_release(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
