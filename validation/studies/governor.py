@@ -2,12 +2,12 @@
 
     tools/run python validation/studies/governor.py [--runs 5000] [--half 1] [--workers 1]
 
-A stream of commands is 3 s, at 50 Hz, of steps, ramps, swings and jitter, with pauses and NaN; cup,
-limit and liquid are drawn, too. The liquid's frequency is up to 3 % off, its damping by a factor of up to 2.
-The governed motion is simulated with 12 such liquids: 4 drawn ones, 8 on a grid; with an observer
-by the one that it sees, 40 ms late, with an error of 0.3 mm. *Without* keeps acceleration and jerk
-alone, in every tenth stream. *Delay* is the time until 90 % of a changed velocity. Tuned on
-`--half 0`.
+A stream of commands is 3 s, at 50 Hz, of steps, ramps, swings and jitter, with pauses and NaN;
+cup, limit and liquid are drawn, too. The liquid's frequency is up to 3 % off, its damping by a
+factor of up to 2. The governed motion is simulated with 12 such liquids: 4 drawn ones, 8 on a
+grid; with an observer by the one that it sees, 40 ms late, with an error of 0.3 mm. *Without*
+keeps acceleration and jerk alone, in every tenth stream. *Delay* is the time until 90 % of a
+changed velocity. Tuned on `--half 0`.
 """
 
 from __future__ import annotations

@@ -40,6 +40,8 @@ KIND, PART, LAW = range(3)
 """A candidate: 0: the held stop and a law for the difference, 1: a law of its own; share of the
 command; then duration [s] and bumps of the law."""
 SHARES = (0.7, 0.4, 0.15, 0.0)
+SHORTER = (0.0, -2.0, -6.0)
+"""Powers of RATIO by which a stop is shortened."""
 STILL = 1e-6
 """Speed of a container that rests [m/s]: what rounding leaves."""
 
@@ -325,11 +327,11 @@ def _trimmed(state, stop, settings):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _plan(state, settings, block, plans, best):  # type: ignore[no-untyped-def]
+def _plan(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
     """Writes what is tried together.
 
     All of the command with various stops; shares of it with the lowest of them, down to nothing;
-    the held stop and others from now on.
+    the held stop and others from now on, in a stop shorter ones.
     """
     turn = 2 * int(state[TURN])
     chosen = plans[best].copy()
@@ -340,6 +342,10 @@ def _plan(state, settings, block, plans, best):  # type: ignore[no-untyped-def]
             plan[:] = chosen
             plan[PART] = SHARES[one]
             plan[KIND] = chosen[KIND] if SHARES[one] > 0.0 else 0.0
+        elif 0 < one < 3 and not follow:
+            plan[LAW:] = state[DURATION : DURATION + 3]
+            shorter = plan[LAW] * settings[RATIO] ** (SHORTER[one])
+            plan[LAW] = max(shorter, settings[SHORTEST])
         elif one > 1 or block == OTHERS:
             plan[LAW], plan[LAW + 1], plan[LAW + 2] = _variant(state, settings, turn + one)
         else:
@@ -383,7 +389,7 @@ def govern(stores, stop, state, command, follow, settings, how, chosen, answer):
     best, safe, answer[TRIED] = 0, False, 0.0
     block = WHOLE if follow else OTHERS
     while block <= OTHERS and not safe:
-        _plan(state, settings, block, plans, best)
+        _plan(state, settings, block, follow, plans, best)
         for one in range(CANDIDATES):
             plan = plans[one]
             ends[one] = _candidate(
