@@ -3,9 +3,10 @@
     tools/run python benchmarks/bench_transports.py [--seconds 8]
 
 UDP alone would spare the cell what a killed process leaves in shared memory
-(docs/hostile_input.md). A process sends bgr8 images, another reads them as the camera node does
-where they are offered reliable, and as sensor data. Printed are the share that arrived and both
-processes' time per image that arrived [ms]. The goal: shared memory brings 0.95 of the smallest,
+(docs/results/hostile_input.md). A process sends bgr8 images, another reads them as the camera node
+does where they are offered reliable, and as sensor data. Printed are the share that arrived and
+both processes' time per image that arrived [ms]. The goal: shared memory brings 0.95 of the
+smallest,
 of which a robot's camera sends no fewer.
 """
 

@@ -10,7 +10,7 @@ PACKAGE = "slosh_bringup"
 
 
 class Develop(develop):
-    """Makes linked programs take Python from PATH, as setup.cfg does for installed ones."""
+    """Setuptools command that makes linked programs use Python from PATH, as setup.cfg does."""
 
     def install_wrapper_scripts(self, dist):
         """Writes the program scripts."""

@@ -12,7 +12,7 @@ class Develop(develop):
     """Makes linked programs take Python from PATH, as setup.cfg does for installed ones."""
 
     def install_wrapper_scripts(self, dist):
-        """Writes the program scripts."""
+        """Writes the scripts that start the package's programs."""
         from setuptools.command.develop import VersionlessRequirement
         from setuptools.command.easy_install import ScriptWriter
 

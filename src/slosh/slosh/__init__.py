@@ -1,4 +1,4 @@
-"""Liquid sloshing from Python: ten names with the functions of the `slosh` command.
+"""Python interface to slosh: simulate, predict, plan, replay, identify and discover.
 
 Things: `Container`, `Model`, `Motion`, `Recording`. What is done with them: `simulate`, `predict`,
 `plan`, `replay`, `identify`, `discover`. Motions and data may be objects, pandas tables or paths.

@@ -1,4 +1,4 @@
-"""Converts the arguments of the API (objects, pandas tables, paths) to the packages' types.
+"""Converts arguments of the Python interface (objects, pandas tables, paths).
 
 A table is taken as the CSV file that it writes: the same names, units and checks hold for both.
 """
@@ -40,7 +40,7 @@ _MOTION = "a Motion, a pandas table or the path of a motion table"
 
 
 def the_model(value: ModelLike) -> Model:
-    """Returns the model that an argument `model` names or holds.
+    """Returns the model for an argument that is a model or the path of a model file.
 
     Raises:
         TypeError: it is neither a model nor a path.
@@ -54,7 +54,7 @@ def the_model(value: ModelLike) -> Model:
 
 @contextmanager
 def as_file(value: Any, argument: str, kinds: str = _MOTION) -> Iterator[Path]:
-    """Yields the file of a motion; errors about the table name the argument instead of the file.
+    """Yields the path of a file with the motion data; errors name the function argument.
 
     Raises:
         TypeError: it is neither a motion, nor a table, nor a path.
@@ -90,7 +90,7 @@ def as_file(value: Any, argument: str, kinds: str = _MOTION) -> Iterator[Path]:
 def measured_motions(
     data: DataLike | Several[DataLike], model: Model, argument: str = "data"
 ) -> list[MeasuredMotion]:
-    """Returns the measured motions of an argument, one or several.
+    """Returns the measured motions for an argument that holds one or several.
 
     Raises:
         TypeError: something of it is no data.

@@ -1,4 +1,4 @@
-"""The data types of the API: containers, models, motions and recordings."""
+"""Data types of the Python interface: containers, models, motions and recordings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["Container", "Model", "Motion", "Recording"]
 
 
 class Motion(MotionTable):
-    """A container's motion, with the measured heights if there are any.
+    """A container's motion, with measured liquid heights if there are any.
 
     Args:
         t: (N,) time [s], strictly increasing.
@@ -60,12 +60,12 @@ class Motion(MotionTable):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Reads a motion table; see `slosh_bag.read_motion_table`."""
+        """Reads a motion from a table file."""
         table = read_motion_table(path)
         return cls(**{name: getattr(table, name) for name in MotionTable.__dataclass_fields__})
 
     def save(self, path: str | Path) -> None:
-        """Writes a motion table; `load` returns exactly the same values.
+        """Writes the motion as a table file, without loss of precision.
 
         Raises:
             OSError: the file cannot be written; what was there is as it was.
@@ -86,7 +86,7 @@ class Motion(MotionTable):
 
 
 class Recording(BagReader):
-    """A recording: a bag's folder, or an MCAP file.
+    """A recording: a bag folder or an MCAP file.
 
     >>> import slosh
     >>> recording = slosh.Recording("bags/c3")
@@ -101,7 +101,7 @@ class Recording(BagReader):
         return f"Recording({self.path.name}: {len(counts)} topics, {sum(counts)} messages)"
 
     def to_pandas(self, topic: str) -> DataFrame:
-        """Returns a topic's messages as a table with one column per field, as `slosh export` does.
+        """Returns a topic's messages as a pandas table with one column per field.
 
         Args:
             topic: its name, or the last parts of it.

@@ -79,7 +79,7 @@ def discover(
     *,
     holdout: DataLike | Several[DataLike] = (),
 ) -> Finding:
-    """Finds the effect that a model lacks to explain measured motions.
+    """Finds the physical effect that a model lacks to explain measured motions.
 
     >>> import slosh
     >>> slosh.discover("bags/c3", slosh.replay("bags/c3").model.linear())

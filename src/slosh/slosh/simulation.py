@@ -1,4 +1,4 @@
-"""Predicts the liquid's response to a motion and plans motions that keep a limit."""
+"""Predicts the liquid's response to a motion, and plans motions that keep a height limit."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def predict(
     residual: float = math.inf,
     rim_distance: float = 0.0,
 ) -> Prediction | list[Prediction]:
-    """Predicts how high the liquid rises on a planned motion, and whether it keeps a limit.
+    """Predicts how high the liquid rises during a planned motion, and checks limits.
 
     >>> import slosh
     >>> slosh.predict("cup/model.yaml", "move.csv", limit=0.02)

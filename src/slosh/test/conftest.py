@@ -1,4 +1,4 @@
-"""What the tests of this package share."""
+"""Fixtures that the tests of this package share."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ CUP = ["--diameter", "0.08", "--fill-height", "0.06", "--rim-height", "0.11"]
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """The folder that the page 'my cup' leads to, and the recordings; commands are typed in it."""
+    """A folder with the model and recordings of the page 'my cup', as working folder."""
     (tmp_path / "bags").symlink_to(ROOT / "bags")
     monkeypatch.chdir(tmp_path)
     assert main(["new", "cup", *CUP]) == 0

@@ -1,4 +1,4 @@
-"""The example in each name's docstring does what it shows."""
+"""Tests that the example in each docstring works."""
 
 import doctest
 import importlib
@@ -33,7 +33,7 @@ def test_an_example_does_what_it_shows(name, folder):
 
 
 def documented_examples():
-    """Examples of the modules in docs/api that are not those of the names above."""
+    """Yields the examples of modules in docs/api that other tests do not run."""
     pages = (ROOT.parent / "docs" / "api").glob("*.md")
     modules = {m for page in pages for m in re.findall(r"automodule:: ([\w.]+)", page.read_text())}
     named = {member for _, member in NAMES.values()}

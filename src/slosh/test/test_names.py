@@ -1,4 +1,4 @@
-"""The ten names: what they take, what they give, what they refuse."""
+"""Tests the ten public names: arguments, results and errors."""
 
 import importlib.metadata
 import subprocess
@@ -72,7 +72,7 @@ def test_what_is_no_cup_is_named(given, words):
 
 
 def forms(folder):
-    """A motion in every form in which it may be given."""
+    """Returns a motion in every form in which it may be given."""
     MOTION.save("m.csv")
     inputs = Inputs(MOTION.t, MOTION.acceleration)
     table = MOTION.to_pandas()

@@ -19,7 +19,7 @@ PROFILE = "ros2"
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Size and duration at which the bag's next file begins; zeros: never.
+    """Maximum size and duration of one file of a bag; zero means no limit.
 
     Attributes:
         size: a file that has become as large as this is followed by the next one [bytes].
@@ -43,7 +43,7 @@ class _Topic:
 
 
 class BagWriter:
-    """A bag that is being written; use it as a context manager.
+    """Writes a bag: MCAP files and metadata.yaml; use it as a context manager.
 
     The folder DIR gets DIR/<name of DIR>_0.mcap, ..._1.mcap and so on, each complete in itself,
     and DIR/metadata.yaml, which is up to date whenever a file begins or ends.
@@ -100,24 +100,24 @@ class BagWriter:
 
     @property
     def path(self) -> Path:
-        """The newest file of the bag."""
+        """Path of the bag's newest file."""
         if self._file is not None:
             return self._file.path
         return self.folder / self._ended[-1].name if self._ended else self.folder
 
     @property
     def files(self) -> int:
-        """Number of files of the bag."""
+        """Number of files in the bag."""
         return len(self._ended) + (self._file is not None)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of messages by topic, including those not yet in a file."""
+        """Number of messages by topic, including those not yet written to a file."""
         return self._counts.copy()  # in one step: another thread may ask
 
     @property
     def pending(self) -> int:
-        """Number of messages that are not yet in a file."""
+        """Number of messages that are not yet written to a file."""
         return self._file.pending if self._file else 0
 
     @property
@@ -134,7 +134,7 @@ class BagWriter:
         encoding: str = SERIALIZATION,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
-        """Announces a topic before its first message.
+        """Registers a topic, with its type and QoS, before its first message.
 
         Args:
             name: of the topic.
@@ -159,12 +159,12 @@ class BagWriter:
             self._register(self._file, name, topic)
 
     def note(self, name: str, value: str) -> None:
-        """Stores a fact about the whole bag; every file that ends from now on contains it."""
+        """Stores a key and value of bag metadata, which later finished files contain."""
         self._custom[name] = value
         self._has_news = True
 
     def forget_deleted(self) -> int:
-        """Leaves deleted files out of the bag; later messages go to a new file.
+        """Removes deleted files from the bag's records; later messages go to a new file.
 
         Returns:
             messages that were in them and do not count any more; 0: all files are there.
@@ -210,7 +210,7 @@ class BagWriter:
             file.flush()
 
     def flush(self) -> None:
-        """Ends the current chunk and hands all bytes to the operating system.
+        """Ends the current chunk and passes all data to the operating system.
 
         A process that is killed afterwards loses nothing of them.
 
@@ -223,7 +223,7 @@ class BagWriter:
                 self._save()
 
     def abandon(self) -> int:
-        """Ends a file that could not be written, as far as possible.
+        """Ends a file that cannot be written any further, as far as possible.
 
         What was written before is there; messages of the last chunk are not and do not count.
 
@@ -248,7 +248,7 @@ class BagWriter:
         return sum(lost.values())
 
     def resume(self) -> McapFile:
-        """Continues in a new file.
+        """Continues the bag in a new file after a write error.
 
         Raises:
             OSError: that is not possible yet.
@@ -265,7 +265,7 @@ class BagWriter:
         return file
 
     def close(self) -> None:
-        """Finishes the bag's last file and its metadata.yaml.
+        """Finishes the bag's last file and writes metadata.yaml.
 
         Raises:
             OSError: the system refuses to write: `abandon` the file.
@@ -293,14 +293,14 @@ class BagWriter:
         )
 
     def _finish_all(self) -> None:
-        """Finishes the abandoned files; retries each until the disk has room for its end."""
+        """Finishes the files that were abandoned after a write error."""
         while self._unfinished:
             file = self._unfinished[0]
             file.finish(self._custom)
             del self._unfinished[0]
 
     def _register(self, file: McapFile, name: str, topic: _Topic) -> None:
-        """Registers a topic in a file; each file describes all topics, so it can be read alone."""
+        """Registers a topic in a file; each file lists all topics and can be read alone."""
         kind = topic.message_type
         if kind not in self._schemas:
             schema = self._definitions.schema(kind)

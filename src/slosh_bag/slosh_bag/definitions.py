@@ -1,4 +1,4 @@
-"""Message definitions: those of ROS 2 Jazzy from rosbags, others from installed packages.
+"""Message definitions: from rosbags for ROS 2 Jazzy, otherwise from installed packages.
 
 Foreign bags bring their own, of a size that can be worked with. A definition that contains itself
 has no end, and forty types that each hold the one before twice have a million million fields: both
@@ -36,13 +36,13 @@ Types = dict[str, Any]
 
 
 class Definitions:
-    """Definitions and hashes by message type, e.g. 'slosh_msgs/msg/FreeSurface'."""
+    """Definitions and hashes of message types, e.g. of 'slosh_msgs/msg/FreeSurface'."""
 
     def __init__(self) -> None:
         self.typestore: Typestore = get_typestore(Stores.ROS2_JAZZY)
 
     def text(self, message_type: str) -> str:
-        """Returns the full definition with its nested types, as an MCAP 'ros2msg' schema.
+        """Returns a type's full definition with its nested types, as an MCAP 'ros2msg' schema.
 
         Raises:
             SloshBagError: no installed package defines the type, or its file cannot be read.
@@ -51,7 +51,7 @@ class Definitions:
         return str(self.typestore.generate_msgdef(message_type, ros_version=2)[0])
 
     def schema(self, message_type: str) -> tuple[str, bytes] | None:
-        """Returns the encoding and the content of the type's schema; None: there is no schema.
+        """Returns encoding and content of a type's MCAP schema, or None if it has none.
 
         Raises:
             SloshBagError: as `text`.
@@ -59,7 +59,7 @@ class Definitions:
         return "ros2msg", self.text(message_type).encode()
 
     def hash(self, message_type: str) -> str:
-        """Returns the type's RIHS01 hash; empty if it cannot be computed (wide strings).
+        """Returns a type's RIHS01 hash, or an empty text for a type with wide strings.
 
         Raises:
             SloshBagError: as `text`.
@@ -71,7 +71,7 @@ class Definitions:
             return ""
 
     def _require(self, message_type: str) -> None:
-        """Reads the type and its nested types only, so that a broken other file does no harm."""
+        """Loads the definitions of a type and of its nested types only."""
         wanted, found = [message_type], dict[str, Any]()
         while wanted:
             name = wanted.pop()
@@ -105,13 +105,13 @@ def _read(message_type: str) -> dict[str, Any]:
 
 
 def find_interfaces(package: str) -> Path | None:
-    """Returns the folder of a package's installed .msg files; None: not installed."""
+    """Returns the folder of a package's .msg files, or None if it is not installed."""
     share = shared_folder(package)
     return share / "msg" if share is not None and (share / "msg").is_dir() else None
 
 
 def read_types(encoding: str, text: str, message_type: str) -> Types:
-    """Parses a definition: constants and fields by type name.
+    """Parses the text of a definition; returns constants and fields by type name.
 
     Args:
         encoding: one of ENCODINGS.
@@ -133,7 +133,7 @@ def read_types(encoding: str, text: str, message_type: str) -> Types:
 
 
 def parts_of(fields: list[tuple[str, Any]]) -> Iterator[tuple[str, int]]:
-    """Returns the nested message types of fields, each with its number of elements."""
+    """Yields the nested message types of the fields, each with its number of elements."""
     for _, (kind, detail) in fields:
         count = detail[1] if kind == Nodetype.ARRAY else 1
         if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
@@ -143,7 +143,7 @@ def parts_of(fields: list[tuple[str, Any]]) -> Iterator[tuple[str, int]]:
 
 
 def _msg(text: str, message_type: str) -> Types:
-    """Parses a .msg file; works around rosbags' handling of wide strings."""
+    """Parses a .msg file, including wide strings, which rosbags handles incorrectly."""
     found: Types = get_types_from_msg(_WIDE.sub(r"\1", text), message_type)
     return {
         name: (constants, [(field, _with_wide(what)) for field, what in fields])
@@ -170,14 +170,14 @@ def _idl(text: str) -> Types:
 
 
 class _Measure:
-    """Counts the values and the nesting depth of types, each type once."""
+    """Counts the values and the nesting depth of message types."""
 
     def __init__(self, types: Types) -> None:
         self._types = types
         self._known: dict[str, tuple[int, int]] = {}
 
     def check(self, message_type: str) -> None:
-        """Refuses a type that is too large."""
+        """Raises an error for a message type that is too large."""
         self._of(message_type, ())
 
     def _of(self, name: str, above: tuple[str, ...]) -> tuple[int, int]:

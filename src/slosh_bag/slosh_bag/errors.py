@@ -6,4 +6,4 @@ from slosh_base.files.errors import SloshFileError
 
 
 class SloshBagError(SloshFileError):
-    """A bag cannot be used; the text is one line with the path."""
+    """Error of a bag that cannot be used; the message is one line with the bag's path."""

@@ -1,4 +1,4 @@
-"""Reads bags, including those left by a killed recorder or truncated."""
+"""Reads bags, including truncated ones and those of a killed recorder."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _BATCH = 10_000  # messages whose places are Python's numbers at a time
 
 
 class BagMessage(NamedTuple):
-    """A message of a bag.
+    """A serialised message of a bag, with its topic, type and times.
 
     Attributes:
         topic: its topic.
@@ -79,14 +79,14 @@ class BagMessage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TopicInfo:
-    """A topic of a bag: its type and its number of messages."""
+    """Type and number of messages of a bag's topic."""
 
     message_type: str
     count: int | None
 
 
 class BagReader:
-    """A bag: a folder with MCAP files, or one MCAP file.
+    """Reader of a bag: a folder with MCAP files, or a single MCAP file.
 
     Every reading checks the files' checksums. A file without its end, as a killed recorder or a
     cut copy leaves it, gives what is whole; what was lost is told in `warnings` when it has been
@@ -124,11 +124,11 @@ class BagReader:
 
     @property
     def typestore(self) -> Typestore:
-        """The definitions of all types decoded so far."""
+        """Type store with all message types decoded so far."""
         return self.types.learnt
 
     def typestore_of(self, message_type: str) -> Typestore:
-        """Returns a type store with the bag's definition of a type.
+        """Returns a type store with the bag's definition of a message type.
 
         Raises:
             SloshBagError: the bag, so far as it was read, has no such definition.
@@ -141,7 +141,7 @@ class BagReader:
     def columns(
         self, block: MessageBlock, names: Collection[str] | None = None
     ) -> dict[str, NDArray[Any]]:
-        """Returns the values of a block as columns; see `ColumnReader.columns`.
+        """Returns the values of a block of messages as NumPy columns.
 
         Raises:
             SloshBagError: a message is not of its type, or the type has no such field.
@@ -152,7 +152,7 @@ class BagReader:
             raise SloshBagError(f"{self.path}: {error}") from None
 
     def topics(self) -> dict[str, TopicInfo]:
-        """Returns the topics with their message counts; reads an unfinished file to its end.
+        """Returns the bag's topics with their types and message counts.
 
         Raises:
             SloshBagError: as `messages`.
@@ -168,7 +168,7 @@ class BagReader:
         return found
 
     def metadata(self) -> dict[str, str]:
-        """Returns the facts about the whole bag that its writer stored.
+        """Returns the metadata of the whole bag that its recorder stored.
 
         Raises:
             SloshBagError: they are damaged.
@@ -187,7 +187,7 @@ class BagReader:
         return facts
 
     def blocks(self, topics: Collection[str] | None = None) -> Iterator[MessageBlock]:
-        """Yields the messages chunk by chunk in file order, within a chunk topic by topic.
+        """Yields the messages in blocks, one per topic and chunk, in file order.
 
         Much faster than `messages`. In memory is one chunk at a time. A file whose chunks overlap
         in time or follow each other in another order is read in the order of the log times, in
@@ -205,7 +205,7 @@ class BagReader:
     def look_up(
         self, topics: Collection[str], windows: Collection[Window] | None = None
     ) -> Iterator[MessageBlock]:
-        """Yields blocks as `blocks` does; fast for rare topics or short windows of time.
+        """Yields blocks as `blocks` does, but is fast for rare topics or short time windows.
 
         By a file's index only the chunks that hold them are read. A file without an index that
         can be believed is read to its end.
@@ -258,7 +258,7 @@ class BagReader:
         return self._in_order[file]
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """Yields the messages file by file, within each by log time.
+        """Yields the messages file by file, each file in the order of log times.
 
         An unfinished or cut file gives its whole chunks, and a line in `warnings`.
 
@@ -285,7 +285,7 @@ class BagReader:
                 newest = max(newest, last)
 
     def decode(self, message: BagMessage) -> Any:
-        """Decodes a message as an object with its type's fields.
+        """Decodes a serialised message to an object with its type's fields.
 
         Raises:
             SloshBagError: its bytes are not those of such a message.
@@ -302,7 +302,7 @@ class BagReader:
             ) from None
 
     def survey(self, file: Path) -> Found:
-        """Returns topics and counts of one file, from its summary if that can be trusted.
+        """Returns the contents of one file, from its summary if that is reliable.
 
         Raises:
             SloshBagError: as `messages`.
@@ -318,7 +318,7 @@ class BagReader:
         return walk.found
 
     def _merged(self, walk: McapWalk, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """Yields the messages of a file that is not sorted by log time."""
+        """Yields the messages of an unsorted file in the order of log times."""
         names: dict[int, tuple[str, str]] = {}
         for chunk, row in self._merged_rows(walk, topics):
             names = names or _names(walk.found, topics)
@@ -330,7 +330,7 @@ class BagReader:
     def _merged_rows(
         self, walk: McapWalk, topics: Collection[str] | None
     ) -> Iterator[tuple[Chunk, int]]:
-        """Yields chunks and rows by log time; reads the file twice."""
+        """Yields chunk and message index in the order of log times; reads the file twice."""
         spans = []
         for chunk in walk.chunks():
             self._learn(chunk)
@@ -344,7 +344,7 @@ class BagReader:
         yield from in_log_order(walk.path, spans, select)
 
     def _told(self, summary: FileSummary) -> Found:
-        """Returns the contents of a file from its summary."""
+        """Returns the contents that a file's summary lists."""
         for schema in summary.schemas.values():
             self.types.add(schema)
         return Found(summary.schemas, summary.channels, summary.counts or {})
@@ -365,13 +365,13 @@ def messages_of(block: MessageBlock) -> Iterator[BagMessage]:
 
 
 def _type_of(found: Found, number: int) -> str:
-    """Returns a channel's message type; empty if it has no schema."""
+    """Returns the message type of a channel; empty if it has no schema."""
     schema = found.schemas.get(found.channels[number].schema_id)
     return schema.name if schema else ""
 
 
 def _names(found: Found, topics: Collection[str] | None) -> dict[int, tuple[str, str]]:
-    """Returns topic and type of each wanted channel."""
+    """Returns topic and message type of each requested channel, by channel id."""
     return {
         number: (channel.topic, _type_of(found, number))
         for number, channel in found.channels.items()
@@ -380,7 +380,7 @@ def _names(found: Found, topics: Collection[str] | None) -> dict[int, tuple[str,
 
 
 def stamp_ns(message: Any) -> int:
-    """Returns the stamp of a decoded message's header [ns]."""
+    """Returns the stamp in a decoded message's header [ns]."""
     stamp = message.header.stamp
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 

@@ -34,7 +34,7 @@ _INPUTS = {row.type for row in topics.TOPICS if row.role is TopicRole.INPUT} - {
 
 @dataclass(frozen=True, slots=True)
 class TopicSelection:
-    """The selected topics of a graph.
+    """The topics selected for recording, and reasons for those left out.
 
     Attributes:
         recorded: type by topic.
@@ -48,7 +48,7 @@ class TopicSelection:
 
 
 class TopicChoice:
-    """Selects the topics to record.
+    """Rules that select the topics to record.
 
     Args:
         namespace: of the cell.
@@ -73,11 +73,11 @@ class TopicChoice:
         self._used: set[str] = set()
 
     def wants(self, topic: str) -> bool:
-        """Whether a topic is to be recorded, unless another one replaces it."""
+        """Whether the rules select a topic, regardless of topics that could replace it."""
         return self._is_wanted(topic) and not self._is_excluded(topic)
 
     def has_one_publisher(self, topic: str, message_type: str) -> bool:
-        """Whether a topic must have only one publisher."""
+        """Whether a topic may have only one publisher."""
         row = self._own.get(topic)
         if row is not None and row.type == message_type:
             return row.publishers is Publishers.ONE
@@ -90,7 +90,7 @@ class TopicChoice:
         publishers: Callable[[str], int],
         now: float,
     ) -> TopicSelection:
-        """Returns the topics to record now; call it again when the graph changes.
+        """Returns the topics to record now; call it again when topics appear or disappear.
 
         Args:
             graph: message type by topic.
@@ -137,7 +137,7 @@ class TopicChoice:
         publishers: Callable[[str], int],
         now: float,
     ) -> str:
-        """Returns why raw images are not recorded; empty: they are, or it is another topic."""
+        """Returns why raw images are not recorded; empty if they are recorded."""
         if self._raw_images or kind != RAW:
             return ""
         compressed = topic + COMPRESSED_ENDING

@@ -1,4 +1,4 @@
-"""The recorder's core: queues messages at any rate and writes them in its own thread.
+"""Recorder that queues messages and writes them to a bag in a separate thread.
 
 A chunk's compression and a busy disk stall for tens of milliseconds; a queue keeps that away from
 whoever receives the messages. Flushes follow a steady clock, not the messages' own times: those
@@ -111,12 +111,12 @@ class RecorderStatus:
 
     @property
     def lost(self) -> int:
-        """Number of messages that were sent but will not be in the bag."""
+        """Number of messages that were sent but will be missing in the bag."""
         return self.unkept + self.missed
 
     @property
     def time_left(self) -> float:
-        """Time until the disk is full at the present rate [s]; infinite if unknown."""
+        """Time until the disk is full at the present data rate [s]; infinite if unknown."""
         return self.free / self.rate if self.rate > 0.0 else float("inf")
 
 
@@ -126,7 +126,7 @@ def free_space(folder: Path) -> int:
 
 
 class Recorder:
-    """Records serialised messages into a bag.
+    """Records serialised messages to a bag in a separate thread.
 
     Messages come from one thread; `status` may be asked by any.
 
@@ -175,15 +175,15 @@ class Recorder:
 
     @property
     def path(self) -> Path:
-        """The newest file of the bag."""
+        """Path of the bag's newest file."""
         return self._writer.path
 
     def add_topic(self, name: str, message_type: str, qos: Qos) -> None:
-        """Announces a topic before its first message."""
+        """Registers a topic before its first message."""
         self._queue.append(_Topic(name, message_type, qos, self._clock()))
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Adds a message; drops it if the queue is full, and `status` counts the loss.
+        """Adds a message to the queue, or counts it as lost if the queue is full.
 
         Args:
             topic: a topic that was announced.
@@ -203,11 +203,11 @@ class Recorder:
             self._wake.set()
 
     def note(self, name: str, value: str) -> None:
-        """Stores a fact of the bag; replaces one of the same name."""
+        """Stores a key and value of bag metadata."""
         self._notes[name] = value
 
     def miss(self, counts: Mapping[str, int]) -> None:
-        """Sets the number of messages by topic that were sent but not received."""
+        """Sets the number of messages that were sent but not received, by topic."""
         self._missed = dict(counts)
 
     def status(self) -> RecorderStatus:
@@ -241,7 +241,7 @@ class Recorder:
         self._thread.join()
 
     def _oldest(self, now: float) -> float:
-        """Returns the arrival time of the oldest message not in a file; now if there is none."""
+        """Returns the arrival time of the oldest unwritten message, or `now` if there is none."""
         for waiting in (self._open, self._queue):
             with contextlib.suppress(IndexError):  # the writer's thread takes them meanwhile
                 return waiting[0].arrived
@@ -260,7 +260,7 @@ class Recorder:
         self._end()
 
     def _work(self) -> None:
-        """Writes the queued messages, and flushes when it is due."""
+        """Writes queued messages and flushes the file regularly, in the writer thread."""
         if self._failure:
             self._try_again()
         while self._queue and not self._failure:
@@ -306,14 +306,14 @@ class Recorder:
             self._open = []
 
     def _announce(self, topic: _Topic) -> None:
-        """Adds a topic to the bag; leaves it out if its type has no definition."""
+        """Adds a topic to the bag unless the definition of its type is missing."""
         try:
             self._writer.add_topic(topic.name, topic.message_type, topic.qos)
         except (SloshBagError, TypesysError) as error:
             self._refused[topic.name] = " ".join(str(error).split())
 
     def _fail(self, error: Exception, also: list[_Message]) -> None:
-        """Ends the file after an error; its last messages go first to the next file."""
+        """Ends the file after a write error and returns unwritten messages to the queue."""
         self._failed_path = self._writer.path
         # Where it failed after a split's end everything before is in a file already.
         again = self._open if self._writer.abandon() else []
@@ -330,7 +330,7 @@ class Recorder:
         self._failure = f"{self._failed_path}: {_reason(error)}"
 
     def _try_again(self) -> None:
-        """Continues in a new file if the disk has room for the queue."""
+        """Continues the bag in a new file if the disk has space for the queue."""
         now = self._clock()
         if now < self._retry_at:
             return
@@ -350,7 +350,7 @@ class Recorder:
             self._interruptions += 1
 
     def _end(self) -> None:
-        """Finishes the bag; messages that cannot be written are counted as lost."""
+        """Finishes the bag and counts messages that cannot be written as lost."""
         self._look_for_deleted()
         with contextlib.suppress(OSError):
             self._reserve.unlink(missing_ok=True)
@@ -376,7 +376,7 @@ class Recorder:
             self._writer.note(name, value)
 
     def _look_for_deleted(self) -> None:
-        """Detects files deleted during the recording."""
+        """Detects bag files that were deleted during the recording."""
         gone = self._writer.forget_deleted()
         if not gone:
             return

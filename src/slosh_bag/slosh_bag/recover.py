@@ -31,7 +31,7 @@ Progress = Callable[[int], object]
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """Result of a recovery: messages recovered and bytes left out.
+    """Result of a recovery: number of recovered messages and of bytes left out.
 
     Attributes:
         bag: the new bag.
@@ -46,7 +46,7 @@ class Recovery:
 
 @dataclass(frozen=True, slots=True)
 class NotedQos(Qos):
-    """Publishers' QoS as stored in the damaged bag.
+    """Publishers' QoS as stored in the damaged bag, unchanged.
 
     Attributes:
         noted: the text in the channel.
@@ -55,7 +55,7 @@ class NotedQos(Qos):
     noted: str = ""
 
     def documents(self) -> list[dict[str, Any]]:
-        """Returns the profiles; none if the text cannot be parsed."""
+        """Returns the stored profiles as mappings; empty if they cannot be parsed."""
         try:
             documents = parse_yaml(self.noted, "QoS profiles").value
         except YamlError:
@@ -64,12 +64,12 @@ class NotedQos(Qos):
         return documents if whole else []
 
     def text(self) -> str:
-        """Returns the text unchanged."""
+        """Returns the stored text of the profiles unchanged."""
         return self.noted
 
 
 class NotedDefinitions(Definitions):
-    """Definitions and hashes as stored in a bag, independent of installed packages.
+    """Message definitions and hashes as stored in a bag, independent of installed packages.
 
     Args:
         types: of the bag; None: they are noted as they are found.
@@ -81,11 +81,11 @@ class NotedDefinitions(Definitions):
         self._hashes: dict[str, str] = {}
 
     def note_hash(self, message_type: str, channel: Channel) -> None:
-        """Stores the type hash that a channel carries."""
+        """Stores the type hash in a channel's metadata."""
         self._hashes.setdefault(message_type, channel.metadata.get("topic_type_hash", ""))
 
     def schema(self, message_type: str) -> tuple[str, bytes] | None:
-        """Returns the bag's definition of a type, in any schema language.
+        """Returns the bag's schema of a message type, in any schema language.
 
         Raises:
             SloshBagError: it has none, or several that differ.
@@ -96,7 +96,7 @@ class NotedDefinitions(Definitions):
         return schema.encoding, schema.data
 
     def hash(self, message_type: str) -> str:
-        """Returns the type hash in the bag; if it has none, the hash of its definition."""
+        """Returns the type hash stored in the bag, or else the hash of the definition."""
         if not self._hashes.get(message_type):
             try:
                 store = self.types.typestore(message_type)
@@ -141,7 +141,7 @@ def recover_bag(path: Path, folder: Path, progress: Progress = lambda size: None
 
 
 def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
-    """Returns the bag's facts from intact records, else from metadata.yaml."""
+    """Returns the bag metadata from intact records, or else from metadata.yaml."""
     facts: dict[str, str] = {}
     for file in files:
         walk = McapWalk(file, lenient=True)
@@ -159,7 +159,7 @@ def _facts(path: Path, files: list[Path], notes: list[str]) -> dict[str, str]:
 
 
 def _profile(file: Path) -> str:
-    """Returns the profile in a file's header; if unreadable, that of ROS 2."""
+    """Returns the profile name in a file's header, or that of ROS 2 if it is unreadable."""
     try:
         with file.open("rb") as stream:
             reader = StreamReader(stream, skip_magic=False, emit_chunks=True)
@@ -171,7 +171,7 @@ def _profile(file: Path) -> str:
 
 @dataclass(slots=True)
 class _Copy:
-    """The new bag, and the losses."""
+    """The recovered bag that is being written, and the losses found."""
 
     folder: Path
     facts: dict[str, str]
@@ -184,7 +184,7 @@ class _Copy:
         self.writer = BagWriter(self.folder, self.definitions, self.facts, profile=self.profile)
 
     def add(self, file: Path, progress: Progress) -> None:
-        """Copies the intact content of a file."""
+        """Copies the intact messages of a file to the recovered bag."""
         walk = McapWalk(file, lenient=True)
         topics: dict[int, str | None] = {}
         done = 0
@@ -204,7 +204,7 @@ class _Copy:
         self.tell(file, walk)
 
     def topic(self, file: Path, walk: McapWalk, number: int) -> str | None:
-        """Announces the topic of a channel; returns None if it cannot be written."""
+        """Registers the topic of a channel; returns its name, or None if it cannot be written."""
         channel = walk.found.channels[number]
         topic: str = channel.topic
         schema: Schema | None = walk.found.schemas.get(channel.schema_id)
@@ -222,7 +222,7 @@ class _Copy:
         return topic
 
     def write(self, chunk: Chunk, topics: dict[int, str | None]) -> None:
-        """Copies the messages of a chunk."""
+        """Copies the messages of a chunk to the recovered bag."""
         columns = chunk.channel, chunk.start, chunk.length, chunk.log_ns, chunk.publish_ns
         rows = zip(*(column.tolist() for column in columns), strict=True)
         for number, start, length, log_ns, publish_ns in rows:
@@ -232,7 +232,7 @@ class _Copy:
                 self.writer.write(topic, data, log_ns, publish_ns)
 
     def tell(self, file: Path, walk: McapWalk) -> None:
-        """Notes the losses of a file."""
+        """Adds notes about the messages that a file has lost."""
         found = walk.found
         for gap in found.gaps:
             span = ""

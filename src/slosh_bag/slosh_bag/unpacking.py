@@ -1,4 +1,4 @@
-"""Decompresses parts of foreign files, with a bound on the size.
+"""Decompresses parts of files from other programs, with a size limit.
 
 Some kilobytes of zeros packed are gigabytes unpacked. So what is let in is bounded first, and
 unpacking stops there.
@@ -21,11 +21,11 @@ Stored = bytes | memoryview
 
 
 class UnpackingError(SloshBagError):
-    """Bytes cannot be decompressed; the text continues a phrase such as 'a chunk'."""
+    """Error of data that cannot be decompressed."""
 
 
 def unpack(compression: str, stored: Stored, size: int | None = None) -> bytes:
-    """Decompresses bytes.
+    """Decompresses data with a named compression method, up to a size limit.
 
     Args:
         compression: empty, lz4, zstd or bz2.
@@ -82,7 +82,7 @@ def _zstd(stored: Stored, most: int) -> bytes:
 
 
 def _bz2(stored: Stored, most: int) -> bytes:
-    """Decompresses all concatenated bzip2 streams."""
+    """Decompresses concatenated bzip2 streams, up to a size limit."""
     parts, left, total = [], bytes(stored), 0
     while left and total <= most:
         unpacker = bz2.BZ2Decompressor()
@@ -95,14 +95,14 @@ def _bz2(stored: Stored, most: int) -> bytes:
 
 
 def _noted(compression: str, stored: Stored) -> int:
-    """Returns the unpacked size stated in the packed bytes; 0 or less: none."""
+    """Returns the decompressed size stored in compressed data, or 0 or less if there is none."""
     if compression == "lz4":
         return int(lz4.frame.get_frame_info(stored)["content_size"])
     return zstandard.frame_content_size(stored) if compression == "zstd" else 0
 
 
 def _check_noted(noted: int, size: int | None) -> None:
-    """Refuses a stated size that is wrong or too large, before memory is allocated."""
+    """Raises an error if the stored decompressed size is wrong or too large."""
     if noted > 0 and noted != (noted if size is None else size):
         raise UnpackingError("with a damaged size")
     if noted > MOST_UNPACKED:

@@ -1,4 +1,4 @@
-"""Every type of ROS 2, alone and in arrays, comes through export and recovery as it was.
+"""Tests that every ROS 2 type, alone and in arrays, is exported and recovered exactly.
 
 The messages' bytes are what rclpy (Jazzy, Fast DDS) makes of `values`; with their padding.
 """
@@ -61,12 +61,12 @@ SCHEMA = f"{DEFINITION}{'=' * 80}\nMSG: all_types_msgs/Inner\n{INNER_DEFINITION}
 
 
 def inner(k: int) -> dict[str, Any]:
-    """The values of an inner message."""
+    """Returns the values of a nested message."""
     return {"small": -k, "name": f"n{k}", "raw": [255, k, 0], "wide": "é" * k}
 
 
 def values(k: int) -> dict[str, Any]:
-    """The values of message number k, in the order of the fields."""
+    """Returns the values of message number k, in the order of the fields."""
     found: dict[str, Any] = {}
     for kind, extremes in EXTREMES.items():
         found[f"a_{kind}"] = extremes[k % 4]
@@ -131,7 +131,7 @@ SERIALISED = (
 
 
 def write(path: Path, repeats: int = 1) -> BagReader:
-    """A bag of the three messages, some times over."""
+    """Writes a bag with the three messages, repeated several times."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start("ros2")
@@ -145,7 +145,7 @@ def write(path: Path, repeats: int = 1) -> BagReader:
 
 
 def flat(found: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Values by the columns of a table: short arrays of numbers are spread, messages opened."""
+    """Returns values by table column, with short arrays and nested messages expanded."""
     columns: dict[str, Any] = {}
     for name, value in found.items():
         kind = name.rpartition("_")[2]

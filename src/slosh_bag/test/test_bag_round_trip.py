@@ -1,4 +1,4 @@
-"""Bags: written, read by others, killed."""
+"""Tests that bags are complete, readable by other libraries and robust to a killed recorder."""
 
 import pytest
 import yaml

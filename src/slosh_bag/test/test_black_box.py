@@ -1,4 +1,4 @@
-"""The black box: no event lost, nothing twice, order kept, windows lengthened, memory bounded."""
+"""Tests the event recorder: all events, no duplicates, correct order and limited memory."""
 
 import json
 from collections import Counter
@@ -19,7 +19,7 @@ MUCH = 10**9
 
 
 class Written:
-    """A bag in memory."""
+    """An in-memory bag that replaces a file."""
 
     def __init__(self, cause=None):
         self.cause, self.topics, self.messages = cause, {}, []
@@ -52,7 +52,7 @@ class Written:
 
 
 class Box:
-    """A box and the bags that it has begun."""
+    """An event recorder and the bags that it has started."""
 
     def __init__(self, before=2.0, after=3.0, memory=MUCH, longest=MUCH, place=None):
         self.bags, self.refuses = [], ""
@@ -67,7 +67,7 @@ class Box:
         return self.bags[-1]
 
     def hear(self, begin, end, step=0.1):
-        """Messages of [begin, end) [s], each with its own number."""
+        """Adds messages in the time range [begin, end) [s], each with a unique number."""
         for k in range(round(begin / step), round(end / step)):
             self.box.add("/h", b"%d" % k, round(k * step * SECOND))
 
@@ -159,7 +159,7 @@ def test_a_message_larger_than_the_memory_is_not_kept_and_costs_nothing_else():
 
 
 def place(topic, data):
-    """What stands: 's' is a start of the node that follows, 'c' a change."""
+    """Returns which latched message is replaced: 's' is a node's start, 'c' is a change."""
     if topic != "/settings":
         return None
     return Place(data[1:2], int(data[:1] == b"c"))

@@ -1,4 +1,4 @@
-"""What stands for too much is refused; what stands for just as much as is let in is read."""
+"""Tests that excessive sizes are rejected, and sizes just at the limit are accepted."""
 
 import bz2
 import gzip

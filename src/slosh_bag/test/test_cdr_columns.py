@@ -1,4 +1,4 @@
-"""Columns of many messages: the bits that rosbags and rclpy read and write."""
+"""Tests columns of many messages against rosbags and rclpy, bit by bit."""
 
 import dataclasses
 import math
@@ -42,7 +42,7 @@ SEEDS = st.integers(0, 2**63)
 
 
 class Maker:
-    """Messages of any bits, so also of every NaN."""
+    """Generates messages with random bits, including all kinds of NaN."""
 
     def __init__(self, seed):
         self.random = np.random.default_rng(seed)
@@ -83,7 +83,7 @@ def serialised(name, message, little=True):
 
 
 def block_of(name, data):
-    """A block whose messages lie in a buffer at odd places."""
+    """Returns a block whose messages lie at irregular positions in a buffer."""
     gaps = [b"\xa5" * (1 + index % 5) for index in range(len(data))]
     starts, at = [], 0
     for gap, part in zip(gaps, data, strict=True):
@@ -97,7 +97,7 @@ def block_of(name, data):
 
 
 def flat(value, name=""):
-    """Every scalar of a message by its dotted name."""
+    """Returns every scalar of a message by its dotted name."""
     if dataclasses.is_dataclass(value):
         for field, _ in STORE.fielddefs[value.__msgtype__][1]:
             yield from flat(getattr(value, field), f"{name}.{field}" if name else field)
@@ -109,14 +109,14 @@ def flat(value, name=""):
 
 
 def bits(value, column):
-    """A value as the column's type has it, so that NaN equals NaN bit for bit."""
+    """Returns a value's bits in the column's type, so that NaN can be compared."""
     if column.dtype == object:
         return value
     return quiet(np.asarray(value).astype(column.dtype, casting="unsafe")).tobytes()
 
 
 def quiet(array):
-    """A signalling NaN of float32 does not survive becoming a Python float, as in rosbags."""
+    """Converts signalling NaN of float32 to quiet NaN, as a conversion to Python float does."""
     if array.dtype == np.float32:
         array = np.where(np.isnan(array), (array.view("u4") | 0x00400000).view("f4"), array)
     return array
@@ -175,7 +175,7 @@ def test_written_messages_have_the_bytes_that_rosbags_writes(name):
 
 
 def estimates(lengths, stamp=5):
-    """Estimates whose modal states have these lengths."""
+    """Returns estimates whose modal states have the given lengths."""
     kind = STORE.types["slosh_msgs/msg/ModelEstimate"]
     header = STORE.types["std_msgs/msg/Header"]
     time = STORE.types["builtin_interfaces/msg/Time"]

@@ -1,4 +1,4 @@
-"""Damaged bags give what was written, less of it with a warning, or one clear error."""
+"""Tests that damaged bags give correct messages, a warning or one clear error."""
 
 import random
 import shutil
@@ -25,7 +25,7 @@ FACTS = {"clocks": "unrelated", "source": "a test, of damage"}
 
 
 def written(count, rng):
-    """Topic, type, times and bytes of messages, in the order of their log times."""
+    """Returns topic, type, times and bytes of random messages in the order of log times."""
     time, header, point = (
         STORE.types[name] for name in ("builtin_interfaces/msg/Time", HEADER, POINT)
     )
@@ -121,7 +121,7 @@ def bags(tmp_path_factory):
 
 
 def structure(content):
-    """Places around the chunks' contents: what no chunk's checksum covers."""
+    """Returns the positions of bytes that no chunk checksum protects."""
     places, at = list(range(8)), 8
     while at + 9 <= len(content):
         (length,) = struct.unpack_from("<Q", content, at + 1)
@@ -131,7 +131,7 @@ def structure(content):
 
 
 def damage(folder, rng):
-    """Cuts a file of the bag or changes bytes of it; tells what was done."""
+    """Truncates a file of the bag or changes some bytes; describes the change."""
     files = sorted(folder.glob("*.mcap"))
     noted = folder / "metadata.yaml"
     if noted.exists() and rng.random() < 0.08:
@@ -154,7 +154,7 @@ def damage(folder, rng):
 
 
 def attempt(folder, read):
-    """What a reading gives, and its warnings; None: one clear error."""
+    """Returns the result and warnings of reading a bag, or None for one clear error."""
     try:
         reader = BagReader(folder)
         found = read(reader)

@@ -1,4 +1,4 @@
-"""Message definitions of installed packages: only what a type needs is read."""
+"""Tests that only the required definitions of installed packages are read."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from slosh_bag.errors import SloshBagError
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """A package whose files a test writes."""
+    """A message package whose files the test writes."""
     folder = tmp_path / "install" / "share" / "odd_msgs" / "msg"
     folder.mkdir(parents=True)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))

@@ -1,4 +1,4 @@
-"""Bags of events in a folder: how many are kept, what they tell, full disks, earlier recorders."""
+"""Tests folders of event bags: number, contents, full disks and earlier recorders."""
 
 import errno
 import tracemalloc
@@ -36,7 +36,7 @@ def recorder_of(folder, per_cause=1000, quota=10**9):
 
 
 def hear(recorder, begin, end, data=DATA):
-    """Ten messages a second in [begin, end) [s]."""
+    """Adds ten messages per second in the time range [begin, end) [s]."""
     for k in range(10 * begin, 10 * end):
         recorder.add("/h", data, k * SECOND // 10)
 
@@ -153,7 +153,7 @@ def test_a_full_disk_costs_no_event_that_is_still_in_memory(tmp_path, monkeypatc
 
 @pytest.mark.long
 def test_a_hundred_events_are_a_hundred_bags_and_memory_stays_flat(tmp_path):
-    """An hour with an event each 36 s, and messages round it."""
+    """Simulates an hour with an event every 36 s."""
     recorder = recorder_of(tmp_path)
     sizes = []
     tracemalloc.start()

@@ -1,4 +1,4 @@
-"""What begins an event: limits, disagreement, blindness, calm that was wrong."""
+"""Tests which messages start an event: limits, disagreement, blindness, wrong calm."""
 
 import math
 
@@ -13,7 +13,7 @@ TOLERANCE = 0.001
 
 
 class Watched:
-    """Answers of calm each 100 ms, and heights between them."""
+    """Calm reports every 100 ms, with measured heights in between."""
 
     def __init__(self):
         self.watch, self.found = CalmWatch(), []

@@ -1,4 +1,4 @@
-"""Exported tables hold every value of the messages, to the last bit."""
+"""Tests that exported tables contain every value of the messages exactly."""
 
 import csv
 import json
@@ -114,7 +114,7 @@ def write(folder: Path, messages, topic: str = "/odd", kind: str = KIND) -> BagR
 
 
 def same(one, other) -> bool:
-    """The same value: floats to the bit, but for the many patterns of NaN."""
+    """Returns whether two values are equal; all NaN count as equal."""
     if isinstance(one, float):
         return (math.isnan(one) and math.isnan(other)) or struct.pack("d", one) == struct.pack(
             "d", other
@@ -131,7 +131,7 @@ def part(value) -> dict:
 
 
 def expected(k: int, m, kind: str) -> dict:
-    """A message as a flat row."""
+    """Returns a message as a flat table row."""
     stamp = m.header.stamp.sec * 10**9 + m.header.stamp.nanosec
     base = ("yes", "i8", "u8", "i16", "u16", "i32", "u32", "i64", "u64", "f32", "f64", "text")
     lists = {"texts": m.texts, "parts": [part(p) for p in m.parts]} if kind == KIND else {}
@@ -156,7 +156,7 @@ def expected(k: int, m, kind: str) -> dict:
 
 
 def parsed(text: str, like):
-    """A cell of a CSV file, read as the type of the value that it should hold."""
+    """Parses a CSV cell to the type of the expected value."""
     if isinstance(like, bool):
         return {"true": True, "false": False}[text]
     if isinstance(like, list):

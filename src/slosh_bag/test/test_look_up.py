@@ -1,4 +1,4 @@
-"""Looking up: by a file's index only the chunks that hold what is asked for are read."""
+"""Tests that a look-up reads only the chunks that contain the requested messages."""
 
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
@@ -26,13 +26,13 @@ def topic_of(number):
 
 @pytest.fixture
 def bag(tmp_path):
-    """One message each 10 ms, ten of them in a chunk; two are of /rare."""
+    """A bag with one message every 10 ms, ten per chunk, two of them on /rare."""
     count = CHUNK * CHUNKS
     return header_bag(tmp_path / "bag", count, CHUNK, topic_of=topic_of, data=serialised)
 
 
 def foreign(path, **options):
-    """The same by mcap's writer."""
+    """Writes the same messages with the mcap library's writer."""
     with path.open("wb") as stream:
         writer = Writer(stream, **{"chunk_size": 1 << 30, **options})
         writer.start("ros2")
@@ -52,7 +52,7 @@ def foreign(path, **options):
 
 
 def found(path, topics=("/rare",), windows=None):
-    """Log times of what is looked up, as numbers of messages; each is what was written."""
+    """Looks up messages, checks their content and returns their numbers."""
     reader = BagReader(path)
     numbers = []
     for block in reader.look_up(topics, windows):

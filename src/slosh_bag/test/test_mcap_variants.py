@@ -1,4 +1,4 @@
-"""All that the MCAP format leaves to a writer: each variant gives the same messages and topics."""
+"""Tests that all optional features of MCAP files give the same messages and topics."""
 
 import struct
 from itertools import product
@@ -85,7 +85,7 @@ def test_every_variant_gives_the_same(tmp_path, content, chunked):
 
 
 def extend(monkeypatch, *, padded=(), private=()):
-    """Lets mcap's writer append bytes to records of some kinds, or private records behind them."""
+    """Makes the mcap library append bytes to records, or private records after them."""
     finish, write_attachment = RecordBuilder.finish_record, Attachment.write
 
     def extended(builder):
@@ -124,7 +124,7 @@ def messages_of(reader):
 
 
 def check_extended(path, *, second=True):
-    """Our reader and both of the library read the same, by index and from start to end."""
+    """Checks that slosh and the mcap library read the same messages, in two ways."""
     expected = [("example", 2 + k, 1 + k, bytes([1, 2, 3])) for k in range(10)]
     for library in (SeekingReader, NonSeekingReader) if second else ():
         assert library_messages(path, library) == expected
@@ -171,7 +171,7 @@ def test_bytes_appended_to_a_record_are_passed_over(
 
 
 def places(content):
-    """Kind, start and end of each record outside chunks."""
+    """Returns type, start and end of each record outside chunks."""
     found, at = [], 8
     while at < len(content) - 8:
         kind, length = struct.unpack_from("<BQ", content, at)
@@ -197,7 +197,7 @@ def test_only_the_chunks_with_the_topic_are_read_of_a_padded_file(tmp_path, monk
 @pytest.mark.parametrize("opcode", [op for op in range(256) if op != Opcode.CHUNK])
 @pytest.mark.first(40)
 def test_a_padded_chunk_that_has_become_another_record_is_told(tmp_path, monkeypatch, opcode, cut):
-    """Also where no number of messages and no checksum of all data would tell."""
+    """The damage must be noticed even without message counts or a data checksum."""
     path = tmp_path / "a.mcap"
     extend(monkeypatch, padded=GROWING)
     write(path, "ten messages", chunk_size=100, use_statistics=False)

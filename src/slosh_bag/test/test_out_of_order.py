@@ -1,4 +1,4 @@
-"""Valid MCAP files that are not in the order of their log times: read as other readers do."""
+"""Tests valid MCAP files whose messages are not in the order of their log times."""
 
 from itertools import chain
 from pathlib import Path
@@ -15,7 +15,7 @@ PARTS = 8
 
 
 def parts_of(messages, order):
-    """The messages in the order in which they are written."""
+    """Returns the messages in parts, in the order in which they are written."""
     messages = list(messages)
     if order == "interleaved":
         return [messages[k::PARTS] for k in range(PARTS)]
@@ -25,7 +25,7 @@ def parts_of(messages, order):
 
 
 def rewrite(target, order, *, chunked):
-    """Copies the shipped bag by another library into one file, in another order."""
+    """Copies the shipped bag to one file in another message order, using the mcap library."""
     (source,) = BAG.glob("*.mcap")
     with source.open("rb") as stream, target.open("wb") as copy:
         reader = make_reader(stream)

@@ -1,4 +1,4 @@
-"""What of a bag is played and when: pure, with time as an argument."""
+"""Tests which messages of a bag are played, and when."""
 
 from itertools import islice
 from pathlib import Path
@@ -239,7 +239,7 @@ def test_inputs_and_names_do_not_depend_on_the_namespace(bag):
 
 
 def test_all_topics_of_a_cell_move_into_a_namespace_and_no_others(tmp_path):
-    """A recorded plan must not reach the live predictor."""
+    """Tests that a recorded plan does not reach a live predictor."""
     foreign = {"/plc/settings": "std_msgs/msg/String", "/robot/plan": "std_msgs/msg/String"}
     own = {f"/slosh/{row.name}": row.type for row in topics.TOPICS if not row.is_absolute}
     with BagWriter(tmp_path / "bag") as writer:

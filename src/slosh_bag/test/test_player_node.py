@@ -1,4 +1,4 @@
-"""The player over DDS: every byte in order, /clock, latched topics, an estimator on its time."""
+"""Tests the player node over DDS: all bytes in order, /clock and latched topics."""
 
 import re
 import time
@@ -40,12 +40,12 @@ effects: [{name: vertical_acceleration}]
 
 
 def acceleration(t):
-    """A quick move along x and a slower one along y [m/s^2]."""
+    """Returns a fast move along x and a slower one along y [m/s²]."""
     return 4.0 * np.sin(9.0 * t) * np.exp(-t), 1.5 * np.sin(5.0 * t), 0.5 * np.cos(7.0 * t)
 
 
 def write_bag(folder, prefix, seconds=1.0, rate=1000.0):
-    """Accelerations, with two events that are latched."""
+    """Writes a bag with accelerations and two latched events."""
     with BagWriter(folder) as writer:
         accel, event = f"{prefix}/accel", f"{prefix}/limit_event"
         writer.add_topic(accel, "geometry_msgs/msg/AccelStamped")
@@ -66,7 +66,7 @@ def write_bag(folder, prefix, seconds=1.0, rate=1000.0):
 
 
 class Players(Graph):
-    """A node that listens, and whatever plays; topics of this test alone."""
+    """A listening node and a player process, with unique topics for this test."""
 
     def __init__(self, prefix):
         rclpy.init()
@@ -187,7 +187,7 @@ def test_an_estimator_on_the_bags_time_gives_the_cores_own_numbers(graph, prefix
 
 
 class FakePublisher:
-    """Notes what is published, and when."""
+    """Records what is published, and when."""
 
     def __init__(self, name, out, subscribers=1):
         self.name, self.out, self.subscribers = name, out, subscribers

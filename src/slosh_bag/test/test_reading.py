@@ -1,4 +1,4 @@
-"""Reading: order, splits, blocks, foreign files; what is told of unfinished or damaged ones."""
+"""Tests reading: order, splits, blocks, bags of other programs and damaged bags."""
 
 import struct
 import tracemalloc

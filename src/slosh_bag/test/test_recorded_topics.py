@@ -1,4 +1,4 @@
-"""Which topics are recorded, and why others are not."""
+"""Tests which topics are recorded, and the reasons for the others."""
 
 import pytest
 
@@ -53,7 +53,7 @@ def test_patterns_add_and_leave_out():
 
 
 class Images:
-    """A choice as publishers of images come and go."""
+    """A topic selection while image publishers appear and disappear."""
 
     def __init__(self, **given):
         self.choice = TopicChoice("/slosh", **given)

@@ -1,4 +1,4 @@
-"""The recorder's core: what stops it, what does not, full disks, and how often it flushes."""
+"""Tests the recorder: errors, full disks, and how often it flushes."""
 
 import contextlib
 import errno
@@ -26,12 +26,12 @@ PATIENCE = 20.0
 
 
 def noise(number):
-    """Bytes that do not get smaller, unlike those of any other number."""
+    """Returns incompressible bytes that differ for each number."""
     return DATA + number.to_bytes(4, "little") + os.urandom(2000)
 
 
 def contents(folder):
-    """The numbers of the messages, in the order in which the whole bag gives them."""
+    """Returns the message numbers in the order in which the bag gives them."""
     messages = BagReader(folder).messages()
     return [int.from_bytes(message.data[len(DATA) :][:4], "little") for message in messages]
 
@@ -43,7 +43,7 @@ def is_finished(path):
 
 @pytest.fixture
 def flushes(monkeypatch):
-    """Each flush of a writer, as the number of messages written before it."""
+    """Records each flush of a writer as the number of messages written before it."""
     seen = []
     original = BagWriter.flush
 
@@ -57,7 +57,7 @@ def flushes(monkeypatch):
 
 @contextlib.contextmanager
 def no_more_than(size):
-    """Files of this process end here, as on a disk that is full: Python ignores SIGXFSZ."""
+    """Limits the size of files of this process, like a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:

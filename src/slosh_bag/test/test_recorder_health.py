@@ -1,4 +1,4 @@
-"""What the recorder says in the diagnostics: what is wrong, where, since when, what to do."""
+"""Tests the recorder's diagnostics: problem, place, time and remedy."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The recorder node over DDS: every byte, late joiners, publishers that offer different things."""
+"""Tests the recorder node over DDS: all bytes, late joiners and publishers' QoS."""
 
 import itertools
 import random
@@ -31,7 +31,7 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=Reliability.BEST_EFFORT)
 
 
 class Recording(Graph):
-    """A recorder and a node that publishes; topics of this test alone."""
+    """A recorder and a publishing node, with unique topics for this test."""
 
     def __init__(self, folder, prefix):
         rclpy.init()
@@ -52,7 +52,7 @@ class Recording(Graph):
         return self.recorder._core.status().written.get(f"{self.prefix}/{topic}", 0)
 
     def finish(self):
-        """The messages of the finished bag, and their contents."""
+        """Returns the messages of the finished bag, raw and decoded."""
         self.recorder.close()
         reader = BagReader(self.folder)
         messages = [m for m in reader.messages() if m.topic.startswith(self.prefix)]
@@ -100,7 +100,7 @@ def test_latched_messages_from_before_the_start_are_recorded(graph):
 
 
 def test_what_comes_while_the_topics_are_taken_is_recorded_in_the_order_in_which_it_came(graph):
-    """On a busy machine one pass over the topics lasts for seconds, and messages go on coming."""
+    """On a slow machine, messages keep arriving while the topics are polled."""
     graph.record()
     publishers = [graph.publisher(FreeSurface, name) for name in ("first", "second")]
     now = time.time_ns()
@@ -111,7 +111,7 @@ def test_what_comes_while_the_topics_are_taken_is_recorded_in_the_order_in_which
             came[publisher.topic_name].append(arrived)
 
     class Slow:
-        """An input whose messages up to some moment of the pass are taken."""
+        """Wraps a topic input so that messages up to a moment during polling are taken."""
 
         def __init__(self, entry, passes):
             self.entry, self.passes, self.given = entry, passes, 0
@@ -142,7 +142,7 @@ def test_what_comes_while_the_topics_are_taken_is_recorded_in_the_order_in_which
 
 
 def test_it_tells_at_once_whose_settings_it_has(graph):
-    """What waits for them must not wait for the next report."""
+    """Other processes that wait for settings must not wait for the periodic diagnostics."""
     said = []
     graph.node.create_subscription(DiagnosticArray, "/diagnostics", said.append, qos.DIAGNOSTICS)
     graph.record(topics=".*/settings$")
@@ -255,7 +255,7 @@ def test_a_bag_is_split_as_the_parameters_say(graph):
 
 
 class Cell:
-    """A cell in a namespace of its own, its camera and its input under other names."""
+    """A cell in its own namespace with renamed camera and input topics."""
 
     def __init__(self, graph):
         self.graph, self.namespace = graph, f"{graph.prefix}/cell"

@@ -1,4 +1,4 @@
-"""`slosh recover`: everything whole, nothing else, and a word on the rest."""
+"""Tests that `slosh recover` copies all intact messages and reports the rest."""
 
 import pytest
 import yaml
@@ -14,7 +14,7 @@ from slosh_testing.bags import chunk_places, header_bag
 
 @pytest.fixture
 def bag(tmp_path):
-    """50 messages in five chunks."""
+    """A bag with 50 messages in five chunks."""
     offered = Qos("best_effort", "transient_local", 3)
     facts = {"clocks": "unrelated"}
     return header_bag(
@@ -63,7 +63,7 @@ def test_a_cut_bag_becomes_a_finished_one(bag, tmp_path):
     ("place", "value"), [(60, 0xFF), (0, 0x86), (1, 0xFF), (7, 0xFF), (41, 0)]
 )
 def test_a_damaged_chunk_costs_itself_alone(bag, tmp_path, place, value):
-    """In its content, its opcode, its length, its compression."""
+    """Damages a chunk's content, opcode, length or compression."""
     original = entries(bag)
     file = bag / "bag_0.mcap"
     content = bytearray(file.read_bytes())

@@ -1,4 +1,4 @@
-"""A replay tells when related clocks drift, and holds the liquid to the rim of its model."""
+"""Tests that a replay reports drifting clocks, and limits the liquid to its model's rim."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Foreign bags come in with every bit of their values; what cannot come is told in one line."""
+"""Tests that other programs' bags are imported exactly, with notes about the rest."""
 
 import math
 import sqlite3
@@ -184,7 +184,7 @@ def test_a_known_type_of_another_definition_is_converted(tmp_path: Path, text, f
 
 
 def test_installed_types_come_without_a_definition_in_the_file(tmp_path: Path):
-    """As rosbag2 wrote SQLite files before ROS 2 Iron."""
+    """SQLite files written by rosbag2 before ROS 2 Iron contain no message definitions."""
     folder = write_ros2(tmp_path / "rosbag2")
     (file,) = folder.glob("*.db3")
     with sqlite3.connect(file) as database:
@@ -232,7 +232,7 @@ def total(told) -> int:
 
 
 def test_what_sqlites_log_holds_is_taken_in(tmp_path: Path):
-    """A killed recorder leaves messages in …-wal that are not in the .db3 yet."""
+    """A killed recorder leaves messages in the -wal file that are not in the .db3 file yet."""
     whole = next(write_ros2(tmp_path / "rosbag2").glob("*.db3"))
     count = total(import_rosbag(whole, tmp_path / "whole"))
     folder, live = tmp_path / "killed", sqlite3.connect(whole)
@@ -278,7 +278,7 @@ def no_topics(information) -> None:
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
 @pytest.mark.parametrize("change", [other_qos, no_storage, no_topics])
 def test_messages_come_whatever_metadata_says_of_them(tmp_path: Path, plugin, change):
-    """QoS edited by hand (rosbag2#656), a bag re-indexed (rosbag2#2175), topics that were lost."""
+    """Covers edited QoS (rosbag2#656), a re-indexed bag (rosbag2#2175) and missing topics."""
     folder = write_ros2(tmp_path / "rosbag2", plugin)
     count = total(import_rosbag(folder, tmp_path / "before"))
     told = import_rosbag(edited(folder, change), tmp_path / "after")
@@ -300,7 +300,7 @@ def test_fewer_messages_than_the_bag_counts_are_told(tmp_path: Path):
 
 
 def test_ros1_messages_in_an_mcap_file_come_bit_for_bit(ros1: Path, tmp_path: Path):
-    """As `mcap convert` writes them: profile, schema and messages are ROS 1's."""
+    """In files written by `mcap convert`, profile, schema and messages are those of ROS 1."""
     with Ros1Reader(ros1) as reader, (tmp_path / "a.mcap").open("wb") as stream:
         writer = McapWriter(stream)
         writer.start("ros1")

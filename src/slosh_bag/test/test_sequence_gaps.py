@@ -18,7 +18,7 @@ def test_what_one_publisher_left_out() -> None:
 
 
 def test_who_speaks_in_turns() -> None:
-    """A publisher that takes the place of another has no turn; of two that speak each has some."""
+    """A publisher that replaces another does not alternate with it; two active ones do."""
     gaps = SequenceGaps()
     for number in (500, 501, 1, 2, 3):
         gaps.take(number, 2)
@@ -29,7 +29,7 @@ def test_who_speaks_in_turns() -> None:
 
 
 def test_a_new_publisher_is_not_taken_for_a_gap() -> None:
-    """Its first numbers come before it is known to be there."""
+    """Its first messages may arrive before the new publisher has been discovered."""
     gaps = SequenceGaps()
     for number in (8, 9, 40, 41):
         gaps.take(number)
@@ -48,7 +48,7 @@ def test_a_middleware_that_does_not_count_loses_nothing() -> None:
 
 @pytest.mark.parametrize("dropped", [0, 3])
 def test_several_publishers_in_any_order(dropped: int) -> None:
-    """However their messages mix, none is lost where none is; what is lost is about as many."""
+    """In any order of messages, the counted losses are close to the true ones."""
     mixing = random.Random(5)
     streams = [list(range(start, start + 300)) for start in (1, 40, 5000)]
     for stream in streams:

@@ -1,4 +1,4 @@
-"""Tuning numbers with units and meanings; their values come from measurements.
+"""Tuning parameters with units and descriptions.
 
 A room keeps them in its module `tuning` as one frozen dataclass, whose only instance is TUNING.
 Compiled functions need them under names of their own module, bound when it is imported.
@@ -13,7 +13,7 @@ Value = TypeVar("Value")
 
 
 def number(value: Value, unit: str, meaning: str) -> Value:
-    """Makes a field of a package's tuning numbers.
+    """Creates a dataclass field for a tuning parameter, with unit and description.
 
     Args:
         value: a number, or a tuple of numbers that are moved together.

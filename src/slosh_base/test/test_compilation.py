@@ -1,4 +1,4 @@
-"""One name, one code: what the names of compiled functions stand for, and what is refused."""
+"""Tests that each name identifies one compiled code, and which code is rejected."""
 
 import importlib.util
 import itertools
@@ -31,7 +31,7 @@ _COUNT = itertools.count()
 
 @pytest.fixture
 def define(tmp_path, monkeypatch):
-    """Makes a module of a text: every time another one, unless it is given a name."""
+    """Returns a function that creates a module from a text, with a new name unless given one."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(compilation, "_ENTRY_POINTS", dict(compilation._ENTRY_POINTS))
@@ -60,7 +60,7 @@ def digest_of(module, name="top"):
 
 @pytest.fixture
 def digests(define):
-    """The digests of the compiled functions of a text, as another process would find them."""
+    """Returns the hashes of a text's compiled functions, as another process would see them."""
 
     def find(text):
         compilation._NAMES.clear()
@@ -126,7 +126,7 @@ def test_every_edit_that_changes_the_code_changes_the_name(digests, old, new):
 
 
 def test_the_module_of_a_called_function_is_part_of_the_name(define):
-    """Kept code imports it: where the module has moved, the code could not be loaded."""
+    """Cached code imports the called function's module, so a moved module needs a new name."""
     text = "@compiled\ndef part(x):\n    return x + 1.0\n"
     caller = (
         "from {} import part\n\n@entry_point(float64(float64))\ndef top(x):\n    return part(x)\n"
@@ -157,7 +157,7 @@ def test_edits_that_change_no_code_change_no_name(digests, edited):
 
 
 def test_the_linker_knows_each_code_by_its_digest(define):
-    """Not by a number that counts in the order of compilation: that is another's elsewhere."""
+    """A running number in the name would differ between processes."""
     module = define(BASE)
     for name in ("deep", "part", "top"):
         function = function_of(getattr(module, name))
@@ -348,7 +348,7 @@ def test_uncompiled_is_plain_python_all_the_way_down(define, monkeypatch):
 
 
 def test_a_part_is_not_called_from_python(define):
-    """It has no machine code for that, and the processor would run whatever lies at zero."""
+    """A part has no machine code for calls from Python."""
     part = "@compiled\ndef part(x):\n    return x + 1.0\n"
     module = define(f"{part}@entry_point(float64(float64))\ndef top(x):\n    return part(x)\n")
     assert module.top(1.0) == 2.0

@@ -1,4 +1,4 @@
-"""Where compiled code is kept: ours, writable, and nobody else's."""
+"""Tests that compiled code is cached in a writable folder that no other user can change."""
 
 import os
 import tempfile
@@ -10,7 +10,7 @@ from slosh_base.compiled.compile_cache import cache_folder, sources_digest
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
-    """No variable of the surroundings counts; the temporary folder is the test's."""
+    """Removes the environment variables that influence the cache folder."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     monkeypatch.setenv("HOME", str(tmp_path / "home"))

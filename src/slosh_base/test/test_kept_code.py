@@ -1,4 +1,4 @@
-"""Compiled code on the disk: processes share it, and run it only where it is whole and ours."""
+"""Tests that processes share cached code and use it only if it is complete and their own."""
 
 import hashlib
 import json
@@ -56,7 +56,7 @@ NAMES = sorted(ANSWERS)
 
 
 class Process:
-    """A process that imports a module of a folder and calls its entry points."""
+    """A process that imports a module and calls its compiled functions."""
 
     def __init__(self, folder, before="", **environment):
         self._process = subprocess.Popen(
@@ -110,7 +110,7 @@ def checkout(folder, text=MODULE):
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory):
-    """A cache that holds all."""
+    """A cache that contains all compiled functions of the test."""
     place = tmp_path_factory.mktemp("compiled")
     assert Process(checkout(place / "here")).result()["compiled"] == NAMES
     return place / "cache"
@@ -118,7 +118,7 @@ def compiled(tmp_path_factory):
 
 @pytest.fixture
 def with_code(folder, compiled):
-    """A folder and a cache that holds all."""
+    """A folder and a cache that contains all compiled functions of the test."""
     shutil.copytree(compiled, folder.parent / "cache")
     return folder
 
@@ -305,7 +305,7 @@ def test_a_full_disk_costs_a_warning_and_nothing_else(folder, monkeypatch):
 
 
 class Planted:
-    """What writes a file when it is unpickled."""
+    """Pickled object that writes a file when it is unpickled."""
 
     def __init__(self, path):
         self._path = path

@@ -1,4 +1,4 @@
-"""Files that are written aside: what is there when writing goes well, and when it does not."""
+"""Tests files written under a temporary name, after success and after failure."""
 
 import os
 import resource
@@ -24,14 +24,14 @@ def file(tmp_path):
 
 
 def python(program, *words, **options):
-    """Starts a Python process whose program begins with these imports."""
+    """Starts a Python process whose program begins with the required imports."""
     head = "import os, sys\nfrom pathlib import Path\nfrom slosh_base.files import *\n"
     command = [sys.executable, "-c", head + program, *map(str, words)]
     return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, **options)
 
 
 def alone(file):
-    """True where nothing unfinished lies beside a file."""
+    """Returns whether a file is alone in its folder, without temporary files."""
     return list(file.parent.iterdir()) == [file]
 
 
@@ -86,7 +86,7 @@ with NewFile(Path(sys.argv[1])) as new, new.open() as stream:
 
 
 def test_what_is_written_is_on_the_disk_before_it_has_the_name(file, tmp_path):
-    """As the system saw it: fsync of the new file, then its rename."""
+    """Checks the order of system calls: fsync of the new file, then its rename."""
     trace = tmp_path / "trace"
     command = ["strace", "-f", "-o", trace, "-e", "trace=fsync,rename,renameat,renameat2"]
     program = "from slosh_base.files import *; from pathlib import Path; import sys\n"

@@ -1,4 +1,4 @@
-"""Folders that are filled aside, and outputs that are inputs."""
+"""Tests folders filled under a temporary name, and outputs that are also inputs."""
 
 import os
 import signal
@@ -23,7 +23,7 @@ def fill(room, names=("bag_0.mcap", "metadata.yaml")):
 
 
 def fail_in(context):
-    """Fails in the middle of filling a folder."""
+    """Raises an exception while a folder is being filled."""
     with context as room:
         fill(room)
         raise ZeroDivisionError
@@ -34,7 +34,7 @@ def names(folder):
 
 
 def test_an_empty_folder_is_filled_in_place(tmp_path, monkeypatch):
-    """It may be where a shell is, or where a disk is mounted: it stays the same folder."""
+    """The folder may be a shell's working folder or a mount point, so it must stay the same."""
     before = tmp_path.stat().st_ino
     monkeypatch.chdir(tmp_path)
     with new_folder(tmp_path.relative_to(tmp_path)) as room:
@@ -133,7 +133,7 @@ def test_errors_of_the_system_name_the_folder(tmp_path):
 
 
 def names_of_one_file(folder):
-    """A file, and every way to name it."""
+    """Returns a file under every possible name."""
     file = folder / "in.csv"
     file.write_text("t")
     (folder / "link.csv").symlink_to(file)

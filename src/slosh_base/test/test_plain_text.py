@@ -1,4 +1,4 @@
-"""Texts of strangers on terminals and in logs."""
+"""Tests that untrusted texts are safe on terminals and in logs."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""YAML is read strictly, written so that it reads the same, and its errors tell the line."""
+"""Tests that YAML is read strictly, written without loss, and errors give the line."""
 
 import pickle
 import tracemalloc

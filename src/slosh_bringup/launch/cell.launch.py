@@ -32,7 +32,7 @@ from slosh_bringup.processes import NodeProcess
 
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Makes the nodes from the arguments; wrong arguments end the launch with one line."""
+    """Creates the launch actions from the arguments; an invalid argument ends the launch."""
     given = {one.name: LaunchConfiguration(one.name).perform(context) for one in ARGUMENTS}
     told: list[str] = []
     cell = LaunchedCell(given, datetime.now(), told.append)
@@ -43,7 +43,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def node(cell: LaunchedCell, process: NodeProcess) -> Node:
-    """Makes a node that is restarted when it ends."""
+    """Creates a launch action that runs a node and restarts it when it ends."""
 
     def ended(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
         if context.is_shutdown:

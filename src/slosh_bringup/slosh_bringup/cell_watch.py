@@ -1,4 +1,4 @@
-"""Follows the nodes' diagnostics in a running cell and selects lines for the user."""
+"""Follows the diagnostics of a running cell's nodes and selects lines to print."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class NodeReport(NamedTuple):
 
 
 class _Heard:
-    """The last diagnostics of a node."""
+    """The last diagnostics received from a node, and when."""
 
     def __init__(self, now: float) -> None:
         self.at = now
@@ -42,7 +42,7 @@ class _Heard:
 
 
 class CellWatch:
-    """Turns the nodes' diagnostics into lines for the user.
+    """Converts the diagnostics of a cell's nodes to lines to print.
 
     A change of health is told once two reports in a row agree on it, whatever their numbers: what
     comes and goes within a second fills screens and helps nobody.
@@ -56,7 +56,7 @@ class CellWatch:
         self._heard = {node: _Heard(now) for node in nodes}
 
     def take(self, report: NodeReport, now: float) -> list[str]:
-        """Processes a node's report at a steady time [s]; returns the lines to print."""
+        """Processes a node's diagnostics at a monotonic time [s]; returns the lines to print."""
         heard = self._heard.get(report.node)
         if heard is None:
             return []
@@ -71,15 +71,15 @@ class CellWatch:
         return [f"{report.node}: {report.sentence if kind else f'OK again: {report.sentence}'}"]
 
     def silences(self, now: float) -> dict[str, float]:
-        """Returns the time since each node's last report [s]."""
+        """Returns the time since the last diagnostics of each node [s], by node name."""
         return {node: now - heard.at for node, heard in self._heard.items()}
 
     def unheard(self) -> dict[str, str]:
-        """Returns by node the topic and type whose messages do not reach it."""
+        """Returns, by node name, the topic and type whose messages the node does not receive."""
         return {node: heard.unheard for node, heard in self._heard.items() if heard.unheard}
 
     def look(self, now: float) -> list[str]:
-        """Returns lines about nodes that have stopped reporting."""
+        """Returns lines to print about nodes that have stopped publishing diagnostics."""
         lines = []
         for node, heard in self._heard.items():
             if not heard.silent and now - heard.at > SILENT:
@@ -89,7 +89,7 @@ class CellWatch:
 
 
 def reports(message: Any, namespace: str) -> Iterator[NodeReport]:
-    """Yields the reports of the nodes in a namespace; other nodes share the topic."""
+    """Yields the diagnostics of the nodes in one namespace from a DiagnosticArray."""
     prefix = f"{namespace.rstrip('/')}/"
     for status in message.status:
         name = status.name.removeprefix(prefix)
@@ -99,5 +99,5 @@ def reports(message: Any, namespace: str) -> Iterator[NodeReport]:
 
 
 def _number(level: bytes | int) -> int:
-    """Returns a level as an int; rclpy gives bytes, bag readers a number."""
+    """Converts a diagnostic level to an int; rclpy gives bytes, bag readers give a number."""
     return ord(level) if isinstance(level, bytes) else int(level)

@@ -1,4 +1,4 @@
-"""Compiles all compiled functions of the product in advance.
+"""Compiles all Numba functions of slosh in advance.
 
     python -m slosh_bringup.compiling
 
@@ -35,13 +35,13 @@ MODULES = (
 
 
 def import_all(modules: Iterable[str] = MODULES) -> None:
-    """Imports the modules, which registers their compiled functions."""
+    """Imports the modules, so that their compiled functions are registered."""
     for name in modules:
         importlib.import_module(name)
 
 
 def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> str:
-    """Compiles or loads all functions; checks those that compute heights.
+    """Compiles or loads all Numba functions and checks those that compute heights.
 
     Args:
         tell: told before each of them.
@@ -63,7 +63,7 @@ def load_everything(tell: Callable[[CompileProgress], None] | None = None) -> st
 
 
 def compile_missing() -> None:
-    """Compiles uncached functions on all processors, by package; prints one line.
+    """Compiles all uncached functions in parallel, package by package, and prints one line.
 
     The functions of a package share what they call: one process compiles that once.
 
@@ -95,14 +95,14 @@ def _compile(package: str) -> None:
 
 
 def _tell(step: CompileProgress) -> None:
-    """Shows on a terminal which function is being compiled."""
+    """Shows on a terminal which Numba function is being compiled."""
     if sys.stdout.isatty():
         shown = f"compiling {step.name}" if step.name and not step.cached else ""
         print(f"\r\033[K{shown}", end="", flush=True)
 
 
 def main() -> int:
-    """Compiles missing functions; returns the exit code."""
+    """Compiles Numba functions that are not cached yet; returns the exit code."""
     try:
         compile_missing()
         print(f"compiled code: {load_everything(_tell)}")

@@ -1,4 +1,4 @@
-"""Checks this machine's installation, and suggests fixes."""
+"""Checks the installation on this machine and suggests how to fix problems."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ OWN_PACKAGES = (
 
 @dataclass(frozen=True, slots=True)
 class DoctorFinding:
-    """Result of one check.
+    """Result of one check of the installation.
 
     Attributes:
         name: what was looked at.
@@ -75,7 +75,7 @@ def examine() -> Iterator[DoctorFinding]:
 
 
 def guarded(check: Callable[[], DoctorFinding]) -> DoctorFinding:
-    """Runs a check; turns an exception into a finding."""
+    """Runs a check of the installation; an exception becomes a failed result."""
     try:
         return check()
     except Exception as error:
@@ -88,7 +88,7 @@ def guarded(check: Callable[[], DoctorFinding]) -> DoctorFinding:
 
 
 def python_version() -> DoctorFinding:
-    """Checks the version of Python: 3.11 or 3.12."""
+    """Checks that the Python version is 3.11 or 3.12."""
     ok = sys.version_info[:2] in ((3, 11), (3, 12))
     found = f"{platform.python_version()} at {sys.executable}"
     return DoctorFinding(
@@ -97,7 +97,7 @@ def python_version() -> DoctorFinding:
 
 
 def ros_source() -> DoctorFinding:
-    """Finds which ROS 2 is used."""
+    """Determines which ROS 2 installation is used."""
     rclpy = importlib.import_module("rclpy")
     path = Path(str(rclpy.__file__))
     kind = "installed" if path.is_relative_to(ROS) else "wheels"
@@ -105,7 +105,7 @@ def ros_source() -> DoctorFinding:
 
 
 def interfaces() -> DoctorFinding:
-    """Checks the built message package."""
+    """Checks that the message package has been built and can be imported."""
     module = importlib.import_module("slosh_msgs.msg")
     return DoctorFinding("slosh_msgs", True, f"built, at {Path(str(module.__file__)).parent}")
 
@@ -118,7 +118,7 @@ def workspace() -> DoctorFinding:
 
 
 def discovery() -> DoctorFinding:
-    """Checks which hosts can see this machine's topics."""
+    """Checks which hosts can discover this machine's topics."""
     network = importlib.import_module("slosh_msgs_py.node.network")
     reach = network.network_environment(os.environ)[network.RANGE]
     who = "this machine only" if reach in network.ALONE else "every network: see docs/security.md"
@@ -127,7 +127,7 @@ def discovery() -> DoctorFinding:
 
 
 def library(module: str, name: str, minimum: str) -> DoctorFinding:
-    """Compares a library's version with the lowest supported one."""
+    """Compares a library's version with the lowest supported version."""
     try:
         imported = importlib.import_module(module)
     except ImportError as error:
@@ -148,13 +148,13 @@ def numbers(version: str) -> tuple[int, ...]:
 
 
 def compiled_code() -> DoctorFinding:
-    """Checks all compiled functions, and those that compute heights against their source."""
+    """Checks that all compiled functions load and that those for heights match their source."""
     compiling = importlib.import_module("slosh_bringup.compiling")
     return DoctorFinding("compiled code", True, compiling.load_everything())
 
 
 def message_exchange() -> DoctorFinding:
-    """Sends a message through the real middleware in a separate process."""
+    """Sends a message through the ROS middleware in a separate process and checks its arrival."""
     command = [sys.executable, "-m", "slosh_bringup.nodes.loopback_node"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     ok = done.returncode == 0
@@ -186,7 +186,7 @@ def shared_memory() -> DoctorFinding:
 
 
 def disk() -> DoctorFinding:
-    """Checks the free space for bags in the current folder."""
+    """Checks the free disk space for bags in the current folder."""
     free = shutil.disk_usage(".").free
     found = f"{free / 2**30:.1f} GiB free here"
     return DoctorFinding(
@@ -195,7 +195,7 @@ def disk() -> DoctorFinding:
 
 
 def kinematics() -> DoctorFinding:
-    """Checks for Pinocchio, which the estimator's input `joints` needs."""
+    """Checks that Pinocchio is installed, which joint-state input needs."""
     there = importlib.util.find_spec("pinocchio") is not None
     remedy = "only for motions of joints: pip install -r requirements/joints.txt"
     return DoctorFinding(
@@ -204,6 +204,6 @@ def kinematics() -> DoctorFinding:
 
 
 def tool(name: str, remark: str) -> DoctorFinding:
-    """Checks for an optional program."""
+    """Checks whether an optional program is installed."""
     path = shutil.which(name)
     return DoctorFinding(name, path is not None, path or "not found", remark, required=False)

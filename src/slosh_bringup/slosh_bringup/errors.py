@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class SloshBringupError(ValueError):
-    """A command, a configuration or a node process cannot be used; the text is one line."""
+    """Error of a command, a configuration or a node process, with a one-line message."""

@@ -1,4 +1,4 @@
-"""Chooses the nodes of `cell.launch.py` from text arguments, and handles their ends.
+"""Chooses the nodes that `cell.launch.py` starts, and handles nodes that end.
 
 Nothing here knows `launch`, so that the command line tools of ROS are not needed to test it.
 """
@@ -51,7 +51,7 @@ WITHOUT = ("watch",)
 
 
 class Argument(NamedTuple):
-    """A launch argument: name, default and description."""
+    """A launch argument with its name, default value and description."""
 
     name: str
     default: str
@@ -79,7 +79,7 @@ ARGUMENTS = (
 
 
 class Restart(NamedTuple):
-    """A node restart: the node, the delay [s] and a line to log."""
+    """A planned restart: node name, delay [s] and a line to log."""
 
     process: NodeProcess
     delay: float
@@ -87,7 +87,7 @@ class Restart(NamedTuple):
 
 
 class LaunchedCell:
-    """The nodes of a launch.
+    """The nodes that one launch starts.
 
     Args:
         given: the arguments by name, as text; those that are not given have their defaults.
@@ -125,7 +125,7 @@ class LaunchedCell:
         self._first = {process.name: process for process in processes}
 
     def ended(self, name: str, code: int, now: float) -> Restart | None:
-        """Decides what to do about a node that has ended during the launch.
+        """Decides whether to restart a node that has ended during the launch.
 
         Args:
             name: of the node.
@@ -166,7 +166,7 @@ class LaunchedCell:
         return text in ("true", "1")
 
     def _setup(self) -> CellSetup:
-        """Makes the cell's set-up from the arguments; its files must be readable."""
+        """Creates the cell's set-up from the launch arguments and checks its files."""
         default, given = default_setup(), self._given
         # As a cell file, so that both take the same and refuse the same.
         text = f"namespace: {json.dumps(given['namespace'])}\nremap:\n  {given['remap']}\n"
@@ -190,7 +190,7 @@ class LaunchedCell:
         return setup
 
     def _own(self, setup: CellSetup, bag: Path) -> list[NodeProcess]:
-        """Returns recorder, estimator, camera and monitor, without disabled ones."""
+        """Returns the processes of recorder, estimator, camera and monitor, if enabled."""
         more: dict[str, dict[str, str]] = {}
         if self._given["input"]:
             more["estimator"] = {"input": self._given["input"]}
@@ -205,7 +205,7 @@ class LaunchedCell:
         ]
 
     def _services(self, setup: CellSetup) -> list[NodeProcess]:
-        """Returns the enabled services and pages."""
+        """Returns the processes of the enabled services and web pages."""
         model = {"model": str(setup.model)}
         robot = self._robot()
         if self._given["input"] != JOINTS and (
@@ -225,14 +225,14 @@ class LaunchedCell:
         ]
 
     def _robot(self) -> dict[str, str]:
-        """Returns the arguments of the robot's description."""
+        """Returns the launch arguments that describe the robot."""
         found = {name: self._given[name] for name in ("urdf", "tool_frame") if self._given[name]}
         if "urdf" in found:
             found["urdf"] = str(Path(found["urdf"]).absolute())
         return found
 
     def _simulated(self, setup: CellSetup) -> NodeProcess:
-        """Returns the simulated cell; its motion begins when the other nodes are ready."""
+        """Returns the simulated cell's process, which waits until other nodes are ready."""
         motion = self._given["motion"]
         if motion.endswith(TABLE_ENDINGS):
             motion = str(Path(motion).absolute())
@@ -250,17 +250,17 @@ class LaunchedCell:
 
 
 def package_of(process: NodeProcess) -> str:
-    """Returns the package that installs a node's program."""
+    """Returns the name of the ROS package that contains a node's program."""
     return NODES[process.name].partition(".")[0]
 
 
 def time_to_stop(process: NodeProcess) -> float:
-    """Returns the time that a node has to end before it is killed [s]."""
+    """Returns how long a node may take to end before it is killed [s]."""
     return STOP_TIMEOUT if process.name == LAST else 5.0
 
 
 def typed_parameters(process: NodeProcess) -> dict[str, Any]:
-    """Returns a node's own parameters with their declared types.
+    """Returns a node's own parameters, converted to their declared types.
 
     Raises:
         SloshBringupError: a value is refused; one line.

@@ -1,4 +1,4 @@
-"""Runs a function on many files: on all cores of this machine or on a Dask cluster.
+"""Runs a function on many files, on all cores of this machine or on a Dask cluster.
 
 Outcomes come as they finish, with the item's number: a caller that wants them in order sorts what
 it keeps. In order, one long file would hold back all that are done behind it, and with a bounded
@@ -50,7 +50,7 @@ KILLED = "its process was killed, by a signal or for lack of memory"
 
 @dataclass(frozen=True, slots=True)
 class ItemOutcome(Generic[Item, Value]):
-    """Result of one item: its value or its error.
+    """Result of processing one item: its value, or its error.
 
     Attributes:
         index: its number among the items, from 0.
@@ -72,7 +72,7 @@ def map_files(
     jobs: int | None = None,
     scheduler: str | None = None,
 ) -> Generator[ItemOutcome[Item, Value]]:
-    """Calls a function for each item; a failure does not stop the others.
+    """Calls a function for each item in parallel; continues if one call fails.
 
     A single item, or one job, is worked on in this process. Otherwise function and items must be
     picklable and the values small: they come over a socket. Only a few items per process are
@@ -115,7 +115,7 @@ def _map(
 
 
 def attempt(function: Callable[[Item], Value], item: Item) -> tuple[Value | None, str]:
-    """Calls the function; returns its value, or None and the error in one line."""
+    """Calls the function with an item; returns its value, or None and a one-line error."""
     try:
         return function(item), ""
     except (Exception, SystemExit) as error:
@@ -123,7 +123,7 @@ def attempt(function: Callable[[Item], Value], item: Item) -> tuple[Value | None
 
 
 def reason(error: BaseException) -> str:
-    """Formats an error in one line; foreign errors with their type and position."""
+    """Formats an exception in one line, with type and position if it is not slosh's own."""
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}"
     text = " ".join(str(error).split())
@@ -135,7 +135,7 @@ def reason(error: BaseException) -> str:
 
 
 class _Farm(Generic[Item, Value]):
-    """Distributes items to the workers of a client.
+    """Distributes items to the workers of a Dask client.
 
     A worker that dies takes with it what else it had been given: those items are worked on once
     more, each with no other under way. The one that ends its worker again is the one to blame.
@@ -151,7 +151,7 @@ class _Farm(Generic[Item, Value]):
         self._number = count()
 
     def run(self, items: Iterable[Item]) -> Iterator[ItemOutcome[Item, Value]]:
-        """Processes all items."""
+        """Processes all items in parallel and yields the outcome of each."""
         numbered = enumerate(items)
         suspects: deque[tuple[int, Item]] = deque()
         room = IN_FLIGHT * max(1, len(self._client.nthreads()))
@@ -181,7 +181,7 @@ class _Farm(Generic[Item, Value]):
         self._done.add(future)
 
     def _next(self) -> tuple[int, Item, ItemOutcome[Item, Value] | None]:
-        """Returns the next finished item and its outcome; None: its worker died.
+        """Returns the next finished item and its outcome, or None if its worker died.
 
         Raises:
             SloshBringupError: the scheduler has gone.
@@ -206,7 +206,7 @@ class _Farm(Generic[Item, Value]):
 
 @contextmanager
 def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """Makes a client of a cluster, or of local processes that end with it."""
+    """Creates a Dask client of a cluster, or of local processes that end with it."""
     try:
         import dask
         import distributed  # noqa: F401  # only then Dask's settings are complete
@@ -232,7 +232,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
 
 
 def _kill(cluster: LocalCluster) -> None:
-    """Kills the processes at once; Dask would wait some seconds for running items."""
+    """Kills the cluster's processes at once, without waiting for running items."""
     for nanny in cluster.workers.values():
         nanny.close_gracefully()  # not started anew
         if nanny.pid:
@@ -242,7 +242,7 @@ def _kill(cluster: LocalCluster) -> None:
 
 @contextmanager
 def _local_cluster(workers: int) -> Iterator[LocalCluster]:
-    """Starts local processes that other hosts cannot reach, and that ignore Ctrl-C.
+    """Starts local worker processes that other hosts cannot reach and that ignore Ctrl-C.
 
     Threads and processes inherit from who starts them that SIGINT is held back. Here it comes once
     they have started: a half started cluster does not end in peace.
@@ -276,7 +276,7 @@ def _local_cluster(workers: int) -> Iterator[LocalCluster]:
 
 
 def _connect(scheduler: str) -> Client:
-    """Connects to a running cluster.
+    """Connects to the Dask scheduler at an address.
 
     Raises:
         SloshBringupError: there is none at this address, or it has no workers.

@@ -1,4 +1,4 @@
-"""Reads a model's measured error from result files of replays and runs."""
+"""Reads the measured error of a model from the result files of replays and runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LARGEST_FILE = 200_000_000
 
 
 def read_model_error(paths: Sequence[Path], model: str) -> ModelError:
-    """Returns the largest MAE and ε of a model in some results.
+    """Returns the largest MAE and ε of a model over several result files.
 
     Args:
         paths: NAME.json of `slosh replay -o`, or result.json of `slosh demo` or `slosh cell`.
@@ -50,7 +50,7 @@ def _document(path: Path) -> Any:
 
 
 def _accuracies(document: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yields model names and their figures against the camera."""
+    """Yields model names with their accuracy against the camera from a result file."""
     if not isinstance(document, dict):
         return
     replay = document.get("replay")

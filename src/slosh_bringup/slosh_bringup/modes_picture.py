@@ -1,4 +1,4 @@
-"""Draws a container and its modes."""
+"""Draws a container and its sloshing modes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HIGH = 0.25
 
 
 def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> None:
-    """Draws the contour, the liquid at rest and the waves of the modes along x.
+    """Draws the container, the liquid at rest and the mode shapes along x to a file.
 
     Args:
         path: .png or .svg.
@@ -40,7 +40,7 @@ def write_modes_picture(path: Path, model: Model, rows: tuple[ModeRow, ...]) -> 
 
 
 def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
-    """Draws a container from the side, the liquid at rest and the wave of one mode."""
+    """Draws a container from the side, the liquid at rest and the shape of one mode."""
     container = model.container
     wall = _MM * container.silhouette
     both = np.vstack([wall[::-1] * [-1.0, 1.0], wall])
@@ -67,7 +67,7 @@ def draw_mode(axes: Axes, model: Model, row: ModeRow) -> None:
 
 
 def fill_below(axes: Axes, wall: Array) -> None:
-    """Fills the area below the still surface inside a wall (N, 2), its right half [mm]."""
+    """Fills the area below the still surface inside a wall profile (N, 2) [mm]."""
     wet = cut_above(wall, 0.0)
     first = int(np.flatnonzero(wet[:, 1] <= 0.0)[0])
     inner = wet[first, 0] if first else 0.0

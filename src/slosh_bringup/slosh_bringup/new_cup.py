@@ -1,4 +1,4 @@
-"""Text of the first files of a user's new cup."""
+"""Text of the first configuration files of a user's new cup."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 def texts_of(cup: NewCup, folder: Path) -> dict[str, str]:
-    """Returns the files' texts by name; commands in them use `folder` as given."""
+    """Returns the texts of the cup's files by file name."""
     texts = {MODEL: _model(cup), CELL: _cell(cup, folder)}
     if cup.profile:
         texts[PROFILE] = "r,z\n" + "".join(f"{r!r},{z!r}\n" for r, z in cup.profile)
@@ -50,7 +50,7 @@ def next_steps(cup: NewCup, folder: Path) -> list[str]:
 
 
 def _word(path: Path) -> str:
-    """Quotes a path for the shell, in one line."""
+    """Quotes a path for the shell."""
     return shlex.quote(str(path)) if str(path).isprintable() else path.name
 
 
@@ -62,7 +62,7 @@ def _calibrate(cup: NewCup, lens: str, model: str) -> str:
 
 
 def _container(cup: NewCup, *, wall: bool) -> str:
-    """Returns the container's keys, one line each."""
+    """Returns the lines of a YAML file that describe the container."""
     words = {
         "radius": "inner radius [m]",
         "width": "inner width, along the container's x [m]",
@@ -111,7 +111,7 @@ effects:
 
 
 def _effect(use: EffectUse) -> str:
-    """Returns an effect's lines in model.yaml."""
+    """Returns the lines of model.yaml that describe one effect."""
     lines = [f"  - name: {use.name}  # {find_effect(use.name).title}"]
     lines += [f"    {name}: {value!r}" for name, value in use.parameters.items()]
     return "\n".join(lines) + "\n"
@@ -142,7 +142,7 @@ namespace: {cup.namespace}
 
 
 def _drives(cup: NewCup) -> str:
-    """Returns the lines of a cell file about the robot."""
+    """Returns the lines of cell.yaml that describe the robot."""
     if cup.urdf is None:
         return "# input: joints\n# urdf: robot.urdf\n# tool_frame: tool0\n"
     urdf, tool = json.dumps(str(cup.urdf.absolute())), json.dumps(cup.tool_frame)
@@ -169,7 +169,7 @@ container:
 
 @dataclass(frozen=True, slots=True)
 class QuantityKind:
-    """The allowed range and the units of a kind of quantity.
+    """Allowed range and accepted units of one kind of quantity.
 
     Attributes:
         words: what it is, for people.
@@ -188,7 +188,7 @@ class QuantityKind:
     others: Mapping[str, float]
 
     def check(self, name: str, value: float) -> float:
-        """Returns the value if it is in range; raises an error otherwise.
+        """Returns the value if it is in the allowed range, otherwise raises an error.
 
         Args:
             name: how the refusal calls it.
@@ -208,7 +208,7 @@ class QuantityKind:
         raise SloshBringupError(f"{told}: must be {self.least:g} to {self.most:g} {self.unit}")
 
     def _guess(self, value: float) -> str | None:
-        """Guesses the unit of a value that is out of range."""
+        """Guesses the unit that a value out of range was meant in, or None."""
         likely = [
             unit for unit, size in self.others.items() if self.least <= value * size <= self.most
         ]
@@ -245,7 +245,7 @@ QUANTITIES: Mapping[str, QuantityKind] = {
 
 @dataclass(frozen=True, slots=True)
 class NewCup:
-    """A new cup: the contents of its first files.
+    """Description of a new cup, from which its first files are made.
 
     Attributes:
         lengths: inner dimensions by their key in the files: `radius`, or `width` and `depth` [m].
@@ -276,7 +276,7 @@ class NewCup:
     profile: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a rim below the liquid, or an invalid namespace."""
+        """Raises an error for a rim below the liquid or an invalid namespace."""
         if self.rim_height is not None and self.rim_height <= self.fill_height:
             raise SloshBringupError(
                 f"rim_height = {self.rim_height:g} m: must lie above the liquid, whose "
@@ -289,7 +289,7 @@ class NewCup:
 
     @property
     def model(self) -> Model:
-        """Returns the initial model of the cup."""
+        """Returns the first model of the cup, before any identification."""
         heights = {"fill_height": self.fill_height, "rim_height": self.rim_height}
         if self.by_contour:
             made: Any = SHAPES[self.by_contour]
@@ -299,7 +299,7 @@ class NewCup:
 
     @property
     def smooth(self) -> bool:
-        """Whether a smooth curve goes through its points."""
+        """Whether the cup's wall is a smooth curve through its points."""
         return len(self.profile) >= CURVED
 
     @property
@@ -309,14 +309,14 @@ class NewCup:
 
     @property
     def shape(self) -> str:
-        """Name of the shape in the files."""
+        """Name of the container shape in the files."""
         if self.by_contour:
             return self.by_contour
         return "cylinder" if self.is_round else "rectangle"
 
 
 def lengths_of(shape: str) -> tuple[str, ...]:
-    """Returns the lengths that a contour shape needs besides its fill height.
+    """Returns the dimensions that a contour shape needs besides the fill height.
 
     Raises:
         SloshBringupError: no such shape, or one whose contour takes more than lengths.

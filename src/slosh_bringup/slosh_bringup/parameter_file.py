@@ -1,4 +1,4 @@
-"""Checks a ROS parameter file against the nodes that will read it.
+"""Checks a ROS parameter file against the parameters of the nodes that read it.
 
 ROS ignores what fits no node and no parameter. A limit that is mistyped would be no limit.
 """
@@ -32,7 +32,7 @@ _WILDCARDS = {"**": r"(/\w+)*", "*": r"/\w+"}
 
 
 class _Entry(NamedTuple):
-    """A parameter set in a file: its line, its node pattern and its name."""
+    """A parameter in a file: its line number, node pattern and name."""
 
     line: int
     pattern: str
@@ -40,7 +40,7 @@ class _Entry(NamedTuple):
 
 
 def check_parameter_file(path: Path, namespace: str) -> None:
-    """Checks that every entry of a file matches a parameter of one of the product's nodes.
+    """Checks that every entry of the file sets a declared parameter of a known node.
 
     Args:
         path: the file.
@@ -72,13 +72,13 @@ def check_parameter_file(path: Path, namespace: str) -> None:
 
 
 def parameter_names(node: str) -> set[str]:
-    """Returns the parameter names of one of NODES."""
+    """Returns the names of the parameters that a node declares."""
     specs = importlib.import_module(NODES[node]).PARAMETERS
     return {*OF_EVERY_NODE, *(spec.name for spec in specs)}
 
 
 def _entries(path: Path) -> Iterator[_Entry]:
-    """Yields the entries of a file, with nested names joined by dots."""
+    """Yields the parameters in a file, with nested names joined by dots."""
     try:
         root = read_yaml(path).root
     except SloshFileError as error:
@@ -125,7 +125,7 @@ def _line(node: yaml.Node) -> int:
 
 
 def _fits(pattern: str, node: str) -> bool:
-    """Whether a ROS pattern matches a full name; ** matches any namespaces, * one."""
+    """Whether a ROS node-name pattern matches a full node name; ** matches any namespaces."""
     words = pattern[1:].split("/")
     expression = "".join(_WILDCARDS.get(word, "/" + re.escape(word)) for word in words)
     return re.fullmatch(expression, node) is not None

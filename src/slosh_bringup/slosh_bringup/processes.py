@@ -52,7 +52,7 @@ LONGEST_PAUSE = 30.0
 
 @dataclass(frozen=True, slots=True)
 class NodeProcess:
-    """Start settings of one node process.
+    """Settings with which one node process is started.
 
     Attributes:
         name: one of NODES; also the ROS node's name.
@@ -67,7 +67,7 @@ class NodeProcess:
     remappings: Mapping[str, str] = field(default_factory=dict)
 
     def command(self, namespace: str) -> list[str]:
-        """Returns the command line that starts the node."""
+        """Returns the command that starts the node, as a list of words."""
         words = [sys.executable, "-m", NODES[self.name], "--ros-args"]
         words += ["-r", f"__ns:={namespace}", "-r", f"__node:={self.name}"]
         for path in self.parameter_files:
@@ -80,12 +80,12 @@ class NodeProcess:
 
 
 def _quoted(value: str) -> str:
-    """Quotes a parameter's value as YAML for ROS."""
+    """Quotes a parameter's value as YAML for the ROS command line."""
     return value if _PLAIN.fullmatch(value) else json.dumps(value)
 
 
 class NodeEnd(NamedTuple):
-    """A node that has ended: its name, its exit code and a line with its last output."""
+    """A node that has ended: its name, its exit code and its last output."""
 
     name: str
     code: int
@@ -93,7 +93,7 @@ class NodeEnd(NamedTuple):
 
 
 def node_environment(domain_id: int | None = None) -> dict[str, str]:
-    """Returns the environment variables of the nodes.
+    """Returns the environment variables with which nodes are started.
 
     They hear this machine only, unless more is asked for, and import nothing from the folder that
     they are started in.
@@ -106,7 +106,7 @@ def node_environment(domain_id: int | None = None) -> dict[str, str]:
 
 
 def config_folder() -> Path:
-    """Returns the installed folder of parameters, models and calibrations.
+    """Returns the installed folder with parameters, models and calibrations.
 
     Raises:
         SloshBringupError: it is not installed.
@@ -148,7 +148,7 @@ class NodeGroup:
             log.close()
 
     def start(self, process: NodeProcess) -> None:
-        """Starts a node; a restarted one appends to its log."""
+        """Starts a node's process; a restarted node appends to its log."""
         inherited = self._lifelines.of_node(last=process.name == LAST)
         # Its own session: Ctrl-C reaches this process alone, which stops the nodes in order.
         self._running[process.name] = subprocess.Popen(
@@ -161,7 +161,7 @@ class NodeGroup:
         )
 
     def _log(self, name: str) -> BinaryIO:
-        """Opens a node's log for reading and writing."""
+        """Opens a node's log file for reading and writing."""
         self._log_folder.mkdir(parents=True, exist_ok=True)
         log = (self._log_folder / f"{name}.log").open("ab+")
         if name in self._logs:
@@ -177,16 +177,16 @@ class NodeGroup:
         return lines[-1].strip() if lines else "no output"
 
     def ended(self) -> dict[str, int]:
-        """Returns nodes that have ended by themselves, with their exit codes."""
+        """Returns the exit codes, by name, of nodes that have ended by themselves."""
         codes = {name: process.poll() for name, process in self._running.items()}
         return {name: code for name, code in codes.items() if code is not None}
 
     def pid(self, name: str) -> int:
-        """Process id of a running node."""
+        """Returns the process id of a running node."""
         return self._running[name].pid
 
     def kill(self, name: str) -> bool:
-        """Kills an unresponsive node; returns whether it was running."""
+        """Kills a node's process; returns whether it was running."""
         process = self._running.get(name)
         if process is None or process.poll() is not None:
             return False
@@ -194,7 +194,7 @@ class NodeGroup:
         return True
 
     def failed(self) -> NodeEnd | None:
-        """Returns the first node that has ended unexpectedly; None: none."""
+        """Returns the first node that has ended unexpectedly, or None."""
         for name, code in self.ended().items():
             if code != 0 or name not in ENDING:
                 log = self._log_folder / f"{name}.log"
@@ -215,7 +215,7 @@ class NodeGroup:
             raise SloshBringupError(end.text)
 
     def stop(self) -> dict[str, int]:
-        """Stops all nodes: first the others together, then the recorder.
+        """Stops all nodes and returns their exit codes; the recorder is stopped last.
 
         Returns:
             exit code by node; a node that had to be killed has -9.
@@ -227,7 +227,7 @@ class NodeGroup:
 
 
 def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str, int]:
-    """Interrupts processes as Ctrl-C does, and kills those that do not end.
+    """Interrupts processes as Ctrl-C does, and kills those that do not end in time.
 
     Returns:
         exit code by name.
@@ -244,7 +244,7 @@ def stop_processes(processes: Mapping[str, subprocess.Popen[bytes]]) -> dict[str
 
 
 def pause(recent: int) -> float:
-    """Returns the delay before a node is restarted [s]; it doubles each time.
+    """Returns the delay before a node is restarted [s], doubled for each recent restart.
 
     Args:
         recent: how often it has ended of late, this time included.
@@ -253,7 +253,7 @@ def pause(recent: int) -> float:
 
 
 def restarted(process: NodeProcess, ends: int) -> NodeProcess:
-    """Returns the start settings of a restarted node, which has missed part of the motion.
+    """Returns the start settings for restarting a node in the middle of a motion.
 
     Args:
         process: how it was started first.

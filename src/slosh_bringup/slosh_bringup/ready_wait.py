@@ -25,7 +25,7 @@ _INCOMPLETE = "incomplete"
 
 
 class _Word(NamedTuple):
-    """A node's last report: its state, its text, when it first and last sent them [s]."""
+    """A node's last diagnostics: level, text, and when it was first and last received [s]."""
 
     state: str
     sentence: str
@@ -34,7 +34,7 @@ class _Word(NamedTuple):
 
 
 class ReadyWait:
-    """Processes the nodes' reports until all are ready.
+    """Tracks the diagnostics of a cell's nodes until all are ready.
 
     Args:
         nodes: names of those that must be ready. Others are waited for once they have been heard
@@ -53,7 +53,7 @@ class ReadyWait:
         self.unrecorded: tuple[str, ...] = ()
 
     def take(self, report: NodeReport, now: float) -> None:
-        """Processes a report at a steady time [s]."""
+        """Processes a node's diagnostics at a monotonic time [s]."""
         state, said = report.facts.get(STATE, READY), report.sentence
         if RECORDED in report.facts and self._is_incomplete(report, now):
             state, said = (
@@ -66,7 +66,7 @@ class ReadyWait:
         self._words[report.node] = _Word(state, said, first, now)
 
     def _is_incomplete(self, recorder: NodeReport, now: float) -> bool:
-        """Whether to wait for settings that the recorder has not received."""
+        """Whether the recorder still lacks settings of other nodes and it is worth waiting."""
         recorded = recorder.facts[RECORDED].split(", ")
         self.unrecorded = tuple(
             node for node in TELLING if node in self._words and node not in recorded
@@ -77,7 +77,7 @@ class ReadyWait:
         return bool(self.unrecorded) and waited < RECORDING
 
     def missing(self) -> dict[str, str]:
-        """Returns the reason for each node that is not ready."""
+        """Returns, by node, the reason why it is not ready; ready nodes are left out."""
         return {
             node: word.sentence.removeprefix("not ready, ")
             for node, word in self._words.items()
@@ -85,7 +85,7 @@ class ReadyWait:
         }
 
     def given_up(self, now: float) -> str:
-        """Returns why waiting is pointless; empty: it is not.
+        """Returns why further waiting is pointless; empty while it makes sense.
 
         Args:
             now: steady time [s].
@@ -101,7 +101,7 @@ class ReadyWait:
 
 
 def sentence(missing: Mapping[str, str]) -> str:
-    """Lists the nodes that are not ready, grouped by reason."""
+    """Lists the nodes that are not ready in one sentence, grouped by reason."""
     together: dict[str, list[str]] = {}
     for node, why in missing.items():
         together.setdefault(why, []).append(node)

@@ -22,7 +22,7 @@ _SAME_HANG_UP = 1.0  # s; a closed terminal is told by the kernel and again by t
 
 
 class StopRequest:
-    """Records the signals while its context is open, without interrupting the run.
+    """Records stop signals inside a `with` block, without interrupting the run.
 
     Attributes:
         reason: what asked for the end, as a user knows it; empty: nothing yet.
@@ -47,7 +47,7 @@ class StopRequest:
 
     @contextlib.contextmanager
     def finishing(self, leave: Callable[[], NoReturn]) -> Iterator[None]:
-        """While the report is made, makes a second request leave at once.
+        """Lets a second stop signal end the process at once while the report is written.
 
         An exception would not do: raised while a library loads compiled code, it is lost there
         or takes the process down with SIGSEGV (measured: 41 and 1 of 300 signals in the first
@@ -63,7 +63,7 @@ class StopRequest:
             self._leave = None
 
     def written_in_vain(self, error: OSError) -> None:
-        """Handles a failed write: if the reader is gone, it is a request to stop.
+        """Handles a failed write; it counts as a stop request if the output's reader is gone.
 
         Over ssh without a terminal there is no signal that tells it.
         """

@@ -1,4 +1,4 @@
-"""`slosh calibrate` on images of all kinds: a calibration or one line, never a traceback."""
+"""Tests that `slosh calibrate` gives a calibration or a one-line error for any kind of image."""
 
 import warnings
 
@@ -23,7 +23,7 @@ SIZES = (1, 2, 3, 7, 17, 64, 160, 240, 320)
 
 @pytest.fixture(scope="module")
 def pictures():
-    """The same cup from above and from below."""
+    """Images of the same cup, seen from above and from below."""
     poses = [look_at((0.0, -0.45, height), (0.004, 0.0, -0.01)) for height in (0.08, -0.04)]
     views = [CupView(SHIPPED.camera, pose, SHIPPED.cup) for pose in poses]
     return [CupRenderer(view).render_colour(0.0, 0.0) for view in views]
@@ -68,7 +68,7 @@ def disturbed(rng, pictures):
 
 
 def other_things(rng, pictures):
-    """Boxes, lines and ellipses: what stands about in a room, level and upright edges mostly."""
+    """Draws boxes, lines and ellipses, mostly with level and upright edges, as other objects."""
     picture = np.full((240, 320, 3), rng.integers(60, 220, 3), np.uint8)
     for _ in range(int(rng.integers(2, 40))):
         colour = [int(level) for level in rng.integers(0, 256, 3)]
@@ -96,7 +96,7 @@ KINDS = (blank, noise, cup, cropped, turned, disturbed, other_things, other_thin
 
 
 def photograph(rng, pictures):
-    """A part of a real photograph, of a person: light, grain and edges that nobody drew."""
+    """Returns a random part of a real photograph of a person."""
     with cbook.get_sample_data("grace_hopper.jpg") as file:
         whole = np.asarray(Image.open(file))[..., ::-1]
     high, wide = whole.shape[:2]
@@ -107,7 +107,7 @@ def photograph(rng, pictures):
 
 
 def stored(rng, image, path):
-    """Writes an image in grey, colour, with transparency, with 16 bits, or as a JPEG."""
+    """Writes an image in grey, in colour, with transparency, with 16 bits, or as a JPEG."""
     kind = rng.integers(6)
     if kind == 0:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -133,7 +133,7 @@ def options(rng):
 
 
 def attempt(number, pictures, folder, capsys, kinds=KINDS):
-    """Calibrates the image of a number; returns the exit code."""
+    """Calibrates one of the numbered test images and returns the exit code."""
     rng = np.random.default_rng(number)
     image = kinds[number % len(kinds)](rng, pictures)
     still, output = stored(rng, image, folder / f"still_{number}"), folder / f"{number}.yaml"
@@ -162,7 +162,7 @@ def test_many_images(pictures, tmp_path, capsys):
 
 @pytest.mark.long
 def test_a_photograph_of_a_person_is_no_container(tmp_path, capsys):
-    """Of 2058 a fit ended where it saw no edge any more, and divided by their number."""
+    """Regression test: in rare images a fit lost all edges and divided by zero."""
     assert attempt(2058, (), tmp_path, capsys, (photograph,)) == 2
 
 

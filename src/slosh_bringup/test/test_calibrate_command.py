@@ -1,4 +1,4 @@
-"""`slosh calibrate`: a camera.yaml that `slosh detect` reads, or one line that says why not."""
+"""Tests that `slosh calibrate` writes a camera.yaml that `slosh detect` can read."""
 
 import json
 import struct
@@ -94,7 +94,7 @@ def test_writes_what_detect_reads(capsys, tmp_path, still, intrinsics):
 
 
 def exif(orientation, focal_35, size):
-    """An APP1 segment: IFD0 with the orientation and the place of the EXIF directory."""
+    """Returns a JPEG EXIF segment with orientation, focal length and image size."""
 
     def directory(entries):
         # Of type SHORT where it fits, with two bytes of padding.

@@ -1,4 +1,4 @@
-"""`slosh calibrate --scale`: two clicks make a camera.yaml that `slosh detect` reads."""
+"""Tests that `slosh calibrate --scale` makes a usable camera.yaml from two image points."""
 
 import csv
 import json
@@ -20,7 +20,7 @@ CUP = ["--length", f"{WIDTH}", "--fill-height", "0.07"]
 
 
 def picture(rise=0.0):
-    """A container from the side whose line rises by so many pixels to the right of its middle."""
+    """Draws a side view of a container with a liquid line that rises by `rise` pixels."""
     columns, rows = np.meshgrid(np.arange(440), np.arange(380))
     line = LEVEL - 2.0 * rise * (columns - 0.5 * (LEFT + RIGHT)) / (RIGHT - LEFT)
     inside = (columns >= LEFT) & (columns <= RIGHT) & (rows < 340)

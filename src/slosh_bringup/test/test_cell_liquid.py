@@ -1,4 +1,4 @@
-"""The simulated cell's motion tables, sensors and truth liquid."""
+"""Tests the simulated cell's motion tables, sensors and reference liquid."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ TRUTH = read_model(config_folder() / "truth.yaml")
 
 
 def tilted(angle, t):
-    """A container at rest, rolled about x."""
+    """Returns the motion of a container at rest that is tilted about x."""
     quaternion = Rotation.from_euler("x", angle).as_quat()
     rest = np.zeros((len(t), 3))
     return CellMotion("tilt", t, rest, rest, np.tile(quaternion, (len(t), 1)))

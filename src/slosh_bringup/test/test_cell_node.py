@@ -1,4 +1,4 @@
-"""The simulated cell over DDS: what a robot and a camera driver would send."""
+"""Tests the simulated cell over DDS against what a robot and a camera driver would publish."""
 
 import json
 import time
@@ -44,13 +44,13 @@ def stamps(messages):
 
 
 def all_came(got, summary):
-    """Whether as many messages have been read as were published: some may still wait."""
+    """Returns whether all published messages have been received."""
     published = json.loads(summary.data)["published"]
     return all(len(got[topic]) >= published.get(f"/{topic}", 0) for topic in KINDS)
 
 
 def play(**parameters):
-    """Runs the node to its end; what a reader got by topic, and the summary."""
+    """Runs the cell node to its end; returns the messages by topic, and the node's summary."""
     words = ["--ros-args"]
     for name, value in parameters.items():
         words += ["-p", f"{name}:={value}"]
@@ -90,7 +90,7 @@ def play(**parameters):
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
-    """Half a second of pushing a container that stands 0.1 rad tilted."""
+    """Motion table of half a second in which a tilted container is pushed."""
     t = np.arange(501) / 1000.0
     push = np.stack((np.sin(2 * np.pi * t), 0.0 * t, 0.0 * t), axis=1)
     turn = np.tile(Rotation.from_euler("x", TILT).as_quat(), (len(t), 1))

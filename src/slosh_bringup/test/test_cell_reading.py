@@ -1,4 +1,4 @@
-"""What a cell file and a launch say of the robot that drives the models."""
+"""Tests how cell files and launch arguments describe the robot."""
 
 from datetime import datetime
 from pathlib import Path

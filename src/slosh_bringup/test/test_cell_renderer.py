@@ -1,4 +1,4 @@
-"""The simulated cell's camera against an independent projection."""
+"""Tests the simulated camera images against an independent projection."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ XI = 1.8411837813406593
 
 
 def seen_from(azimuth, elevation, distance=0.42):
-    """The shipped view from another place; 0 elevation is level with the still surface."""
+    """Returns the shipped camera view moved to another position."""
     centre = distance * np.array(
         [
             math.cos(elevation) * math.cos(azimuth),
@@ -41,7 +41,7 @@ def components(height, azimuth):
 
 
 def rows_along(view, column, height, azimuth):
-    """Image rows of the surface that a column sees, from the near wall to the far one.
+    """Returns the image rows of the surface in a column, from the near to the far wall.
 
     Independent of the renderer: points at equal depth, moved sideways until OpenCV projects them
     into the column.
@@ -67,7 +67,7 @@ def rows_along(view, column, height, azimuth):
 
 
 def edge_near(image, column, row):
-    """Sub-pixel row of an edge: from the grey levels' sum over a few rows about it."""
+    """Returns the sub-pixel row of an edge, from the sum of the grey levels around it."""
     middle = round(row)
     values = image[middle - 4 : middle + 5, column].astype(float)
     above, below = values[0], values[-1]

@@ -1,4 +1,4 @@
-"""For whom the simulated cell waits before it plays, and what it says of them."""
+"""Tests which nodes the simulated cell waits for before it starts, and what it reports."""
 
 import os
 import re
@@ -24,7 +24,7 @@ PATIENCE = 30.0
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
-    """Half a second of pushing."""
+    """Motion table of half a second in which the container is pushed."""
     t = np.arange(501) / 1000.0
     push = np.stack((np.sin(2 * np.pi * t), 0.0 * t, 0.0 * t), axis=1)
     path = tmp_path_factory.mktemp("cell") / "push.csv"
@@ -33,7 +33,7 @@ def table(tmp_path_factory):
 
 
 def start(table, domain, *parameters):
-    """The node as a process."""
+    """Starts the cell node as a process."""
     given = (f"motion:={table}", *parameters)
     words = [word for pair in given for word in ("-p", pair)]
     own = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
@@ -67,7 +67,7 @@ def test_without_the_others_it_plays_nothing_and_says_who_is_missing(
 
 
 def test_it_waits_for_a_node_that_gets_ready_and_tells_for_whom(table, domain):
-    """The other node speaks as ours do; what the cell publishes nobody reads before."""
+    """Nothing is published before the other node is ready, and the cell reports its wait."""
     rclpy.init()
     probe = GuardedNode("camera")
     said, accelerations = [], []

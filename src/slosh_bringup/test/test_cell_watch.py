@@ -1,4 +1,4 @@
-"""What of the nodes' diagnostics is told to whoever watches a cell."""
+"""Tests which of the nodes' diagnostics are shown to the user."""
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -11,7 +11,7 @@ from slosh_msgs_py.node.rivals import FORGOTTEN
 
 
 def told(*said, nodes=("camera",)):
-    """The lines for reports (level, sentence) of the camera, one a second."""
+    """Returns the printed lines for a series of diagnostics, one per second."""
     watch = CellWatch(nodes, 0.0)
     lines = []
     for second, (level, sentence) in enumerate(said, start=1):
@@ -122,7 +122,7 @@ NAMES = ("estimator", "monitor")
 
 @pytest.fixture
 def cells():
-    """This cell has started its nodes at 0 s."""
+    """Returns the detector of other cells after this cell has started its nodes at 0 s."""
     others = OtherCells()
     for name in NAMES:
         others.started(name, 0.0)
@@ -130,7 +130,7 @@ def cells():
 
 
 def counts(**extra):
-    """What the graph shows: this cell's nodes, and so many more of a name."""
+    """Returns the number of discovered nodes by name, with optional additional ones."""
     return {name: 1 + extra.get(name, 0) for name in NAMES}
 
 

@@ -1,4 +1,4 @@
-"""The command line: units, nearest names, one line for each mistake."""
+"""Tests the command line: units, suggestions for typing errors and one-line errors."""
 
 import argparse
 import os
@@ -149,7 +149,7 @@ def test_an_old_name_of_an_option_is_taken_and_not_shown(command, old, new, name
     ("typed", "offered"), [("pl", ["plan", "play"]), ("predict --li", ["--limit"])]
 )
 def test_a_shell_completes_commands_and_options(tmp_path, typed, offered):
-    """As the function of register-python-argcomplete asks: the answer comes on descriptor 8."""
+    """Calls the completion as the shell function of register-python-argcomplete does."""
     line = f"slosh {typed}"
     answer = tmp_path / "answer"
     asked = {"COMP_LINE": line, "COMP_POINT": str(len(line)), "COMP_TYPE": "9",

@@ -1,4 +1,4 @@
-"""The set-up compiles all compiled functions, so that no process compiles at its start."""
+"""Tests that the set-up compiles all functions, so that no process compiles at its start."""
 
 import ast
 import subprocess
@@ -15,7 +15,7 @@ print(len(entry_points()))
 
 
 def declared(path: Path) -> int:
-    """How many functions of a module Python calls compiled."""
+    """Returns the number of compiled functions in a module that Python code calls."""
     functions = [node for node in ast.walk(ast.parse(path.read_text())) if hasattr(node, "name")]
     decorators = [one for node in functions for one in getattr(node, "decorator_list", ())]
     return sum(ast.unparse(one).startswith("entry_point(") for one in decorators)

@@ -1,4 +1,4 @@
-"""A node that alone hears nothing is told from a publisher that is silent, and started again."""
+"""Tests the distinction between a node that cannot receive a topic and a silent publisher."""
 
 import time
 
@@ -21,7 +21,7 @@ CLAIM = {"monitor": f"{TOPIC} slosh_msgs/msg/SloshEstimate"}
 
 
 class Listening:
-    """A topic that is heard at a rate from one moment on, and who listens to it now."""
+    """Simulated topic with a message rate and a start time, and a count of test subscriptions."""
 
     def __init__(self, rate, begins=0.0):
         self.rate, self.begins, self.now, self.probes = rate, begins, 0.0, 0
@@ -42,7 +42,7 @@ class Listening:
         return Probe()
 
     def found(self, claims_until, until=60):
-        """When the node is found deaf, that says so until a moment; it is asked once a second."""
+        """Returns the times at which a node is found unable to receive, checked once a second."""
         deafness, found = Deafness(self), []
         for self.now in map(float, range(until)):
             claims = CLAIM if self.now < claims_until else {}
@@ -63,7 +63,7 @@ def test_what_others_hear_the_whole_time_is_a_deaf_node_and_it_is_found_once():
 
 @pytest.mark.parametrize("begins", [float(second) for second in range(15)])
 def test_a_publisher_that_goes_on_makes_nobody_deaf(begins):
-    """The node says so a second later: it reports once a second."""
+    """The node reports missing messages up to a second after the publisher has started."""
     topic = Listening(1000.0, begins)
     assert topic.found(claims_until=begins + 2.0) == []
     assert topic.probes == 0
@@ -82,7 +82,7 @@ def test_the_newest_report_says_what_is_not_heard():
 
 
 class Quiet:
-    """Is told nothing: nobody speaks in these tests but the topic."""
+    """Ignores all messages, since only topic probes are tested here."""
 
     def take_comparison(self, comparison):
         pass

@@ -1,4 +1,4 @@
-"""`slosh discover`: which motions it fits, what it writes, how it refuses wrong input."""
+"""Tests `slosh discover`: selection of motions, output files and errors for invalid input."""
 
 import json
 import shlex
@@ -26,7 +26,7 @@ BAGS = Path(__file__).parents[3] / "bags"
 
 
 class Discovery:
-    """Stands in for the fits: remembers what came, and gives a made-up finding."""
+    """Replaces the fits: records the arguments and returns a fixed result."""
 
     def __init__(self):
         self.verdict, self.calls, self.drawn, self.worst = Verdict.NAMED, [], False, ()
@@ -41,7 +41,7 @@ class Discovery:
 
     @property
     def names(self):
-        """Names of the motions of the last call: fitted, and held out."""
+        """Returns the names of the fitted and of the held-out motions in the last call."""
         motions, _, holdout, _ = self.calls[-1]
         return [motion.name for motion in motions], [motion.name for motion in holdout]
 
@@ -55,7 +55,7 @@ def discovery(monkeypatch):
 
 @pytest.fixture
 def tables(tmp_path):
-    """Five measured motions, each with noise of its own."""
+    """Motion tables of five measured motions, each with different noise."""
     paths = []
     for number in range(1, 6):
         path = tmp_path / f"run_{number}.csv"
@@ -65,7 +65,7 @@ def tables(tmp_path):
 
 
 def write_table(path, seed, *, measured=True):
-    """A motion table of the example's motion, sampled by the camera at 50 Hz."""
+    """Writes a table of the example motion, with measured heights at 50 Hz."""
     inputs, motion = example_inputs(), example_motion("any", seed)
     msh = np.full(len(inputs.t), np.nan)
     msh[::10] = np.interp(inputs.t[::10], motion.t, np.nan_to_num(motion.msh))
@@ -122,12 +122,12 @@ def test_the_separating_motion_is_a_table_that_can_be_played(capsys, discovery, 
 
 
 def printed_commands(text):
-    """Commands of slosh that a discovery prints, as words."""
+    """Returns the slosh commands that a discovery prints, split into words."""
     return [shlex.split(line.strip()) for line in text.splitlines() if "  slosh " in f"  {line}"]
 
 
 def ready_to_run(words, recording):
-    """The command with a recording in the place of RECORDING."""
+    """Replaces the word RECORDING in a command by the path of a recording."""
     return [str(recording) if word == "RECORDING" else word for word in words]
 
 

@@ -1,4 +1,4 @@
-"""`slosh explain`: what the registry and the messages say, in text that a terminal shows."""
+"""Tests that `slosh explain` shows the effects and messages as terminal text."""
 
 import inspect
 import re
@@ -103,7 +103,7 @@ PAGES = (
 
 
 def page_headings():
-    """Of the tables and the figures of each page, those that no run fills in."""
+    """Returns the table and figure headings of each page, except those filled in at run time."""
     for package, name in PAGES:
         text = resources.files(package).joinpath(name).read_text("utf-8")
         found = re.findall(r"<(?:th(?! scope=.row)|dt)\b[^>]*>(.*?)</(?:th|dt)>", text)
@@ -112,7 +112,7 @@ def page_headings():
 
 
 def printed_heads():
-    """Of the tables that commands print, as their code has them."""
+    """Returns the headings of the tables that commands print, read from their source code."""
     for module in (discovered, identified, replay, run_result):
         source = inspect.getsource(module)
         tuples = re.findall(

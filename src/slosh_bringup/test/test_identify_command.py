@@ -1,4 +1,4 @@
-"""`slosh identify`: what it reads, writes and prints, and how it refuses wrong input."""
+"""Tests `slosh identify`: input files, output and errors for invalid input."""
 
 import json
 import math
@@ -35,7 +35,7 @@ def write_run(path, speed, seed, truth=TRUTH):
 
 @pytest.fixture(scope="module")
 def shop(tmp_path_factory):
-    """Two repetitions at each of two speeds, one at a third, and the model to start from."""
+    """Test data with two repetitions at two speeds, one at a third, and the initial model."""
     folder = tmp_path_factory.mktemp("shop")
     (folder / "runs").mkdir()
     for speed in (36, 48):
@@ -77,7 +77,7 @@ def test_it_writes_a_model_with_its_covariance_a_document_and_a_page(shop, tmp_p
 
 
 def assert_page_agrees(page, document):
-    """Each number of the page is in the document, to the last bit."""
+    """Asserts that each number of the page equals the number in the JSON document."""
     numbers = re.findall(r'<data value="([^"]*)" data-path="([^"]*)">', page)
     assert len(numbers) > 50
     for value, path in numbers:

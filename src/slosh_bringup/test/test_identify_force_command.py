@@ -1,4 +1,4 @@
-"""`slosh identify --force`: tables and bags, what it prints and writes, what it refuses."""
+"""Tests `slosh identify --force` with tables and bags: output and errors."""
 
 import csv
 

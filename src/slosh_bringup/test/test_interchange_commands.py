@@ -1,4 +1,4 @@
-"""`slosh import` and `slosh export`: tables and foreign bags in, tables out, and what they say."""
+"""Tests `slosh import` and `slosh export` of tables and of other programs' bags."""
 
 import csv
 import json
@@ -30,7 +30,7 @@ def heights(path: Path) -> np.ndarray:
 
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
-    """A motion with the heights that the model says, where a camera would see them."""
+    """A motion with modelled liquid heights at the times of camera images."""
     t = np.arange(1500) / 500
     ay = 3.0 * np.sin(9.0 * t) * np.sin(np.pi * t / 3.0) ** 2
     motion = MotionTable(t, np.column_stack([0.3 * ay, ay, 0.1 * ay]))
@@ -70,7 +70,7 @@ def test_replay_and_simulate_agree_on_a_bag_and_its_table(bag: Path, tmp_path: P
 
 
 def rows_of(document):
-    """All objects with a name and an rms in a JSON document, wherever they are."""
+    """Returns all objects with a name and an rms anywhere in a JSON document."""
     found = []
     if isinstance(document, dict):
         if "name" in document and "rms" in document:
@@ -151,7 +151,7 @@ def test_what_import_cannot_do_is_one_line(table: Path, bag: Path, tmp_path: Pat
 
 
 def ros1_bag(path: Path, table: MotionTable) -> None:
-    """The table's motion and heights as a robot with ROS 1 would have recorded them."""
+    """Writes a motion and its heights as a ROS 1 bag."""
     store = get_typestore(Stores.ROS1_NOETIC)
     folder = find_interfaces("slosh_msgs")
     assert folder is not None
@@ -198,7 +198,7 @@ def test_a_ros1_bag_is_imported_and_replayed(table: Path, tmp_path: Path, capsys
 
 
 def test_a_shortfall_of_an_import_is_told_and_exit_1(table: Path, tmp_path: Path, capsys):
-    """metadata.yaml of the whole bag beside one of its two files."""
+    """The bag's metadata.yaml lists two files, of which only one exists."""
     run("import", "table", table, "-o", tmp_path / "whole")
     bag = tmp_path / "whole" / "run"
     noted = (bag / "metadata.yaml").read_text()

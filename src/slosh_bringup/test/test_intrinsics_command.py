@@ -1,4 +1,4 @@
-"""`slosh intrinsics`: an ost.yaml that `slosh calibrate` reads, or one line that says why not."""
+"""Tests that `slosh intrinsics` writes an ost.yaml that `slosh calibrate` reads."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""Work on many files: each item has its outcome, whatever becomes of the others."""
+"""Tests the parallel processing of many files, with an outcome for each item."""
 
 import importlib
 import logging
@@ -55,7 +55,7 @@ def dawdle(path):
 
 @pytest.fixture
 def work(tmp_path, monkeypatch):
-    """Functions in a module that the workers find too."""
+    """Functions in a module that worker processes can import."""
     (tmp_path / "many_files_work.py").write_text(WORK)
     monkeypatch.syspath_prepend(str(tmp_path))
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
@@ -76,7 +76,7 @@ def expected(number):
 
 
 def listening():
-    """Addresses at which this process and those below it take connections."""
+    """Returns the addresses at which this process and its children accept connections."""
     us = psutil.Process()
     return {
         connection.laddr
@@ -87,13 +87,13 @@ def listening():
 
 
 def workers_of(process):
-    """The processes that work for it."""
+    """Returns the worker processes that a process has started."""
     children = process.children(recursive=True)
     return [child for child in children if "spawn_main" in " ".join(child.cmdline())]
 
 
 def holds_back(process, number):
-    """Whether a signal does not reach a process."""
+    """Returns whether a process blocks a signal."""
     status = Path(f"/proc/{process.pid}/status").read_text()
     mask = next(line.split()[1] for line in status.splitlines() if line.startswith("SigBlk"))
     return bool(int(mask, 16) >> (number - 1) & 1)
@@ -131,7 +131,7 @@ def test_sixty_items_have_sixty_outcomes_though_some_fail_and_one_kills_its_work
 
 
 def running_cluster(**options):
-    """A cluster that somebody else has started."""
+    """Runs a Dask cluster that is independent of the tested code."""
     from distributed import LocalCluster
 
     return LocalCluster(

@@ -1,4 +1,4 @@
-"""`slosh modes`: the table, the JSON, the picture and the model file with the modes."""
+"""Tests `slosh modes`: table, JSON, picture and model file with the modes."""
 
 import json
 import math

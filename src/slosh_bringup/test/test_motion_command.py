@@ -1,4 +1,4 @@
-"""`slosh motion`: the table that it writes, and what it refuses."""
+"""Tests `slosh motion`: the written table and errors for invalid options."""
 
 import json
 
@@ -91,7 +91,7 @@ POSES = "t,x,y,z\n0,0,0,0\n0.5,0.1,0.05,0\n1,0.2,0.1,0\n"
 
 @pytest.fixture
 def slosh_shape(tmp_path, capsys):
-    """`slosh shape` on a table; its exit code, what it prints and what it writes to."""
+    """Returns a function that runs `slosh shape` on a table and returns all its output."""
 
     def run(table, *options, model=MODEL):
         (tmp_path / "model.yaml").write_text(model)

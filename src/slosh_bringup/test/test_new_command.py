@@ -1,4 +1,4 @@
-"""`slosh new`: first files that every reader takes, or one line that says why not."""
+"""Tests that `slosh new` writes valid first files, or prints a one-line error."""
 
 import io
 import re
@@ -35,7 +35,7 @@ POSE = "pose: {rotation: [1, 0, 0, 0, 0, -1, 0, 1, 0], translation: [0, 0, 0.5]}
 
 
 class Terminal(io.StringIO):
-    """Standard input with somebody before it."""
+    """Standard input that behaves like a terminal with a user."""
 
     def isatty(self):
         return True
@@ -213,7 +213,7 @@ def test_answers_that_end_are_one_line(folder, capsys, monkeypatch):
     "shape", [ROUND, ["--width", "0.08", "--depth", "0.06", "--fill-height", "0.05"]]
 )
 def test_each_printed_command_can_be_typed(folder, capsys, monkeypatch, tmp_path, shape):
-    """The board is printed; what needs pictures or a robot is parsed."""
+    """Tests that each printed command can be run, or at least parsed if it needs hardware."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", str(folder), *shape, "--wall", "2mm"]) == 0
     steps = [line.strip() for line in capsys.readouterr().out.splitlines() if "  slosh " in line]

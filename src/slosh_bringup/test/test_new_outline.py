@@ -1,4 +1,4 @@
-"""`slosh new --outline`: clicks on a photograph make a model by its profile."""
+"""Tests that points clicked on a photograph give a model with the right profile."""
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ CUP = ["--across", "0.088", "--fill-height", "0.05"]
 
 
 def clicked(outer, roll=0.0, middle=(320.0, 60.0)):
-    """Pixels of the rim's ends and the right wall downwards, of (r, z) from the floor up [m]."""
+    """Returns image points of the rim's ends and the right wall for a wall profile (r, z) [m]."""
     rim = outer[-1]
     rows = [(-rim[0], 0.0), (rim[0], 0.0), *((r, rim[1] - z) for r, z in outer[-2::-1])]
     turn = np.array([[np.cos(roll), -np.sin(roll)], [np.sin(roll), np.cos(roll)]])

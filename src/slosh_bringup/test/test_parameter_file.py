@@ -1,4 +1,4 @@
-"""A cell's parameter file: what it sets, what it leaves, what it must not name."""
+"""Tests a cell's parameter file: its effect and errors for invalid entries."""
 
 import pytest
 import rclpy
@@ -14,7 +14,7 @@ DOMAIN = 36
 
 @pytest.fixture
 def write(tmp_path):
-    """Writes a parameter file, and a cell file that names it."""
+    """Returns a function that writes a parameter file and a cell file that refers to it."""
 
     def write(text, namespace="/slosh"):
         config = config_folder()
@@ -64,7 +64,7 @@ def test_a_value_of_another_type_is_refused_and_not_the_default(write):
 
 
 def started(setup):
-    """The parameters of a monitor that is started as the cell starts it."""
+    """Returns the parameters of a monitor node started as the cell starts it."""
     (process,) = (one for one in setup.processes(config_folder()) if one.name == "monitor")
     words = process.command(setup.namespace)
     rclpy.init(args=words[words.index("--ros-args") :], domain_id=DOMAIN)

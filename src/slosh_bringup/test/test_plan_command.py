@@ -21,7 +21,7 @@ LINE = HEAD + "0,0,0,0\n1,0.4,0,0\n"
 
 @pytest.fixture
 def slosh_plan(tmp_path, capsys):
-    """`slosh plan` on a table; its exit code, what it prints and what it writes to."""
+    """Returns a function that runs `slosh plan` on a table and returns all its output."""
     (tmp_path / "model.yaml").write_text(MODEL)
 
     def run(table, *options, limit="0.015"):
@@ -51,6 +51,20 @@ def test_a_plan_is_a_motion_table_that_can_be_simulated(slosh_plan, tmp_path, ca
                       "-o", str(tmp_path / "heights.csv")])  # fmt: skip
     assert simulated == 0
     assert json.loads(capsys.readouterr().out)["peak"] <= 0.015
+
+
+def test_a_robust_plan_tells_the_likely_heights_and_their_price(slosh_plan, tmp_path):
+    code, _, err, _ = slosh_plan(LINE, "--robust")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "needs the covariance" in err
+    covariance = "covariance: {parameters: [damping_ratio], matrix: [[1.0e-6]]}\n"
+    (tmp_path / "model.yaml").write_text(MODEL + covariance)
+    code, out, _, _ = slosh_plan(LINE, "--robust", "--json", "--time-limit", "5")
+    facts = json.loads(out)
+    assert code == 0
+    assert facts["likely"]["parameters"] == ["damping_ratio"]
+    assert facts["peak"] < facts["likely"]["peak"] <= 0.015 * 1.001
+    assert facts["duration"] >= facts["likely"]["nominal_duration"]
 
 
 def test_the_attitude_is_kept(slosh_plan):

@@ -1,4 +1,4 @@
-"""`slosh play`: what it refuses in one line, and that it ends as it should."""
+"""Tests `slosh play`: one-line errors and a regular end."""
 
 import os
 import signal
@@ -54,7 +54,7 @@ def test_a_wrong_request_is_one_line(bag, options, said, capsys):
 
 @pytest.fixture
 def start(bag, tmp_path):
-    """Starts the command on the bag; its words go to a file."""
+    """Starts `slosh play` on the bag, with its output in a file."""
     processes = []
     words = tmp_path / "words"
 

@@ -1,4 +1,4 @@
-"""`slosh predict`: what it prints and writes, its exit codes, what it refuses."""
+"""Tests `slosh predict`: output, exit codes and errors."""
 
 import json
 from pathlib import Path
@@ -165,7 +165,7 @@ def test_a_table_whose_accelerations_contradict_its_positions_is_refused(capsys,
 
 
 def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
-    """Each by its own limit; a page shows one container, and says so."""
+    """The worst container is named by its own limit; the page shows a single container."""
     tray, motion = tmp_path / "tray.yaml", line(tmp_path / "a.csv", 2.0)
     cups = [f"- {{name: {name}, model: {MODEL}, limit: {limit}}}\n" for name, limit in LIMITS]
     tray.write_text("containers:\n" + "".join(cups))
@@ -180,6 +180,18 @@ def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
     assert "give its model, no tray" in capsys.readouterr().err
     assert main(["simulate", str(tray), motion, "-o", str(tmp_path / "o.csv")]) == 2
     assert "a tray of containers" in capsys.readouterr().err
+
+
+def test_a_cup_that_slides_is_named_and_fails(capsys, tmp_path):
+    tray, motion = tmp_path / "tray.yaml", line(tmp_path / "a.csv", 2.0)
+    standing = "standing: {mass: 0.1, centre_height: 0.05, base_radius: 0.03, friction: %s}"
+    for friction, code, word in ((1.0, 0, "stands"), (0.01, 1, "slides")):
+        tray.write_text(f"containers:\n- {{name: a, model: {MODEL}, {standing % friction}}}\n")
+        assert main(["predict", str(tray), motion, "--limit", "0.1"]) == code
+        assert f"a {word}: " in capsys.readouterr().out
+    main(["predict", str(tray), motion, "--json"])
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["standing"]["a"]["friction"] > 1.0
 
 
 LIMITS = (("high", 0.05), ("low", 0.002))

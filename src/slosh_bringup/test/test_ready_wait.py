@@ -1,4 +1,4 @@
-"""Who is waited for before a cell begins, and when that is given up."""
+"""Tests which nodes a cell waits for before it begins, and when it stops waiting."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`slosh replay` of damaged bags: the same figures, others with a warning, or one clear line."""
+"""Tests that damaged bags replay with equal results, with a warning, or with a clear error."""
 
 import json
 import random
@@ -23,7 +23,7 @@ MODEL = Model(Cylinder(0.05, 0.07)).spatial()
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    """A motion with heights, in several chunks, and a model."""
+    """A bag with a motion, measured heights and a model, in several chunks."""
     t = np.arange(0.0, 1.2, 0.002)
     swell = np.sin(np.pi * t / 1.2) ** 2
     acceleration = swell[:, None] * np.column_stack(
@@ -60,7 +60,7 @@ def replayed(folder, model, capsys):
 
 
 def damaged(content, rng):
-    """Cut, or with one byte changed; half of the time near the beginning or the end."""
+    """Truncates a file, or changes one byte, often near its beginning or end."""
     places = (
         rng.randrange(len(content)),
         rng.randrange(400),

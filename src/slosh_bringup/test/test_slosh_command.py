@@ -1,4 +1,4 @@
-"""The `slosh` command: what it prints, what it writes, how it fails."""
+"""Tests the `slosh` command: output, files and errors."""
 
 import gzip
 import json
@@ -76,14 +76,14 @@ def test_simulate_writes_what_a_sensor_would_read(capsys, motion, tmp_path):
 
 
 def simulated(capsys, table, *options):
-    """Simulates a table; returns the exit code, the facts and what was said beside them."""
+    """Simulates a table; returns the exit code, the results and other output."""
     code = main(["simulate", MODEL, str(table), "-o", "/dev/null", "--json", *options])
     captured = capsys.readouterr()
     return code, json.loads(captured.out), captured.err
 
 
 def scaled(motion, path, factor=1.0, az=0.0, stretch=1.0):
-    """A motion table of other units."""
+    """Writes a motion table with scaled accelerations or times, as if in other units."""
     rows = np.loadtxt(motion, delimiter=",", skiprows=1)
     rows[:, 0] *= stretch
     rows[:, 1:] = rows[:, 1:] * factor + (0.0, 0.0, az)
@@ -140,7 +140,7 @@ def test_simulate_doubts_units_that_look_wrong(capsys, motion, tmp_path, change,
 
 @pytest.mark.parametrize("command", ["simulate", "predict"])
 def test_a_gap_in_the_motion_is_named_with_time_and_length(capsys, motion, tmp_path, command):
-    """One rule: longer than ten samples and than an eighth of the liquid's period, 0.33 s."""
+    """Gaps are reported beyond ten samples and an eighth of the liquid's period, 0.33 s."""
     rows = np.loadtxt(motion, delimiter=",", skiprows=1)
     for lost, is_gap in ((0.03, False), (0.06, True), (0.5, True)):
         kept = rows[(rows[:, 0] <= 0.6) | (rows[:, 0] >= 0.6 + lost)]
@@ -154,7 +154,7 @@ def test_a_gap_in_the_motion_is_named_with_time_and_length(capsys, motion, tmp_p
 
 
 def test_a_time_in_microseconds_is_refused_at_once_and_read_when_named(capsys, motion, tmp_path):
-    """It was simulated for minutes: rows are 2,000 s apart, were they seconds."""
+    """With times in microseconds read as seconds the rows are 2,000 s apart."""
     table = scaled(motion, tmp_path / "us.csv", stretch=1e6)
     line = complaint(capsys, "simulate", MODEL, str(table), "-o", "/dev/null")
     assert re.search(r"us\.csv: column 't': rows are 2000 apart.*probably us \(500 Hz\)", line)
@@ -318,7 +318,7 @@ def test_a_cell_file_points_relative_to_itself(tmp_path):
 
 @pytest.mark.parametrize("columns", ["qx,qy,qz,qw", "wx,wy,wz"])
 def test_a_table_that_tilts_feels_gravity_and_says_so(capsys, tmp_path, columns):
-    """A cup that tips by 30 degrees within a second, where it stands: its surface stays level."""
+    """A cup that tips by 30 degrees within a second without translation keeps a level surface."""
     t = np.linspace(0.0, 1.0, 501)
     half = 0.25 * np.radians(30.0) * (1.0 - np.cos(2.0 * np.pi * t))
     zero = np.zeros_like(t)

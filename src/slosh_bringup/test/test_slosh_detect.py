@@ -1,4 +1,4 @@
-"""`slosh detect`: sources, order, processes, pictures, and what it says about garbage."""
+"""Tests `slosh detect`: sources, order, processes, pictures and invalid images."""
 
 import json
 from pathlib import Path
@@ -30,7 +30,7 @@ STORE = Definitions()
 
 @pytest.fixture(scope="module")
 def images():
-    """The simulated cup with the peak at the camera's far side, at rising heights."""
+    """Images of the simulated cup with the peak at the far side, at increasing heights."""
     renderer = CupRenderer(read_calibration(CAMERA).view)
     return [cv2.cvtColor(renderer.render(0.0, height), cv2.COLOR_GRAY2BGR) for height in HEIGHTS]
 
@@ -45,7 +45,7 @@ def folder(tmp_path, images):
 
 
 def detect(tmp_path, *words, camera=CAMERA):
-    """Runs the command; returns its exit code and the table."""
+    """Runs `slosh detect`; returns the exit code and the table."""
     output = tmp_path / "out.csv"
     code = main(["detect", *map(str, words), "--camera", str(camera), "-o", str(output)])
     table = np.genfromtxt(
@@ -55,7 +55,7 @@ def detect(tmp_path, *words, camera=CAMERA):
 
 
 def refused(capsys, tmp_path, *words, camera=CAMERA):
-    """The one line with which the command refuses its work."""
+    """Returns the one-line error of a failing `slosh detect` command."""
     output = tmp_path / "out.csv"
     words = ["detect", *map(str, words), "--camera", str(camera), "-o", str(output)]
     assert main(words) == 2
@@ -160,7 +160,7 @@ def test_a_video_and_what_is_left_of_one_that_was_cut(capsys, tmp_path, images):
 
 
 def write_topics(folder, topics):
-    """A bag of images at 20 Hz: topic -> (encoding, bytes of a pixel, stamped, images)."""
+    """Writes a bag of images at 20 Hz; each topic has an encoding, pixel size and count."""
     make = STORE.typestore.types
     for name in ("std_msgs/msg/Header", "sensor_msgs/msg/Image"):
         STORE.hash(name)
@@ -210,7 +210,7 @@ def test_of_depth_and_colour_the_colours_are_measured(capsys, tmp_path, images):
 
 
 def write_bag(folder, images):
-    """Images at 20 Hz, the fourth with a step that does not match; and another, shorter topic."""
+    """Writes a bag of images at 20 Hz, one of them invalid, and a second, shorter topic."""
     types = {
         name: STORE.hash(name) and STORE.typestore.types[name]
         for name in ("std_msgs/msg/Header", "sensor_msgs/msg/Image")

@@ -1,4 +1,4 @@
-"""A run's nodes as real processes: what is done about one that hangs."""
+"""Tests that a hanging node of a run is restarted, using real processes."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
 
 @pytest.fixture
 def cell(tmp_path, domain):
-    """A monitor that runs, who looks after it, and what is told."""
+    """Yields a running monitor node, its supervision and the printed lines."""
     told = []
     with NodeGroup("/slosh", tmp_path, node_environment(domain)) as group:
         process = NodeProcess("monitor")
@@ -96,7 +96,7 @@ def ends(again):
 
 
 def test_it_is_not_lost_in_a_function_that_a_library_calls():
-    """An exception is: ctypes prints it and goes on, so do weak references and destructors."""
+    """A stop request arrives even during a C callback, where an exception would be ignored."""
     assert ends("ctypes.CFUNCTYPE(ctypes.c_int)(called_from_c)()") == (7, "")
 
 

@@ -1,4 +1,4 @@
-"""Frames to viewers: none waits for another, none misses what is still drawn."""
+"""Tests that slow viewers of the operator's page neither delay others nor miss events."""
 
 import asyncio
 import socket

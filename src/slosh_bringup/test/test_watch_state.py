@@ -1,4 +1,4 @@
-"""Frames of the operator's page: what was said, and whether the cell is safe."""
+"""Tests the operator's page: displayed values and the safety verdict."""
 
 import json
 
@@ -152,7 +152,7 @@ class TestFrames:
         assert '"camera"' in text
 
     def test_the_limit_that_holds_is_shown_and_named(self):
-        """Where the rim is lower than a limit, the monitor holds the liquid to the rim."""
+        """If the rim is lower than the limit, the rim is the limit in effect."""
         state = WatchState()
         told = {"measured_limit": 0.02, "estimated_limit": 0.008, "disagreement_limit": 0.01}
         state.take_parameters("monitor", told)

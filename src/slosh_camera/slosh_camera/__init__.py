@@ -1,4 +1,4 @@
-"""Measures a liquid's free surface in camera images.
+"""Measures the free surface of a liquid in camera images.
 
 What all rooms share stands here: errors, settings, measurement. The rooms import in one direction:
 

@@ -2,4 +2,4 @@
 
 
 class SloshCameraError(ValueError):
-    """A calibration, an image or a setting cannot be used; the message says what and where."""
+    """Error of an unusable calibration, image or setting; the message says what and where."""

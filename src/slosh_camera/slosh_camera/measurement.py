@@ -14,7 +14,7 @@ NAN = float("nan")
 
 
 class Flag(IntFlag):
-    """Limitations of a measurement; the values are those of slosh_msgs/FreeSurface."""
+    """Flags that limit the validity of a measurement, as in slosh_msgs/FreeSurface."""
 
     NONE = 0
     SATURATED = 1
@@ -31,7 +31,7 @@ class Flag(IntFlag):
 
 
 class PeakSide(IntEnum):
-    """Wall part, seen from the camera, with the peak; values of slosh_msgs/FreeSurface.
+    """Part of the wall with the highest point, seen from the camera, as in slosh_msgs/FreeSurface.
 
     >>> PeakSide(2).name
     'REAR'
@@ -52,7 +52,7 @@ def _no_pixels() -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measurement:
-    """Free surface in one image; heights are above the still level, NaN is unknown.
+    """Free surface measured in one image; heights are above the level at rest, NaN if unknown.
 
     >>> Flag.TOO_DARK in Measurement(stamp_ns=0).flagged(Flag.TOO_DARK).flags
     True
@@ -108,12 +108,12 @@ class Measurement:
     flags: Flag = Flag.NONE
 
     def flagged(self, flag: Flag) -> Self:
-        """Returns the measurement with one more flag."""
+        """Returns a copy of the measurement with one more flag set."""
         return replace(self, flags=self.flags | flag)
 
 
 def bad_image(stamp_ns: int) -> Measurement:
-    """Makes the measurement of an image that could not be decoded.
+    """Returns the measurement, without heights, of an image that could not be decoded.
 
     >>> bad_image(stamp_ns=0).flags == Flag.BAD_IMAGE
     True

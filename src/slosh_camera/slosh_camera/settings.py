@@ -1,4 +1,4 @@
-"""User settings of the detection."""
+"""User settings of the free-surface detection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_camera.errors import SloshCameraError
 
 
 class LiquidContrast(Enum):
-    """Contrast of the liquid to its background."""
+    """Brightness of the liquid relative to its background."""
 
     ANY = "any"
     DARKER = "darker"
@@ -20,7 +20,7 @@ class LiquidContrast(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RegionOfInterest:
-    """Rectangle of the image in which the container is searched [px].
+    """Image rectangle in which the container is searched [px].
 
     Attributes:
         x_offset: leftmost column.
@@ -38,7 +38,7 @@ class RegionOfInterest:
     height: int
 
     def __post_init__(self) -> None:
-        """Refuse an empty rectangle."""
+        """Raises SloshCameraError for an empty rectangle."""
         if self.x_offset < 0 or self.y_offset < 0 or self.width < 1 or self.height < 1:
             raise SloshCameraError(
                 f"region_of_interest: {self.width} x {self.height} at "
@@ -48,7 +48,7 @@ class RegionOfInterest:
 
 @dataclass(frozen=True, slots=True)
 class DetectionSettings:
-    """Settings of the detector; grey levels are those of an 8-bit image.
+    """Settings of the free-surface detector; grey levels are those of an 8-bit image.
 
     >>> DetectionSettings(liquid=LiquidContrast.DARKER).min_contrast  # grey levels
     12.0
@@ -76,7 +76,7 @@ class DetectionSettings:
     scale_error: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse values out of bounds."""
+        """Raises SloshCameraError for values out of bounds."""
         if self.liquid not in tuple(LiquidContrast):
             names = " or ".join(liquid.value for liquid in LiquidContrast)
             raise SloshCameraError(f"liquid: {self.liquid!r}, must be {names}")

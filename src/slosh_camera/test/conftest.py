@@ -1,4 +1,4 @@
-"""The drawn cup of slosh_testing, for the tests of the camera."""
+"""Test scenes of a drawn cup, from slosh_testing."""
 
 import pytest
 

@@ -16,7 +16,7 @@ REAR = 60 + np.rint(6.0 * np.cos(np.arange(LINES) / 14.0)).astype(int)
 
 
 def wall(liquid, background, surface=None, noise=0.0, seed=1):
-    """The unrolled wall: background, free surface, liquid; grey levels or colours."""
+    """Returns an unrolled wall with background, free surface and liquid, in grey or colour."""
     row = np.arange(ROWS)[:, np.newaxis]
     picture = np.empty((ROWS, LINES, np.size(liquid)))
     picture[:] = background
@@ -117,13 +117,13 @@ TONE = Tone(np.array([30.0]), np.array([200.0]), np.array([1.0 / 170.0]), 0.01)
 
 
 def grid(left=100.0, right=200.0):
-    """Scan lines of a container, upright from the image's top to its bottom."""
+    """Returns vertical scan lines of a container over the whole image height."""
     rows, lines = np.mgrid[0.0:HIGH, 0:50]
     return np.stack([left + (right - left) * lines / 49.0, rows], axis=-1)
 
 
 def room(table=47):
-    """A light wall above a dark table."""
+    """Returns an image of a light wall above a dark table."""
     image = np.full((HIGH, WIDE), 200, np.uint8)
     image[EDGE:] = table
     return image

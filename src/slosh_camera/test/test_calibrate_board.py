@@ -1,4 +1,4 @@
-"""Boards of markers, put into images by a homography that the package does not compute."""
+"""Tests board detection with boards that an independent homography draws into images."""
 
 import dataclasses
 
@@ -39,7 +39,7 @@ FACE_UP = np.diag([1.0, -1.0, -1.0])
 
 
 def sheet(board, pixels_per_metre=8000):
-    """Printed page of a board without a margin, and its width and height [m]."""
+    """Returns the printed page of a board without margin, and its width and height [m]."""
     if board.charuco:
         width, height = board.columns * board.size, board.rows * board.size
     else:
@@ -52,7 +52,7 @@ def sheet(board, pixels_per_metre=8000):
 
 
 def put(image, board, pose, camera=CAMERA):
-    """The image with a board at a pose (board -> camera), with a white rim about it."""
+    """Draws a board with a white margin into an image, at a pose (board -> camera)."""
     page, (width, height) = sheet(board)
     rim = 60
     page = cv2.copyMakeBorder(page, rim, rim, rim, rim, cv2.BORDER_CONSTANT, value=255)
@@ -73,7 +73,7 @@ def put(image, board, pose, camera=CAMERA):
 
 
 def on_table(x=0.07, y=-0.06, base=0.0):
-    """Board -> camera, for a board that lies on the container's plane."""
+    """Returns the pose (board -> camera) of a board on the container's support plane."""
     container = pose_of(PLACE, -0.5 * np.pi)
     origin = np.array([x, y, -CUP.fill_height - base])
     return Pose(container.rotation @ FACE_UP, container.rotation @ origin + container.translation)
@@ -198,7 +198,7 @@ RINGS = np.arange(-0.06, 0.05, 0.00186)
 
 
 def tall(make_scene, **look):
-    """A graduated cylinder half round whose print is darker than its liquid, and the truth."""
+    """Draws a graduated cylinder whose printed rings are darker than its liquid."""
     scene = make_scene(
         radius=0.0185, distance=0.33, width=260, height=700, focal=900.0, oversampling=2, **look
     )
@@ -207,7 +207,7 @@ def tall(make_scene, **look):
 
 
 def front_of(outline):
-    """Middle of the level's front line (2,) [px]."""
+    """Returns the middle of the front contact line, (2,) [px]."""
     (front,) = (curve for curve in outline.curves if curve.curve is Curve.FRONT)
     return front.pixels[len(front.pixels) // 2]
 
@@ -280,7 +280,7 @@ def test_a_large_picture_of_a_graduated_cylinder_is_calibrated(make_scene):
 
 
 def test_a_wall_of_a_few_rows_shows_no_level(make_scene, monkeypatch):
-    """Two lines of another thing: where the image sees their container's wall it is far away."""
+    """Two lines of another object look like the sides of a container that is far away."""
     _, image, truth = tall(make_scene, liquid=150)
     monkeypatch.setattr("slosh_camera.calibrate.outline._extent", lambda *_: (-9.0, -8.0))
     assert find_outline(edge_image(image), truth.camera, truth.cup) is None

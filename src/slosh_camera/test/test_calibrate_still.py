@@ -1,4 +1,4 @@
-"""Calibration from a still image, against drawn and ray-traced images whose pose is known."""
+"""Tests calibration against drawn and ray-traced images with known pose."""
 
 import dataclasses
 import json
@@ -23,7 +23,7 @@ RENDERED = SHARED / "rendered"
 
 
 def height_errors(truth, found, wall):
-    """What a pose makes of heights of -20 to 20 mm within 60 degrees of the wall's middle [m]."""
+    """Returns the height errors of a pose for wall points at heights of -20 to 20 mm [m]."""
     arc = np.deg2rad(np.linspace(-60.0, 60.0, 25)) + (np.pi if wall is Wall.REAR else 0.0)
     azimuth = truth.camera_azimuth + np.tile(arc, 3)
     height = np.repeat([-0.02, 0.0, 0.02], arc.size)
@@ -158,7 +158,7 @@ def refusal(image, camera, cup):
 
 
 def cut(image, camera, left=0, top=0):
-    """The image without its left columns and its upper rows, and the camera that took that."""
+    """Cuts off left columns and upper rows of an image; returns it with its camera."""
     part = np.ascontiguousarray(image[top:, left:])
     height, width = part.shape[:2]
     return part, dataclasses.replace(
@@ -189,7 +189,7 @@ def test_refuses_a_moving_surface(make_scene):
 
 
 def drawn(scene):
-    """Picture, truth and cup of a scene."""
+    """Returns image, true view and container of a scene."""
     view, cup = scene.calibration().view, Cup(scene.radius, scene.fill_height)
     return scene.draw(), CupView(view.camera, view.pose, cup), cup
 
@@ -263,7 +263,7 @@ def test_refuses_to_choose_between_two_containers(make_scene):
 
 @pytest.mark.long
 def test_refuses_what_stands_between_the_sides_of_another_container(make_scene):
-    """Another glass behind it, of clearer edges."""
+    """Another glass with clearer edges stands behind the container."""
     scene = make_scene(camera_height=0.05)
     camera, cup = scene.calibration().view.camera, Cup(scene.radius, scene.fill_height)
     image = scene.draw()

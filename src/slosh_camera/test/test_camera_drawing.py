@@ -42,7 +42,7 @@ def test_flags_are_written(make_scene):
 
 
 def yellow(picture, pixel):
-    """How many pixels around a place have the colour of the fitted surface."""
+    """Returns the number of pixels near a position with the fitted surface's colour."""
     u, v = (round(float(value)) for value in pixel)
     near = picture[v - 2 : v + 3, u - 4 : u + 5].astype(int)
     return np.count_nonzero((near[..., 2] > 200) & (near[..., 1] > 170) & (near[..., 0] < 120))

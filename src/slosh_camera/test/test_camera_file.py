@@ -143,7 +143,7 @@ def test_a_file_that_is_not_text(tmp_path):
 
 @pytest.fixture
 def with_still(tmp_path):
-    """Calibration file whose still image is written by the test."""
+    """Calibration file with a still image that the test writes."""
     (tmp_path / "images").mkdir()
     path = tmp_path / "camera.yaml"
     path.write_text(TEXT)

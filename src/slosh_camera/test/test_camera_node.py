@@ -1,4 +1,4 @@
-"""The camera node over DDS: heights from raw and compressed images, and a life after bad ones."""
+"""Tests the camera node over DDS with raw, compressed and invalid images."""
 
 import math
 
@@ -33,7 +33,7 @@ HEIGHT = 0.01
 
 
 class Rig(Graph):
-    """The camera node and a node that stands for the driver and for whoever listens."""
+    """The camera node together with a node that acts as driver and as listener."""
 
     def __init__(self, calibration, **parameters):
         words = ["--ros-args", "-r", "__ns:=/rig", "-p", f"calibration:={calibration}"]
@@ -56,14 +56,14 @@ class Rig(Graph):
         )
 
     def measure(self, message):
-        """The node's answer to an image."""
+        """Publishes an image and returns the node's measurement."""
         self.heights.clear()
         self.driver.publish(message)
         self.until(lambda: self.heights)
         return self.heights[-1]
 
     def report(self, condition):
-        """Key-value pairs and status of the first report for which the condition holds."""
+        """Returns values and status of the first diagnostics that meet a condition."""
         self.reports.clear()
 
         def found():
@@ -299,7 +299,7 @@ def test_a_still_image_is_learnt_at_start(make_rig, make_scene, tmp_path):
 
 
 def test_a_level_that_has_changed_is_told(make_rig, make_scene, tmp_path):
-    """Two millimetres were added: this was measured as a wave of 17 mm, without a flag."""
+    """Regression test: 2 mm of added liquid were measured as a wave of 17 mm."""
     scene, still = make_scene(camera_height=0.08), tmp_path / "still.png"
     cv2.imwrite(str(still), scene.draw())
     rig = make_rig(still_image=still)
@@ -315,7 +315,7 @@ def test_a_level_that_has_changed_is_told(make_rig, make_scene, tmp_path):
 
 
 def test_a_doubtful_still_image_is_told_of_at_start(make_rig, make_scene, tmp_path, capfd):
-    """A liquid that looks like what is beside the container: here, what is taken for it does."""
+    """The liquid has the same grey level as the surroundings of the container."""
     scene, still = make_scene(camera_height=0.08), tmp_path / "still.png"
     image = scene.draw()
     image[scene.height // 2 :][image[scene.height // 2 :] == scene.background] = scene.liquid
@@ -369,7 +369,7 @@ def test_a_wrong_parameter_is_refused_in_one_line(make_rig, parameters, error, m
     st.lists(st.tuples(st.integers(0, 10), st.integers(-1, 1)), min_size=9, max_size=60),
 )
 def test_learnt_or_stated_the_missing_frames_are_counted(rate, frames):
-    """Forty whole periods teach the rate; then every second frame comes after some lost ones."""
+    """The frame rate is known after forty periods; later, frames are dropped."""
     period = SECOND // rate
     learnt, stated = FrameGaps(), FrameGaps(float(rate))
     number = 0
@@ -396,7 +396,7 @@ def test_pauses_and_clocks_that_jump_are_no_loss(jump):
 
 
 def container(scene, stamp_ns, rise=0.0, **fields):
-    """What the estimator tells of a cup like the calibrated one, filled higher by `rise`."""
+    """Returns the estimator's message about a cup that is filled higher by `rise` [m]."""
     fill = scene.fill_height + rise
     text = f"container: {{shape: cylinder, radius: {scene.radius}, fill_height: {fill}}}"
     told = {"present": True, "model": text, "fill_height": fill, **fields}

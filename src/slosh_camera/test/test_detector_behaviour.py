@@ -1,4 +1,4 @@
-"""What the detector says of pictures that are hard, or show no surface at all."""
+"""Tests the detector with difficult images and with images that show no surface."""
 
 from dataclasses import replace
 
@@ -64,7 +64,7 @@ def test_sharp_crests_and_flat_troughs(make_scene, make_wave, camera, azimuth_de
 
 @CAMERAS
 def test_a_line_that_no_surface_has_is_flagged(make_scene, camera):
-    """Half of its edges are of something else, or the liquid does what no shape has."""
+    """The line is either half hidden by another object, or has an impossible shape."""
     scene = make_scene(noise=2.0, **camera)
     image = scene.draw(0.012, scene.camera_azimuth + 1.4)
     rows, columns = np.mgrid[: image.shape[0], : image.shape[1]].astype(np.float32)
@@ -168,7 +168,7 @@ def test_an_over_exposed_background_is_flagged_and_still_measured(
 
 
 def texture(seed):
-    """Noise of any grain, stripes, squares, things or a ramp, at any contrast."""
+    """Returns an image of noise, stripes, squares, objects or a ramp, without a container."""
     rng = np.random.default_rng(seed)
     v, u = np.mgrid[:480, :640].astype(np.float32)
     angle = rng.uniform(0.0, 2.0 * np.pi)
@@ -200,7 +200,7 @@ def texture(seed):
 
 @pytest.fixture(scope="module", params=[{}, PITCHED], ids=["level", "pitched"])
 def detectors(request, make_scene):
-    """One that has not learnt from a still image and one that has."""
+    """Detectors with and without data from an image of the liquid at rest."""
     scene = make_scene(**request.param)
     plain, learnt = (FreeSurfaceDetector(scene.calibration()) for _ in range(2))
     learnt.learn_still(scene.draw())

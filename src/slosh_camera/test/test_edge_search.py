@@ -16,7 +16,7 @@ PLACES = 40.0 + np.arange(100) / 100.0
 
 
 def soft_edges(place, width, *, sign=1, light=0.0, noise=0.0):
-    """Background above liquid with a Gaussian's integral in between; sign -1: the other way."""
+    """Returns an image with a blurred edge between background and liquid; sign -1 swaps them."""
     row = np.arange(ROWS)[:, np.newaxis]
     picture = 0.5 - 0.5 * sign * erf((row - place) / (np.sqrt(2.0) * width))
     picture += light * (row - 40.0)

@@ -1,4 +1,4 @@
-"""What the front line is off at rest, and how far that goes with it."""
+"""Tests the contact line's bias at rest and the heights at which it is applied."""
 
 from types import SimpleNamespace
 
@@ -17,7 +17,7 @@ ZERO[0] = -0.2 * MM
 
 
 def line(height, known=True):
-    """Points of a front line, and a fit that all of them agree with, or none."""
+    """Returns contact-line points and a fit that agrees with all, or none, of them."""
     points = WallPoints(
         place=np.zeros(LINES),
         azimuth=AZIMUTH,

@@ -1,4 +1,4 @@
-"""Images of messages and files: what is read, what is viewed in place, what is refused."""
+"""Tests which images in messages and files are decoded, shared in memory or rejected."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""Intrinsic parameters from rendered pictures of boards whose camera is known."""
+"""Tests intrinsic parameters from rendered images of boards with a known camera."""
 
 import re
 
@@ -104,7 +104,7 @@ def test_too_small_an_error_is_not_claimed_of_pictures_that_tell_little(fit, pic
 
 
 def sheet_page(board, scale):
-    """What the printer makes of the board's PDF, and the place of its left top corner [m]."""
+    """Renders a board's PDF as a printer would; returns the page and its left top corner [m]."""
     sheet = sheet_of(board)
     numbers = re.findall(rb"^(\S+) (\S+) (\S+) (\S+) re$", as_pdf(sheet), re.MULTILINE)
     rows = 25.4 / 72.0 * np.array(numbers, float)[:-1]  # the last one is the rule
@@ -162,7 +162,7 @@ def test_pictures_that_tell_nothing_new_are_left_out_with_the_reason(pictures):
 
 
 def bent():
-    """A board whose page was pulled out of shape."""
+    """Renders a board on a page that is not flat."""
     page = chessboard_page(8, 5, 0.02, 4000.0)
     rows, columns = np.indices(page.shape).astype(np.float32)
     page = cv2.remap(page, columns + 8 * np.sin(rows / 120), rows, cv2.INTER_LINEAR)

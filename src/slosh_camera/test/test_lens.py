@@ -1,4 +1,4 @@
-"""Models of a lens against OpenCV, and what a file or a driver calls them."""
+"""Tests lens models against OpenCV, and the names of lens models in files and messages."""
 
 import itertools
 import json
@@ -84,7 +84,7 @@ def test_the_jacobian_is_the_derivative(lens):
 
 
 def test_a_fisheye_lens_sees_almost_half_the_space():
-    """An ideal one: the distance from the centre is the angle."""
+    """In an ideal fisheye image the distance from the centre is proportional to the angle."""
     camera = camera_with("equidistant", (0.0,) * 4)
     angle = np.deg2rad(80.0)
     (pixel,) = camera.project([[np.sin(angle), 0.0, np.cos(angle)]])
@@ -169,7 +169,7 @@ def view(height=0.1, thickness=0.003, index=1.49):
 
 
 def optical_length(places, target, origin, glass):
-    """Length of the path through a point of the outer wall and, for the rear, one of the inner."""
+    """Returns the optical length of a path through given points of the outer and inner wall."""
     path = [origin, _on(glass.outer_radius, *places[:2])]
     if len(places) == 4:
         path.append(_on(glass.radius, *places[2:]))

@@ -1,4 +1,4 @@
-"""A cup that was filled up or drunk from since the still image: right heights, and a flag."""
+"""Tests the measurement of a cup that was filled or emptied since the image at rest."""
 
 from dataclasses import replace
 from itertools import product
@@ -36,7 +36,7 @@ ALL = [
 
 @pytest.fixture(scope="module")
 def learnt(make_scene):
-    """A scene by name, with noise, and a detector that has learnt from its still image."""
+    """Returns a scene with noise, and a detector initialised with its image at rest."""
     made = {}
 
     def make(name):
@@ -73,7 +73,7 @@ def test_liquid_at_rest_at_another_level_is_no_wave(learnt, name, level):
 @pytest.mark.parametrize("azimuth", [-2.4, 0.0, 1.5])
 @pytest.mark.parametrize("size", [4.0, 12.0])
 def test_waves_on_a_changed_level(learnt, make_wave, level, azimuth, size):
-    """Heights are above the old level, whether or not an image tells the change."""
+    """Heights refer to the level at rest, whether or not the changed level is flagged."""
     scene, detector = learnt("pitched")
     wave = make_wave(size * MM, azimuth, level * MM)
     found = detector.measure(0, scene.draw_wave(wave))

@@ -1,4 +1,4 @@
-"""Photographs of a graduated cylinder: the level is found, or asked for; it is no ring, no rim."""
+"""Tests that the liquid level, and no printed ring or rim, is found in photographs."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""The side view against ray-traced images of which the line is known exactly."""
+"""Tests the side-view detector against ray-traced images with known lines."""
 
 import pickle
 from dataclasses import replace
@@ -31,7 +31,7 @@ def measured(setup=SETUP, liquid=WAVE, look=CLEAR, *, learn=True):
 
 
 def profile_rms(measurement, setup=SETUP, liquid=WAVE):
-    """Of the profile's places, in pixels."""
+    """Returns the RMS error of a measured profile [px]."""
     truth = liquid.at(measurement.profile_x, setup.width)
     return np.sqrt(np.nanmean((measurement.profile_height - truth) ** 2)) / PIXEL
 

@@ -1,4 +1,4 @@
-"""A calibration for another fill: the container stays where it is seen, the level moves."""
+"""Tests that a calibration for another fill height moves the level and not the container."""
 
 import numpy as np
 import pytest

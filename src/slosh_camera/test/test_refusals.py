@@ -1,4 +1,4 @@
-"""What must speak for a pose, and how much may speak against it."""
+"""Tests which evidence a calibrated pose needs and which contradictions it may have."""
 
 from types import SimpleNamespace
 
@@ -21,7 +21,7 @@ SEEN = {
 
 
 def fit(**shares):
-    """A fit whose curves show on parts of their length, 0.9 and more where nothing is said."""
+    """Returns a fit with given visible fractions of its curves; other fractions are high."""
     shown = SEEN | {Curve[name.upper()]: share for name, share in shares.items()}
     return SimpleNamespace(
         share=shown.__getitem__,

@@ -1,4 +1,4 @@
-"""Accuracy on ray-traced sequences with exact truth: refraction, reflections, JPEG."""
+"""Tests accuracy on ray-traced image sequences with refraction, reflections and JPEG."""
 
 import json
 import os
@@ -39,7 +39,7 @@ ways = pytest.mark.parametrize(("still", "grey"), WAYS)
 
 @dataclass(frozen=True)
 class Pair:
-    """A frame's truth and what was measured."""
+    """True and measured surface of one image."""
 
     truth: dict
     measured: Measurement

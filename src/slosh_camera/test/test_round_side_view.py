@@ -1,4 +1,4 @@
-"""Bodies of revolution from the side: images marched through a body of liquid, truth exact."""
+"""Tests side views of bodies of revolution against rendered images with exact truth."""
 
 import math
 from dataclasses import replace
@@ -25,7 +25,7 @@ STEPS = 160
 
 
 def drawn(body, a, b, above=0.0):
-    """Dark liquid whose surface is the plane z = a x + b y, seen from (0, -DISTANCE, above)."""
+    """Renders a body filled with dark liquid whose surface is the plane z = a x + b y."""
     _, levels, radii = body.wall_line
     u, v = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     slope_x, slope_z = (u - 0.5 * (SIZE[0] - 1)) / FOCAL, -(v - 0.5 * (SIZE[1] - 1)) / FOCAL
@@ -56,7 +56,7 @@ def calibrated(body, above=0.0, distance=DISTANCE):
 
 
 def wall_height(body, slope):
-    """Where the plane z = slope r meets the wall."""
+    """Returns the height at which the plane z = slope r meets the wall [m]."""
     _, levels, radii = body.wall_line
     return float(np.interp(0.0, levels - slope * radii, levels))
 

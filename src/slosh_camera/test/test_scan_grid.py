@@ -13,7 +13,7 @@ WIDTH, HEIGHT = 640, 480
 
 
 def view(*, aim=0.0, above=0.08, distance=0.45, focal=1000.0, distortion=(0.0,) * 5, rim=0.13):
-    """A cup with a thick glass wall, seen from the side and somewhat above."""
+    """Returns the view of a cup with a thick glass wall, from the side and slightly above."""
     camera = PinholeCamera(WIDTH, HEIGHT, focal, focal, 320.0, 240.0, distortion)
     pose = look_at((0.3 * distance, -distance, above), (0.0, 0.0, aim))
     return CupView(camera, pose, Cup(0.05, 0.07, 0.004, rim, 1.49))
@@ -79,7 +79,7 @@ def textured(channels=None):
 
 
 def sampled(image, grid):
-    """Bilinear samples by another library."""
+    """Samples an image bilinearly with another library."""
     at = grid.pixels[..., 1], grid.pixels[..., 0]
     return map_coordinates(image.astype(np.float64), at, order=1, mode="constant")
 

@@ -12,7 +12,7 @@ NOWHERE = np.full((1, LINES), np.nan)
 
 
 def steps(*edges):
-    """Background above, falling by a size at each row."""
+    """Returns a profile that decreases by a given amount at each given row."""
     picture = np.ones((ROWS, LINES), np.float32)
     for row, size in edges:
         picture[row:] -= size
@@ -64,7 +64,7 @@ def test_the_line_at_rest_is_the_liquid_s_own_where_it_is_seen():
 
 
 def labelled(image):
-    """A paper label over the left part of the wall, nearly as bright as what is behind."""
+    """Draws a paper label over the left part of the wall, nearly as bright as the background."""
     cv2.rectangle(image, (235, 205), (300, 290), 190, -1)
     cv2.rectangle(image, (235, 205), (300, 290), 90, 2)
     for row in (225, 245, 265):

@@ -1,4 +1,4 @@
-"""A picture that does not show the container where the still image has it gives no height."""
+"""Tests that images give no height if the container has been moved or removed."""
 
 import cv2
 import numpy as np
@@ -52,7 +52,7 @@ HARMLESS = {
 
 
 def table_of(scene, image):
-    """The drawing on a table, in glass."""
+    """Draws the scene's glass on a table."""
     picture = image.copy()
     floor = scene.calibration().view.project(np.array([[0.0, 0.0, -0.07]]))[0, 1]
     picture[int(floor) :] = 120
@@ -61,7 +61,7 @@ def table_of(scene, image):
 
 @pytest.fixture(params=["level", "pitched"])
 def cup(request, make_scene):
-    """A detector that has learnt, and a picture of a wave."""
+    """An initialised detector and an image of a wave."""
     height = 0.0 if request.param == "level" else 0.08
     scene = make_scene(noise=2.0, camera_height=height, aim=0.0)
     detector = FreeSurfaceDetector(scene.calibration())
@@ -114,7 +114,7 @@ def edges_of(scene):
 
 @pytest.fixture
 def edges(make_scene):
-    """Edges that have learnt, and the picture that they learnt from."""
+    """An edge check that is initialised with an image, and that image."""
     scene = make_scene(noise=2.0)
     image = table_of(scene, scene.draw())
     edges = edges_of(scene)

@@ -16,7 +16,7 @@ ZERO = np.zeros(SHAPES)
 
 
 class NothingElse:
-    """Finds no further surfaces in a picture."""
+    """Test double that finds no further candidate surfaces."""
 
     def fit_several(self, view, points, prior):
         return []
@@ -103,7 +103,7 @@ def test_a_certain_front_line_is_asked_again_where_it_was_not_foretold():
 
 @pytest.fixture
 def stream(make_scene):
-    """Detectors, and images of a liquid that swings, by their number."""
+    """Detectors, and images of oscillating liquid by frame number."""
     scene = make_scene(noise=2.0, camera_height=0.08)
     omega = 18.9
 

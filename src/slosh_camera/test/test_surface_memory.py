@@ -13,7 +13,7 @@ OMEGA = np.sqrt(9.81 * 1.841184 / RADIUS * np.tanh(1.841184 * FILL / RADIUS))
 
 
 def swing(stamp_ns, size=20.0 * MM):
-    """A first mode left alone, turning about the axis."""
+    """Returns the first mode of a free rotating oscillation at a stamp."""
     phase = OMEGA * stamp_ns / SECOND
     return size * np.array([np.cos(phase), 0.6 * np.sin(phase)])
 
@@ -65,7 +65,7 @@ def test_what_the_memory_decided_does_not_feed_it_for_ever():
 
 
 def test_a_crest_that_does_not_swing_stands():
-    """Liquid swings; an old image with fresh noise does not, nor does a tilted container."""
+    """Real liquid oscillates; repeated images and a tilted container do not."""
     rng = np.random.default_rng(5)
     size, noise = 12.0 * MM, 0.05 * MM
     stamps = [k * FRAME for k in range(60)]

@@ -1,4 +1,4 @@
-"""What is expected of the surface's shape: from the physics of the first mode alone."""
+"""Tests the expected shape of the surface, which follows from the first mode's physics."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ sizes = st.floats(1e-3, 0.04)
 
 
 def wave(size, azimuth, double=(0.0, 0.0)):
-    """Heights of a first mode [m] with its crest at an azimuth, and of the double shape."""
+    """Returns mode amplitudes [m] of a first mode with its crest at an azimuth."""
     heights = np.zeros(SHAPES)
     heights[FIRST] = size * np.cos(azimuth), size * np.sin(azimuth)
     heights[DOUBLE] = double
@@ -24,13 +24,13 @@ def wave(size, azimuth, double=(0.0, 0.0)):
 
 
 def at_double_azimuth(size, azimuth):
-    """The double shape, cos 2(θ - φ), with a crest at φ."""
+    """Returns the amplitudes of the mode cos 2(θ - φ) with a crest at azimuth φ."""
     return size * np.cos(2.0 * azimuth), size * np.sin(2.0 * azimuth)
 
 
 @given(sizes, azimuths)
 def test_a_crest_is_expected_to_be_sharper_than_a_trough(size, azimuth):
-    """Second order raises the crest and the trough alike: the double shape's crest is at both."""
+    """The second-order term raises both the crest and the trough of a wave."""
     centre, _ = REST.about(wave(size, azimuth), RADIUS)
     expected = 0.15 * size**2 / RADIUS
     np.testing.assert_allclose(centre[DOUBLE], at_double_azimuth(expected, azimuth), atol=1e-12)
@@ -41,7 +41,7 @@ def test_a_crest_is_expected_to_be_sharper_than_a_trough(size, azimuth):
 
 @given(sizes, azimuths)
 def test_less_is_known_along_the_wave_than_across_it(size, azimuth):
-    """How sharp a crest is depends on more than its height; that it lies askew is odd."""
+    """The sharpness along the wave is less certain than its symmetry across the wave."""
     centre, _ = REST.about(wave(size, azimuth), RADIUS)
     more = np.array(at_double_azimuth(1e-3, azimuth))
     askew = np.array(at_double_azimuth(1e-3, azimuth + np.pi / 4))

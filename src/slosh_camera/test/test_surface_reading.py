@@ -28,7 +28,7 @@ def slosh(size, azimuth, level=0.0):
 def fit_of(
     heights, *, front=True, rear=True, bump=None, width=2.0, covariance=1e-10, by_fade=None
 ):
-    """A fit all of whose edges agree, but for what a bump (LINES,) [m] adds to the front line."""
+    """Returns a fit whose edges all agree, except for a bump (LINES,) [m] on the contact line."""
     bump = np.zeros(LINES) if bump is None else bump
     shapes = wall_shapes(FRONT)
     points = WallPoints(
@@ -164,7 +164,7 @@ def test_edges_that_err_together_tell_as_much_as_one_of_them(together):
 
 
 def test_a_line_that_is_of_no_surface_leaves_it_uncertain():
-    """A wave of the third order along the line: so is an edge of something else beside it."""
+    """A third-order wave along the line looks like the edge of another object."""
     bump = 0.6 * MM * np.cos(3.0 * FRONT)
     scattered = np.random.default_rng(4).permutation(bump)
     fits = [fit_of(slosh(10.0 * MM, -1.2), covariance=1e-9, bump=one) for one in (bump, scattered)]

@@ -22,7 +22,7 @@ WEAK[np.diag_indices(SHAPES)] **= -1.0
 
 
 def random_surface(rng, first=0.4):
-    """Heights of all shapes of a slosh whose first mode is up to a part of the radius."""
+    """Returns random mode amplitudes with a first mode up to a fraction of the radius."""
     size, azimuth = rng.uniform(0.3, 1.0) * first * RADIUS, rng.uniform(-np.pi, np.pi)
     square = size**2 / RADIUS
     heights = np.zeros(SHAPES)
@@ -35,7 +35,7 @@ def random_surface(rng, first=0.4):
 
 
 def highest_above(near, far, heights, places=4001):
-    """Where a surface is highest above a ray (3,) to (3,), and how high; by looking everywhere."""
+    """Finds where, and how high, the surface rises most above a ray by exhaustive search."""
     part = np.linspace(0.0, 1.0, places)[:, np.newaxis]
     points = near + part * (far - near)
     above = shapes_at(points[:, 0], points[:, 1]) @ heights - points[:, 2]
@@ -44,7 +44,7 @@ def highest_above(near, far, heights, places=4001):
 
 
 def touching_rays(heights, count, rng):
-    """Rays from a camera at -y, somewhat above, that touch a surface in the rear half."""
+    """Returns rays from a camera slightly above that touch the surface in its rear half."""
     start = rng.uniform(-0.8, 0.8, count) - 0.5 * np.pi
     turn = np.pi + rng.uniform(-0.6, 0.6, count)
     near = np.column_stack((np.cos(start), np.sin(start), np.zeros(count)))

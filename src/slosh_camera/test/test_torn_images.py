@@ -1,4 +1,4 @@
-"""Images whose upper part is of another moment than the lower one, never shown before."""
+"""Tests the detection of images whose upper and lower part are of different times."""
 
 import cv2
 import numpy as np
@@ -14,7 +14,7 @@ WRONG = 1e-3
 
 
 def exposed(image, seed):
-    """With the blur of a lens and the noise of a camera."""
+    """Adds the blur of a lens and the noise of a camera to an image."""
     random = np.random.default_rng(seed)
     soft = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 0.7)
     return np.clip(soft + 2.0 * random.standard_normal(image.shape), 0, 255).astype(np.uint8)
@@ -23,7 +23,7 @@ def exposed(image, seed):
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("height", "azimuth"), [(0.015, 0.3), (0.02, -1.4), (0.012, 2.0)])
 def test_no_torn_image_is_measured_wrong_without_a_flag(make_scene, height, azimuth):
-    """The liquid of the other part is 12 mm lower, as a frame before."""
+    """The liquid in the older image part is 12 mm lower."""
     scene = make_scene(camera_height=0.12)
     detector = FreeSurfaceDetector(scene.calibration())
     detector.learn_still(exposed(scene.draw(), 1))
@@ -111,7 +111,7 @@ def test_a_driver_that_hands_out_old_images_in_turn_is_frozen(order):
 
 
 def of_camera(count, shape=(64, 40)):
-    """Images of one scene with the noise of a camera."""
+    """Returns images of one scene with camera noise."""
     random = np.random.default_rng(7)
     return [random.integers(90, 110, shape, dtype=np.uint8) for _ in range(count)]
 

@@ -1,4 +1,4 @@
-"""Files that are cut or damaged are refused; whole ones of every kind are not."""
+"""Tests that incomplete or damaged image files are rejected, and complete ones are not."""
 
 import struct
 
@@ -23,7 +23,7 @@ OPTIONS = {
 
 
 def picture(seed=0):
-    """A cup before a wall, by and large: areas, edges, a shade and noise."""
+    """Draws a simple cup in front of a wall, with shading and noise."""
     image = np.full((150, 203, 3), 180, np.uint8)
     cv2.rectangle(image, (60, 60), (140, 130), (90, 60, 40), -1)
     image[:20] = np.linspace(20, 240, 203, dtype=np.uint8)[None, :, None]
@@ -79,7 +79,7 @@ def test_a_jpeg_without_a_part_is_refused(kind):
 
 
 def test_most_wrong_bits_are_seen():
-    """Those that stay unseen are bits of values: the codes around them fit as before."""
+    """Undetected bit errors are in coefficient values whose codes remain valid."""
     data, random = jpeg_of("grey"), np.random.default_rng(7)
     noticed = 0
     for place in random.integers(scan_start(data), len(data) - 2, 300):

@@ -1,4 +1,4 @@
-"""Camera images at the times of the base model's largest residuals."""
+"""Returns camera images at the times of the base model's largest residuals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST = 3
 def worst_frames(
     data: Iterable[Path], worst: Sequence[WorstMoment], pictures: Pictures
 ) -> tuple[Frame, ...]:
-    """Returns images with the detected line at the worst times; none if not recorded.
+    """Returns images with the detected surface at the times of the largest residuals, if any.
 
     Args:
         data: bags, and folders of them; a motion's name tells which bag it is of.
@@ -69,7 +69,7 @@ def _is_bag(path: Path) -> bool:
 def _pictures(
     bag: Path, moments: Mapping[str, WorstMoment], pictures: Pictures
 ) -> Mapping[str, tuple[bytes, float]]:
-    """Returns images with their line as JPEG, and their heights [m], by letter."""
+    """Returns images with the detected line as JPEG and their heights [m], by letter."""
     try:
         recording = read_recording(bag, *sources_of(bag), lambda line: None)
     except SloshBagError:

@@ -1,4 +1,4 @@
-"""Runs a discovery from files to files."""
+"""Runs a discovery that reads its data from files and writes its results to files."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class DiscoveryRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedDiscovery:
-    """Prepared data of a discovery.
+    """Model and motions that a discovery starts from.
 
     Attributes:
         base: the model that came in.
@@ -96,7 +96,7 @@ MANY, MOST = 100_000, 500_000
 
 
 def check_size(motions: Sequence[MeasuredMotion], tell: Tell) -> None:
-    """Warns that a search will take long.
+    """Warns if a search will take long; raises an error if it would take far too long.
 
     Raises:
         SloshDiscoveryError: longer than anybody waits.
@@ -110,7 +110,7 @@ def check_size(motions: Sequence[MeasuredMotion], tell: Tell) -> None:
 
 
 def prepare(request: DiscoveryRequest, tell: Tell) -> PreparedDiscovery:
-    """Reads the model and the motions.
+    """Reads the model and the motions that a request names.
 
     Args:
         request: what is asked.
@@ -152,7 +152,7 @@ def prepare(request: DiscoveryRequest, tell: Tell) -> PreparedDiscovery:
 def make_report(
     request: DiscoveryRequest, prepared: PreparedDiscovery, finding: Finding, pictures: Pictures
 ) -> DiscoveryReport:
-    """Makes the page's and the text's contents from a finding.
+    """Creates the content of the result page and text.
 
     Args:
         request: what was asked.
@@ -176,7 +176,7 @@ def make_report(
 
 
 def write_results(folder: Path, report: DiscoveryReport) -> str:
-    """Writes model, document, page and separating motions; returns the document's text.
+    """Writes all result files of a discovery; returns the content of `discovery.json`.
 
     Raises:
         OSError: a file cannot be written.
@@ -193,7 +193,7 @@ def write_results(folder: Path, report: DiscoveryReport) -> str:
 
 
 def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> None:
-    """Refuses files that are given for two purposes.
+    """Raises an error if a file is given for two purposes.
 
     Args:
         data, holdout: what is read.
@@ -216,7 +216,7 @@ def check_paths(data: Sequence[Path], holdout: Sequence[Path], output: Path) -> 
 
 
 def recorded_model(bag: Path) -> Model:
-    """Returns the last model that a bag's estimator used; of a folder that of its last bag.
+    """Returns the last model that the estimator used in a bag, or in a folder's last bag.
 
     Raises:
         SloshDiscoveryError: the bag does not tell.
@@ -233,7 +233,7 @@ def recorded_model(bag: Path) -> Model:
 
 
 def part(motions: Motions) -> tuple[Motions, Motions]:
-    """Splits motions in fitted ones and every third of each group, held out."""
+    """Splits motions into fitted ones and held-out ones, every third of each group."""
     met: Counter[str | None] = Counter()
     parts: tuple[list[MeasuredMotion], list[MeasuredMotion]] = [], []
     for motion in motions:
@@ -243,7 +243,7 @@ def part(motions: Motions) -> tuple[Motions, Motions]:
 
 
 def check_apart(fit: Motions, holdout: Motions) -> None:
-    """Refuses a held-out motion that is also fitted.
+    """Raises an error if a held-out motion is also fitted.
 
     Raises:
         SloshDiscoveryError: the same measurements are in both.
@@ -258,7 +258,7 @@ def check_apart(fit: Motions, holdout: Motions) -> None:
 
 
 def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
-    """Numbers motions that share a name."""
+    """Numbers motions that have the same name."""
     counts = Counter(motion.name for motion in (*fit, *holdout))
     met: Counter[str] = Counter()
     named = []
@@ -271,7 +271,7 @@ def unique_names(fit: Motions, holdout: Motions) -> tuple[Motions, Motions]:
 
 
 def next_commands(request: DiscoveryRequest, finding: Finding) -> tuple[Command, ...]:
-    """Returns the commands to run after a discovery."""
+    """Returns the commands that the user may run after a discovery."""
     models = {
         f" of a rig as in {name}": request.output / GROUP_MODEL.format(name)
         for name in finding.group_models
@@ -309,7 +309,7 @@ def next_commands(request: DiscoveryRequest, finding: Finding) -> tuple[Command,
 
 
 def recorded_cell(data: Sequence[Path]) -> str:
-    """Returns the namespace of the cell in the first bag of the data.
+    """Returns the ROS namespace of the robot cell in the first bag of the data.
 
     Args:
         data: bags, motion tables, folders of these.
@@ -324,7 +324,7 @@ def recorded_cell(data: Sequence[Path]) -> str:
 
 
 def _use(request: DiscoveryRequest, model: Path) -> list[Command]:
-    """Returns commands that apply the found model to the first bag and the first table."""
+    """Returns commands that apply the discovered model to the first bag and the first table."""
     found = []
     given = [path for path in request.data if path.exists()]
     files = [file for path in given for file in files_at(path)]
@@ -353,7 +353,7 @@ def read_all(
     groups: Mapping[str, tuple[str, ...]] | None = None,
     tables: TableOptions = FOUND_OUT,
 ) -> Motions:
-    """Reads the motions of several files; for bags those with the largest live error first.
+    """Reads the motions of several files; within a bag those with the largest live error first.
 
     Raises:
         SloshDiscoveryError: there are groups, and a motion belongs to none or to several.
@@ -370,7 +370,7 @@ def read_all(
 
 
 def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
-    """Warns of motions whose tilt the model ignores; names the largest tilt."""
+    """Warns of motions in which the container tilts but the model ignores tilt."""
     tilts = {one.name: unfelt_tilt(base, attitude_of(one.inputs)) for one in motions}
     tilted = max(motions, key=lambda one: tilts[one.name], default=None)
     text = "" if tilted is None else ignored_text(base, attitude_of(tilted.inputs))
@@ -381,7 +381,7 @@ def tell_ignored_tilt(base: Model, motions: Motions, tell: Tell) -> None:
 def grouped(
     motion: MeasuredMotion, path: Path, groups: Mapping[str, tuple[str, ...]]
 ) -> MeasuredMotion:
-    """Returns the motion in its group, if a pattern matches its name or path.
+    """Returns the motion with its group, if a pattern matches its name or path.
 
     Raises:
         SloshDiscoveryError: there are groups, and it belongs to none or to several.
@@ -403,7 +403,7 @@ def grouped(
 
 
 def _print(motion: MeasuredMotion) -> tuple[bytes, bytes]:
-    """Returns a key of a motion's measurements."""
+    """Returns a key that identifies the measurements of a motion."""
     return motion.t.tobytes(), motion.heights.tobytes()
 
 

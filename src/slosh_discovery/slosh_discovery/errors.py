@@ -1,7 +1,7 @@
-"""The root exception of the package."""
+"""The root exception of the package slosh_discovery."""
 
 from __future__ import annotations
 
 
 class SloshDiscoveryError(ValueError):
-    """The data do not allow the requested computation; the text is one line."""
+    """An error whose one-line text says why the data do not allow the computation."""

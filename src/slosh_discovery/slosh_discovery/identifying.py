@@ -1,4 +1,4 @@
-"""Runs an identification from files to files."""
+"""Runs an identification that reads its data from files and writes its results to files."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class IdentificationRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedIdentification:
-    """Prepared data of an identification.
+    """Model, motions and earlier results that an identification starts from.
 
     Attributes:
         base: the model that came in.
@@ -90,7 +90,7 @@ class PreparedIdentification:
 
 
 def prepare(request: IdentificationRequest, tell: Tell) -> PreparedIdentification:
-    """Reads the model, the motions and the earlier results for comparison.
+    """Reads the model, the motions and the earlier results that a request names.
 
     Args:
         request: what is asked.
@@ -117,7 +117,7 @@ def prepare(request: IdentificationRequest, tell: Tell) -> PreparedIdentificatio
 
 
 def read_beside(folder: Path) -> Beside:
-    """Reads the first mode of an earlier identification.
+    """Reads frequency and damping of the first mode from an earlier identification.
 
     Args:
         folder: with its `model.yaml` and `identification.json`.
@@ -144,7 +144,7 @@ def read_beside(folder: Path) -> Beside:
 def make_report(
     request: IdentificationRequest, prepared: PreparedIdentification, found: Identification
 ) -> IdentificationReport:
-    """Makes the page's and the text's contents from an identification."""
+    """Creates the content of the result page and text."""
     count, held = len(prepared.fit), len(prepared.holdout)
     source = "the recorded model" if request.model is None else str(request.model)
     return IdentificationReport(
@@ -163,7 +163,7 @@ def make_report(
 
 
 def point_files(labels: Sequence[str]) -> tuple[str, ...]:
-    """Returns unique file names of the operating points' models, from their labels."""
+    """Returns unique file names for the models of operating points, from their labels."""
     plain = [re.sub(r"[^A-Za-z0-9._-]+", "_", label.removesuffix(" 1/min")) for label in labels]
     return tuple(
         POINT_MODEL.format(name if plain.count(name) == 1 else f"{name}_{number}")
@@ -172,7 +172,7 @@ def point_files(labels: Sequence[str]) -> tuple[str, ...]:
 
 
 def write_results(folder: Path, report: IdentificationReport) -> str:
-    """Writes models, document, page and helpful motions; returns the document's text.
+    """Writes all result files of an identification; returns the content of `identification.json`.
 
     Raises:
         OSError: a file cannot be written.

@@ -1,4 +1,4 @@
-"""Excludes motions with faulty inputs before any physical explanation."""
+"""Excludes motions with faulty inputs before a discovery or identification."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Motions = tuple[MeasuredMotion, ...]
 
 
 def sound(motions: Sequence[MeasuredMotion]) -> tuple[Motions, tuple[str, ...]]:
-    """Returns the motions with faultless inputs, and one sentence for each other."""
+    """Returns the motions with valid inputs, and one sentence for each excluded motion."""
     kept, told = [], []
     for motion in motions:
         faults = find_input_faults(motion.inputs.t, motion.inputs.acceleration)
@@ -23,7 +23,7 @@ def sound(motions: Sequence[MeasuredMotion]) -> tuple[Motions, tuple[str, ...]]:
 
 
 def sound_fit(motions: Sequence[MeasuredMotion]) -> tuple[Motions, tuple[str, ...]]:
-    """Returns the faultless motions of a fit, and one sentence for each other.
+    """Returns the valid motions of a fit, and one sentence for each excluded motion.
 
     Raises:
         SloshDiscoveryError: all of them have faulty inputs; the text tells the first one's.

@@ -1,4 +1,4 @@
-"""One closed share: what it means at its edges, and that text, page and JSON tell the same one."""
+"""Tests the share of the error that a model removes, in text, page and JSON."""
 
 import json
 import math
@@ -66,12 +66,12 @@ def test_what_is_not_known_has_no_closed_share(unknown):
 
 
 def found(finding: Finding) -> Finding:
-    """The finding with the gap that the workflow makes of its motions."""
+    """Returns the discovery result with the error that its motions give."""
     return replace(finding, gap=total_gap(finding.motions))
 
 
 def percents(text: str, row: str) -> str:
-    """The closed share in a row of the text's table of the gap."""
+    """Returns the removed share of the error [%] from a row of the text's table."""
     line = next(line for line in text.splitlines() if line.startswith(f"{row} "))
     return line.split()[-2]
 
@@ -133,7 +133,7 @@ def test_what_leaves_nothing_but_noise_is_trusted():
 
 
 def test_a_name_that_explains_only_part_of_a_small_gap_is_not_certain():
-    """Little beside the noise, and yet a third of the gap's amplitude: a law that is nearly it."""
+    """Tests that an effect is uncertain if it leaves a third of a small error."""
     rest = Leftover(mean_square=0.9 * TUNING.adequate**2, stddev=0.005)
     assert rest.adequate
     assert trust_in(GAP, rest) < 0.9
@@ -141,6 +141,6 @@ def test_a_name_that_explains_only_part_of_a_small_gap_is_not_certain():
 
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
 def test_the_more_of_a_gap_is_left_the_less_is_sure(share):
-    """Down to a share of what is closed: half of a gap explained is something."""
+    """Tests that the confidence falls with the share of the error that remains."""
     trust = trust_in(Leftover(4.0, 0.0), Leftover(4.0 * share, 0.0))
     assert trust == pytest.approx(0.85 * (1.0 - share))

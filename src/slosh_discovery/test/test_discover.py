@@ -1,4 +1,4 @@
-"""Discovery on motions whose truth is known: named, nothing missing, ambiguous, unknown clocks."""
+"""Tests discoveries with known truth: one effect, none, ambiguous, unknown clocks."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_in_a_rectangle_what_its_shape_can_have_is_tried():
 
 @pytest.mark.long
 def test_what_makes_the_motions_held_out_worse_is_not_added():
-    """As what a few motions alone have: of another fill, or of a cause that the list lacks."""
+    """Tests that an effect is not added if it makes held-out motions worse."""
     truth = BASE.with_effect("quadratic_damping", beta=0.1)
     motions = [measured(truth, seed) for seed in range(2)]
     finding = discover(motions, BASE, [measured(BASE, 9)])
@@ -112,7 +112,7 @@ def test_what_the_motions_cannot_tell_apart_is_ambiguous_with_a_motion_that_can(
 
 
 def at_azimuths(truth: Model, seed: int, vertical: float) -> MeasuredMotion:
-    """What a camera that sees all of the wall measures of a motion."""
+    """Returns a motion with simulated heights at several azimuths and camera noise."""
     inputs = inputs_of(seed, vertical)
     azimuths = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
     t = np.arange(0.01, DURATION, 1.0 / 60.0)
@@ -123,7 +123,7 @@ def at_azimuths(truth: Model, seed: int, vertical: float) -> MeasuredMotion:
 
 @pytest.mark.long
 def test_a_difference_that_no_model_has_right_decides_nothing():
-    """A cup that stands askew, or a sensor that leans: here they differ by the lean's square.
+    """Tests a tilted cup and a tilted sensor, which differ only by the square of the tilt.
 
     Where the cup is lifted they differ by its lift over g, and that tells.
     """
@@ -180,7 +180,7 @@ def test_the_number_of_threads_changes_nothing():
 
 @pytest.mark.long
 def test_heights_that_do_not_follow_the_motion_are_no_effect():
-    """A flat line is what a low cap makes of any wave; it is the camera that does not see."""
+    """Tests that heights that stay constant are blamed on the camera, not on an effect."""
     t = np.arange(0.01, DURATION, 1.0 / 60.0)
     flat = NOISE * np.random.default_rng(5).normal(size=len(t))
     finding = discover([MeasuredMotion("blind camera", inputs_of(1), t, msh=flat)], BASE)

@@ -1,4 +1,4 @@
-"""Tables, bags and recording days as measured motions."""
+"""Tests reading of tables, bags and recordings of a day as measured motions."""
 
 import gzip
 import math
@@ -40,7 +40,7 @@ NONE = Residuals(np.empty(0, dtype=np.int64), np.empty(0))
 
 
 def burst(t: Array, start: float, size: float = 2.0, length: float = 2.0) -> Array:
-    """A motion that begins and ends at rest: (N, 3) [m/s²]."""
+    """Returns the acceleration (N, 3) [m/s²] of a motion that begins and ends at rest."""
     swell = np.where(
         (t > start) & (t < start + length), np.sin(np.pi * (t - start) / length) ** 2, 0.0
     )
@@ -55,7 +55,7 @@ def bursts(starts: tuple[float, ...], seconds: float) -> tuple[Array, Array]:
 
 
 def seen(t: Array, acceleration: Array, model: Model = MODEL, seed: int = 3) -> Heights:
-    """What a camera of 50 Hz measures."""
+    """Returns simulated heights as a camera with 50 images per second measures them."""
     msh = simulate(model, Inputs(t, acceleration))[0].msh[::5]
     noise = np.random.default_rng(seed).normal(0.0, NOISE, len(msh))
     return Heights(stamps_of(t)[::5], msh + noise, np.full(len(msh), NOISE))
@@ -71,7 +71,7 @@ def recording(t: Array, acceleration: Array, heights: Heights) -> BagRecording:
 
 
 def parts_of(starts: tuple[float, ...], seconds: float) -> list[tuple[float, float, float]]:
-    """Start, end and start of the heights of each part [s]."""
+    """Returns start, end and start of the heights of each recorded part [s]."""
     t, acceleration = bursts(starts, seconds)
     found = split(recording(t, acceleration, seen(t, acceleration)))
     assert found.notes == []
@@ -221,7 +221,7 @@ class TestSplit:
 
 
 class Bag(CellBag):
-    """A bag of a cell with measured heights."""
+    """Writes a bag of a robot cell with measured heights."""
 
     def heights(self, heights: Heights, flags: dict[int, int] | None = None) -> None:
         for row, (stamp, msh, stddev) in enumerate(zip(*heights, strict=True)):

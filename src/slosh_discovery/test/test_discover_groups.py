@@ -1,4 +1,4 @@
-"""Motions of two campaigns: what belongs to the rig may differ, and is told apart only then."""
+"""Tests motions of two campaigns, whose sensor parameters may differ between groups."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ LEANS = {"spring": {"e_x": 0.03, "e_y": 0.04}, "autumn": {"e_x": 0.01, "e_y": -0
 
 
 def coloured(motion: MeasuredMotion, seed: int) -> MeasuredMotion:
-    """The motion with noise that goes together from image to image."""
+    """Returns the motion with noise that is correlated between images."""
     random = np.random.default_rng(7000 + seed)
     noise = np.empty(len(motion.t))
     noise[0] = random.normal()
@@ -54,7 +54,7 @@ def leaning(group: str) -> Model:
 
 @pytest.fixture(scope="module")
 def finding():
-    """Two campaigns whose sensors lean each in its own way, a motion of each held out."""
+    """Returns a discovery from two campaigns with differently tilted sensors."""
     motions = [
         motion
         for start, group in enumerate(LEANS)
@@ -156,7 +156,7 @@ def test_campaigns_that_nobody_told_of_are_found_from_the_heights():
 
 
 def told(values: list[float], error: float) -> list[Normal]:
-    """Motions that tell of one parameter, in units of its spread before any data."""
+    """Returns normal equations of motions that each determine one parameter."""
     information = 1.0 / error**2
     return [
         Normal(np.array([[information]]), np.array([-information * value])) for value in values

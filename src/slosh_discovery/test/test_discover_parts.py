@@ -1,4 +1,4 @@
-"""The parts of the discovery: what data are worth, clocks that slip, motions left out."""
+"""Tests parts of the discovery: priors, wrong clock offsets and cross-validation."""
 
 import math
 
@@ -30,7 +30,7 @@ def test_residuals_that_go_together_count_once():
 
 
 def test_before_any_data_an_effect_is_at_work_one_time_in_three():
-    """So none is named for what chance alone would show, and none needs more than is there."""
+    """Tests that the prior probability of any effect is about one third."""
     nothing = math.prod(1.0 - TUNING.effect_prior * effect.odds for effect in EFFECTS.values())
     anything = 1.0 - nothing
     assert anything == pytest.approx(1.0 / 3.0, abs=0.06)
@@ -38,7 +38,7 @@ def test_before_any_data_an_effect_is_at_work_one_time_in_three():
 
 @pytest.mark.long
 def test_an_unlikely_effect_is_named_only_after_all_others_were_tried_in_its_place(monkeypatch):
-    """A wrong fill height is far from linear: by what it promises it may not be tried at all."""
+    """Tests that an improbable effect is named only after all other effects were tried."""
     truth = BASE.with_effect("fill_level", delta=0.02).with_effect("height_scale", gain=1.1)
     motions = [prepare(measured(truth, seed), noise=NOISE) for seed in range(2)]
     wanted = Explanation(BASE).with_effect("fill_level", {}).with_effect("height_scale", {})

@@ -1,4 +1,4 @@
-"""From files to a finding's report: which motions are fitted, which images are shown."""
+"""Tests a discovery from files to its report: fitted motions and images."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ BAGS = Path(__file__).parents[3] / "bags"
 
 @pytest.fixture
 def day():
-    """A recording of the simulated cell."""
+    """Returns the path of a recording of the simulated cell."""
     if not (BAGS / "c3").exists():
         pytest.skip("the recordings are not there")
     return BAGS / "c3"

@@ -1,4 +1,4 @@
-"""What a discovery found, as JSON and as text: the numbers of the finding, and nothing else."""
+"""Tests the JSON and the text of a discovery: they contain the result's numbers."""
 
 import json
 from dataclasses import replace
@@ -31,7 +31,7 @@ NAN = float("nan")
 
 
 def document_of(verdict=Verdict.NAMED):
-    """The document as a program reads it."""
+    """Returns the parsed JSON document of an example report."""
     return json.loads(discovery_json(example_report(verdict)), parse_constant=pytest.fail)
 
 

@@ -1,4 +1,4 @@
-"""A discovery's page in a real browser: what people see on screens, phones and paper."""
+"""Tests a discovery's page in a real browser: on screens, phones and paper."""
 
 import json
 import re
@@ -44,7 +44,7 @@ SCRIPT = "const all = (selector) => [...document.querySelectorAll(selector)];" +
 
 
 def hostile_report():
-    """A report whose files and parts bear such names."""
+    """Returns a report with names that try to break the page."""
     finding = example_finding(Verdict.AMBIGUOUS)
     entry = finding.motions[0]
     motions = (replace(entry, motion=replace(entry.motion, name=evil("motion"))),)
@@ -86,7 +86,7 @@ def pages(reports):
 
 @pytest.fixture(scope="module")
 def seen(pages):
-    """All views in one start of the browser; the page on paper is its print style at A4."""
+    """Returns what the browser shows of the page in all views."""
     views = {
         **{name: View(page) for name, page in pages.items()},
         "dark": View(pages["named"], dark=True),
@@ -160,7 +160,7 @@ SCALES = {
 
 
 def scale(path):
-    """From SI to what is shown; heights and residuals are in mm, correlations as they are."""
+    """Returns the factor from SI units to displayed units for a number of the page."""
     *_, before, last = path.split("/")
     if path.startswith("/where/") and last in ("before", "after") and int(before) >= 5:
         return 1.0

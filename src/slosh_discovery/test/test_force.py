@@ -1,4 +1,4 @@
-"""Identification from force: what is found again, and how wrong records are named."""
+"""Tests the identification from force: recovered parameters, and errors for bad records."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Identification on motions whose truth is known."""
+"""Tests the identification on motions with known parameters."""
 
 import math
 from dataclasses import replace
@@ -46,7 +46,7 @@ def coloured(rng, count, correlation):
 
 
 def measured(rng, speed, repeats=1, *, truth=TRUTH, noise=NOISE, rho=0.0, outliers=0.0, gaps=0.0):
-    """Repetitions of a motion, the wall at -x seen 250 times in a cycle."""
+    """Returns repeated motions, with wall heights at -x sampled 250 times per cycle."""
     inputs = drive(speed)
     t = np.linspace(0.0, inputs.t[-1], 250)
     heights = predicted_heights(truth, inputs, t, SIDE)
@@ -82,7 +82,7 @@ def test_without_noise_it_finds_the_truth():
 
 @pytest.mark.long
 def test_both_models_of_a_rectangle_by_the_slope_of_its_line():
-    """TM20's M1 and M2: the wall at +x is -θ w/2 for a pendulum that swings back."""
+    """Tests both models of TM20 for a rectangle, identified from the slope of the surface."""
     tank = Rectangle(0.06, 0.05, 0.067)
     truth = Model(tank, damping_ratio=0.042, natural_frequency=22.498)
     truth = truth.with_effect("accel_gain", gain=1.02)
@@ -132,7 +132,7 @@ def test_outliers_move_the_answer_by_less_than_its_error():
 
 
 def covered(runs, seed, names, repeats, **noise):
-    """Share of 95 % intervals that hold the truth, for each parameter."""
+    """Returns the share of 95 % intervals that contain the true value, by parameter."""
     rng = np.random.default_rng(seed)
     hits = np.zeros(len(names))
     for _ in range(runs):
@@ -300,7 +300,7 @@ def test_a_model_that_lacks_something_is_told():
 
 
 def test_a_stroke_and_its_long_decay_have_no_operating_speed():
-    """A tap of 0.155 s, and the liquid watched for 6 s: no machine of 155 1/min."""
+    """Tests that a short stroke with a long decay has no operating speed."""
     one = drive(155, "quintic")
     step = float(one.t[1] - one.t[0])
     t = np.arange(0.0, 6.0, step)

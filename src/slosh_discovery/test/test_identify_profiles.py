@@ -1,4 +1,4 @@
-"""Profiles: heights from their lines, where they are lines, what is left in the dwell."""
+"""Tests surface profiles: fitted lines, limits of the line, and residual vibration."""
 
 import math
 
@@ -29,7 +29,7 @@ X = np.linspace(-0.028, 0.028, 15)
 
 
 def table_at(speed, seed, bend=0.0):
-    """A cycle with a profile at 100 Hz: a line, a wave that grows with the speed, and noise."""
+    """Returns a table of one cycle with a surface profile at 100 Hz: line, wave and noise."""
     cycle = Cycle("acceleration_pulse", speed, 0.1)
     t = np.arange(0.0, cycle.cycle_time, 1e-3)
     acceleration = np.zeros((len(t), 3))
@@ -46,7 +46,7 @@ def table_at(speed, seed, bend=0.0):
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
-    """Two repetitions at each speed; the bend exceeds half a millimetre above 36 1/min."""
+    """Writes tables with two repetitions at each speed; above 36 1/min the surface bends."""
     folder = tmp_path_factory.mktemp("profiles")
     for speed in (30, 36, 42, 48):
         for repeat in range(2):

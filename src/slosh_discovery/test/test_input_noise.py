@@ -1,4 +1,4 @@
-"""An acceleration's noise: estimated at rest, carried through the model, never named an effect."""
+"""Tests the estimated noise of accelerations and its effect on modelled heights."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ CAMERA = 2e-5
 
 
 def sampled(inputs, rate, noise, *, bias=0.0, quantum=0.0, seed=0, colour=0.0):
-    """What an accelerometer tells of a motion that has a rest of a second before it."""
+    """Returns noisy accelerometer samples of a motion that follows a second of rest."""
     random = np.random.default_rng(seed)
     t = np.arange(-1.0, inputs.t[-1], 1.0 / rate)
     fresh = random.normal(0.0, noise, (len(t), 3))
@@ -27,7 +27,7 @@ def sampled(inputs, rate, noise, *, bias=0.0, quantum=0.0, seed=0, colour=0.0):
 
 
 def seen(truth, seed, rate=1000.0, noise=0.02, camera=CAMERA, **errors):
-    """A motion of which a camera sees the truth, and a model gets a noisy acceleration."""
+    """Returns a motion with true heights, but a noisy acceleration for the model."""
     inputs = inputs_of(seed)
     random = np.random.default_rng(500 + seed)
     t = np.arange(-0.9, DURATION - 0.1, 1.0 / 60.0)
@@ -57,7 +57,7 @@ def test_an_exact_input_has_none_and_a_rounded_one_its_rounding():
 
 @pytest.mark.parametrize("quantum", [0.01, 0.04])
 def test_rounding_moves_the_liquid_no_more_than_is_foretold(quantum):
-    """At a constant acceleration all of it is off by the same: more than white noise would do."""
+    """Tests that rounded accelerations move the liquid no more than predicted."""
     mode, random = BASE.mode_constants()[0], np.random.default_rng(3)
     omega, zeta = mode.natural_frequency, mode.damping_ratio
     t, late = np.arange(0.0, 6.0, 1e-3), np.arange(2.0, 6.0, 0.02)
@@ -130,7 +130,7 @@ def test_what_is_missing_is_named_beside_the_input_s_noise():
 
 @pytest.mark.long
 def test_nothing_is_proposed_that_the_camera_itself_says_it_cannot_see():
-    """The zero is off by 0.04 mm: coherent and sure, but the camera claims 0.08 mm."""
+    """Tests that no effect is proposed that is smaller than the camera's stated noise."""
     truth = BASE.with_effect("height_offset", offset=4e-5)
     motions = [seen(truth, seed, noise=0.0, camera=1e-5) for seed in range(2)]
     finding = discover(motions, BASE)
@@ -159,7 +159,7 @@ def test_another_container_is_asked_for_and_no_effect_is_named(base):
 
 
 def test_a_bias_is_carried_through_a_frequency_that_changes():
-    """Up and down at twice the natural frequency, the answer to a bias is a growing wave."""
+    """Tests the propagation of a bias if the vertical acceleration changes the frequency."""
     model, bias = BASE.with_effect("vertical_acceleration"), np.array([0.02, 0.0, 0.0])
     t = np.arange(-1.0, 6.0, 2e-3)
     rhythm = np.sin(2.0 * BASE.mode_constants()[0].natural_frequency * t)
@@ -174,7 +174,7 @@ def test_a_bias_is_carried_through_a_frequency_that_changes():
 
 
 def test_models_that_move_the_liquid_elsewhere_are_notdriven_alike():
-    """The modes are the same; the direction in which noise is read is not."""
+    """Tests that models with equal modes but other directions of response are told apart."""
     one = prepare(seen(BASE, 1))
     assert driven_alike(one, BASE, BASE.with_effect("time_offset", tau=0.01))
     assert not driven_alike(one, BASE, BASE.with_effect("accel_gain", gain=2.0))

@@ -1,4 +1,4 @@
-"""Noise of heights, and the part of a residual that is none: both against data of known noise."""
+"""Tests noise estimates and removable residuals against data with known noise."""
 
 import math
 
@@ -23,7 +23,7 @@ T = np.arange(0.0, 8.0, 1.0 / 60.0)
 
 
 def shaken(amplitude=3.0, frequency=2.8, cross=0.0, start=1.0):
-    """Four seconds of shaking near resonance after a still part: 3 Hz, kinks in MSH."""
+    """Returns four seconds of shaking near resonance at 3 Hz, after a still part."""
     t = np.arange(0.0, 8.0, 0.002)
     envelope = np.where(
         (t > start) & (t < start + 4.0), np.sin(np.pi * np.clip((t - start) / 4.0, 0, 1)) ** 2, 0.0

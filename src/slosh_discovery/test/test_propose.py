@@ -1,4 +1,4 @@
-"""A term that no listed effect has: the right one of the library is proposed, with its size."""
+"""Tests that a missing generic term is proposed with the right coefficient."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ TERMS = {term.label: term for term in LIBRARY}
 
 
 def moved(x, y, ratio):
-    """Three seconds of a figure of eight, a circle or a line, with a smooth beginning."""
+    """Returns three seconds of motion along a figure of eight, a circle or a line."""
     t = np.arange(0.0, 3.5, 0.01)
     envelope = np.clip(t, 0.0, 0.5) / 0.5 * np.clip(3.0 - t, 0.0, 0.5) / 0.5
     phase = ratio * OMEGA * t
@@ -36,7 +36,7 @@ MOTIONS = (moved(1.5, 1.0, 0.75), moved(0.9, 0.5, 1.15))
 
 
 def truth(inputs, extra):
-    """(M, 2) heights at +x and +y: the linear oscillator and a further force, by itself."""
+    """Returns heights (M, 2) at +x and +y of a linear oscillator with an additional force."""
 
     def slope(t, state):
         q, v = state[:2], state[2:]

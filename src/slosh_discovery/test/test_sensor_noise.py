@@ -1,4 +1,4 @@
-"""Noise that is neither white nor plain: how it is found, and how a residual is freed of it."""
+"""Tests estimation and whitening of sensor noise that is neither white nor uniform."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def leftovers(
     random, motions=5, noise=3e-4, correlation=0.7, jitter=0.0, left=0.0, outliers=0, drift=0.0,
     zero=None,
 ):  # fmt: skip
-    """Residuals of a model that lacks a swing and a drift of those sizes, by an unknown zero."""
+    """Returns residuals of a model that lacks an oscillation and a drift of given sizes."""
     found = []
     for _ in range(motions):
         true = T - random.uniform(-1.0, 1.0, COUNT) * jitter * np.sqrt(3.0)
@@ -50,7 +50,7 @@ def leftovers(
 
 
 def covariance(before, lags, stddev, correlation, forgotten):
-    """Of one series with gaps."""
+    """Returns the noise covariance of one series with gaps."""
     places = np.cumsum(np.where(before >= 0, lags, 0))
     apart = np.abs(places[:, np.newaxis] - places)
     return stddev**2 * correlation**apart + np.diag(forgotten)
@@ -117,7 +117,7 @@ def test_white_noise_is_plain():
 
 @pytest.mark.long
 def test_what_the_model_lacks_is_no_noise():
-    """A swing that is left, ten times as large as the noise, goes together more than any noise."""
+    """Tests that a large oscillation in the residual is not taken for noise."""
     random = np.random.default_rng(2)
     assert estimate_sensor(leftovers(random, correlation=0.0, left=3e-3)) is None
     found = estimate_sensor(leftovers(random, jitter=0.0023, left=3e-3))
@@ -129,7 +129,7 @@ def test_what_the_model_lacks_is_no_noise():
 @pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_drift_beside_the_noise_does_not_make_it_plain(seed):
-    """Together they remember more than any noise does; above the liquid's band they part."""
+    """Tests that a drift in addition to noise does not spoil the noise estimate."""
     random = np.random.default_rng(seed)
     found = estimate_sensor(leftovers(random, 4, 3e-4, jitter=0.0023, outliers=3, drift=6e-4))
     assert found is not None

@@ -1,4 +1,4 @@
-"""The motion that separates two models: it does, and a robot could carry it out."""
+"""Tests that the designed motion separates two models and that a robot can perform it."""
 
 import re
 
@@ -117,7 +117,7 @@ def test_a_liquid_that_always_spills():
 
 
 def remaining(description):
-    """What is left of the difference after a refit [m], as the description says."""
+    """Returns the difference that remains after a refit [m], as the description states it."""
     return 1e-3 * float(re.search(r"([\d.e-]+) mm of the difference are left", description)[1])
 
 

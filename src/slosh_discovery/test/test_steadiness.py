@@ -1,4 +1,4 @@
-"""What changes with time is no effect of constant size, and is not named as one."""
+"""Tests that a parameter that changes with time is not named as a constant effect."""
 
 import json
 from dataclasses import replace
@@ -20,7 +20,7 @@ from slosh_model import Inputs
 
 
 def warming(truth, factors):
-    """Motions of a session along which damping changes."""
+    """Returns motions of a session along which damping changes."""
     return [
         measured(truth.with_effect("damping_mismatch", factor=factor), seed)
         for seed, factor in enumerate(factors)
@@ -28,7 +28,7 @@ def warming(truth, factors):
 
 
 def creeping(truth, growth):
-    """Motions in each of which the sensor's gain grows from 1."""
+    """Returns motions in each of which the sensor's gain grows from 1."""
     motions = [measured(truth, seed) for seed in range(3)]
     return [replace(one, msh=one.msh * growth ** (one.t / DURATION)) for one in motions]
 
@@ -74,7 +74,7 @@ SOFT = BASE.with_effect("swirl_stiffening", gamma=-3.0)
 
 
 def in_millimetres(truth):
-    """A motion in mm/s² by mistake: the linear model follows, SOFT does not."""
+    """Returns a motion whose acceleration is in mm/s² by mistake."""
     inputs = inputs_of(9)
     strong = Inputs(inputs.t, 1000.0 * inputs.acceleration)
     return replace(measured(truth, 9), inputs=strong, name="strong")

@@ -1,4 +1,4 @@
-"""Where the residual is: partitions add up, and a planted disagreement is found in its place."""
+"""Tests the residual by parts of the data: sums, and a known error in its place."""
 
 import math
 
@@ -22,7 +22,7 @@ PARTITIONS = ("time", "phase", "amplitude", "direction", "frequency")
 
 
 def swirling():
-    """Two seconds of swirling between still parts, with some heave and yaw."""
+    """Returns two seconds of swirling motion between still parts, with heave and yaw."""
     t = np.arange(0.0, 8.0, 0.005)
     envelope = np.where((t > 1.0) & (t < 5.0), np.sin(0.25 * np.pi * (t - 1.0)) ** 2, 0.0)
     a = np.stack([np.sin(16.0 * t), np.cos(16.0 * t), 0.3 * np.sin(9.0 * t)], axis=1)
@@ -36,7 +36,7 @@ HEIGHTS = np.interp(T, INPUTS.t, simulate(MODEL, INPUTS)[0].msh)
 
 
 def finding(residual, after=None, name="swirl", clock_offset=0.0, rows=None):
-    """A motion whose base model misses by this residual, (M,) or (M, K)."""
+    """Returns a motion whose base model has a given residual, (M,) or (M, K)."""
     residual = np.asarray(residual)
     columns = residual if residual.ndim == 2 else residual[:, np.newaxis]
     base = np.broadcast_to(HEIGHTS[:, np.newaxis], columns.shape)

@@ -1,4 +1,4 @@
-"""Estimates sloshing height from acceleration and compares it with the measurement."""
+"""Estimates sloshing height from the container's acceleration and compares it with the camera."""
 
 SOURCES = ("slosh_estimator", "slosh_metrics", "slosh_model")
 """Packages whose code decides an estimate: a recording holds their digest."""

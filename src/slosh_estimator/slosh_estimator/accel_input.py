@@ -1,4 +1,4 @@
-"""Accelerations of the container's origin, gravity excluded (geometry_msgs/AccelStamped)."""
+"""Reads the acceleration of the container's origin, without gravity, from AccelStamped."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from slosh_metrics.input_checks.input_checks import AccelCheck
 
 
 class AccelInput(CheckedInput):
-    """Converts accelerations in the world's or the container's axes to samples.
+    """Converts accelerations in world or container axes to input samples of the models.
 
     Without an attitude the container counts as upright and not yawing: the two frames have the
     same axes, and azimuths refer to them.
@@ -54,7 +54,7 @@ class AccelInput(CheckedInput):
     def update(
         self, stamp_ns: int, frame: str, ax: float, ay: float, az: float, now_ns: int | None = None
     ) -> Sample | None:
-        """Returns the sample, or None if it is dropped; accelerations in m/s²."""
+        """Returns the sample, or None if it is dropped; ax, ay, az are in m/s²."""
         if frame not in self._frames:
             self.gate.refuse(SampleVerdict.WRONG_FRAME)
             self.strange_frame = frame
@@ -72,12 +72,12 @@ class AccelInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state on which the next samples depend, besides the last stamp."""
+        """Returns the reader's state as numbers, except the stamp of the last sample."""
         own = [*self.gate.last, *self.sampling.memory]
         return [*own, *self.checked_memory(self.gate.last_ns or 0)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state of another reader after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -90,7 +90,7 @@ class AccelInput(CheckedInput):
     def update_many(
         self, stamps: NDArray[np.int64], frames: NDArray[np.object_], accelerations: Array
     ) -> Samples:
-        """Returns the samples of N messages, without dropped ones.
+        """Returns the samples of N messages; dropped messages are omitted.
 
         Args:
             stamps: (N,) [ns].
@@ -119,7 +119,7 @@ class AccelInput(CheckedInput):
         )  # fmt: skip
 
     def warning(self) -> str | None:
-        """Returns a warning about new messages, with a remedy; None: none."""
+        """Returns a warning with a remedy if new messages were dropped, or None."""
         strange = self.gate.counts[SampleVerdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if not new:
@@ -127,7 +127,7 @@ class AccelInput(CheckedInput):
         return self.refusal()
 
     def remark(self) -> str | None:
-        """Returns a remark about the settings; None: none."""
+        """Returns a remark about settings that have no effect, or None."""
         if self._arm:
             return (
                 "sensor_to_origin has no effect: the input accel contains no rotation; use "
@@ -136,7 +136,7 @@ class AccelInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were refused by their frame; None: none was."""
+        """Returns why samples were dropped because of their frame, or None."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (

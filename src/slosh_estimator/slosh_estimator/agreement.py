@@ -1,4 +1,4 @@
-"""Agreement of model and camera, motion by motion.
+"""Checks for each motion whether the model agrees with the camera.
 
 A motion in which measured and estimated heights differ by more than the camera's noise explains
 is one that the model does not describe: it is worth a discovery. One in which the waves' azimuths
@@ -34,7 +34,7 @@ FEW = 16
 
 
 class MotionAgreement(NamedTuple):
-    """Agreement of measured and estimated heights in a motion.
+    """Agreement of measured and estimated heights during one motion of the container.
 
     Attributes:
         start_ns, end_ns: first and last moment of moving [ns].
@@ -59,7 +59,7 @@ class MotionAgreement(NamedTuple):
 
     @property
     def is_turned(self) -> bool:
-        """Whether the azimuths disagree."""
+        """Whether the azimuths of the measured and the estimated wave disagree."""
         return self.offset is not None and self.offset.disagrees
 
     @property
@@ -69,7 +69,7 @@ class MotionAgreement(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Describes how to resolve a disagreement, in one line; the azimuth comes first."""
+        """Describes in one line how to resolve a disagreement; the azimuth comes first."""
         if self.offset is not None and self.is_turned:
             return self.offset.sentence
         return (
@@ -80,7 +80,7 @@ class MotionAgreement(NamedTuple):
 
 
 class MotionWatch:
-    """Collects accelerations and pairs of heights in the order of their stamps.
+    """Collects accelerations and pairs of heights, and judges each motion after its end.
 
     Args:
         limit: disagreement that is watched [m]; NaN or infinite: none.
@@ -110,13 +110,13 @@ class MotionWatch:
         self._news: list[MotionAgreement] = []
 
     def watch(self, limit: float) -> None:
-        """Sets the limit of the disagreement for the next motions [m]."""
+        """Sets the disagreement limit [m] that applies to the next motions."""
         self._least = TUNING.agreement_share * limit if math.isfinite(limit) else 0.0
         self._presence.watch(limit)
 
     @property
     def warning(self) -> str:
-        """Describes the disagreement in one line; empty: none known.
+        """Describes the current disagreement in one line; empty if none is known.
 
         It stands from the judgement that found it until a motion agrees.
         """
@@ -127,14 +127,14 @@ class MotionWatch:
         return self._presence.warning or standing
 
     def reset(self) -> None:
-        """Resets the object, without a motion."""
+        """Forgets all judged motions and the one in progress."""
         self.finished = self.disagreeing = 0
         self.last = self._standing = None
         self._presence.reset()
         self.forget()
 
     def forget(self) -> None:
-        """Drops the current motion, since its stamps are no longer valid."""
+        """Drops the motion in progress, since its stamps are no longer valid."""
         self._moving = MotionFinder()
         self.clocks, self._origin = ClockDriftWatch(), None
         self._pairs.clear()
@@ -142,17 +142,17 @@ class MotionWatch:
         self._presence.forget()
 
     def take_finished(self) -> list[MotionAgreement]:
-        """Returns the motions judged since the last call."""
+        """Returns the motions that were judged since the last call."""
         news, self._news = self._news, []
         return news
 
     def add_acceleration(self, stamp_ns: int, acceleration: Vector) -> None:
-        """Adds the model's input: increasing stamps [ns], gravity excluded [m/s²]."""
+        """Adds an acceleration without gravity [m/s²]; stamps [ns] must increase."""
         self._moving.add_one(stamp_ns, acceleration)
         self._look(stamp_ns)
 
     def add_accelerations(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
-        """Adds many: stamps (N,) [ns] and accelerations (N, 3) [m/s²]; the same as one by one."""
+        """Adds accelerations (N, 3) [m/s²] with stamps (N,) [ns]; equals N single calls."""
         if len(stamps) <= FEW:
             for stamp, row in zip(stamps.tolist(), accelerations.tolist(), strict=True):
                 self.add_acceleration(stamp, tuple(row))
@@ -174,7 +174,7 @@ class MotionWatch:
         estimated: float,
         waves: tuple[complex, complex, float] = (complex(NAN, NAN), complex(NAN, NAN), NAN),
     ) -> None:
-        """Adds heights of one time [m]; the standard deviation may be NaN.
+        """Adds measured and estimated heights [m] of the same time.
 
         Args:
             stamp_ns: [ns].
@@ -201,7 +201,7 @@ class MotionWatch:
                 self._standing = found
 
     def _look(self, stamp_ns: int) -> None:
-        """Judges the first motion when it is over or too long."""
+        """Judges the earliest motion if it is over or too long."""
         if not self._moving.spans:
             return
         motion = self._moving.spans[0]
@@ -241,7 +241,7 @@ class MotionWatch:
         )
 
     def _agreement(self, motion: MotionSpan) -> MotionAgreement | None:
-        """Returns the agreement of a motion's pairs; None: too few."""
+        """Returns the agreement of heights during a motion, or None with too few pairs."""
         until = motion.end_ns + AFTER_NS
         seen = [pair for pair in self._pairs if motion.start_ns <= pair.stamp_ns <= until]
         if not seen:

@@ -23,7 +23,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 class AlignedStreams(Generic[Key]):
-    """Collects values of streams and returns rows of all of them.
+    """Collects several streams of timed values and returns synchronised rows of all of them.
 
     Args:
         mix: interpolates.
@@ -37,16 +37,16 @@ class AlignedStreams(Generic[Key]):
 
     @property
     def keys(self) -> Set[Key]:
-        """Keys of the received streams."""
+        """Keys of the streams from which values were received."""
         return self._streams.keys()
 
     @property
     def moved(self) -> bool:
-        """Whether any value has changed."""
+        """Whether any received value has ever changed."""
         return any(stream.moved for stream in self._streams.values())
 
     def silent(self) -> tuple[Key, float] | None:
-        """Returns the stream with the largest delay, and the delay [s]; None: none."""
+        """Returns the stream with the largest delay and the delay [s], or None if none is late."""
         if not self._streams:
             return None
         key, stream = min(self._streams.items(), key=lambda item: item[1].newest_ns)
@@ -60,7 +60,7 @@ class AlignedStreams(Generic[Key]):
         self._leader = None
 
     def add(self, key: Key, stamp_ns: int, values: Values) -> None:
-        """Adds a stream's values at a stamp [ns]; ignores late ones."""
+        """Adds values of a stream with their stamp [ns]; ignores values that come late."""
         stream = self._streams.get(key)
         if stream is None:
             stream = self._streams[key] = _Stream(values)
@@ -70,7 +70,7 @@ class AlignedStreams(Generic[Key]):
         stream.take(stamp_ns, values)
 
     def rows(self) -> list[tuple[int, dict[Key, Values]]]:
-        """Returns stamps [ns] and the values of all streams, as far as complete."""
+        """Returns the stamps [ns] at which all streams have values, with these values."""
         if not self._is_complete():
             return []
         leader = self._choose()
@@ -90,7 +90,7 @@ class AlignedStreams(Generic[Key]):
         return found
 
     def _choose(self) -> _Stream:
-        """Returns the slowest stream of those that have moved, or of all."""
+        """Returns the slowest stream among those whose values changed, or among all."""
         streams = list(self._streams.values())
         moving = [stream for stream in streams if stream.moved] or streams
         slowest = max(moving, key=lambda stream: stream.interval_ns)
@@ -101,7 +101,7 @@ class AlignedStreams(Generic[Key]):
 
 
 class _Stream:
-    """The newest values of a stream.
+    """The newest values of one stream.
 
     Attributes:
         newest_ns: stamp of the newest one [ns].
@@ -119,7 +119,7 @@ class _Stream:
         self._kept: deque[tuple[int, Values]] = deque(maxlen=TUNING.kept_states)
 
     def take(self, stamp_ns: int, values: Values) -> None:
-        """Adds values; ignores repeated stamps."""
+        """Adds values at a stamp [ns]; ignores a repeated stamp."""
         if stamp_ns <= self.newest_ns:
             return
         if self._kept:
@@ -134,7 +134,7 @@ class _Stream:
             self.moved = any(abs(one - first) > TUNING.moved for one, first in pairs)
 
     def at(self, stamp_ns: int, mix: Mix) -> Values:
-        """Interpolates the values at a stamp; empty before the first, newest after the last."""
+        """Interpolates the values at a stamp [ns]; empty before the first values."""
         after = self._kept[-1]
         if stamp_ns >= after[0]:
             return after[1]

@@ -1,4 +1,4 @@
-"""Compares the directions of the measured and the expected wave.
+"""Compares the directions of the measured and the expected wave in the container.
 
 A sensor or a camera that is turned about the container's axis gives the right heights on the wrong
 side. A wave is compared as a vector, height times the direction of the highest place: that vector
@@ -24,7 +24,7 @@ _NO_DIRECTION = UNUSABLE | SATURATED | int(SurfaceFlag.AMBIGUOUS)
 
 
 class WaveOffset(NamedTuple):
-    """Angle from the estimated to the measured wave.
+    """Angle from the estimated to the measured wave, with its uncertainty.
 
     Attributes:
         turn: measured minus estimated azimuth [rad], in (-pi, pi].
@@ -38,7 +38,7 @@ class WaveOffset(NamedTuple):
 
     @property
     def disagrees(self) -> bool:
-        """Whether the angle is large and significant."""
+        """Whether the angle is large and statistically significant."""
         return (
             abs(self.turn) >= TUNING.least_turn
             and abs(self.turn) > TUNING.turn_noise * self.stddev
@@ -46,7 +46,7 @@ class WaveOffset(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Describes the fault and the remedy, in one line."""
+        """Describes in one line the likely fault of the set-up and its remedy."""
         late = (
             ""
             if math.isnan(self.delay)
@@ -63,7 +63,7 @@ class WaveOffset(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """The fields of FreeSurface with a wave's direction: (N,) each, or numbers."""
+    """The fields of FreeSurface that tell a wave's direction: arrays (N,) or single numbers."""
 
     msh: Array
     azimuth: Array
@@ -77,12 +77,12 @@ class Surfaces(NamedTuple):
 
     @property
     def levels(self) -> Array:
-        """(N,) mean height at the left and right edge [m]."""
+        """Mean height at the left and the right edge of the camera image (N,) [m]."""
         return 0.5 * (np.asarray(self.sh_left) + np.asarray(self.sh_right))
 
 
 def measured_waves(surfaces: Surfaces) -> tuple[Waves, Array]:
-    """Returns the waves that a camera has measured, as vectors.
+    """Returns the waves that a camera has measured as complex vectors.
 
     The fitted surface tells the direction, since the camera sees part of the wall only; without a
     fit the highest point that is seen does, unless part of the line is hidden. A side view tells
@@ -147,7 +147,7 @@ def wave_offset(
 
 
 def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None:
-    """Returns the angle between two waves, of which the second may be delayed."""
+    """Returns the angle between two waves that may be delayed against each other, or None."""
     # A rotary wave that comes late looks turned; a planar one half a period late, by 180 degrees.
     reach = round(TUNING.offset_far / TUNING.offset_step)
     lags = np.arange(-reach, reach + 1) * TUNING.offset_step
@@ -174,7 +174,7 @@ def _turn(seconds: Array, measured: Waves, expected: Waves) -> WaveOffset | None
 
 
 def _products(seconds: Array, measured: Waves, expected: Waves, lag: float) -> tuple[Waves, float]:
-    """Returns products of two series per section, and of their energies, at a time offset."""
+    """Returns products of two wave series by section and their energy, for a time offset."""
     moments = seconds - lag
     after = np.clip(np.searchsorted(seconds, moments), 1, len(seconds) - 1)
     inside = (moments >= seconds[0]) & (moments <= seconds[-1])

@@ -1,4 +1,4 @@
-"""Base of all inputs: the plausibility check."""
+"""Base class of all inputs, with a check whether the samples are plausible."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_metrics.input_checks.input_checks import Check
 
 
 class CheckedInput:
-    """An input with its plausibility check.
+    """An input whose samples are checked for plausibility.
 
     Args:
         check: of its samples.
@@ -28,23 +28,23 @@ class CheckedInput:
 
     @property
     def doubt(self) -> Doubt | None:
-        """Describes the input's current fault; None: none known."""
+        """The current fault of the input, or None if no fault is known."""
         return self.check.doubt if self.flags else None
 
     def remark(self) -> str | None:
-        """Returns a remark about the settings; None: none."""
+        """Returns a remark about settings that have no effect, or None."""
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were refused by their frame; None: none was."""
+        """Returns why samples were dropped because of their frame, or None."""
         return None
 
     def checked_memory(self, stamp_ns: int) -> list[float]:
-        """Returns the check's part of the state after the sample of this stamp [ns]."""
+        """Returns the state of the plausibility check after the sample with this stamp [ns]."""
         return self.check.memory(stamp_ns) if self._remembers else []
 
     def take_up_check(self, stamp_ns: int, memory: Sequence[float]) -> Sequence[float]:
-        """Restores the check's part from the end of a state; returns the rest."""
+        """Restores the plausibility check from the end of a state; returns the rest of it."""
         count = self.check.MEMORY
         if not self._remembers or len(memory) < count:
             return memory

@@ -1,4 +1,4 @@
-"""Values that the monitor compares, and the result."""
+"""Heights that the monitor compares, and the result of the comparison."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class Condition(IntEnum):
-    """State of the monitor; the values of SloshComparison.msg.
+    """State of the monitor; the values are those of SloshComparison.msg.
 
     >>> Condition.WARN < Condition.ERROR
     True
@@ -26,7 +26,7 @@ class Condition(IntEnum):
 
 
 class Expected(NamedTuple):
-    """Expected measurement of a sensor.
+    """The measurement that a sensor should make according to the model.
 
     Attributes:
         linear, nonlinear: heights as it reads them [m].
@@ -40,7 +40,7 @@ class Expected(NamedTuple):
     wave: complex = complex(math.nan, math.nan)
 
     def towards(self, other: Expected, share: float) -> Expected:
-        """Interpolates towards another value, by a fraction in [0, 1]."""
+        """Interpolates linearly to another expected measurement; `share` is in [0, 1]."""
         return Expected(
             self.linear + share * (other.linear - self.linear),
             self.nonlinear + share * (other.nonlinear - self.nonlinear),
@@ -50,7 +50,7 @@ class Expected(NamedTuple):
 
 
 class EstimatePoint(NamedTuple):
-    """An estimate in the monitor's buffer.
+    """An estimate in the buffer of the monitor.
 
     Attributes:
         stamp_ns: [ns].
@@ -76,7 +76,7 @@ class EstimatePoint(NamedTuple):
 
     @property
     def expected(self) -> Expected:
-        """Returns the expected measurement at this time."""
+        """Returns the measurement that a sensor should make at the time of this estimate."""
         linear, nonlinear = self.reading or (self.linear, self.nonlinear)
         wave = complex(
             self.nonlinear * math.cos(self.azimuth), self.nonlinear * math.sin(self.azimuth)
@@ -85,7 +85,7 @@ class EstimatePoint(NamedTuple):
 
 
 class MeasuredPoint(NamedTuple):
-    """A measurement.
+    """A measurement of the free surface.
 
     Attributes:
         stamp_ns: [ns].
@@ -106,13 +106,13 @@ class MeasuredPoint(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A measurement that waits for its estimate since its arrival [ns]."""
+    """A measurement that waits for the estimate of the same time since its arrival [ns]."""
 
     point: MeasuredPoint
     arrival_ns: int
 
     def is_over(self, now_ns: int) -> bool:
-        """Whether the measurement has waited too long, or the clock was set back."""
+        """Whether a measurement has waited too long, or the clock was set back meanwhile."""
         return not 0 <= now_ns - self.arrival_ns < TUNING.patience_ns
 
 

@@ -1,7 +1,7 @@
-"""The root exception of the package."""
+"""The root exception of the package slosh_estimator."""
 
 from __future__ import annotations
 
 
 class SloshEstimatorError(ValueError):
-    """A setting, a file or a sample cannot be used; the text is one line."""
+    """An error whose one-line text says why a setting, a file or a sample cannot be used."""

@@ -1,4 +1,4 @@
-"""Compiled processing of one sample: both models, heights, validity of the motion.
+"""Compiled code that processes one input sample: linear and nonlinear model, limits.
 
 One sample of a running cell and a million of a recording go through the same compiled function, so
 that a replay gives the bits that the live node gave.
@@ -77,13 +77,13 @@ MOVING_CHECKS = CHECKS.fields["slow"][1] // np.dtype(np.float64).itemsize  # typ
 
 
 def new_checks() -> NDArray[np.float64]:
-    """Returns the flat array of CHECKS, all zeros."""
+    """Returns an array of zeros that holds the fields of CHECKS."""
     return np.zeros(1, dtype=CHECKS).view(np.float64)
 
 
 @compiled
 def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: ignore[no-untyped-def]
-    """Advances one model and writes its results; False: outside the physical range."""
+    """Advances one model and writes its heights; returns False if it left the physical range."""
     column = ANSWERS * which
     runs, modes = records(store)
     run = runs[0]
@@ -124,7 +124,7 @@ def _heights(store, dt, acceleration, yaw, pose, checks, row, which):  # type: i
 
 @compiled
 def _validity(checks, dt, acceleration, height, first):  # type: ignore[no-untyped-def]
-    """Returns jerk [m/s³] and validity flags of the motion (DL22, §4.2)."""
+    """Returns the jerk [m/s³] and the validity flags of the motion (DL22, §4.2)."""
     ax, ay, az = acceleration
     slow = checks["slow"]
     if first:
@@ -176,7 +176,7 @@ def _take(linear, nonlinear, store, dt, acceleration, yaw, pose, first, row):  #
 def step(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, row, poses, dt, ax, ay, az, yaw, first
 ):
-    """Processes one sample.
+    """Advances both models by one input sample and writes the results.
 
     Args:
         linear, nonlinear: each model's store, as `slosh_model.layout` has it; changed.
@@ -201,7 +201,7 @@ def step(  # type: ignore[no-untyped-def]
 def steps(  # type: ignore[no-untyped-def]
     linear, nonlinear, checks, rows, poses, intervals, accelerations, yaws
 ):
-    """Runs `step` for consecutive samples without gaps.
+    """Advances both models by consecutive input samples without gaps.
 
     Args:
         linear, nonlinear, checks: as in `step`.

@@ -1,4 +1,4 @@
-"""The estimator's core: computes heights of the linear and nonlinear model from samples."""
+"""Computes sloshing heights of the linear and the nonlinear model from input samples."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _UPRIGHT = np.empty((0, POSE_COUNT))
 
 
 class ModelState(NamedTuple):
-    """One model's result [m, rad, m/s], in container axes except the modal state.
+    """Result of one model [m, rad, m/s] in container axes, except the modal state.
 
     Attributes:
         msh, azimuth: maximum sloshing height and where it is.
@@ -71,7 +71,7 @@ class ModelState(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """Both models' results for one sample.
+    """Results of the linear and the nonlinear model for one sample.
 
     Attributes:
         sample: the input.
@@ -88,7 +88,7 @@ class Estimate(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Both models' results for N samples, as columns.
+    """Results of the linear and the nonlinear model for N samples, as columns.
 
     Attributes:
         stamps: (N,) [ns].
@@ -112,12 +112,12 @@ class Estimates(NamedTuple):
 
     @property
     def as_read(self) -> Array:
-        """(N, 2) MSH of L and NL as a sensor measures it [m]."""
+        """Maximum heights (N, 2) [m] of both models as a sensor would measure them."""
         return self.heights[:, :, 0] if self.readings is None else self.readings
 
 
 class Estimator:
-    """Runs the L and the NL variant of a model in parallel.
+    """Runs the linear and the nonlinear variant of a model in parallel.
 
     >>> from slosh_model import Model
     >>> estimator = Estimator(Model.from_cup(diameter=0.08, fill_height=0.06))
@@ -148,7 +148,7 @@ class Estimator:
         self._start(at_rest=at_rest)
 
     def load_model(self, model: Model, *, fresh: bool = False, empty: bool = False) -> None:
-        """Replaces the model; it starts from rest with the next sample, as after `reset`.
+        """Replaces the model; the new one starts from rest with the next sample.
 
         Args:
             model: the new one.
@@ -188,7 +188,7 @@ class Estimator:
         self._settling_ns = round(TUNING.settled / rate * 1e9) if rate > 1e-6 else 2**62
 
     def reset(self) -> None:
-        """Resets to rest; the next sample counts as the first.
+        """Resets both models to rest; the next sample counts as the first one.
 
         Where the liquid moves, or is not known to be still, it does not do so from now on because
         the model does: the estimates carry the flag SETTLING until it is known again.
@@ -204,7 +204,7 @@ class Estimator:
         self._at_rest = at_rest
 
     def reading_delay(self, stamp_ns: int) -> float:
-        """Returns the modelled delay of a measurement at a stamp [s].
+        """Returns the delay [s] that the model predicts for a measurement at a stamp.
 
         A clock that drifts does so from the first sample on, and anew after a reset.
         """
@@ -217,7 +217,7 @@ class Estimator:
         return self._reading_clock.delay(np.maximum(stamps - first, 0) / 1e9)
 
     def state(self) -> EstimatorState | None:
-        """Returns the complete state; None: before the first sample."""
+        """Returns the complete state, or None before the first sample."""
         if self._last is None or self._first_ns is None:
             return None
         return EstimatorState(
@@ -226,7 +226,7 @@ class Estimator:
         )  # fmt: skip
 
     def take_up(self, state: EstimatorState) -> None:
-        """Restores the state of another estimator with this model.
+        """Restores the state of another estimator that has the same model.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.
@@ -248,7 +248,7 @@ class Estimator:
         self._settled_ns = state.settled_ns
 
     def _is_unmoved(self) -> bool:
-        """Whether the container's acceleration lifts no liquid by more than STILL."""
+        """Returns whether the container's acceleration raises the liquid by less than STILL."""
         last = self._last
         if last is None:
             return self._at_rest
@@ -256,7 +256,7 @@ class Estimator:
         return math.hypot(last.ax, last.ay) * reach / GRAVITY < TUNING.still
 
     def _is_still(self) -> bool:
-        """Whether the liquid is known to be within STILL of its rest position."""
+        """Returns whether the liquid is known to be within STILL of its rest position."""
         last = self._last
         if last is None:
             return self._at_rest
@@ -277,11 +277,11 @@ class Estimator:
 
     @property
     def names(self) -> tuple[str, str]:
-        """Names of the two models, e.g. ('3D-L', '3D-NL')."""
+        """Names of the linear and the nonlinear model, such as ('3D-L', '3D-NL')."""
         return self._linear.model.name, self._nonlinear.model.name
 
     def update(self, sample: Sample) -> Estimate:
-        """Processes a sample and returns both models' results."""
+        """Processes one sample and returns the results of both models."""
         flags = self._take(sample)
         if self.empty:
             flags = flags & _OF_THE_INPUT | _NO_CONTAINER
@@ -295,7 +295,7 @@ class Estimator:
         return Estimate(sample, linear, nonlinear, row[JERK], flags)
 
     def update_many(self, samples: Samples) -> Estimates:
-        """Processes N samples; the same results as `update`, but much faster."""
+        """Processes N samples at once; gives the same results as `update`, but much faster."""
         count = len(samples.stamps)
         batch = _Batch(np.empty((count, len(self._row))), np.zeros(count, dtype=np.int64))
         breaks = np.flatnonzero(samples.restarted).tolist()
@@ -319,7 +319,7 @@ class Estimator:
         )  # fmt: skip
 
     def _take(self, sample: Sample) -> int:
-        """Processes a sample; stores the results in the row and returns the flags."""
+        """Processes a sample, stores the results in the row, and returns its flags."""
         flags = 0
         last = self._last
         if sample.restarted and last is not None:
@@ -339,7 +339,7 @@ class Estimator:
         return flags | self._limits(sample)
 
     def _take_unbroken(self, batch: _Batch, samples: Samples, start: int, end: int) -> int:
-        """Processes consecutive samples without gaps; returns the index of the next one."""
+        """Processes consecutive samples without gaps; returns the index of the next sample."""
         part = slice(start, end)
         stamps = samples.stamps[part]
         last = stamps[0] if self._last is None else self._last.stamp_ns
@@ -384,7 +384,7 @@ class Estimator:
         return self._pose
 
     def _diverged(self, sample: Sample) -> int:
-        """Restarts from rest at the sample that left the range; returns the flag."""
+        """Restarts from rest at a sample where the model left its range; returns the flag."""
         self.divergences += 1
         self._restart(sample.stamp_ns)
         self._step(0.0, sample, True)
@@ -394,7 +394,7 @@ class Estimator:
         return _DIVERGED
 
     def _limits(self, sample: Sample) -> int:
-        """Returns the flags that limit the results, besides new events."""
+        """Returns the flags that limit the validity of the results."""
         flags = int(self._row.item(FLAGS))
         if sample.stamp_ns < self._settled_ns:
             flags |= _SETTLING
@@ -412,7 +412,7 @@ class Estimator:
 
 
 def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
-    """Returns the distance to another state: the highest wave that it may cause [m]."""
+    """Returns the distance of two modal states: the highest wave [m] that it may cause."""
     places = np.hypot(modes["x"] - others["x"], modes["y"] - others["y"])
     speeds = np.hypot(modes["vx"] - others["vx"], modes["vy"] - others["vy"])
     slower = modes["natural_frequency"] * np.minimum(modes["frequency_ratio"], 1.0)
@@ -421,7 +421,7 @@ def _distance(modes: NDArray[np.void], others: NDArray[np.void]) -> float:
 
 
 class _Batch(NamedTuple):
-    """Storage of the results of `update_many`."""
+    """Storage for the results of `update_many`."""
 
     rows: Array
     flags: Integers

@@ -1,4 +1,4 @@
-"""Sensor mounting from fixed transforms (/tf_static)."""
+"""Derives the mounting of a sensor from fixed transforms (/tf_static)."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ _HERE: Pose = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
 class FixedFrames:
-    """Frames with constant relative poses."""
+    """Frames whose poses relative to each other are constant."""
 
     def __init__(self) -> None:
         self._parents: dict[str, Transform] = {}
 
     def take(self, transforms: Iterable[Transform]) -> None:
-        """Adds constant transforms."""
+        """Adds fixed transforms."""
         for one in transforms:
             self._parents[one.child.lstrip("/")] = one
 
     @property
     def links(self) -> list[Transform]:
-        """All added transforms."""
+        """Returns all transforms that were added."""
         return list(self._parents.values())
 
     def pose(self, frame: str, of: str) -> Pose | None:
-        """Returns the pose of a frame relative to another one.
+        """Returns the pose of one frame relative to another, or None if they are not connected.
 
         Args:
             frame: in which.
@@ -48,7 +48,7 @@ class FixedFrames:
         return position, (x, y, z, w)
 
     def mounting(self, container: str, sensor: str) -> SensorTransform | None:
-        """Returns the sensor's mounting on the container; None: unknown."""
+        """Returns how the sensor is mounted on the container, or None if this is unknown."""
         found = self.pose(container, sensor)
         if found is None:
             return None
@@ -56,7 +56,7 @@ class FixedFrames:
         return SensorTransform(*_rpy(turn), (-x, -y, -z))
 
     def _to_root(self, frame: str) -> tuple[str, Pose]:
-        """Returns the root frame of the tree, and this frame's pose in it."""
+        """Returns the root frame of a frame's tree, and the frame's pose in it."""
         pose, seen = _HERE, {frame}
         while frame in self._parents:
             link = self._parents[frame]

@@ -1,4 +1,4 @@
-"""Selects valid input samples, counts the others and detects gaps."""
+"""Selects valid input samples, counts invalid ones and detects gaps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class SampleVerdict(Enum):
-    """Status of a sample."""
+    """How an input sample was judged: used, or dropped for a reason."""
 
     USE = "used"
     RESTART = "used after a gap"
@@ -42,7 +42,7 @@ DROPPED = tuple(
 
 @dataclass(frozen=True, slots=True)
 class GateSettings:
-    """Settings of the input filter.
+    """Limits by which input samples are accepted or dropped.
 
     Attributes:
         max_gap: longest time between two samples that is integrated across [s]. A later one is
@@ -77,7 +77,7 @@ class GateSettings:
 
 
 def fault_of(values: Vector, largest: float) -> SampleVerdict | None:
-    """Returns the fault of a vector; None: none.
+    """Returns the fault of a vector, or None if it is valid.
 
     Args:
         values: its components.
@@ -90,7 +90,7 @@ def fault_of(values: Vector, largest: float) -> SampleVerdict | None:
 
 
 class SampleGate:
-    """Judges samples by their stamps and the change of acceleration.
+    """Accepts or drops input samples by their stamps and by jumps of the acceleration.
 
     Attributes:
         counts: samples by what became of them.
@@ -117,19 +117,19 @@ class SampleGate:
         self._aside_count = 0
 
     def change(self, settings: GateSettings) -> None:
-        """Sets new values of max_gap, max_age and max_jump for the next samples."""
+        """Sets new limits max_gap, max_age and max_jump for the next samples."""
         self._max_gap_ns = round(settings.max_gap * 1e9)
         self._max_age_ns = round(settings.max_age * 1e9)
         self._max_jump = settings.max_jump
 
     @property
     def max_gap_ns(self) -> int:
-        """Longest gap that is integrated across [ns]."""
+        """Longest time without samples that the models integrate across [ns]."""
         return self._max_gap_ns
 
     @property
     def gaps(self) -> int:
-        """Number of restarts except the first."""
+        """Number of restarts after gaps in the input."""
         return max(0, self.counts[SampleVerdict.RESTART] - 1)
 
     def judge(
@@ -139,7 +139,7 @@ class SampleGate:
         now_ns: int | None = None,
         fault: SampleVerdict | None = None,
     ) -> SampleVerdict:
-        """Judges a sample.
+        """Accepts or drops one sample.
 
         Args:
             stamp_ns: its stamp [ns].
@@ -160,16 +160,16 @@ class SampleGate:
 
     @property
     def last_ns(self) -> int | None:
-        """Stamp of the last accepted sample [ns]; None: none."""
+        """Stamp of the last accepted sample [ns], or None before the first one."""
         return self._last_ns
 
     @property
     def last(self) -> Vector:
-        """Acceleration of the last accepted sample that has one [m/s²]."""
+        """Acceleration of the last accepted sample that had one [m/s²]."""
         return self._last
 
     def go_on(self, stamp_ns: int, acceleration: Vector | None) -> None:
-        """Continues after the last sample of another filter: stamp [ns], acceleration [m/s²]."""
+        """Continues after another gate's last sample with this stamp [ns] and acceleration."""
         self._last_ns, self._early_ns, self._apart_ns = stamp_ns, None, None
         self._early_count = self._aside_count = 0
         if acceleration is not None:
@@ -178,7 +178,7 @@ class SampleGate:
     def judge_many(
         self, stamps: NDArray[np.int64], accelerations: NDArray[np.float64]
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Judges samples in order of arrival, without regard to their age.
+        """Accepts or drops N samples in order of arrival, without regard to their age.
 
         Args:
             stamps: (N,) [ns].
@@ -206,7 +206,7 @@ class SampleGate:
         return used | restarted, restarted
 
     def refuse(self, verdict: SampleVerdict) -> None:
-        """Counts a sample that was dropped for a reason other than its stamp."""
+        """Counts a sample that was dropped for another reason than its stamp."""
         self.counts[verdict] += 1
         self.dropped += 1
 
@@ -239,7 +239,7 @@ class SampleGate:
         return self._jumped(acceleration)
 
     def _after_gap(self, stamp_ns: int) -> SampleVerdict:
-        """Holds a sample after a gap until the next one confirms it."""
+        """Holds back a sample after a gap until the next sample confirms its stamp."""
         apart, self._apart_ns = self._apart_ns, stamp_ns
         before = apart if apart is not None else self._last_ns
         if before is not None and stamp_ns - before > self._max_gap_ns:
@@ -248,7 +248,7 @@ class SampleGate:
         return SampleVerdict.RESTART if follows or not self._confirms else SampleVerdict.APART
 
     def _jumped(self, acceleration: Vector) -> SampleVerdict:
-        """Holds samples with a jump until enough consecutive ones agree."""
+        """Holds back samples after a jump until enough consecutive samples agree."""
         agrees = self._aside_count > 0 and self._near(acceleration, self._aside)
         self._aside_count = self._aside_count + 1 if agrees else 1
         self._aside = acceleration
@@ -260,7 +260,7 @@ class SampleGate:
         return -bound <= dx <= bound and -bound <= dy <= bound and -bound <= dz <= bound
 
     def _all_follow(self, stamps: NDArray[np.int64], accelerations: NDArray[np.float64]) -> bool:
-        """Whether all samples are consecutive and none is on hold."""
+        """Returns whether all samples follow each other without gaps or jumps."""
         if self._last_ns is None or self._early_count or self._aside_count or self._apart_ns:
             return False
         steps = np.diff(stamps, prepend=np.int64(self._last_ns))
@@ -273,7 +273,7 @@ class SampleGate:
         )
 
     def _time_was_set_back(self, stamp_ns: int) -> bool:
-        """Whether enough early samples are in order, so that the clock was set back."""
+        """Returns whether enough early stamps are in order to conclude that time was set back."""
         in_order = self._early_ns is not None and stamp_ns > self._early_ns
         self._early_count = self._early_count + 1 if in_order else 1
         self._early_ns = stamp_ns

@@ -1,4 +1,4 @@
-"""What the gripper holds: a container with its fill, or nothing."""
+"""The container that the gripper holds with its fill height, or an empty gripper."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FRESH: Final = "fresh_liquid"
 
 @dataclass(frozen=True, slots=True)
 class HeldContainer:
-    """What the gripper holds.
+    """The container that the gripper holds with its fill height, or an empty gripper.
 
     Attributes:
         model: of the container; where it is empty, of the last one.
@@ -46,7 +46,7 @@ class HeldContainer:
         fill_height: float = math.nan,
         limit: float = math.nan,
     ) -> HeldContainer:
-        """What it holds after a change.
+        """Returns what the gripper holds after a requested change.
 
         Args:
             empty: whether the gripper is empty from then on.
@@ -80,12 +80,12 @@ class HeldContainer:
 
     @property
     def recorded(self) -> dict[str, Any]:
-        """What the estimator's settings tell of it, by name."""
+        """Returns the values for the estimator's recorded settings, by name."""
         return {CONTAINER: self.name, EMPTY: self.empty, FRESH: self.fresh}
 
     @property
     def described(self) -> str:
-        """One line for people."""
+        """Describes the container and its limit in one line for users."""
         if self.empty:
             return "no container"
         name = f"container {self.name}, " if self.name else ""
@@ -94,7 +94,7 @@ class HeldContainer:
 
 
 def held_by(message: Any, start: Model) -> HeldContainer:
-    """What a ContainerChange tells.
+    """Returns what the gripper holds according to a ContainerChange message.
 
     Args:
         message: as any middleware decodes it.
@@ -110,5 +110,5 @@ def held_by(message: Any, start: Model) -> HeldContainer:
 
 
 def empty_and_fresh(parameters: Mapping[str, Any]) -> tuple[bool, bool]:
-    """Whether recorded settings of an estimator tell an empty gripper, and other liquid."""
+    """Returns whether recorded settings say that the gripper is empty, and the liquid new."""
     return parameters.get(EMPTY) is True, parameters.get(FRESH) is True

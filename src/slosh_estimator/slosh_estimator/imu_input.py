@@ -1,4 +1,4 @@
-"""Specific force and angular velocity of an inertial sensor (sensor_msgs/Imu, REP-145).
+"""Reads specific force and angular velocity of an inertial sensor from Imu (REP-145).
 
 At rest with z up the sensor reads +g along z. What drives the liquid is the specific force at the
 container's origin, in axes that do not follow the container's yaw:
@@ -29,7 +29,7 @@ from slosh_model.constants import GRAVITY
 
 
 class ImuInput(CheckedInput):
-    """Converts specific forces and angular velocities to samples.
+    """Converts specific forces and angular velocities of an IMU to input samples.
 
     Args:
         settings: limits of the gate.
@@ -98,13 +98,13 @@ class ImuInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state on which the next samples depend, besides the last stamp."""
+        """Returns the reader's state as numbers, except the stamp of the last sample."""
         mean = math.nan if self._mean_force is None else self._mean_force
         own = [*self.gate.last, *self._slow_rate, self._last_yaw_rate, self._yaw, mean]
         return [*own, *self.sampling.memory, *self.checked_memory(self._stamp_ns)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state of another reader after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -118,7 +118,7 @@ class ImuInput(CheckedInput):
         self.sampling.take_up(sampling)
 
     def warning(self) -> str | None:
-        """Returns a warning with a remedy; None: none."""
+        """Returns a warning with a remedy, or None."""
         if self._rate_missing and self._to_origin != (0.0, 0.0, 0.0):
             return "the sensor reports no angular velocity: its lever arm is not accounted for"
         return None
@@ -129,7 +129,7 @@ class ImuInput(CheckedInput):
         return mean is not None and not TUNING.too_light <= mean <= TUNING.too_heavy
 
     def _angular_acceleration(self, omega: Vector, dt: float) -> Vector:
-        """Returns the angular acceleration from the low-passed angular velocity [rad/s²]."""
+        """Returns the angular acceleration [rad/s²] from low-pass filtered angular velocities."""
         blend = dt / (TUNING.angular_filter + dt)
         slow = self._slow_rate
         change = (omega[0] - slow[0], omega[1] - slow[1], omega[2] - slow[2])
@@ -142,7 +142,7 @@ class ImuInput(CheckedInput):
         return change[0] * inverse, change[1] * inverse, change[2] * inverse
 
     def _force_at_origin(self, force: Vector, omega: Vector, change: Vector) -> Vector:
-        """Returns the specific force at the container's origin."""
+        """Returns the specific force at the container's origin [m/s²]."""
         turn = cross(change, self._to_origin)
         swing = cross(omega, cross(omega, self._to_origin))
         return (

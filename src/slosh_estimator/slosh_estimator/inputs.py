@@ -1,4 +1,4 @@
-"""Inputs of the models, and how they are read: the same live and in a replay."""
+"""Settings of the estimator's input, and the readers for each type of input message."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ PoseSource = JointPoses | TransformPoses
 
 
 class InputSettings(NamedTuple):
-    """Settings of the input.
+    """Settings of the estimator's input.
 
     Attributes:
         kind: one of MESSAGE_TYPES; None: the first of them that is there.
@@ -95,7 +95,7 @@ class InputSettings(NamedTuple):
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
-        """Makes the settings from an estimator node's parameters.
+        """Creates the settings from the parameters of an estimator node.
 
         Args:
             parameters: by name; those of a node of old have no `max_jump`: it set nothing aside.
@@ -128,7 +128,7 @@ class InputSettings(NamedTuple):
     def mounted(
         self, kind: str, frame: str, fixed: FixedFrames, *, moving: bool = False
     ) -> dict[str, Any] | None:
-        """Returns the mounting parameters that transforms give for an input frame.
+        """Returns the mounting parameters that fixed transforms give for an input frame, or None.
 
         Args:
             kind: of the input.
@@ -156,7 +156,7 @@ class InputSettings(NamedTuple):
         return {"sensor_rotation": turn, "sensor_to_origin": list(mount.to_origin), **own}
 
     def with_mounting(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Returns the settings with parameters of `mounted`."""
+        """Returns the settings with the mounting parameters that `mounted` returned."""
         if CHAINED in parameters:
             return self._replace(chained=True)
         if BASE in parameters:
@@ -168,7 +168,7 @@ class InputSettings(NamedTuple):
         return self._replace(transform=transform, frames=(world, self.frames[1]))
 
     def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
-        """What a sensor is said to be, for a comparison with a motion.
+        """Returns the configured mounting of a sensor, and whether its axes are the world's.
 
         Args:
             kind: IMU or ACCEL.
@@ -185,7 +185,7 @@ class InputSettings(NamedTuple):
         return Expected(rotation, place, kind == IMU, arm), in_world
 
     def poses(self, kind: str) -> PoseSource | None:
-        """Makes the converter from messages of a kind to poses; None: not needed.
+        """Returns the converter from messages of this type to poses, or None if none is needed.
 
         Raises:
             SloshEstimatorError: the robot's description does not fit.
@@ -200,7 +200,7 @@ class InputSettings(NamedTuple):
         return None
 
     def reader(self, kind: str) -> AnyInput:
-        """Makes the reader that converts messages of a kind to samples."""
+        """Returns the reader that converts messages of a type to input samples."""
         found = self._reader(kind)
         if isinstance(self.pose_window, int):
             found.sampling.mute()
@@ -227,7 +227,7 @@ class InputSettings(NamedTuple):
 
 
 def _base(told: Sequence[Any] | None) -> Base | None:
-    """Parses the base in a node's settings: its name, position and quaternion."""
+    """Returns the base of a robot from a node's settings: name, position and quaternion."""
     if told is None:
         return None
     frame, px, py, pz, x, y, z, w = told
@@ -235,7 +235,7 @@ def _base(told: Sequence[Any] | None) -> Base | None:
 
 
 class WantedInput(NamedTuple):
-    """User's choice of a recording's input, which overrides the recorded settings.
+    """The user's choice of input for a recording, which overrides the recorded settings.
 
     Attributes:
         kind: one of MESSAGE_TYPES; None: as recorded.
@@ -248,7 +248,7 @@ class WantedInput(NamedTuple):
     tool_frame: str = ""
 
     def over(self, recorded: InputSettings) -> InputSettings:
-        """Returns recorded settings with the user's choice applied."""
+        """Returns the recorded settings, overridden by the user's choice."""
         return recorded._replace(
             kind=self.kind or recorded.kind,
             urdf=self.urdf or recorded.urdf,

@@ -1,4 +1,4 @@
-"""Poses of the container from a robot's joint states (sensor_msgs/JointState).
+"""Computes poses of the container from a robot's joint states (sensor_msgs/JointState).
 
 Each state gives the pose at its stamp by forward kinematics, which is exact; what differentiates
 is the filter of poses (`slosh_estimator.pose_filter`), the same for a tracker and for joints.
@@ -22,7 +22,7 @@ _Layout = tuple[tuple[str, ...], tuple[int, ...]]
 
 
 class JointPoses:
-    """Converts joint states to poses.
+    """Converts joint states to poses of the container.
 
     Args:
         robot: that carries the container.
@@ -50,7 +50,7 @@ class JointPoses:
         positions: Sequence[float],
         velocities: Sequence[float] = (),
     ) -> list[TimedPose]:
-        """Returns the poses that a state completes, in order; usually one.
+        """Returns the poses that a joint state completes, in order of time; usually one.
 
         Args:
             stamp_ns: the moment [ns].
@@ -85,7 +85,7 @@ class JointPoses:
         ]
 
     def trouble(self) -> str:
-        """Returns in one line why poses are missing or wrong; empty: unknown."""
+        """Returns why poses are missing or wrong, in one line; empty if no reason is known."""
         missing = [joint for joint in self._robot.carrying if joint not in self._owners]
         if missing and self._states >= TUNING.first_states:
             came = ", ".join(self._seen) or "no joint"
@@ -100,11 +100,11 @@ class JointPoses:
 
     @property
     def groups(self) -> int:
-        """Number of publishers of joints, by the sets of names."""
+        """Number of publishers of joint states, told apart by their sets of joint names."""
         return len(self._layouts)
 
     def facts(self) -> dict[str, str]:
-        """Returns facts for the diagnostics."""
+        """Returns joint names and the error of joint velocities, for the diagnostics."""
         return {"joints": ", ".join(self._robot.carrying), **self.velocities.facts()}
 
     def _posed(self, stamp_ns: int, positions: dict[str, float]) -> TimedPose:
@@ -115,7 +115,7 @@ class JointPoses:
         return len(self._owners) == len(self._robot.carrying) and known <= self._streams.keys
 
     def _layout(self, names: tuple[str, ...]) -> _Layout:
-        """Selects the needed joints; a joint belongs to its first publisher."""
+        """Selects the joints that carry the container; each belongs to its first publisher."""
         self._seen.update(dict.fromkeys(names))
         joints = tuple(name for name in self._robot.carrying if name in names)
         taken = [j for j in joints if self._owners.get(j, joints) != joints]

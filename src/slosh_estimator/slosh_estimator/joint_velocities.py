@@ -1,4 +1,4 @@
-"""Compares velocities in joint states with the positions.
+"""Compares the velocities in joint states with the change of the positions.
 
 Drivers report commanded, filtered, late or missing velocities, in other units, or zeros. So over
 stretches of time the mean velocity is compared with what the positions did: only what agrees there
@@ -15,7 +15,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class JointVelocities:
-    """Compares both over intervals of TUNING.stretch_ns."""
+    """Compares joint velocities with positions over intervals of TUNING.stretch_ns."""
 
     def __init__(self) -> None:
         self._start: tuple[int, Sequence[float]] | None = None
@@ -24,7 +24,7 @@ class JointVelocities:
         self._moved = self._missed = 0.0
 
     def take(self, stamp_ns: int, positions: Sequence[float], velocities: Sequence[float]) -> None:
-        """Adds a state: positions (J,) [rad or m] and velocities (J,) [rad/s or m/s]."""
+        """Adds joint positions (J,) [rad or m] and velocities (J,) [rad/s or m/s]."""
         last = self._last
         self._last = stamp_ns, velocities
         if self._start is None or last is None or len(last[1]) != len(velocities):
@@ -46,12 +46,12 @@ class JointVelocities:
 
     @property
     def error(self) -> float:
-        """Relative error of the velocities against the positions; NaN: unknown."""
+        """Relative error of the velocities, or NaN if it is unknown."""
         enough = self._moved > TUNING.compared**2
         return math.sqrt(self._missed / self._moved) if enough else math.nan
 
     def facts(self) -> dict[str, str]:
-        """Returns facts for the diagnostics."""
+        """Returns how well velocities agree with positions, for the diagnostics."""
         if math.isnan(self.error):
             return {}
         agree = self.error <= TUNING.agreeing_velocity

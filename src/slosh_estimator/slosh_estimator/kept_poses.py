@@ -1,4 +1,4 @@
-"""The poses of a sliding window, as columns."""
+"""Stores the poses of a sliding window as columns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NUMBERS = 7
 
 
 class KeptPoses:
-    """The poses of a window, as columns.
+    """Poses of a sliding window, stored as columns.
 
     Attributes:
         stamps: (N,) [ns].
@@ -52,7 +52,7 @@ class KeptPoses:
         self._resize(self._size + 1)
 
     def forget(self, count: int) -> int:
-        """Drops the oldest poses; returns how many."""
+        """Removes the oldest poses; returns the number of removed poses."""
         if count <= 0:
             return 0
         rest = self._size - count
@@ -62,13 +62,13 @@ class KeptPoses:
         return count
 
     def rows(self, first: int) -> list[float]:
-        """Returns poses from one on as a flat list: relative stamp [ns], position, quaternion."""
+        """Returns poses as a flat list: stamp relative to the newest, position, quaternion."""
         back = (self.stamps[first:] - self.stamps[-1:]).astype(np.float64)
         table: list[float] = np.column_stack([back, self.values[first:]]).ravel().tolist()
         return table
 
     def fill(self, newest_ns: int, rows: Sequence[float]) -> None:
-        """Restores poses from `rows`, with the stamp of the newest one [ns]."""
+        """Restores poses that `rows` returned, given the stamp of the newest one [ns]."""
         self.clear()
         for back, *values in np.reshape(rows, (-1, NUMBERS + 1)).tolist():
             self.append(newest_ns + round(back), tuple(values))

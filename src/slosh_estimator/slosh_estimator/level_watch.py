@@ -1,4 +1,4 @@
-"""Whether the camera sees, while the liquid rests, the level that the fill height tells."""
+"""Checks whether the camera sees the still liquid at the level of the given fill height."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _UNCLEAR = UNUSABLE | SATURATED | AMBIGUOUS
 
 
 class _Level(NamedTuple):
-    """A level that was seen at a moment [ns, m], with its standard deviation [m]."""
+    """A level that the camera measured [m], with its stamp [ns] and standard deviation [m]."""
 
     stamp_ns: int
     height: float
@@ -24,7 +24,7 @@ class _Level(NamedTuple):
 
 
 class LevelWatch:
-    """Follows the mean of the heights at the container's left and right edge.
+    """Compares the measured still level with the fill height of the model.
 
     A wave of the first mode, and of every odd one, lifts one as much as it lowers the other. The
     median of most of a second of rest counts; it is off where it exceeds its standard deviation
@@ -40,12 +40,12 @@ class LevelWatch:
         self.forget()
 
     def forget(self) -> None:
-        """Begins anew, as with another container."""
+        """Forgets all measured levels, for example after a change of the container."""
         self._levels.clear()
         self.offset = self.stddev = math.nan
 
     def look(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Takes a measurement and the estimate of its moment."""
+        """Adds a measurement and the estimate of the same time."""
         levels = self._levels
         rests = not expected.flags & UNSOUND and expected.nonlinear < TUNING.still
         if not rests or (levels and measured.stamp_ns <= levels[-1].stamp_ns):
@@ -67,7 +67,7 @@ class LevelWatch:
 
     @property
     def text(self) -> str:
-        """What is off and what to check, in a line; empty: nothing is."""
+        """Returns one line on a wrong level and what to check; empty if the level is right."""
         if math.isnan(self.offset):
             return ""
         return (

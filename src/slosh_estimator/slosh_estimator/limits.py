@@ -1,4 +1,4 @@
-"""Limits with hysteresis."""
+"""Monitors limits; a violation ends only after the value falls clearly below the limit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LIMIT = "limit"
 
 
 class Source(IntEnum):
-    """Quantity that exceeds a limit; the values of LimitEvent.msg."""
+    """Quantity that is compared with a limit; the values are those of LimitEvent.msg."""
 
     MEASURED = 0
     ESTIMATED = 1
@@ -26,7 +26,7 @@ class Source(IntEnum):
 
 
 class Kind(IntEnum):
-    """Start or end of a limit violation; the values of LimitEvent.msg."""
+    """Start or end of a limit violation; the values are those of LimitEvent.msg."""
 
     START = 0
     END = 1
@@ -34,7 +34,7 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A limit was exceeded, or the violation has ended.
+    """Event that reports the start or the end of a limit violation.
 
     Attributes:
         stamp_ns: moment of the crossing or the return [ns].
@@ -59,7 +59,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Hysteresis:
-    """Settings for the end of a limit violation.
+    """Conditions under which a limit violation ends.
 
     Attributes:
         release: share of the limit below which the value must fall.
@@ -80,7 +80,7 @@ class Hysteresis:
 
 
 class LimitChange(NamedTuple):
-    """A limit [m] and its hysteresis, valid after a stamp [ns].
+    """A limit [m] with its hysteresis, which applies to values after a stamp [ns].
 
     `name`: what it is: LIMIT, or that the container's rim limits.
     """
@@ -92,7 +92,7 @@ class LimitChange(NamedTuple):
 
 
 class LimitTracker:
-    """Monitors one quantity against one limit.
+    """Compares one quantity with one limit.
 
     Args:
         source: the quantity.
@@ -115,7 +115,7 @@ class LimitTracker:
         self._below_since_ns: int | None = None
 
     def update(self, stamp_ns: int, value: float) -> Event | None:
-        """Adds a value [m]; returns the event it causes. NaN changes nothing."""
+        """Adds a value [m]; returns the event that it causes, or None. NaN changes nothing."""
         if math.isnan(value):
             return None
         if not self.active:
@@ -134,7 +134,7 @@ class LimitTracker:
     def change(
         self, stamp_ns: int, limit: float, hysteresis: Hysteresis, name: str = LIMIT
     ) -> Event | None:
-        """Sets a new limit for the next values; ends a violation of the old limit.
+        """Sets a new limit for the next values and ends a violation of the old limit.
 
         Args:
             stamp_ns: the last moment that was judged by the old limit [ns].
@@ -153,22 +153,22 @@ class LimitTracker:
 
     @property
     def at_rim(self) -> bool:
-        """Whether the container's rim is the limit, or a distance to it."""
+        """Whether the limit is the container's rim, or a distance below it."""
         return self._name != LIMIT
 
     @property
     def limit_text(self) -> str:
-        """What limits the quantity, with its value."""
+        """Name and value of the limit, as text."""
         return f"{self._name} {1e3 * self.limit:.1f} mm"
 
     def ignores(self, values: Iterable[float]) -> bool:
-        """Whether subsequent values [m] would change nothing."""
+        """Returns whether the next values [m] would change nothing."""
         return not self.active and not any(value > self.limit for value in values)
 
     def can_matter(
         self, stamps: NDArray[np.int64], values: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Returns which subsequent values can cause a change; the others may be skipped.
+        """Returns which of the next values can cause a change; the others may be skipped.
 
         Args:
             stamps: (N,) increasing [ns].
@@ -197,11 +197,11 @@ class LimitTracker:
 
     @property
     def release_level(self) -> float:
-        """Value below which a violation ends [m]."""
+        """Value below which a limit violation can end [m]."""
         return self._hysteresis.release * self.limit
 
     def close(self, stamp_ns: int, reason: str) -> Event | None:
-        """Ends a violation; returns None if there is none."""
+        """Ends a limit violation and returns its event, or None if there is no violation."""
         if not self.active:
             return None
         self.active = False
@@ -229,5 +229,5 @@ class LimitTracker:
 
 
 def _watched(limit: float) -> float:
-    """Returns the limit, infinite if not monitored [m]."""
+    """Returns the limit [m], or infinity if the quantity is not monitored."""
     return limit if math.isfinite(limit) else math.inf

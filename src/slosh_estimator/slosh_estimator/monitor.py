@@ -1,4 +1,4 @@
-"""The monitor's core: compares measured with estimated heights and checks limits.
+"""Compares measured with estimated heights and checks both against limits.
 
 Stamps say when something happened, arrival times say whether a side still speaks. Both are whole
 nanoseconds and arguments; the two clocks may differ.
@@ -55,7 +55,7 @@ HEARTBEAT = 3
 
 
 class Monitor:
-    """Compares estimates with measurements as they arrive, and checks limits.
+    """Compares estimates with measurements as they arrive, and checks them against limits.
 
     >>> monitor = Monitor(MonitorSettings(measured_limit=0.02))  # m
     >>> monitor.add_measurement(MeasuredPoint(stamp_ns=10, msh=0.012), arrival_ns=10)
@@ -115,7 +115,7 @@ class Monitor:
         self._changes: dict[Source, deque[LimitChange]] = {source: deque() for source in Source}
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int | None = None) -> int:
-        """Changes the limits from a stamp on.
+        """Changes the limits for values after a stamp.
 
         Values up to that moment are judged by the old limits, later ones by the new limits,
         whenever they arrive. The other settings apply at once.
@@ -142,22 +142,22 @@ class Monitor:
         return stamp_ns
 
     def carry(self, tray: Tray) -> None:
-        """Watches the containers of a tray, each by its own limit."""
+        """Starts to monitor the containers of a tray, each by its own limit."""
         self.tray = TrayWatch(tray, self.settings, self._next_excess)
 
     def add_tray(self, stamp_ns: int, heights: Sequence[float]) -> None:
-        """Takes the height of each container of the tray that is carried [m]."""
+        """Adds the height [m] of each container on the tray."""
         if self.tray is not None:
             self._events += self.tray.update(stamp_ns, heights)
 
     def reset_accuracy(self) -> None:
-        """Resets MAE, ε and the count of motions."""
+        """Resets the mean absolute error, the peak error and the count of motions."""
         self.linear.reset()
         self.nonlinear.reset()
         self.motions.reset()
 
     def add_estimate(self, point: EstimatePoint, arrival_ns: int) -> list[Comparison]:
-        """Adds an estimate; returns the comparisons that it completes."""
+        """Adds an estimate; returns the comparisons that can be made with it."""
         self._estimated_at = arrival_ns
         estimates = self._estimates
         if estimates and point.stamp_ns <= estimates[-1].stamp_ns:
@@ -181,7 +181,7 @@ class Monitor:
         return found
 
     def add_estimates(self, points: Sequence[EstimatePoint]) -> list[Comparison]:
-        """Adds estimates with increasing stamps; the same as one by one, but faster."""
+        """Adds estimates with increasing stamps; equals single calls, but is faster."""
         found: list[Comparison] = []
         for index, point in enumerate(points):
             if self._is_quiet(points, index):
@@ -198,7 +198,7 @@ class Monitor:
         return found
 
     def add_measurement(self, point: MeasuredPoint, arrival_ns: int) -> list[Comparison]:
-        """Adds a measurement; returns the comparisons that it makes possible.
+        """Adds a measurement; returns the comparisons that can be made with it.
 
         Without a camera, by the settings, it is not looked at.
         """
@@ -218,7 +218,7 @@ class Monitor:
         return list(self._ready(arrival_ns))
 
     def check(self, now_ns: int) -> list[Comparison]:
-        """Checks timeouts; call it several times within the timeout.
+        """Checks timeouts and returns comparisons if the camera or the estimator is silent.
 
         Returns:
             where a side is silent, or no measurement has met an estimate since the last look:
@@ -253,14 +253,14 @@ class Monitor:
         return comparisons
 
     def finish(self) -> list[Comparison]:
-        """Returns the comparisons of measurements that still wait for a silent estimator."""
+        """Returns comparisons for measurements that still wait for an estimate."""
         found = []
         while self._waiting and self._stale(self._estimated_at, self._waiting[-1].arrival_ns):
             found.append(self._without_estimate(self._waiting[-1].arrival_ns))
         return found
 
     def silent_sides(self, now_ns: int) -> tuple[bool, bool]:
-        """Returns whether the camera and whether the estimator is silent."""
+        """Returns whether the camera is silent, and whether the estimator is."""
         measured = self.settings.camera and self._stale(self._measured_at, now_ns)
         return measured, self._stale(self._estimated_at, now_ns)
 
@@ -273,12 +273,12 @@ class Monitor:
         return self._trackers[Source.ESTIMATED].can_matter(stamps, heights)
 
     def take_events(self) -> list[Event]:
-        """Returns the events since the last call."""
+        """Returns the limit events since the last call."""
         events, self._events = self._events, []
         return events
 
     def blindness(self, now_ns: int) -> str:
-        """Returns why nothing could be compared for too long; empty: it could."""
+        """Returns why no heights could be compared for too long; empty if they could."""
         if self.vacant:
             return ""
         if self.standstill or self.obstruction:
@@ -289,7 +289,7 @@ class Monitor:
         return clocks_apart(self._measured_stamp, self._estimates[-1].stamp_ns) or blindness
 
     def condition(self, now_ns: int) -> Condition:
-        """Returns the state: limit violation first, then silent side, then missing comparisons."""
+        """Returns the state: limit violation first, then timeouts, then missing comparisons."""
         tray = self.tray
         if any(tracker.active for tracker in self._trackers.values()) or (tray and tray.active):
             return Condition.ERROR
@@ -310,7 +310,7 @@ class Monitor:
 
     @property
     def at_rim(self) -> str:
-        """Describes liquid above the rim; empty: not known to be."""
+        """Returns one line if the liquid is above the rim; empty if this is not known."""
         above = [
             tracker.limit_text
             for tracker in self._trackers.values()
@@ -320,27 +320,27 @@ class Monitor:
 
     @property
     def vacant(self) -> bool:
-        """Whether the gripper is empty, as the newest estimate says."""
+        """Whether the newest estimate says that the gripper is empty."""
         return bool(self._estimates) and self._estimates[-1].flags & _NO_CONTAINER != 0
 
     @property
     def too_slow(self) -> bool:
-        """Whether the input's rate is too low for a sloshing mode."""
+        """Whether the input's rate is too low for one of the sloshing modes."""
         return bool(self._estimates) and self._estimates[-1].flags & _TOO_SLOW != 0
 
     def _is_out(self, now_ns: int) -> bool:
-        """Whether a side is silent or nothing can be compared."""
+        """Returns whether camera or estimator is silent, or nothing can be compared."""
         return any(self.silent_sides(now_ns)) or bool(self.blindness(now_ns))
 
     def _alone(self, now_ns: int) -> Comparison:
-        """Returns the newest estimate as a comparison if there is no camera by choice."""
+        """Returns a comparison with only the newest estimate, for use without a camera."""
         newest = self._estimates[-1]
         self._sight.look(now_ns, estimate_obstacle(newest.nonlinear, newest.flags))
         missing = MeasuredPoint(newest.stamp_ns, NAN)
         return self._compare(missing, newest.expected, now_ns, image=False)
 
     def _unmeasured(self, estimate: EstimatePoint | None, now_ns: int) -> Comparison:
-        """Makes a comparison without measurement."""
+        """Returns a comparison without a measurement."""
         newest = self._estimates[-1].stamp_ns if self._estimates else 0
         stamp_ns = estimate.stamp_ns if estimate else max(self._measured_stamp, newest)
         return self._compare(
@@ -362,7 +362,7 @@ class Monitor:
         return max(newest, default=0)
 
     def _is_quiet(self, points: Sequence[EstimatePoint], first: int) -> bool:
-        """Whether the estimates from the first on complete no comparison and cause no event."""
+        """Returns whether the remaining estimates cause neither a comparison nor an event."""
         if self._waiting or self._changes[Source.ESTIMATED] or not self._estimates:
             return False
         if self.tray is not None:
@@ -380,7 +380,7 @@ class Monitor:
             self._estimates.popleft()
 
     def _newest_stamp(self) -> int:
-        """Returns the newest stamp of both sides; ignores a measurement on another clock [ns]."""
+        """Returns the newest stamp of camera and estimator [ns], if they share one clock."""
         measured = self._measured_stamp
         if not self._estimates:
             return measured
@@ -388,7 +388,7 @@ class Monitor:
         return estimated if clocks_apart(measured, estimated) else max(measured, estimated)
 
     def _change_limit(self, source: Source, stamp_ns: int) -> None:
-        """Applies the limits that are valid at a stamp."""
+        """Applies the limit changes that are valid at a stamp [ns]."""
         changes = self._changes[source]
         while changes and changes[0].stamp_ns < stamp_ns:
             event = self._trackers[source].change(*changes.popleft())
@@ -416,13 +416,13 @@ class Monitor:
             self._events.append(event)
 
     def _bounded(self, point: MeasuredPoint) -> float:
-        """Returns the height for the limit; NaN: a lower bound below the release level."""
+        """Returns the height to check against the limit, or NaN if it may be too low."""
         self._change_limit(Source.MEASURED, point.stamp_ns)
         low = point.msh <= self._trackers[Source.MEASURED].release_level
         return NAN if point.flags & SATURATED and low else point.msh
 
     def _forget(self, stamp_ns: int) -> None:
-        """Drops everything that depends on stamps, at the newest one."""
+        """Forgets everything that depends on stamps, since time jumped back."""
         self._estimates.clear()
         self._waiting.clear()
         self.motions.forget()
@@ -431,7 +431,7 @@ class Monitor:
             self._change_limit(source, _NEVER)
 
     def _ready(self, now_ns: int) -> Iterator[Comparison]:
-        """Returns comparisons of waiting measurements that the estimates have reached."""
+        """Yields comparisons for waiting measurements that the estimates have reached."""
         if not self._estimates:
             return
         delay = self._estimates[-1].delay_ns
@@ -448,12 +448,12 @@ class Monitor:
             yield self._compare(point, estimate, now_ns)
 
     def _without_estimate(self, now_ns: int) -> Comparison:
-        """Returns the comparison of the longest waiting measurement, without an estimate."""
+        """Returns a comparison of the oldest waiting measurement, without an estimate."""
         point = self._waiting.popleft().point
         return self._compare(point, None, now_ns, estimate_stale=True)
 
     def _interpolated(self, seen_ns: int) -> Expected | None:
-        """Interpolates the expected measurement at a stamp; None: not in the buffer.
+        """Interpolates the expected measurement at a stamp [ns], or None if out of range.
 
         Each estimate's reading comes late by its own delay, which a drifting clock lets grow.
         """
@@ -517,7 +517,7 @@ class Monitor:
         )
 
     def _judge(self, measured: MeasuredPoint, expected: Expected) -> None:
-        """Adds a pair to MAE and ε; a lower bound only if it is above the estimate."""
+        """Adds a pair of heights to the accuracy; a lower bound only if above the estimate."""
         linear, nonlinear, _, wave = expected
         bound = bool(measured.flags & SATURATED)
         if not (bound and measured.msh <= nonlinear):
@@ -536,5 +536,5 @@ class Monitor:
 
 
 def _seen_ns(point: EstimatePoint) -> int:
-    """Returns the stamp of a measurement of an estimate [ns]."""
+    """Returns the stamp [ns] at which the sensor measures the state of an estimate."""
     return point.stamp_ns + point.delay_ns

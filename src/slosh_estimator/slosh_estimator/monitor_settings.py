@@ -59,7 +59,7 @@ class MonitorSettings:
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
-        """Makes the settings from a monitor node's parameters.
+        """Creates the settings from the parameters of a monitor node.
 
         Raises:
             KeyError: one is missing.
@@ -82,7 +82,7 @@ class MonitorSettings:
 
     @classmethod
     def from_told(cls, parameters: Mapping[str, Any]) -> MonitorSettings:
-        """The limits among parameters that anybody may have told; others are not watched."""
+        """Creates settings from whichever limits the parameters contain; others are unlimited."""
         names = ("measured_limit", "estimated_limit", "disagreement_limit", RIM, RIM_DISTANCE)
         values = [parameters.get(name) for name in names]
         measured, estimated, apart, rim, distance = (
@@ -93,7 +93,7 @@ class MonitorSettings:
 
     @property
     def limits(self) -> dict[Source, float]:
-        """Returns the limit of each monitored quantity; heights are limited by the rim [m]."""
+        """Limit of each monitored quantity [m]; heights are also limited by the rim."""
         return {
             # `fmin`: a limit that is not watched, and a rim that is not known, are NaN.
             Source.MEASURED: float(np.fmin(self.measured_limit, self.rim)),
@@ -102,16 +102,16 @@ class MonitorSettings:
         }
 
     def at_rim(self, source: Source) -> bool:
-        """Whether the rim, being lower than the limit, limits a quantity."""
+        """Returns whether the rim limits a quantity because it is below the given limit."""
         given = {Source.MEASURED: self.measured_limit, Source.ESTIMATED: self.estimated_limit}
         return source in given and bool(self.rim <= np.fmin(given[source], math.inf))
 
     def limit_name(self, source: Source) -> str:
-        """What limits a quantity: its limit, the rim or a distance to it."""
+        """Returns the name of what limits a quantity: a limit, the rim or a distance to it."""
         return rim_name(self.rim_distance) if self.at_rim(source) else LIMIT
 
     def under_rim(self, model: Model) -> MonitorSettings:
-        """The same with the rim of a model's container.
+        """Returns the settings with the rim of a model's container.
 
         Raises:
             SloshModelError: a distance to the rim that its still liquid does not keep, or one to
@@ -121,7 +121,7 @@ class MonitorSettings:
         return replace(self, rim=math.nan if rim is None else rim)
 
     def near_rim(self, model: Model) -> tuple[float, str]:
-        """The height that the rim of a model's container allows [m], NaN: any; and a complaint.
+        """Returns the height [m] that the rim allows, and a complaint about the rim distance.
 
         Where the distance to the rim cannot be kept, the complaint says why, and the rim itself
         holds. It is empty otherwise.

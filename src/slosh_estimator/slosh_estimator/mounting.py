@@ -26,7 +26,7 @@ class Base(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SensorTransform:
-    """Position and orientation of the sensor, or of the frame with a published pose.
+    """Position and orientation of a sensor, or of a frame with known pose, on the container.
 
     Attributes:
         roll, pitch, yaw: rotation container ← sensor, fixed axes [rad].
@@ -47,7 +47,7 @@ class SensorTransform:
 
     @property
     def matrix(self) -> Matrix:
-        """Rotation matrix container ← sensor."""
+        """Rotation matrix from sensor axes to container axes."""
         return matrix_from_rpy(self.roll, self.pitch, self.yaw)
 
     @property
@@ -57,7 +57,7 @@ class SensorTransform:
 
 
 class ToolPose:
-    """Converts poses of a tool to those of the container it carries.
+    """Converts poses of a tool to poses of the container that it carries.
 
     Args:
         transform: of the tool's frame.
@@ -69,7 +69,7 @@ class ToolPose:
         self._to_origin = transform.to_origin
 
     def container(self, position: Vector, quaternion: Quaternion) -> tuple[Vector, Quaternion]:
-        """Returns position [m] and attitude (x, y, z, w, same norm) of the container.
+        """Returns position [m] and attitude (x, y, z, w) of the container.
 
         Args:
             position: of the tool in the world [m].
@@ -98,7 +98,7 @@ class ToolPose:
 def composed(
     outer: tuple[Vector, Quaternion], inner: tuple[Vector, Quaternion]
 ) -> tuple[Vector, Quaternion]:
-    """Composes two poses: `inner` relative to a frame at `outer`.
+    """Composes two poses; `inner` is given in the frame at `outer`.
 
     Args:
         outer, inner: position [m] and quaternion x, y, z, w, of any length but zero.
@@ -120,7 +120,7 @@ def composed(
 
 
 def rotated(quaternion: Quaternion, vector: Vector) -> Vector:
-    """Rotates a vector by an attitude.
+    """Rotates a vector by a quaternion.
 
     Args:
         quaternion: x, y, z, w, of any length but zero.
@@ -131,7 +131,7 @@ def rotated(quaternion: Quaternion, vector: Vector) -> Vector:
 
 
 def sensor_from_container(transform: SensorTransform) -> Quaternion:
-    """Returns sensor ← container, the conjugate of Rz(yaw) Ry(pitch) Rx(roll): x, y, z, w."""
+    """Returns the quaternion (x, y, z, w) that rotates container axes to sensor axes."""
     cr, sr = math.cos(0.5 * transform.roll), math.sin(0.5 * transform.roll)
     cp, sp = math.cos(0.5 * transform.pitch), math.sin(0.5 * transform.pitch)
     cy, sy = math.cos(0.5 * transform.yaw), math.sin(0.5 * transform.yaw)

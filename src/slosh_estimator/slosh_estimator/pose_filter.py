@@ -1,4 +1,4 @@
-"""Differentiates poses twice by polynomials fitted to a sliding window.
+"""Differentiates poses twice by polynomials that are fitted to a sliding window.
 
 At each pose a polynomial of degree 5 is fitted to the poses around it (least squares; Savitzky and
 Golay's filter, for samples at any spacing), of degree 4 where there are only 5 or 6 of them. Its
@@ -34,7 +34,7 @@ CUBIC, LINEAR = 4, 2
 
 
 class PoseFilter(NamedTuple):
-    """A window, and its number of output samples.
+    """Window length and polynomial degree of a filter that differentiates poses.
 
     Attributes:
         fastest: highest natural frequency [rad/s].
@@ -50,7 +50,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def of(cls, modes: Modes, window: float, order: int = 2) -> PoseFilter:
-        """Makes the filter for some modes.
+        """Creates the filter that passes given sloshing modes.
 
         Args:
             modes: to be carried; none: of a small cup.
@@ -63,7 +63,7 @@ class PoseFilter(NamedTuple):
 
     @classmethod
     def smoothing(cls, modes: Modes, delay: float, order: int = 2) -> PoseFilter:
-        """Makes a delayed filter: the lowest polynomial degree that passes the modes.
+        """Creates a delayed filter: the lowest polynomial degree that passes the modes.
 
         A higher degree carries them over a longer window, which averages more noise.
 
@@ -79,7 +79,7 @@ class PoseFilter(NamedTuple):
         return plain._replace(most=(CUBIC if order == 2 else LINEAR) + 2 * higher)
 
     def terms(self, count: int) -> int:
-        """Returns the number of polynomial terms for a number of values."""
+        """Returns how many polynomial terms to fit to a number of values."""
         if self.most and count > self.most + 1:
             return self.most
         if self.order == 1:
@@ -87,17 +87,17 @@ class PoseFilter(NamedTuple):
         return _QUINTIC if count > 2 * FEWEST + 2 else _QUARTIC
 
     def side(self, interval: float) -> int:
-        """Returns the number of poses on each side of the centre, at an interval [s]."""
+        """Returns the number of poses on each side of the centre, for an interval [s]."""
         # A pose stands for half an interval on both sides.
         return min(max(math.floor(self.reach / interval - 0.5), FEWEST), MOST)
 
     def parts(self, spacing: float) -> int:
-        """Returns the odd number of output samples per pose interval [s]."""
+        """Returns how many samples to output for each interval between poses [s]."""
         needed = min(math.ceil(self.fastest * spacing / TUNING.phase_step), _MOST_PARTS)
         return needed + 1 - needed % 2
 
     def gain(self, frequency: float, interval: float) -> float:
-        """Returns the amplitude response to a wave, including linear interpolation.
+        """Returns the filter's gain for a wave, including linear interpolation afterwards.
 
         Args:
             frequency: of the wave [rad/s].
@@ -123,7 +123,7 @@ class PoseFilter(NamedTuple):
 
 @compiled
 def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
-    """Fits polynomial coefficients (3, terms) in tau/scale, about the centre's value.
+    """Fits polynomials in tau/scale, relative to the centre's value; returns (3, terms).
 
     The centre is where tau is 0.
     """
@@ -147,7 +147,7 @@ def _fit(tau: Any, scale: float, values: Any, terms: int) -> Any:
 
 @compiled
 def _reach(tau: Any) -> float:
-    """Returns the longest time from the centre [s]; used for good conditioning."""
+    """Returns the longest time from the centre [s], by which the fit is scaled."""
     reach = 0.0
     for one in tau:
         reach = max(reach, abs(one))
@@ -156,7 +156,7 @@ def _reach(tau: Any) -> float:
 
 @compiled
 def _change(row: Any, x: float) -> float:
-    """Returns a polynomial's difference from its centre at x."""
+    """Returns the difference of a polynomial at x from its value at the centre."""
     total = 0.0
     for k in range(len(row) - 1, 0, -1):
         total = (total + row[k]) * x
@@ -165,7 +165,7 @@ def _change(row: Any, x: float) -> float:
 
 @compiled
 def _even(tau: Any, interval: float, out: Any) -> None:
-    """Fits a uniform clock to times, with steps of about an interval.
+    """Fits equally spaced times to measured times, with steps close to an interval.
 
     They count from the one that belongs to the centre; the last place receives that one's own.
     """
@@ -189,7 +189,7 @@ def _even(tau: Any, interval: float, out: Any) -> None:
 
 @compiled
 def _misfit(tau: Any, positions: Any, terms: int) -> float:
-    """Returns the sum of squared residuals of polynomials fitted to positions [m²]."""
+    """Returns the sum of squared residuals [m²] of polynomials fitted to positions."""
     scale = _reach(tau)
     rows = _fit(tau, scale, positions, terms)
     centre = positions[np.argmin(np.abs(tau))]
@@ -203,7 +203,7 @@ def _misfit(tau: Any, positions: Any, terms: int) -> float:
 
 @compiled
 def _slope(row: Any, x: float) -> Any:
-    """Returns a polynomial's first derivative at x."""
+    """Returns the first derivative of a polynomial at x."""
     total = 0.0
     for k in range(len(row) - 1, 1, -1):
         total = (total + k * row[k]) * x
@@ -212,7 +212,7 @@ def _slope(row: Any, x: float) -> Any:
 
 @compiled
 def _half_curvature(row: Any, x: float) -> Any:
-    """Returns half of a polynomial's second derivative at x."""
+    """Returns half of the second derivative of a polynomial at x."""
     if x == 0.0:
         return row[2]
     total = 0.0
@@ -223,7 +223,7 @@ def _half_curvature(row: Any, x: float) -> Any:
 
 @entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2, int64, float64))
 def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> Any:
-    """Returns the second derivative of the least-squares polynomial.
+    """Returns the second derivative [m/s²] of a polynomial fitted by least squares.
 
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
@@ -246,7 +246,7 @@ def second_derivative(tau: Any, positions: Any, terms: int, offset: float) -> An
 
 @entry_point(UniTuple(float64, 3)(GIVEN_1, GIVEN_2, int64, float64))
 def first_derivative(tau: Any, velocities: Any, terms: int, offset: float) -> Any:
-    """Returns the first derivative of the least-squares polynomial.
+    """Returns the first derivative [m/s²] of a polynomial fitted by least squares.
 
     Args:
         tau: (N,) time from the centre, at which it is 0 [s].
@@ -267,7 +267,7 @@ def first_derivative(tau: Any, velocities: Any, terms: int, offset: float) -> An
 
 @entry_point(UniTuple(float64, 3)(CHANGED_1, GIVEN_2, GIVEN_1, int64, float64))
 def even_times(ticks: Any, positions: Any, tau: Any, first: int, interval: float) -> Any:
-    """Fits a uniform clock to stamps, and checks whether poses agree with it.
+    """Fits a uniform clock to stamps, and checks whether the poses agree with it.
 
     Args:
         ticks: (N,) receives when a window's poses were taken, from the centre's tick [s].
@@ -304,7 +304,7 @@ def _product(p: Any, q: Any) -> Any:
 
 @compiled
 def _turned(attitude: Any, px: float, py: float, pz: float) -> Any:
-    """Rotates an attitude by a rotation vector in its own axes."""
+    """Rotates an attitude by a rotation vector that is given in its own axes."""
     angle = math.sqrt(px * px + py * py + pz * pz)
     factor = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
     return _product(attitude, (factor * px, factor * py, factor * pz, math.cos(0.5 * angle)))
@@ -322,7 +322,7 @@ def _off_frame(px: float, py: float, pz: float, ux: float, uy: float, uz: float)
 
 @entry_point(UniTuple(float64, 10)(GIVEN_1, GIVEN_2, int64, float64))
 def turning(tau: Any, attitudes: Any, terms: int, offset: float) -> Any:
-    """Returns a container's attitude and rotation; see `slosh_estimator.sample.Pose`.
+    """Returns attitude, angular velocity and angular acceleration from fitted rotations.
 
     The rotations φ that lead from the centre's attitude to the others are differentiated, in the
     container's axes: at φ = 0 their derivatives are the angular velocity and acceleration.

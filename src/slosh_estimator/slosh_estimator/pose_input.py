@@ -1,4 +1,4 @@
-"""Poses of the container (geometry_msgs/PoseStamped), differentiated twice.
+"""Reads poses of the container (PoseStamped) and differentiates them twice.
 
 `slosh_estimator.pose_filter` says how. A sample carries the stamp to which it applies, the centre
 of the window: the estimate comes half a window late, but with no phase error.
@@ -40,7 +40,7 @@ MINIMUM_WINDOW = 2 * FEWEST + 1
 
 
 class PoseInput(CheckedInput):
-    """Converts poses in the world's axes to samples.
+    """Converts poses in world axes to input samples.
 
     Args:
         settings: limits of the gate.
@@ -121,7 +121,7 @@ class PoseInput(CheckedInput):
         now_ns: int | None = None,
         frame: str = "",
     ) -> list[Sample]:
-        """Returns the samples that a pose completes, about half a window before it.
+        """Returns the samples that a pose completes; their stamps lie half a window before it.
 
         None while the window fills; mostly one; several where poses come slowly.
 
@@ -167,7 +167,7 @@ class PoseInput(CheckedInput):
 
     @property
     def delay(self) -> float:
-        """Delay of the estimates [s]: half the window; 0: unknown yet."""
+        """Delay of the estimates [s], half the window; 0 if it is not yet known."""
         if self._count:
             return (self._count // 2) * self.sampling.seconds
         interval = self.sampling.seconds
@@ -175,7 +175,7 @@ class PoseInput(CheckedInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state on which the next samples depend: the window's poses."""
+        """Returns the reader's state as numbers, mainly the poses of the window."""
         first = max(self._at - 1 - self._count // 2, 0) if self._count else 0
         rows = self._poses.rows(first)
         checked = self.checked_memory(self._poses.newest_ns if len(self._poses) else 0)
@@ -184,7 +184,7 @@ class PoseInput(CheckedInput):
         return [float(self._at), *self._misfit, *self.sampling.memory, *rows, *checked]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state of another reader after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input or another window.
@@ -207,7 +207,7 @@ class PoseInput(CheckedInput):
         self.gate.go_on(stamp_ns, None)
 
     def warning(self) -> str | None:
-        """Returns a warning with a remedy; None: none."""
+        """Returns a warning with a remedy, or None."""
         strange = self.gate.counts[SampleVerdict.WRONG_FRAME]
         new, self._told = strange - self._told, strange
         if new:
@@ -220,7 +220,7 @@ class PoseInput(CheckedInput):
         return None
 
     def remark(self) -> str | None:
-        """Returns a remark about the settings; None: none."""
+        """Returns a remark about an assumption on the poses' frame, or None."""
         if (
             self._frame is not None
             and self._other_frame is not None
@@ -233,7 +233,7 @@ class PoseInput(CheckedInput):
         return None
 
     def refusal(self) -> str | None:
-        """Returns why samples were refused by their frame; None: none was."""
+        """Returns why poses were dropped because of their frame, or None."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
         return (
@@ -242,7 +242,7 @@ class PoseInput(CheckedInput):
         )
 
     def _strange(self, frame: str) -> bool:
-        """Whether a pose is refused for its frame."""
+        """Returns whether a pose is dropped because of its frame."""
         if self._other_frame is None or frame:
             self._other_frame = frame
         if self._any_frame or not frame:
@@ -251,7 +251,7 @@ class PoseInput(CheckedInput):
         return True
 
     def _place_of(self, stamp_ns: int, vector: Vector) -> Vector:
-        """Returns the position [m] for the plausibility check."""
+        """Returns the position [m] that the plausibility check uses."""
         return vector
 
     def _jumped(self, stamp_ns: int, position: tuple[float, float, float]) -> bool:
@@ -271,7 +271,7 @@ class PoseInput(CheckedInput):
         return PoseFilter.of(modes, self._seconds, self.ORDER)
 
     def _fixed_window(self) -> tuple[int, int] | None:
-        """Returns the fixed window about the next centre as (first, end); None: incomplete."""
+        """Returns the fixed window of poses around the next centre, or None if incomplete."""
         side = self._count // 2
         # One more than the window stays, for the memory.
         self._at -= self._poses.forget(self._at - 1 - side)
@@ -279,7 +279,7 @@ class PoseInput(CheckedInput):
         return window if window[1] <= len(self._poses) else None
 
     def _window(self) -> tuple[int, int] | None:
-        """Returns the window about the next centre as (first, end); None: incomplete."""
+        """Returns the window of poses around the next centre, or None if incomplete."""
         self._choose()
         if not self._reach_ns:
             return None
@@ -303,7 +303,7 @@ class PoseInput(CheckedInput):
         return None
 
     def _choose(self) -> None:
-        """Selects the window for the present rate and modes."""
+        """Selects the window for the current rate and modes."""
         sampling = self.sampling
         if sampling.interval_ns == self._interval_ns and sampling.modes is self._modes:
             return
@@ -315,7 +315,7 @@ class PoseInput(CheckedInput):
         self._wait_ns = (2 * side - 1) * self._interval_ns // 2
 
     def _samples(self, first: int, end: int, *, doubtful: bool) -> list[Sample]:
-        """Returns the samples nearest to the centre."""
+        """Returns the samples closest to the centre of a window."""
         stamps, values = self._poses.stamps, self._poses.values
         centre_ns = int(stamps[self._at])
         tau = np.asarray((stamps[first:end] - centre_ns) * SECONDS_PER_NS, dtype=np.float64)
@@ -340,7 +340,7 @@ class PoseInput(CheckedInput):
     def _put_in_time(
         self, first: int, end: int, tau: Array, positions: Array
     ) -> tuple[Array, float]:
-        """Returns the corrected times (N,) of a window's poses from the centre [s].
+        """Returns times (N,) [s] of a window's poses, corrected for jitter of the stamps.
 
         A controller or a camera measures evenly, and its messages are often stamped when they
         arrive: then the motion is smoother at the ticks of an even clock. Others measure unevenly
@@ -368,7 +368,7 @@ class PoseInput(CheckedInput):
         return tau + share * (ticks - tau), share * found[2]
 
     def _offsets(self) -> list[int]:
-        """Returns offsets of the samples from the centre [ns], half way to its neighbours."""
+        """Returns the times of output samples relative to the centre [ns]."""
         before, centre, after = self._poses.stamps[self._at - 1 : self._at + 2].tolist()
         parts = self._filter.parts(0.5 * (after - before) * SECONDS_PER_NS)
         side = parts // 2

@@ -1,4 +1,4 @@
-"""Outcomes of predictions: predicted and measured peaks of each motion.
+"""Compares the predicted with the measured peak height of each motion.
 
 Times are whole nanoseconds. A prediction belongs to the motion that begins when it said, or, where
 it said nothing, to the next one.
@@ -20,7 +20,7 @@ MOST_WAITING = 16
 
 
 class Announced(NamedTuple):
-    """A prediction as in MotionPrediction.msg: stamps [ns], duration [s], peak [m]."""
+    """A published prediction: stamps [ns], duration [s] and peak [m]; see MotionPrediction.msg."""
 
     id: int
     stamp_ns: int
@@ -30,12 +30,12 @@ class Announced(NamedTuple):
 
     @property
     def expected_ns(self) -> int:
-        """Earliest possible start of the motion [ns]."""
+        """Earliest time at which the predicted motion can start [ns]."""
         return (self.start_ns or self.stamp_ns) - TUNING.early_ns
 
     @property
     def latest_ns(self) -> int:
-        """Latest possible start of the motion [ns]."""
+        """Latest time at which the predicted motion can start [ns]."""
         if not self.start_ns:
             return self.stamp_ns + LONGEST_WAIT_NS
         return self.start_ns + round(
@@ -44,7 +44,7 @@ class Announced(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Predicted and measured peak; the fields of PredictionOutcome.msg."""
+    """Predicted and measured peak of a motion; the fields of PredictionOutcome.msg."""
 
     stamp_ns: int
     id: int
@@ -62,7 +62,7 @@ class Outcome(NamedTuple):
 
 
 class PredictionRecord:
-    """Collects predictions and motions; records the accuracy of predictions.
+    """Matches predictions with motions and records how accurate the predictions were.
 
     Attributes:
         count: predictions whose motion was measured.
@@ -74,7 +74,7 @@ class PredictionRecord:
         self.reset()
 
     def reset(self) -> None:
-        """Resets the record; pending predictions are kept."""
+        """Forgets the outcomes; predictions that wait for their motion are kept."""
         self.count = 0
         self.last: Outcome | None = None
         self._absolute = self._relative = 0.0
@@ -82,16 +82,16 @@ class PredictionRecord:
 
     @property
     def sigma(self) -> float:
-        """Mean of |measured - predicted| [m]; NaN: none yet."""
+        """Mean of |measured - predicted| [m], or NaN without outcomes."""
         return self._absolute / self.count if self.count else NAN
 
     @property
     def epsilon(self) -> float:
-        """Mean of (predicted - measured) / measured; NaN: none yet."""
+        """Mean of (predicted - measured) / measured, or NaN without outcomes."""
         return self._relative / self.count if self.count else NAN
 
     def announce(self, prediction: Announced) -> None:
-        """Adds a prediction; ignores one without a finite peak.
+        """Adds a prediction; ignores it if its peak is not finite.
 
         Of those that do not say when their motion begins the newest counts.
         """
@@ -103,7 +103,7 @@ class PredictionRecord:
         self._waiting.append(prediction)
 
     def judge(self, motion: MotionAgreement) -> Outcome | None:
-        """Returns the outcome of a motion's prediction; None: there was none."""
+        """Returns the outcome of the prediction of a motion, or None if none was made."""
         there = [
             one for one in self._waiting if one.expected_ns <= motion.start_ns <= one.latest_ns
         ]

@@ -1,4 +1,4 @@
-"""Joins estimates with the expected sensor measurements.
+"""Joins estimates with the sensor measurements that the model expects.
 
 A model with effects on the measurement answers twice: with the liquid's heights, by which limits
 are watched, and with what the camera should read of them, by which the two are compared. They come
@@ -20,7 +20,7 @@ PATIENCE = 100
 
 
 class Reading(NamedTuple):
-    """Expected measurement: estimate's stamp [ns], heights of L and NL [m], delay [ns]."""
+    """Measurement that the model expects: stamp [ns], heights of both models [m], delay [ns]."""
 
     stamp_ns: int
     linear: float
@@ -30,13 +30,13 @@ class Reading(NamedTuple):
 
 @lru_cache(maxsize=64)
 def has_readings(model_name: str) -> bool:
-    """Whether a model with that name predicts the sensor's measurement; see `Model.name`."""
+    """Returns whether a model with this name predicts what the sensor measures."""
     named = [EFFECTS[name] for name in model_name.split("+")[1:] if name in EFFECTS]
     return any(effect.reading is not None or effect.delay is not None for effect in named)
 
 
 class ReadingJoiner:
-    """Joins estimates and expected measurements; returns complete estimates in order.
+    """Joins estimates with expected measurements; returns complete pairs in order.
 
     Attributes:
         lost: estimates whose readings did not come: nothing can be compared with them.
@@ -48,7 +48,7 @@ class ReadingJoiner:
         self._readings: deque[Reading] = deque(maxlen=PATIENCE)
 
     def add_estimate(self, point: EstimatePoint, model_name: str) -> list[EstimatePoint]:
-        """Adds an estimate of a model; returns the estimates that are complete."""
+        """Adds an estimate; returns the estimates that are now complete."""
         awaits = has_readings(model_name)
         if not awaits and not self._waiting:
             return [point]
@@ -56,7 +56,7 @@ class ReadingJoiner:
         return self._complete()
 
     def add_reading(self, reading: Reading) -> list[EstimatePoint]:
-        """Adds an expected measurement; returns the estimates that are complete."""
+        """Adds an expected measurement; returns the estimates that are now complete."""
         self._readings.append(reading)
         return self._complete()
 
@@ -74,7 +74,7 @@ class ReadingJoiner:
         return found
 
     def _read(self, point: EstimatePoint) -> EstimatePoint | None:
-        """Returns the estimate with its measurement, NaN if lost; None: it may still arrive."""
+        """Returns the estimate with its measurement, or None if it may still arrive."""
         readings = self._readings
         for reading in readings:
             if reading.stamp_ns == point.stamp_ns:

@@ -1,4 +1,4 @@
-"""Detects a camera that repeats old images cyclically while the liquid must move.
+"""Detects a camera that repeats old images while the liquid must be moving.
 
 A picture that is repeated with fresh noise, or coded anew, has no pixel in common with itself. But
 what is measured in it stays, though the container's motion swings the liquid on.
@@ -16,13 +16,13 @@ from slosh_estimator.tuning import TUNING
 
 
 class RepeatedHeights:
-    """Compares measured and expected heights in order."""
+    """Compares consecutive measured heights with expected ones to detect repeated images."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[int, complex, complex, float]] = deque()
 
     def look(self, measured: MeasuredPoint, expected: Expected) -> bool:
-        """Whether the newest measurement is one of cyclically repeated old images."""
+        """Returns whether the newest measurement belongs to a cycle of repeated old images."""
         height, wave = measured.msh, measured.wave
         if not (math.isfinite(height) and math.isfinite(expected.nonlinear)):
             return False
@@ -52,7 +52,7 @@ class RepeatedHeights:
         return any(self._in_turn(count, same, moves) for count in range(1, TUNING.in_turn + 1))
 
     def _in_turn(self, count: int, same: float, moves: float) -> bool:
-        """Whether a number of images repeats cyclically."""
+        """Returns whether a sequence of `count` images repeats cyclically."""
         turns = list(self._turns(count))
         if len(turns[-1]) < TUNING.each or any(
             _spread([one[1] for one in turn]) > same for turn in turns
@@ -69,5 +69,5 @@ class RepeatedHeights:
 
 
 def _spread(values: Sequence[complex]) -> float:
-    """Returns the greatest distance from the first one [m]."""
+    """Returns the largest distance of the values from the first one [m]."""
     return max(abs(value - values[0]) for value in values)

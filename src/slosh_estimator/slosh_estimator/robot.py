@@ -1,4 +1,4 @@
-"""The robot that carries the container: URDF and forward kinematics by Pinocchio."""
+"""Forward kinematics of the robot that carries the container (URDF, Pinocchio)."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _XACRO = "<xacro:"
 
 
 def available() -> bool:
-    """Whether Pinocchio is installed."""
+    """Returns whether Pinocchio is installed."""
     return importlib.util.find_spec("pinocchio") is not None
 
 
 class Mimic(NamedTuple):
-    """Relation of a joint that follows another: multiplier · position + offset [rad or m]."""
+    """A joint that follows another one: multiplier · position + offset [rad or m]."""
 
     joint: str
     multiplier: float = 1.0
@@ -96,7 +96,7 @@ class Robot:
         self._world = self._fixed(world, error) if world in links else None
 
     def pose(self, positions: Mapping[str, float]) -> tuple[Vector, Quaternion]:
-        """Returns position [m] and attitude (x, y, z, w) of the link in the world.
+        """Returns position [m] and attitude (x, y, z, w) of the container's link in the world.
 
         Args:
             positions: of at least the joints that carry it [rad or m].
@@ -142,7 +142,7 @@ class Robot:
         )
 
     def _fixed(self, world: str, error: Callable[[str], ValueError]) -> Any:
-        """Returns the transform world ← root if the world is a link; None: it is the root."""
+        """Returns the transform world ← root, or None if the root is the world."""
         frame = self._model.frames[self._model.getFrameId(world)]
         if frame.parentJoint:
             raise error(f"{self._name}: link {world!r} moves, so it cannot be the world")
@@ -151,7 +151,7 @@ class Robot:
 
 
 class Mover(NamedTuple):
-    """A movable joint of the description.
+    """A movable joint of the robot description.
 
     Attributes:
         joint: whose position it follows, its own or that of one that it mimics: its own position
@@ -171,7 +171,7 @@ class Mover(NamedTuple):
     high: float
 
     def put(self, q: Any, position: float) -> float:
-        """Writes the joint's position to a configuration; returns it."""
+        """Writes the joint's position into a configuration vector; returns the position."""
         value = self.multiplier * position + self.offset
         if self.turns:
             q[self.at], q[self.at + 1] = math.cos(value), math.sin(value)
@@ -205,7 +205,7 @@ def read_urdf(path: str | Path) -> str:
 
 
 def _whole(urdf: str) -> str:
-    """Adds the root element that included description files lack.
+    """Adds the root element that included robot description files lack.
 
     Raises:
         ValueError: it is none.
@@ -220,7 +220,7 @@ def _whole(urdf: str) -> str:
 
 
 def _mimics(urdf: str) -> dict[str, Mimic]:
-    """Returns the mimic relation of each joint by name."""
+    """Returns for each joint that follows another one how it does so."""
     found = {}
     for joint in ElementTree.fromstring(urdf).iter("joint"):
         mimic = joint.find("mimic")

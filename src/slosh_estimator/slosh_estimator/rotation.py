@@ -40,7 +40,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
-    """Returns the twist about z of a quaternion's swing-twist decomposition [rad], in (-π, π].
+    """Returns the rotation about z [rad] of a quaternion, in (-π, π] (swing-twist).
 
     x and y belong to the swing and do not matter.
     """

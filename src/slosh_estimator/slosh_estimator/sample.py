@@ -1,4 +1,4 @@
-"""Input samples of the estimator, independent of the sensor."""
+"""Input samples of the estimator, the same for every sensor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ its angular velocity [rad/s] and its angular acceleration [rad/s²] in its own a
 
 
 class Sample(NamedTuple):
-    """Input of the models at one time.
+    """One input sample of the models: stamp, acceleration and attitude.
 
     A named tuple, because a thousand are made each second.
 
@@ -46,7 +46,7 @@ class Sample(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """N samples as columns; see Sample.
+    """N input samples as columns; see Sample.
 
     Attributes:
         stamps: (N,) [ns].
@@ -67,7 +67,7 @@ class Samples(NamedTuple):
 
     @classmethod
     def of(cls, samples: Sequence[Sample]) -> Samples:
-        """Makes columns from single samples."""
+        """Creates columns from single samples."""
         values = np.array([sample[1:5] for sample in samples], dtype=np.float64).reshape(-1, 4)
         return cls(
             np.array([sample.stamp_ns for sample in samples], dtype=np.int64),
@@ -80,7 +80,7 @@ class Samples(NamedTuple):
         )
 
     def one(self, index: int) -> Sample:
-        """Returns a single sample."""
+        """Returns the sample with this index."""
         ax, ay, az = self.accelerations[index].tolist()
         return Sample(
             int(self.stamps[index]), ax, ay, az, float(self.yaws[index]),

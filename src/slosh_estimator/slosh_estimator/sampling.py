@@ -1,4 +1,4 @@
-"""Measures an input's rate, and the share of the sloshing modes that it carries.
+"""Measures an input's rate, and how well it represents each sloshing mode.
 
 Between two samples the models take the acceleration as a straight line. Of a wave of frequency ω,
 sampled every T, this leaves sinc²(ωT/2): at 30 Hz 0.96 of a first mode of 3.4 Hz. What an input
@@ -39,7 +39,7 @@ _FASTEST, _STEP = 1000, 5
 
 
 def modes_of(model: Model) -> Modes:
-    """Returns a model's modes that its input must carry, along both axes."""
+    """Returns the modes of a model, along both axes, that its input must represent."""
     found = {
         (mode.number, mode.along(axis).natural_frequency)
         for mode in model.mode_constants()
@@ -49,7 +49,7 @@ def modes_of(model: Model) -> Modes:
 
 
 def interpolation_gain(frequency: float, interval: float) -> float:
-    """Returns the amplitude of a wave after linear interpolation between samples.
+    """Returns the gain of a wave that is sampled and then interpolated linearly.
 
     Args:
         frequency: of the wave [rad/s].
@@ -60,7 +60,7 @@ def interpolation_gain(frequency: float, interval: float) -> float:
 
 
 class Sampling:
-    """Measures the rate of an input and checks whether it carries the modes.
+    """Measures the rate of an input and checks whether it suffices for all sloshing modes.
 
     The interval is the median by time: half of the time lies in intervals that are no longer. So
     jitter, single lost samples and messages that come in bursts do not move it much. All numbers
@@ -88,11 +88,11 @@ class Sampling:
         self._gapped = self._muted = False
 
     def mute(self) -> None:
-        """Disables the check, for old recordings."""
+        """Disables the check of the rate, for old recordings."""
         self._muted = True
 
     def carry(self, modes: Modes) -> None:
-        """Sets the modes of the model in use."""
+        """Sets the sloshing modes of the model in use."""
         self.modes = modes
         self._judge()
 
@@ -116,7 +116,7 @@ class Sampling:
         block.clear()
 
     def take_many(self, intervals: Integers, restarted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Adds the intervals of consecutive samples; see `take`.
+        """Adds the intervals between consecutive samples; see `take`.
 
         Args:
             intervals: (N,) from the sample before to each [ns]; not positive: there is none.
@@ -150,12 +150,12 @@ class Sampling:
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state on which the next checks depend."""
+        """Returns the state of the rate measurement as numbers."""
         unused = [math.nan] * (BLOCK - len(self._block))
         return [float(self.interval_ns), float(self._gapped), *map(float, self._block), *unused]
 
     def take_up(self, memory: Sequence[float]) -> None:
-        """Restores a state; an empty one of an old recording is unknown."""
+        """Restores a state; recordings of older versions have none."""
         self.interval_ns = round(memory[0]) if memory else 0
         self._gapped = bool(memory) and memory[1] != 0.0
         self._block = [round(interval) for interval in memory[2:] if interval > 0.0]
@@ -163,18 +163,18 @@ class Sampling:
 
     @property
     def seconds(self) -> float:
-        """Returns the interval [s]; 0: unknown yet."""
+        """Typical interval between samples [s]; 0 if not yet known."""
         return self.interval_ns * SECONDS_PER_NS
 
     def gains(self) -> dict[int, float]:
-        """Returns the gain of each mode by number, the lower of both axes; empty: unknown yet."""
+        """Returns the input's gain for each mode by its number; empty if not yet known."""
         found: dict[int, float] = {}
         for number, frequency in self.modes if self.interval_ns else ():
             found[number] = min(found.get(number, math.inf), self._gain(frequency, self.seconds))
         return found
 
     def sentence(self) -> str:
-        """Names a mode that is not carried, with a remedy; empty: all are carried."""
+        """Returns one line on a mode that the rate cannot represent; empty if it suffices."""
         if not self.slow:
             return ""
         number, frequency, gain = next(self._lost(self.seconds))
@@ -200,14 +200,14 @@ class Sampling:
             self.slow = bool(self.interval_ns) and not self._carries(1.0 / self.seconds)
 
     def _lost(self, interval: float) -> Iterator[tuple[int, float, float]]:
-        """Yields number, frequency and gain of modes that are not carried at an interval [s]."""
+        """Yields number, frequency and gain of modes that a sample interval [s] distorts."""
         for number, frequency in self.modes:
             gain = self._gain(frequency, interval)
             if not TUNING.carried[0] <= gain <= TUNING.carried[1]:
                 yield number, frequency, gain
 
     def _sufficient_rate(self) -> int | None:
-        """Returns the lowest round rate that carries all modes [Hz]; None: none does."""
+        """Returns the lowest rounded rate [Hz] that suffices for all modes, or None."""
         rates = range(math.ceil(1.0 / self.seconds / _STEP) * _STEP, _FASTEST + 1, _STEP)
         # What a rate carries, a higher one carries too.
         found = bisect_left(rates, True, key=self._carries)
@@ -218,7 +218,7 @@ class Sampling:
 
 
 def gap_sentence(gate: SampleGate, used: int, restarts: int) -> str:
-    """Reports samples that are too rare to be connected; empty: they are not.
+    """Reports that samples are too far apart to be connected; empty if they are not.
 
     Args:
         gate: that judged them.

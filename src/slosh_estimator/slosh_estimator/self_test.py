@@ -14,7 +14,7 @@ from slosh_model.simulate import store_of
 
 
 def check_model(model: Model) -> None:
-    """Runs a model over the reference motion, with compiled and with plain code.
+    """Compares compiled with plain Python code on a model and a reference motion.
 
     Raises:
         SloshModelError: they differ; one line that says what to do.

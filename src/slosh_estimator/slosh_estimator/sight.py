@@ -1,4 +1,4 @@
-"""Tracks whether the monitor can compare heights, and the reason if it cannot.
+"""Determines whether the monitor can compare heights, and if not, why.
 
 Two sides that speak are not enough: a covered lens, a clock that is wrong, an estimate from an
 unknown state give messages all the time, and nothing that could be believed. Sight is only what a
@@ -22,7 +22,7 @@ from slosh_estimator.validity import EstimateFlag
 
 
 class SurfaceFlag(IntFlag):
-    """Relevant limitations of a measured height; the values of FreeSurface.msg."""
+    """Limitations of a measured height; the values are those of FreeSurface.msg."""
 
     SATURATED = 1
     OCCLUDED = 16
@@ -62,7 +62,7 @@ not what it is said to be."""
 
 
 def obstacle(measured: float, measured_flags: int, estimate: float, estimate_flags: int) -> str:
-    """Returns why a measurement and an estimate cannot be compared; empty: they can.
+    """Returns why a measurement and an estimate cannot be compared; empty if they can.
 
     Args:
         measured, estimate: heights [m]; NaN: unknown.
@@ -78,7 +78,7 @@ def obstacle(measured: float, measured_flags: int, estimate: float, estimate_fla
 
 
 def estimate_obstacle(estimate: float, estimate_flags: int) -> str:
-    """Returns why an estimate [m] is unusable, by its flags; empty: it is usable."""
+    """Returns why the flags make an estimate [m] unusable; empty if it is usable."""
     for bit, reason in _ESTIMATED.items():
         if estimate_flags & int(bit):
             return reason
@@ -88,7 +88,7 @@ def estimate_obstacle(estimate: float, estimate_flags: int) -> str:
 def judged(
     measured: Array, measured_flags: Integers, estimated: Array, sound: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Returns which pairs of heights are usable for the accuracy; NaN is not.
+    """Returns which pairs of heights may be used to compute the accuracy.
 
     The monitor's MAE and ε, the table of a run and a replay's all count these and no others. A
     saturated measurement is a lower bound: it counts only where it lies above the estimate.
@@ -105,7 +105,7 @@ def judged(
 
 
 def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
-    """Reports newest stamps [ns] on different clocks; empty: they may share one."""
+    """Returns one line if two stamps [ns] come from different clocks, else an empty text."""
     apart = (measured_ns - estimated_ns) * SECONDS_PER_NS
     if abs(apart) <= TUNING.clocks_apart:
         return ""
@@ -117,7 +117,7 @@ def clocks_apart(measured_ns: int, estimated_ns: int) -> str:
 
 
 class ClockWatch:
-    """Detects a simulated clock that does not advance, by which no timeout would occur."""
+    """Detects a simulated clock that does not advance, so that no timeout can occur."""
 
     def __init__(self) -> None:
         self._clock_ns: int | None = None
@@ -125,7 +125,7 @@ class ClockWatch:
         self._began_ns = 0
 
     def look(self, steady_ns: int, clock_ns: int) -> str:
-        """Reports a stopped clock in one line; empty: it advances. Call it several times a second.
+        """Returns a line if the clock has stopped, else an empty text; call it often.
 
         Args:
             steady_ns: elapsed time [ns].
@@ -146,7 +146,7 @@ class ClockWatch:
 
 
 class Sight:
-    """Stores the time of the last comparison.
+    """Stores when heights were last compared.
 
     Args:
         timeout: after so long without it the monitor is blind [s]; it may be changed.
@@ -164,7 +164,7 @@ class Sight:
         self._reason = obstacle
 
     def blindness(self, now_ns: int) -> str:
-        """Returns why nothing could be compared for too long; empty: it could."""
+        """Returns why no heights were compared for too long; empty if they were."""
         if self._since_ns is None:
             self._since_ns = now_ns
         seconds = (now_ns - self._since_ns) * SECONDS_PER_NS

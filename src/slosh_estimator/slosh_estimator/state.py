@@ -11,7 +11,7 @@ from slosh_estimator.sample import Sample
 
 
 def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[float]:
-    """Checks the saved state for a reader of the input.
+    """Checks the length of a saved state of an input's reader and returns the state.
 
     Args:
         memory: all of it.
@@ -29,7 +29,7 @@ def remembered(memory: Sequence[float], count: int, rate: int = 0) -> Sequence[f
 
 
 class EstimatorState(NamedTuple):
-    """State of an estimator after a sample; restoring it gives exactly the same results.
+    """Complete state of an estimator after a sample; restoring it gives identical results.
 
     Attributes:
         sample: the last one.

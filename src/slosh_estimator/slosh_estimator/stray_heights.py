@@ -1,4 +1,4 @@
-"""Detects single images that neither the estimate nor neighbouring images explain.
+"""Detects outliers: single images that neither estimate nor neighbours explain.
 
 An old picture, or one torn between two moments, is measured as well as any other, and its height
 is wrong. How far measured and estimated height differ changes from image to image no faster than
@@ -16,14 +16,14 @@ from slosh_estimator.tuning import TUNING
 
 
 class StrayHeights:
-    """Detects outliers from measured and expected heights in order."""
+    """Detects outliers in measured heights, given the expected ones in order."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[int, float]] = deque(maxlen=TUNING.stray_kept)
         self._strays = 0
 
     def look(self, measured: MeasuredPoint, expected: Expected) -> bool:
-        """Whether the newest measurement is an outlier."""
+        """Returns whether the newest measurement is an outlier."""
         off = measured.msh - expected.nonlinear
         if not math.isfinite(off):
             return False

@@ -1,4 +1,4 @@
-"""A pose with its stamp, as derived from joints, transforms and trackers."""
+"""A pose with a stamp, computed from joints, transforms or trackers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_estimator.rotation import Vector
 
 
 class TimedPose(NamedTuple):
-    """A frame's pose in the world.
+    """A frame's pose in the world at a stamp.
 
     Attributes:
         stamp_ns: the moment [ns].

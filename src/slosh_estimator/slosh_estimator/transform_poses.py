@@ -1,4 +1,4 @@
-"""Poses of the container from a tree of transforms (tf2_msgs/TFMessage).
+"""Computes poses of the container from a tree of transforms (tf2_msgs/TFMessage).
 
 The chain from the world to the container is found as the transforms come; what is fixed is kept,
 what moves is brought to the moments of its slowest link (`slosh_estimator.aligned`).
@@ -17,7 +17,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class Transform(NamedTuple):
-    """Transform parent ← child at a stamp.
+    """Transform from a child frame to its parent frame at a stamp.
 
     Attributes:
         parent, child: names of the frames.
@@ -34,7 +34,7 @@ class Transform(NamedTuple):
 
 
 class TransformPoses:
-    """Computes poses of one frame relative to another.
+    """Computes poses of one frame relative to another from transforms.
 
     Args:
         world, container: names of the frames.
@@ -51,7 +51,7 @@ class TransformPoses:
         self._newest_ns = 0
 
     def take(self, transforms: Iterable[Transform], *, fixed: bool = False) -> list[TimedPose]:
-        """Returns the poses that transforms complete, in order.
+        """Returns the poses that transforms complete, in order of time.
 
         Args:
             transforms: of one message.
@@ -74,7 +74,7 @@ class TransformPoses:
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
     def trouble(self) -> str:
-        """Returns in one line why poses are missing or wrong; empty: unknown."""
+        """Returns why poses are missing or wrong, in one line; empty if no reason is known."""
         if self._count < TUNING.first_states:
             return ""
         if not self._chain:
@@ -95,7 +95,7 @@ class TransformPoses:
         return ""
 
     def facts(self) -> dict[str, str]:
-        """Returns facts for the diagnostics."""
+        """Returns the chain of transforms as text, for the diagnostics."""
         chain = (self._world, *reversed(self._chain)) if self._chain else ("none",)
         return {"chain of transforms": " → ".join(chain)}
 

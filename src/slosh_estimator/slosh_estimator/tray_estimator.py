@@ -1,4 +1,4 @@
-"""The further containers of a tray: one input, an estimate of each."""
+"""Estimates the other containers of a tray from one input."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MSH, _AZIMUTH = 0, 1
 
 
 class TrayEstimate(NamedTuple):
-    """All containers at one sample, by the nonlinear model: the fields of SloshEstimate.msg.
+    """Estimates of all containers of a tray for one sample, by the nonlinear model.
 
     Attributes:
         msh, azimuth: of each [m, rad].
@@ -33,7 +33,7 @@ class TrayEstimate(NamedTuple):
 
 
 class TrayEstimates(NamedTuple):
-    """The same at N samples: (N, K) of K containers, and (N,) the worst."""
+    """Estimates of K containers for N samples (N, K), and the worst container (N,)."""
 
     msh: Array
     azimuth: Array
@@ -42,7 +42,7 @@ class TrayEstimates(NamedTuple):
 
 
 class TrayEstimator:
-    """Estimates the containers behind the first, whose estimator is the cell's own.
+    """Estimates all containers of a tray except the first one.
 
     Each is driven by the acceleration of its own place: the model's lever arm adds what a turning
     tray adds there.
@@ -63,12 +63,12 @@ class TrayEstimator:
         self._bounds = tray.bounds.tolist()
 
     def reset(self) -> None:
-        """Back to rest; see `Estimator.reset`."""
+        """Resets all containers to rest; see `Estimator.reset`."""
         for other in self.others:
             other.reset()
 
     def update(self, sample: Sample, first: Estimate) -> TrayEstimate:
-        """Takes a sample, and the estimate of the first container."""
+        """Adds a sample and the first container's estimate; returns all estimates."""
         estimates = [first, *(other.update(sample) for other in self.others)]
         msh = [one.nonlinear.msh for one in estimates]
         shares = [
@@ -83,7 +83,7 @@ class TrayEstimator:
         )
 
     def update_many(self, samples: Samples, first: Estimates) -> TrayEstimates:
-        """Takes N samples; the bits that `update` gives."""
+        """Adds N samples; gives exactly the same results as `update`."""
         estimates = [first, *(other.update_many(samples) for other in self.others)]
         heights = np.stack([one.heights[:, 1] for one in estimates], axis=1)
         shares = np.nan_to_num(heights[:, :, _MSH] / self.tray.bounds, nan=-1.0)

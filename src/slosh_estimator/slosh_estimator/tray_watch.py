@@ -1,4 +1,4 @@
-"""The limits of a tray's containers, and which of them is nearest to its own."""
+"""Checks the limits of a tray's containers and finds the one nearest to its limit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slosh_model.tray import Tray, TrayContainer
 
 
 class TrayWatch:
-    """Watches the estimated height of each container of a tray.
+    """Monitors the estimated height of each container on a tray.
 
     Each has its own limit, or that of the estimated height, and its own rim.
 
@@ -35,7 +35,7 @@ class TrayWatch:
         ]
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int) -> list[Event]:
-        """Watches other limits from a moment on; see `Monitor.change_settings`."""
+        """Changes the limits for heights after a stamp; see `Monitor.change_settings`."""
         found = []
         for one, tracker in zip(self.tray.containers, self._trackers, strict=True):
             limit, hysteresis, name = _limit(one, settings)
@@ -43,7 +43,7 @@ class TrayWatch:
         return self._named(found)
 
     def update(self, stamp_ns: int, heights: Sequence[float]) -> list[Event]:
-        """Takes the height of each container [m]; NaN changes nothing. Returns the events."""
+        """Adds the height of each container [m], NaN if unknown; returns limit events."""
         self._heights = heights
         found = []
         for tracker, height in zip(self._trackers, heights, strict=True):
@@ -53,27 +53,27 @@ class TrayWatch:
         return self._named(found)
 
     def close(self, stamp_ns: int, reason: str) -> list[Event]:
-        """Ends every excess."""
+        """Ends all limit violations and returns their events."""
         return self._named([tracker.close(stamp_ns, reason) for tracker in self._trackers])
 
     @property
     def active(self) -> bool:
-        """Whether a container is above its limit."""
+        """Whether any container is above its limit."""
         return any(tracker.active for tracker in self._trackers)
 
     @property
     def worst(self) -> int:
-        """Which container is nearest to its limit, or farthest above."""
+        """Index of the container that is nearest to its limit, or farthest above it."""
         return int(np.argmax(self._shares))
 
     @property
     def share(self) -> float:
-        """Height of the worst as a share of its limit; 0: no height is known, or no limit."""
+        """Height of the worst container as a share of its limit; 0 if unknown."""
         return max(self._shares)
 
     @property
     def text(self) -> str:
-        """The worst container, in words."""
+        """Describes the worst container in words."""
         worst = self.worst
         height = self._heights[worst]
         if math.isnan(height):
@@ -82,7 +82,7 @@ class TrayWatch:
         return f"worst container {self.tray.names[worst]}: {1e3 * height:.1f} mm, {limit}"
 
     def facts(self) -> dict[str, str]:
-        """The height of each container, and the worst, for the diagnostics."""
+        """Returns each container's height and the worst container, for the diagnostics."""
         rows = zip(self.tray.names, self._heights, self._trackers, strict=True)
         heights = {
             f"container {name}": f"{1e3 * height:.1f} mm, {tracker.limit_text}"
@@ -107,7 +107,7 @@ class TrayWatch:
 
 
 def _limit(one: TrayContainer, settings: MonitorSettings) -> tuple[float, Hysteresis, str]:
-    """A container's limit [m], how an excess of it ends, and its name."""
+    """Returns a container's limit [m], its hysteresis and its name."""
     limit = settings.estimated_limit if math.isnan(one.limit) else one.limit
     own = replace(settings, estimated_limit=limit)
     own = replace(own, rim=own.near_rim(one.model)[0])

@@ -1,4 +1,4 @@
-"""Tuning numbers of inputs, estimator and monitor."""
+"""Tuning numbers of the estimator, its inputs and the monitor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_model.constants import GRAVITY
 
 @dataclass(frozen=True, slots=True)
 class EstimatorTuning:
-    """Assumptions about sensors, trackers, cameras and liquids.
+    """Assumptions of estimator and monitor about sensors, trackers, cameras and liquids.
 
     Checked on the simulated cell's recordings by `slosh replay bags --check`. The unit
     "σ" is the sensor's standard deviation.

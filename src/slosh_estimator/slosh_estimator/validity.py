@@ -1,4 +1,4 @@
-"""Limitations of an estimate."""
+"""Flags and texts for the limitations of an estimate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_model.model import Model
 
 
 class EstimateFlag(IntFlag):
-    """Limitations of an estimate; the values of SloshEstimate.msg."""
+    """Limitations of an estimate; the values are those of SloshEstimate.msg."""
 
     NONE = 0
     PLANARITY_LOST = 1
@@ -30,7 +30,7 @@ class EstimateFlag(IntFlag):
 
 
 def validity_limits(model: Model) -> dict[str, float]:
-    """What the motion is judged by (DL22, §4.2), by its name in `estimate_kernel.CHECKS`."""
+    """Returns a model's limits of validity (DL22, §4.2) by their names in CHECKS."""
     limits, rim = model.limits, model.container.height_below_rim()
     return {
         "planar_acceleration": limits.planar_acceleration,
@@ -43,7 +43,7 @@ def validity_limits(model: Model) -> dict[str, float]:
 
 
 def attitude_warning(model: Model, kind: str) -> str:
-    """Reports effects without influence for an input, in one line; empty: all act.
+    """Returns one line on effects that an input cannot drive; empty if it drives all.
 
     Args:
         model: the model.

@@ -1,4 +1,4 @@
-"""Velocities of a frame that carries the container (Odometry, TwistStamped).
+"""Reads velocities of a frame that carries the container (Odometry, TwistStamped).
 
 They are differentiated once, by the same window as poses. The velocity of the container's origin
 is v + ω × r, in the world's axes. Odometry tells the attitude; where a twist alone is known the
@@ -31,7 +31,7 @@ _OWN = 8
 
 
 class Twist(NamedTuple):
-    """Velocity of a frame.
+    """Velocity of a frame at a stamp.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -49,7 +49,7 @@ class Twist(NamedTuple):
 
 
 class VelocityInput(PoseInput):
-    """Converts velocities to samples.
+    """Converts velocities of a frame to input samples.
 
     Args:
         settings: limits of the gate.
@@ -85,7 +85,7 @@ class VelocityInput(PoseInput):
         self._last_ns = 0
 
     def update_twist(self, twist: Twist, now_ns: int | None = None) -> list[Sample]:
-        """Returns the samples that a velocity completes; see `PoseInput.update`.
+        """Returns the samples that a velocity message completes; see `PoseInput.update`.
 
         Args:
             twist: in the world's axes where its frame is the world's, else in the moving frame's.
@@ -106,11 +106,11 @@ class VelocityInput(PoseInput):
 
     @property
     def memory(self) -> list[float]:
-        """Returns the state on which the next samples depend, besides the last stamp."""
+        """Returns the reader's state as numbers, except the stamp of the last sample."""
         return [self._yaw, self._rate, *self._place, *self._velocity, *super().memory]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state of another reader after its last message.
+        """Restores the saved state of another reader for the same kind of input.
 
         Raises:
             SloshEstimatorError: the memory is of another kind of input.
@@ -126,7 +126,7 @@ class VelocityInput(PoseInput):
         super().take_up(stamp_ns, memory[_OWN:])
 
     def _integrated(self, stamp_ns: int, rate: float) -> Quaternion:
-        """Integrates the attitude of an upright frame that rotates about z."""
+        """Integrates the yaw rate to the attitude of an upright frame."""
         seconds = (stamp_ns - self._last_ns) * SECONDS_PER_NS
         if 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS and math.isfinite(rate):
             self._yaw += 0.5 * seconds * (self._rate + rate)
@@ -134,7 +134,7 @@ class VelocityInput(PoseInput):
         return 0.0, 0.0, math.sin(0.5 * self._yaw), math.cos(0.5 * self._yaw)
 
     def _place_of(self, stamp_ns: int, vector: Vector) -> Vector:
-        """Integrates the velocities to a position for the check; it drifts."""
+        """Integrates velocities to a position, which drifts, for the plausibility check."""
         seconds = (stamp_ns - self._last_ns) * SECONDS_PER_NS
         if 0.0 < seconds <= self.gate.max_gap_ns * SECONDS_PER_NS:
             x, y, z = (
@@ -146,5 +146,5 @@ class VelocityInput(PoseInput):
         return self._place
 
     def _jumped(self, stamp_ns: int, position: Vector) -> bool:
-        """Returns False: a velocity jump is an acceleration, which the estimate shows."""
+        """Returns False; a jump of velocity is an acceleration, which the estimate shows."""
         return False

@@ -1,4 +1,4 @@
-"""Detects a wave that only one of both sides shows.
+"""Detects a wave that appears in only one of measurement and estimate.
 
 A dead accelerometer moves nothing: no motion begins for the model, and what the camera sees of the
 liquid is compared with nothing. Here it is the liquid that moves, on either side, and time that
@@ -22,7 +22,7 @@ NAN = float("nan")
 
 
 class Pair(NamedTuple):
-    """Measured and estimated height at one time.
+    """Measured and estimated height at the same time.
 
     Attributes:
         stamp_ns: [ns].
@@ -41,7 +41,7 @@ class Pair(NamedTuple):
 
 
 class PresenceWatch:
-    """Checks whether measurement and estimate both show a wave, from ordered pairs.
+    """Checks whether both measurement and estimate show a wave.
 
     Args:
         limit: disagreement that is watched [m]; NaN or infinite: none.
@@ -57,16 +57,16 @@ class PresenceWatch:
         self._before = (math.inf, math.inf)
 
     def watch(self, limit: float) -> None:
-        """Sets the limit of the disagreement [m]."""
+        """Sets the disagreement limit [m]."""
         self._least = TUNING.presence_share * limit if math.isfinite(limit) else TUNING.least_wave
 
     def reset(self) -> None:
-        """Resets the judgement."""
+        """Forgets all pairs of heights and the warning."""
         self.warning = ""
         self.forget()
 
     def forget(self) -> None:
-        """Drops the pairs since the last judgement."""
+        """Forgets the pairs of heights since the last judgement."""
         self._pairs.clear()
         self._before = (math.inf, math.inf)
 
@@ -110,7 +110,7 @@ class PresenceWatch:
 
 
 def in_view(expected: Waves, axis: Array) -> Waves:
-    """Projects expected waves to the camera's visible direction (image plane of a side view).
+    """Projects expected waves to the direction that the camera can see.
 
     Args:
         expected: (N,) vectors of the waves [m].
@@ -132,7 +132,7 @@ def _not_expected(measured: Array, estimated: Array, *, none: bool) -> str:
 
 
 def _crest(heights: Array) -> float:
-    """Returns the height of the crests without single spikes [mm]."""
+    """Returns the height of wave crests, without single spikes [mm]."""
     return 1e3 * float(np.quantile(heights, 0.95))
 
 

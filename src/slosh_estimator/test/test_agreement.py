@@ -1,4 +1,4 @@
-"""Motion by motion: does the camera agree with the model?"""
+"""Tests for each motion whether the camera agrees with the model."""
 
 import math
 
@@ -23,7 +23,7 @@ NOISE = 2e-4
 
 
 def acceleration(t: np.ndarray) -> np.ndarray:
-    """A second of rest, two seconds of motion, three of rest (N, 3) [m/s²]."""
+    """Returns accelerations (N, 3) [m/s²]: 1 s of rest, 2 s of motion, 3 s of rest."""
     swell = np.where((t > 1.0) & (t < 3.0), np.sin(0.5 * np.pi * (t - 1.0)) ** 2, 0.0)
     return swell[:, None] * np.column_stack(
         (1.5 * np.sin(14.0 * t), 1.0 * np.cos(13.0 * t), 3.0 * np.sin(11.0 * t))
@@ -33,7 +33,7 @@ def acceleration(t: np.ndarray) -> np.ndarray:
 def watched(
     loaded: Model, motions: int = 1, *, flags: int = 0, spike: float = 0.0, stddev: float = NOISE
 ) -> Monitor:
-    """A monitor that has seen motions of the truth, and what the loaded model said of them."""
+    """Returns a monitor that has compared several motions with a given model."""
     monitor = Monitor(MonitorSettings(disagreement_limit=0.01))
     t = np.arange(0.0, 6.0, 0.005)
     moved = acceleration(t)
@@ -117,7 +117,7 @@ def test_a_container_that_never_rests_is_judged_by_the_minute() -> None:
 
 @pytest.mark.parametrize(("rest", "judged"), [(90, 1), (110, 2), (150, 2), (300, 2)])
 def test_motions_are_those_of_a_replay(rest: int, judged: int) -> None:
-    """A rest of more than a second ends a motion, though it is judged a second later."""
+    """Tests that a live monitor finds the same motions as a replay."""
     watch, stamps, felt = MotionWatch(), [], []
     for k in range(200 + rest + 400):
         moves = k < 100 or 100 + rest <= k < 200 + rest
@@ -141,7 +141,7 @@ def test_a_reset_forgets_the_count_and_the_motion_under_way() -> None:
 
 
 def turned(degrees: float, seconds: float = 6.0) -> Monitor:
-    """A monitor with a camera that is turned about the container's axis."""
+    """Returns a monitor after motions seen by a camera that is turned about the z axis."""
     monitor = Monitor(MonitorSettings(disagreement_limit=0.01))
     t = np.arange(0.0, seconds, 0.005)
     moved = acceleration(t)

@@ -1,4 +1,4 @@
-"""Is the measured wave where the model expects it? Vectors, not azimuths, are compared."""
+"""Tests the comparison of the directions of measured and expected waves."""
 
 import cmath
 import math
@@ -20,7 +20,7 @@ NOT_SIDE = np.full(len(T), np.nan)
 
 
 def waves(kind: str, late: float = 0.0) -> np.ndarray:
-    """What the liquid does in a motion of two seconds, seen late [s]."""
+    """Returns the liquid's wave as complex vectors [m] during 2 s of motion, with a delay [s]."""
     t = np.arange(0.0, 4.0, 0.002)
     swell = np.where(t < 2.0, np.sin(0.5 * np.pi * t) ** 2, 0.0)
     along = {"planar": 0.0, "rotary": 1.5, "mixed": 0.6}[kind]
@@ -30,7 +30,7 @@ def waves(kind: str, late: float = 0.0) -> np.ndarray:
 
 
 def seen(wave: np.ndarray, turn: float, seed: int = 0) -> np.ndarray:
-    """The same by a camera that is turned [rad], with noise."""
+    """Returns a wave as a camera measures it that is turned by an angle [rad], with noise."""
     noise = np.random.default_rng(seed).normal(0.0, NOISE, (2, len(wave)))
     return wave * np.exp(1j * turn) + noise[0] + 1j * noise[1]
 
@@ -123,7 +123,7 @@ def watched(
     vectors: bool = True,
     watch: PresenceWatch | None = None,
 ) -> PresenceWatch:
-    """A watch over waves of two amplitudes [m] at 2.4 Hz, seen 50 times a second with noise."""
+    """Returns a watch that has seen two waves at 2.4 Hz with different amplitudes [m]."""
     watch = watch or PresenceWatch()
     random = np.random.default_rng(4)
     for k in range(round(50 * seconds)):

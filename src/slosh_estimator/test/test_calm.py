@@ -1,4 +1,4 @@
-"""Whether the liquid is calm, and when it will be."""
+"""Tests whether the liquid is calm, and when it will be."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A change of the container over DDS: asked of the estimator, followed by the others."""
+"""Tests a change of the container over DDS with estimator, monitor and a controller."""
 
 import math
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ MUG = "container: {shape: cylinder, radius: 0.04, fill_height: 0.05, rim_height:
 
 
 class Line(Graph):
-    """Estimator, monitor, and the line's controller, which speaks with them."""
+    """Estimator and monitor nodes with a production line's controller."""
 
     def __init__(self) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -45,7 +45,7 @@ class Line(Graph):
         return int(self.node.get_clock().now().nanoseconds)
 
     def move(self, first: int, last: int, ax: float = 0.0) -> None:
-        """Inputs that are stamped so many milliseconds after the beginning."""
+        """Sends inputs with stamps in a range of milliseconds after the start."""
         for k in range(first, last):
             message = AccelStamped()
             message.header.stamp = to_time(self.begin + k * MS)
@@ -61,12 +61,12 @@ class Line(Graph):
         return self.call(ChangeContainer, topics.CHANGE_CONTAINER, request)
 
     def watched(self) -> dict[str, Any]:
-        """The monitor's settings as it last told them."""
+        """Returns the monitor's parameters as it last published them."""
         own = [one for one in self.settings if one.node == "monitor"]
         return yaml.safe_load(own[-1].document)["parameters"]
 
     def since(self, flag: EstimateFlag) -> list[int]:
-        """Stamps of the estimates with a flag, in milliseconds after the beginning."""
+        """Returns the stamps of estimates with a flag [ms after the start]."""
         return [
             (to_nanoseconds(one.header.stamp) - self.begin) // MS
             for one in self.estimates

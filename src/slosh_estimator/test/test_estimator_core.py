@@ -59,7 +59,7 @@ def test_online_equals_offline_bit_for_bit(
 
 
 def bits(estimator: Estimator, parts: list[list[Sample]]) -> list[bytes]:
-    """All columns of the parts taken one after the other, as bytes."""
+    """Returns all columns of consecutive results as bytes."""
     tables = [estimator.update_many(Samples.of(part)) for part in parts]
     return [
         b"".join(column.tobytes() for column in columns) for columns in zip(*tables, strict=True)
@@ -179,7 +179,7 @@ def wave(estimator: Estimator, k: int) -> Estimate:
 
 @pytest.mark.parametrize("how", ["reset", "load_model"])
 def test_what_starts_anew_in_motion_settles(how: str) -> None:
-    """The liquid does not stop because its model does: heights are unknown until it would have."""
+    """Tests that heights are flagged SETTLING after a restart during motion."""
     estimator = Estimator(MODEL)
     for k in range(800):
         assert not wave(estimator, k).flags & EstimateFlag.SETTLING
@@ -210,7 +210,7 @@ def test_an_input_with_which_no_liquid_can_rest_gives_no_height() -> None:
 
 
 def test_a_state_that_is_taken_up_gives_the_same_bits_and_flags() -> None:
-    """Among them SETTLING, until the same moment; and what reads the heights remembers, too."""
+    """Tests that a restored state gives identical results and flags."""
     model = MODEL.with_effect("draining_film", speed=0.01)
     live, other = Estimator(model, at_rest=False), Estimator(model)
     samples = [Sample(k * MS, math.sin(0.02 * k), 0.3, 0.0) for k in range(1200)]

@@ -1,4 +1,4 @@
-"""A cup that a robot pushes, tilts and yaws: every effect acts live as in a simulation."""
+"""Tests that every effect acts in the live estimator as in a simulation."""
 
 from collections.abc import Iterator
 
@@ -34,18 +34,18 @@ TILT, YAW = 0.2, 1.0
 
 
 def rise(t: Array) -> Array:
-    """From 0 to 1 within the first second, smooth to the third derivative."""
+    """Returns a smooth rise from 0 to 1 within the first second."""
     s = np.clip(t, 0.0, 1.0)
     return s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
 
 
 def times(start: float = 0.0, end: float = SECONDS) -> Array:
-    """(N,) [s]."""
+    """Returns times (N,) [s] at the sample rate."""
     return np.arange(round(start * RATE), round(end * RATE) + 1) / RATE
 
 
 def position(t: Array) -> Array:
-    """(N, 3) of the origin in the world [m]."""
+    """Returns positions (N, 3) [m] of the container's origin in the world."""
     place = np.column_stack(
         (0.03 * np.sin(8.0 * t), 0.02 * np.cos(7.0 * t + 0.4), 0.02 * np.sin(9.0 * t))
     )
@@ -53,13 +53,13 @@ def position(t: Array) -> Array:
 
 
 def acceleration(t: Array) -> Array:
-    """(N, 3) of the origin in the world's axes, gravity excluded [m/s²]."""
+    """Returns accelerations (N, 3) [m/s²] of the origin in world axes, without gravity."""
     h = 1e-4
     return (position(t - h) - 2.0 * position(t) + position(t + h)) / (h * h)
 
 
 def attitude(t: Array) -> Rotation:
-    """World ← container: a rotation about a horizontal axis after one about z."""
+    """Returns the attitude world ← container: rotation about z, then about a horizontal axis."""
     zero, share = np.zeros_like(t), rise(t)
     swing = TILT * np.column_stack((share * np.sin(4.0 * t), share * np.cos(3.0 * t), zero))
     twist = YAW * np.column_stack((zero, zero, share * (0.3 + np.sin(2.5 * t))))
@@ -67,25 +67,25 @@ def attitude(t: Array) -> Rotation:
 
 
 def rates(t: Array) -> Array:
-    """(N, 3) angular velocity in the container's axes [rad/s]."""
+    """Returns angular velocities (N, 3) [rad/s] in container axes."""
     h = 1e-4
     turned: Array = (attitude(t - h).inv() * attitude(t + h)).as_rotvec() / (2.0 * h)
     return turned
 
 
 def cup_inputs(t: Array) -> Inputs:
-    """The motion as the models take it."""
+    """Returns the motion as inputs of a model."""
     return Inputs(t, acceleration(t), attitude(t).as_quat(), rates(t))
 
 
 def forces(t: Array) -> Array:
-    """(N, 3) specific force in the container's axes: what an imu at the origin feels [m/s²]."""
+    """Returns specific forces (N, 3) [m/s²] as an IMU at the container's origin measures them."""
     felt: Array = attitude(t).inv().apply(acceleration(t) + np.array([0.0, 0.0, GRAVITY]))
     return felt
 
 
 def stamps_of(t: Array) -> Iterator[int]:
-    """Stamps of the times [ns]."""
+    """Yields the stamps [ns] of times [s]."""
     return (round(second * RATE) * TICK for second in t.tolist())
 
 
@@ -94,7 +94,7 @@ def with_effect(name: str) -> Model:
 
 
 def samples_of(restarts: tuple[int, ...] = (0,)) -> Samples:
-    """The cup's motion, with its attitude; a gap lies before each restart."""
+    """Returns samples of the cup's motion with attitude; a gap lies before each restart."""
     motion = cup_inputs(times())
     yaws, poses = pose_rows(motion.t, motion.attitude, motion.angular_velocity)
     stamps = np.array(list(stamps_of(motion.t)), dtype=np.int64)
@@ -123,7 +123,7 @@ def test_live_heights_and_readings_are_those_of_a_simulation(name: str) -> None:
     "name", sorted(set(EFFECTS) - {"surface_nonlinearity", "pendulum_nonlinearity"})
 )
 def test_an_effect_acts_where_it_should(name: str) -> None:
-    """On the liquid, or on what is read of it alone: no limit is hidden from the monitor."""
+    """Tests that effects of the sensor change the expected measurement, not the liquid."""
     samples, model = samples_of(), with_effect(name)
     plain, live = Estimator(BASE).update_many(samples), Estimator(model).update_many(samples)
     on_the_measurement = EFFECTS[name].reading is not None or EFFECTS[name].delay is not None
@@ -162,13 +162,13 @@ def test_what_is_lost_of_the_liquid_stays_lost_after_a_gap() -> None:
 
 
 def heights_by(model: Model, samples: list[Sample]) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds, and the NL heights at +x and +y [m]."""
+    """Returns times [s] and heights [m] of the nonlinear model at +x and +y."""
     found = Estimator(model).update_many(Samples.of(samples))
     return found.stamps * 1e-9, found.heights[:, 1, 2:]
 
 
 def by_pose(shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> list[Sample]:
-    """Samples of a tracker at a point of the container, given in its axes [m]."""
+    """Returns samples from a tracker at a point of the container [m]."""
     adapter, t = PoseInput(GateSettings(), 9), times(-0.1, SECONDS + 0.1)
     turned = attitude(t)
     places, quaternions = position(t) + turned.apply(shift), turned.as_quat()
@@ -193,7 +193,7 @@ def by_imu(transform: SensorTransform | None = None) -> list[Sample]:
 
 
 def truth(t: np.ndarray) -> Response:
-    """With gravity turned by the attitude."""
+    """Returns the simulated response with gravity turned by the container's attitude."""
     motion = cup_inputs(times())
     response, _ = simulate(BASE.with_effect("gravity_tilt").nonlinear(), motion)
     assert np.abs(response.msh).max() > 0.01
@@ -201,7 +201,7 @@ def truth(t: np.ndarray) -> Response:
 
 
 def error(model: Model, samples: list[Sample]) -> float:
-    """Largest difference from the truth, relative to its largest height."""
+    """Returns the largest difference from the truth, relative to the largest height."""
     t, heights = heights_by(model, samples)
     motion = times()
     response = truth(motion)

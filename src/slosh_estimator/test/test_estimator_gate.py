@@ -105,7 +105,7 @@ def test_every_sample_is_counted_once_and_used_ones_increase_but_for_restarts(
 def test_many_samples_at_once_are_judged_as_one_by_one(
     steps: list[tuple[int, bool, float]], size: int
 ) -> None:
-    """Most steps are of 1 ms; some go back, stand still, jump or leave a gap."""
+    """Tests that many samples at once are judged as single ones, with gaps and jumps."""
     stamp, rows = 10**9, []
     for step, strange, push in steps:
         stamp += step * MS if strange else MS

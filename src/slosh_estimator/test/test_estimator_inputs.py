@@ -35,7 +35,7 @@ def test_an_imu_at_rest_gives_no_acceleration() -> None:
 
 
 def test_lever_arm_of_a_spinning_container() -> None:
-    """The sensor sits 0.1 m out on x and feels -ω²·0.1; the origin feels nothing."""
+    """Tests a sensor off the axis of a spinning container: no acceleration at the origin."""
     imu = ImuInput(GATE, SensorTransform(to_origin=(-0.1, 0.0, 0.0)))
     for k in range(100):
         sample = imu.update(k * MS, (-0.1 * 4.0, 0.0, GRAVITY), (0.0, 0.0, 2.0))
@@ -60,7 +60,7 @@ def test_a_constant_push_in_the_world_stays_constant_while_the_container_yaws() 
 def test_an_askew_sensor_that_spins_is_named_and_an_upright_one_is_not(
     askew: float, spin: float, aside: float
 ) -> None:
-    """A turntable turns the container steadily from the first sample on, its middle aside."""
+    """Tests that a tilted sensor on a turntable is reported, and an upright one is not."""
     rng = np.random.default_rng(5)
     mounted = Rotation.from_euler("y", -askew, degrees=True)
     pull = spin**2 * aside
@@ -165,7 +165,7 @@ MOUNT = SensorTransform(0.4, -0.3, 1.1, (0.2, 0.05, -0.1))
 
 
 def turning_cup():
-    """Stamps [ns], positions and attitudes of a cup that is moved on a circle and turned."""
+    """Returns stamps [ns], positions and attitudes of a cup that moves and turns on a circle."""
     t = np.arange(0.0, 1.0, 0.004)
     position = 0.3 * np.column_stack((np.cos(2.0 * t), np.sin(2.0 * t), 0.1 * t * t))
     tilt = 0.2 * np.sin(3.0 * t)[:, None] * [1.0, 0.5, 0.0]

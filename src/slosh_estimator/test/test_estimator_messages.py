@@ -1,4 +1,4 @@
-"""What a message holds is what the estimate says, from the first one on."""
+"""Tests that messages contain the values of the estimate, from the first one on."""
 
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.nodes.estimator_messages import fill
@@ -11,7 +11,7 @@ TILTED = Model(Cylinder(0.05, 0.07)).with_effect("static_tilt", roll=0.05, pitch
 
 
 def modal(message: SloshEstimate) -> list[float]:
-    """x, y, vx, vy of each mode of L."""
+    """Returns x, y, vx, vy of each mode of the linear model in a message."""
     place, speed = message.linear.modal_position, message.linear.modal_velocity
     rows = [
         [*place[at : at + 2], *speed[at : at + 2]]
@@ -21,14 +21,14 @@ def modal(message: SloshEstimate) -> list[float]:
 
 
 def estimate(model: Model) -> Estimate:
-    """Of a second sample."""
+    """Returns the estimate for the second of two samples."""
     estimator = Estimator(model)
     estimator.update(Sample(0, 1.0, 0.0, 0.0, 0.0, True))
     return estimator.update(Sample(5_000_000, 2.0, -1.0, 0.0))
 
 
 def test_the_first_message_holds_the_modal_state() -> None:
-    """A tilted cup's liquid does not rest at zero, not even in the first sample."""
+    """Tests that the first message of a tilted cup contains a modal state that is not zero."""
     first, message = Estimator(TILTED).update(Sample(0, 0.0, 0.0, 0.0, 0.0, True)), SloshEstimate()
     fill(message, first, TILTED.container.wall)
     assert any(first.linear.modal)

@@ -1,4 +1,4 @@
-"""Both nodes over DDS: real messages, waiting for what must come."""
+"""Tests the estimator and monitor nodes with real messages over DDS."""
 
 import json
 import math
@@ -48,7 +48,7 @@ effects: [{name: vertical_acceleration}]
 
 
 class Cell(Graph):
-    """The node under test and a probe that speaks with it."""
+    """A node under test, and a node that exchanges messages with it."""
 
     def __init__(self) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -419,7 +419,7 @@ def test_the_monitor_warns_of_a_motion_that_the_model_does_not_describe(
     step = 0
 
     def warned() -> bool:
-        """A motion of 2 s, then rest: as fast as the messages come through."""
+        """Sends a motion of 2 s and a rest; returns whether the monitor warned."""
         nonlocal step
         if len(comparisons) >= step:
             step += 1
@@ -465,7 +465,7 @@ def test_a_found_model_is_loaded_and_acts_on_the_liquid_and_on_the_comparison(
     begin, sent = cell.now(), 0
 
     def tilt(count: int) -> None:
-        """Poses of a container that soon tips over by half a degree each 10 ms where it stands."""
+        """Sends poses of a container that tilts by half a degree every 10 ms."""
         nonlocal sent
         for _ in range(count):
             before, half = len(estimates), 0.004 * max(sent - 20, 0)

@@ -1,4 +1,4 @@
-"""The mounting of a sensor by fixed transforms."""
+"""Tests the mounting of a sensor by fixed transforms."""
 
 import math
 
@@ -15,7 +15,7 @@ ANGLE, LENGTH = st.floats(-3.1, 3.1), st.floats(-2.0, 2.0)
 
 
 def link(parent, child, mount):
-    """Child as it stands in the parent: by roll, pitch and yaw, at a place."""
+    """Returns the transform of a child frame from roll, pitch, yaw and position."""
     x, y, z, w = sensor_from_container(mount)
     return Transform(parent, child, 0, mount.to_origin, (-x, -y, -z, w))
 

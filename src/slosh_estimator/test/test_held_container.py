@@ -1,4 +1,4 @@
-"""What the gripper holds: what a change may say, and what the cores make of it."""
+"""Tests changes of the container that the gripper holds."""
 
 import math
 
@@ -75,7 +75,7 @@ def test_what_cannot_be_is_refused_in_a_line(given, message):
 
 
 def shaken(estimator, first, count, ax):
-    """The last of some estimates at 1 kHz."""
+    """Returns the last of several estimates at 1 kHz."""
     for k in range(first, first + count):
         estimate = estimator.update(Sample(k * MS, ax, 0.0, 0.0, 0.0))
     return estimate
@@ -118,7 +118,7 @@ def test_a_change_in_motion_is_flagged_until_the_liquid_is_known():
 
 
 def test_other_liquid_is_still_where_the_container_is_at_rest():
-    """The wave of the liquid before says nothing about the cup that is picked up now."""
+    """Tests that the liquid of a newly gripped container counts as still."""
     for fresh in (False, True):
         estimator = Estimator(CUP)
         shaken(estimator, 0, 200, 2.0)

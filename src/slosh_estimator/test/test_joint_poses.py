@@ -1,4 +1,4 @@
-"""Joint states as poses and samples, against kinematics that are written down by hand."""
+"""Tests joint states as poses and samples against kinematics written out by hand."""
 
 import itertools
 import math
@@ -46,7 +46,7 @@ def test_a_pose_does_not_depend_on_the_order_of_names_nor_on_other_joints(values
 
 
 def samples(poses, states, reader=None):
-    """What the estimator's input makes of states (t [s], names, positions) in their order."""
+    """Returns the samples that the input makes of joint states in order."""
     reader = reader or InputSettings("joints", GateSettings(), checks=True).reader("joints")
     found = []
     for t, names, positions in states:
@@ -56,7 +56,7 @@ def samples(poses, states, reader=None):
 
 
 def error(found):
-    """Of the accelerations, in units of the largest one."""
+    """Returns the error of the accelerations, relative to the largest one."""
     t = np.array([(one.stamp_ns - BEGIN) * 1e-9 for one in found])
     true = acceleration(t)
     measured = np.array([one[1:4] for one in found])
@@ -74,7 +74,7 @@ def test_the_acceleration_is_that_of_the_kinematics(rate):
 
 @pytest.mark.parametrize("rail_rate", [40, 125, 500])
 def test_publishers_of_disjoint_joints_are_brought_together(rail_rate):
-    """The rail's driver has its own rate and phase; the slower one leads."""
+    """Tests that joint states of publishers with different rates are combined."""
     arm = [(t, JOINTS[1:], swung(t)[1:].tolist()) for t in np.arange(-0.5, 2.4, 0.002)]
     rail = [
         (t, ("rail", "belt"), [float(swung(t)[0]), 0.0])

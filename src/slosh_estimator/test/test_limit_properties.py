@@ -1,4 +1,4 @@
-"""What a limit does not care about may be left out."""
+"""Tests that values which a limit ignores may be left out."""
 
 import numpy as np
 from hypothesis import given
@@ -16,7 +16,7 @@ HOLDS = st.sampled_from([0, 40 * MS, 100 * MS])
 
 
 def told(tracker: LimitTracker, stamps: list[int], values: list[float]) -> list[str]:
-    """The events of a series."""
+    """Returns the limit events of a series of values, as text."""
     found = [tracker.update(*row) for row in zip(stamps, values, strict=True)]
     return [repr(event) for event in found if event is not None]
 

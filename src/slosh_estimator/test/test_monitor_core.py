@@ -108,7 +108,7 @@ def test_a_lower_bound_does_not_end_an_excess() -> None:
 
 @pytest.mark.parametrize("marked", ["before", "after"])
 def test_an_image_between_two_estimates_bears_the_flags_of_both(marked: str) -> None:
-    """Half of what it is compared with comes from an unknown state."""
+    """Tests that a measurement between two estimates has the flags of both."""
     monitor = Monitor(MonitorSettings())
     settling, doubtful = int(EstimateFlag.SETTLING), int(EstimateFlag.DIVERGED)
     estimate(monitor, 10, 0.01, settling if marked == "before" else 0)
@@ -122,7 +122,7 @@ def test_an_image_between_two_estimates_bears_the_flags_of_both(marked: str) -> 
 def feed(
     monitor: Monitor, camera_until: int, estimator_until: int, until: int
 ) -> list[Comparison]:
-    """100 Hz of estimates, 50 Hz of images, a look at the clock each 100 ms; times in ms."""
+    """Returns comparisons of estimates at 100 Hz and images at 50 Hz; times in ms."""
     seen = []
     for at in range(0, until, 10):
         if at < estimator_until:
@@ -233,7 +233,7 @@ def both_speak(
     shift: int = 0,
     height: float = 0.001,
 ) -> Comparison:
-    """A second in which camera and estimator speak; what the monitor says in its end."""
+    """Returns the last comparison after camera and estimator sent data for a second."""
     said: list[Comparison] = []
     for at in range(10_000, 11_000, 10):
         point = EstimatePoint(at * MS, height, height, estimate_flags)

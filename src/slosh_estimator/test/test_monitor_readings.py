@@ -1,4 +1,4 @@
-"""The monitor compares what a sensor read with what the model expects it to read."""
+"""Tests that the monitor compares sensor readings with the readings that it expects."""
 
 import math
 
@@ -20,7 +20,7 @@ def wave(at_ms: float) -> float:
 
 
 def run(monitor: Monitor, delay_ms: int, latency_ms: int = 32) -> list[Comparison]:
-    """Estimates at 250 Hz; images at 50 Hz show the liquid delay_ms before their stamps."""
+    """Returns comparisons with images that show the liquid `delay_ms` before their stamps."""
     found: list[Comparison] = []
     for at in range(0, 4000, 4):
         height = wave(at)
@@ -50,7 +50,7 @@ def test_a_delay_of_either_sign_is_taken_off_the_stamps(delay_ms: int) -> None:
 
 
 def test_the_limit_is_that_of_the_liquid_and_not_of_what_a_sensor_can_see() -> None:
-    """The picture ends at 8 mm; the liquid rises to 15 mm, beyond a limit of 12 mm."""
+    """Tests that the limit applies to the liquid's height, not to what the camera can see."""
     monitor = Monitor(MonitorSettings(measured_limit=0.012, estimated_limit=0.012))
     for at in range(0, 400, 4):
         height, seen = wave(at), min(wave(at), 0.008)

@@ -1,4 +1,4 @@
-"""A node's parameters mean the same live and in a replay: one reading of each."""
+"""Tests that parameters of a node mean the same live and in a replay."""
 
 from slosh_estimator.gate import GateSettings
 from slosh_estimator.inputs import InputSettings

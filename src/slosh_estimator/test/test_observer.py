@@ -1,4 +1,4 @@
-"""The observer: a model that is corrected by heights which a camera has measured."""
+"""Tests the observer, which corrects a model by heights from a camera."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ NAN = math.nan
 
 
 def motion(seconds, *, model=CUP, start=None, push=1.5):
-    """Inputs with one move, and the wall heights (N, 2) that follow."""
+    """Returns inputs with one move, and the wall heights (N, 2) [m] that follow."""
     t = np.arange(0.0, seconds, 0.002)
     a = np.zeros((len(t), 3))
     a[:, 0] = np.where(t < 0.6, push * np.sin(2.0 * np.pi * t / 0.6), 0.0)
@@ -49,7 +49,7 @@ def image(t, t_wall, wall, azimuths=AZIMUTHS):
 
 
 def run(t, a, images=(), *, model=CUP, flags=0):
-    """The observer and its states; images: (when it arrives [s], WallHeights)."""
+    """Returns the observer and its states after given images."""
     observer, states, waiting = Observer(model), [], sorted(images, key=lambda one: one[0])
     for i, moment in enumerate(t):
         while waiting and waiting[0][0] <= moment:

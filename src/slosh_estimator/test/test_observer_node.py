@@ -1,4 +1,4 @@
-"""The estimator node's observer over DDS: heights in; fused states and calm out."""
+"""Tests the estimator node's observer over DDS: heights in, fused states and calm out."""
 
 import math
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ LENGTH = 2500
 
 
 class Cell(Graph):
-    """The node, and a robot with a camera that shows a wave which nothing has made."""
+    """The estimator node, and a robot whose camera shows a wave that no motion caused."""
 
     def __init__(self) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -46,7 +46,7 @@ class Cell(Graph):
         self.wave = simulate(parse_model(TEXT).nonlinear(), inputs, state)[0]
 
     def play(self, first: int, last: int) -> None:
-        """From one moment to another [ms after the beginning]."""
+        """Sends inputs from one time to another [ms after the start]."""
         count = len(self.estimates)
         for k in range(first, last, 2):
             if k % 16 == 0:

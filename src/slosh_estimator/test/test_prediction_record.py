@@ -1,4 +1,4 @@
-"""What became of predictions."""
+"""Tests the outcomes of predictions."""
 
 import math
 

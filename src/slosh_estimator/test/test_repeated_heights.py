@@ -1,4 +1,4 @@
-"""Old pictures with fresh noise are told by what the input lets the liquid do meanwhile."""
+"""Tests the detection of old images with new noise while the liquid moves."""
 
 import cmath
 
@@ -23,7 +23,7 @@ def wave(t: float, rotating: bool, size: float = 0.012) -> complex:
 def flagged(
     rate: float, shown: list[float], *, rotating: bool, vectors: bool = True, seen: float = 0.012
 ) -> list[bool]:
-    """Which measurements are told, where the pictures show these moments."""
+    """Returns which measurements are flagged as repeated, for images of given times."""
     watch, random = RepeatedHeights(), np.random.default_rng(3)
     found = []
     for k, moment in enumerate(shown):

@@ -1,4 +1,4 @@
-"""Where the rim is known and lower than a limit, the monitor holds the liquid to it."""
+"""Tests that the monitor limits the liquid to the rim if it is below the limit."""
 
 import math
 

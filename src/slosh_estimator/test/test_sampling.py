@@ -1,4 +1,4 @@
-"""The rate of an input, and what it leaves of the sloshing modes."""
+"""Tests the measured rate of an input and its gain for sloshing modes."""
 
 import itertools
 import math
@@ -38,7 +38,7 @@ def told(intervals: list[int], modes=CUP) -> Sampling:
     ("rate", "gain"), [(18, 0.8916), (20, 0.9114), (30, 0.9598), (50, 0.9854), (1000, 1.0)]
 )
 def test_straight_lines_between_samples_lose_a_share_of_a_wave(rate: int, gain: float) -> None:
-    """Against a wave that is sampled, interpolated, and projected on itself."""
+    """Tests the gain of linear interpolation against a sampled sine wave."""
     w, fine = 21.0, 200
     assert interpolation_gain(w, 1.0 / rate) == pytest.approx(gain, abs=1e-4)
     t = np.arange(round(400 * math.tau / w * rate) + 1) / rate
@@ -99,7 +99,7 @@ def test_jitter_and_lost_samples_do_not_hide_the_rate(jitter: float, lost: float
 def test_many_at_once_and_one_by_one_are_judged_alike(
     given_ms: list[tuple[int, bool]], parts: list[int], cut: int
 ) -> None:
-    """And so is what goes on from the memory of another in the middle."""
+    """Tests that many samples at once give the same rate as single ones."""
     one, many, later = (told([]) for _ in range(3))
     flags = []
     for k, (interval, restarted) in enumerate(given_ms):
@@ -160,7 +160,7 @@ def test_memories_of_old_are_taken_up_and_those_of_other_inputs_are_not() -> Non
 
 @pytest.mark.parametrize("confirms", [True, False])
 def test_samples_that_are_all_gaps_are_named(confirms: bool) -> None:
-    """At 19 Hz each interval is longer than max_gap."""
+    """Tests that samples too far apart to be connected are reported."""
     imu = ImuInput(GateSettings(confirms=confirms), SensorTransform())
     imu.sampling.carry(CUP)
     for k in range(40):

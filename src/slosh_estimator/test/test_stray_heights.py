@@ -1,4 +1,4 @@
-"""One image that neither the estimate nor its neighbours explain is told, honest ones are not."""
+"""Tests that a single wrong image is detected, and that correct ones are not."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ FREQUENCY, SIGMA = 19.0, 8e-5
 
 
 def heights(rate: float, gain: float, late: float, count: int = 120) -> tuple[np.ndarray, ...]:
-    """Stamps [ns], what is measured and what a model of another gain and phase expects [m]."""
+    """Returns stamps [ns], measured heights and expected heights [m] of a sine wave."""
     t = np.arange(count) / rate
     size = 0.015 * np.clip(t / 0.5, 0.0, 1.0)
     noise = np.random.default_rng(3).normal(0.0, SIGMA, count)

@@ -1,4 +1,4 @@
-"""A tray's containers: each is driven by the acceleration of its own place."""
+"""Tests a tray: each container is driven by the acceleration at its own place."""
 
 import math
 
@@ -20,7 +20,7 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
 def run(samples, tray=TRAY):
-    """The last estimates of the tray."""
+    """Returns the last estimates of the tray's containers."""
     first, others = Estimator(tray.first.placed), TrayEstimator(tray)
     for sample in samples:
         found = others.update(sample, first.update(sample))
@@ -28,7 +28,7 @@ def run(samples, tray=TRAY):
 
 
 def test_a_tray_that_turns_drives_each_by_the_square_of_its_rate_and_its_place():
-    """At constant ω about the origin a place at r accelerates by -ω² r, in the world's axes."""
+    """Tests that containers of a turning tray feel the centripetal acceleration -ω² r."""
     rate = 2.0
 
     def turned(k):

@@ -1,4 +1,4 @@
-"""A tray's limits: each container by its own, the worst by name."""
+"""Tests the limits of a tray: one for each container, and the worst by name."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Odometry and twists against motions whose derivatives are known."""
+"""Tests odometry and twists against motions whose derivatives are known."""
 
 import math
 
@@ -15,7 +15,7 @@ ARM = (0.3, 0.1, 0.2)
 
 
 def vehicle(t):
-    """x, y, yaw of a vehicle that drives a curve, and their two derivatives by differences."""
+    """Returns x, y and yaw of a vehicle on a curve, and their first two derivatives."""
     x, y, yaw = 0.8 * np.sin(1.3 * t), 0.5 * np.cos(2.1 * t), 0.7 * np.sin(1.7 * t)
     return np.stack([x, y, yaw])
 
@@ -27,7 +27,7 @@ def derivative(t, order=1, step=1e-4):
 
 
 def truth(t):
-    """(N, 3) acceleration of a point at ARM on the vehicle [m/s²]."""
+    """Returns the acceleration (N, 3) [m/s²] of a point at ARM on the vehicle."""
     (ax, ay, turning), (_, _, rate), (_, _, yaw) = derivative(t, 2), derivative(t), vehicle(t)
     c, s = np.cos(yaw), np.sin(yaw)
     rx, ry = c * ARM[0] - s * ARM[1], s * ARM[0] + c * ARM[1]
@@ -37,7 +37,7 @@ def truth(t):
 
 
 def twist_at(t, kind, frame="", own=True):
-    """What the vehicle's driver says: in its own axes, or in the world's."""
+    """Returns the velocity message of a vehicle, in its own axes or in the world's."""
     (vx, vy, rate), yaw = derivative(t), float(vehicle(t)[2])
     c, s = math.cos(yaw), math.sin(yaw)
     linear = (c * vx + s * vy, c * vy - s * vx, 0.0) if own else (vx, vy, 0.0)

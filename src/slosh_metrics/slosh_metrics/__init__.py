@@ -1,1 +1,1 @@
-"""Metrics and checks of signals: MAE, ε, clock alignment, motion spans, input checks."""
+"""Metrics and checks of signals: accuracy, clock alignment, motion spans, input checks."""

@@ -1,4 +1,4 @@
-"""Estimates clock offset and still level of heights on another clock than the model's.
+"""Estimates clock offset and still level of measured heights relative to a model.
 
 The offset τ is defined by measured(t) ≈ level + model(t - τ). Least squares alone is not sound: a
 record is far longer than its motion, and a model that is laid over the quiet part, or over the
@@ -29,7 +29,7 @@ DISTINCT = TUNING.distinct
 
 @dataclass(frozen=True, slots=True)
 class StillLevel:
-    """Still level and noise in the quiet part before the motion.
+    """Still level and measurement noise before the container moves.
 
     Attributes:
         level: median height [m].
@@ -45,7 +45,7 @@ class StillLevel:
 
 @dataclass(frozen=True, slots=True)
 class ClockOffset:
-    """An offset between two clocks, with its reliability.
+    """An offset between two clocks, with its uncertainty.
 
     Attributes:
         offset: measured clock minus model clock [s].
@@ -67,7 +67,7 @@ class ClockOffset:
 
 
 def find_still_level(t: Array, height: Array) -> StillLevel:
-    """Finds level and noise of the quietest part before the maximum.
+    """Finds still level and noise in the quietest part before the highest wave.
 
     Args:
         t: (N,) time [s].
@@ -112,7 +112,7 @@ def despike(height: Array) -> Array:
 
 
 def spike_limit(height: Array) -> float:
-    """Returns by how much a spike must exceed both its neighbours in this series [m]."""
+    """Returns by how much a sample must exceed both neighbours [m] to count as a spike."""
     finite = height[np.isfinite(height)]
     if finite.size < 3:
         return math.inf
@@ -121,14 +121,14 @@ def spike_limit(height: Array) -> float:
 
 
 def find_spikes(height: Array, limit: float) -> NDArray[np.bool_]:
-    """Returns where a sample exceeds both neighbours by more than a limit; never at the ends."""
+    """Returns a mask of the samples that exceed both neighbours by more than a limit."""
     spikes = np.zeros(height.shape, dtype=bool)
     spikes[1:-1] = height[1:-1] - np.fmax(height[:-2], height[2:]) > limit
     return spikes
 
 
 def find_onset(t: Array, height: Array, threshold: float) -> float:
-    """Finds the time from which |height| stays above a threshold [s].
+    """Returns the time [s] from which |height| stays above a threshold.
 
     Args:
         t: (N,) time [s].
@@ -151,7 +151,7 @@ def find_onset(t: Array, height: Array, threshold: float) -> float:
 def onset_offset(
     t: Array, height: Array, model_t: Array, model: Array, still: StillLevel
 ) -> float:
-    """Returns the offset at which measured and model heights start to rise together [s].
+    """Returns the offset [s] at which measured and modelled heights start to rise together.
 
     Each series' onset is taken at the same share of its own peak, so that a model with a wrong
     gain has its onset in the same place.
@@ -189,7 +189,7 @@ def estimate_clock_offset(
     search: float = SEARCH,
     still: StillLevel | None = None,
 ) -> ClockOffset:
-    """Estimates the offset of the measured clock from the model's.
+    """Estimates the offset of the measurement's clock from the model's clock.
 
     Args:
         t: (N,) measured clock [s].
@@ -234,7 +234,7 @@ def estimate_clock_offset(
 
 
 def finite_series(t: Array, height: Array) -> tuple[Array, Array]:
-    """Returns the samples of a series with a finite height.
+    """Returns the samples of a series that have a finite height.
 
     Raises:
         SloshMetricsError: there are hardly any, or times and heights do not match.
@@ -255,7 +255,7 @@ def _residual(t: Array, height: Array, model_t: Array, model: Array, offset: flo
 
 
 def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: float) -> float:
-    """Returns the mean square of the residual; NaN: the motion is not covered."""
+    """Returns the mean squared residual [m²], or NaN if the motion is not covered."""
     residual = _residual(t, height, model_t, model, offset)
     # Where both are known at the same moments, what the model lacks is missing on both sides.
     expected = min((model_t[-1] - model_t[0]) / float(np.median(np.diff(t))), len(model_t))
@@ -265,7 +265,7 @@ def _mean_square(t: Array, height: Array, model_t: Array, model: Array, offset: 
 
 
 def _vertex(offsets: Array, costs: Array, best: int) -> tuple[float, float]:
-    """Returns position and curvature [m²/s²] of the minimum, by a parabola fit.
+    """Returns position [s] and curvature [m²/s²] of a minimum, by fitting a parabola.
 
     A wide bowl, because from one step to the next the cost is rough: samples enter and leave the
     span at its ends. Curvature 0: the minimum is at the window's edge.
@@ -285,7 +285,7 @@ def _vertex(offsets: Array, costs: Array, best: int) -> tuple[float, float]:
 def _independent_samples(
     t: Array, height: Array, model_t: Array, model: Array, offset: float
 ) -> float:
-    """Returns the effective number of samples, reduced by autocorrelation."""
+    """Returns the effective number of independent samples, given their autocorrelation."""
     residual = _residual(t, height, model_t, model, offset)
     power = float(np.mean(residual**2))
     if power <= 0.0 or len(residual) < 3:
@@ -296,7 +296,7 @@ def _independent_samples(
 
 
 def _runner_up(costs: Array, best: int) -> float:
-    """Returns the second-best separate minimum, relative to the best rms."""
+    """Returns the rms at the second-best separate minimum, relative to the best one."""
     filled = np.where(np.isfinite(costs), costs, np.inf)
     others = [
         float(filled[k])

@@ -1,4 +1,4 @@
-"""Estimates offset and drift of the heights' clock relative to the model's.
+"""Estimates offset and drift of the measurement's clock relative to the model's.
 
 One least squares lays a stretch of measured heights over the model's, with offset, drift and the
 heights' scale free. Within a single motion a drift looks like a frequency of the liquid that is
@@ -38,7 +38,7 @@ class ClockDrift:
 
     @property
     def seen(self) -> bool:
-        """Whether the drift is significant and larger than the effect of model errors."""
+        """Whether the drift is significant and too large to be caused by model errors."""
         size = abs(self.rate)
         return (
             size > TUNING.drift_surely * self.stddev
@@ -47,13 +47,13 @@ class ClockDrift:
         )
 
     def text(self) -> str:
-        """Describes the drift in one line."""
+        """Describes the clock drift in one line."""
         told = drift_text(self.rate, self.stddev)
         return f"{told}; or the liquid's frequency is not the model's: compare further motions"
 
 
 class ClockLine(NamedTuple):
-    """Linear growth of the offset between two clocks over several motions.
+    """A straight line through the clock offsets of several motions.
 
     Attributes:
         offset: measured clock minus model clock, at the newest motion [s].
@@ -73,7 +73,7 @@ class ClockLine(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        """Whether the offset grows significantly."""
+        """Whether the clock offset grows significantly."""
         if self.freedom < TUNING.least_motions - 2:
             return False
         surely = TUNING.drift_surely * (1.0 + TUNING.few / self.freedom)
@@ -82,7 +82,7 @@ class ClockLine(NamedTuple):
 
     @property
     def is_apart(self) -> bool:
-        """Whether the clocks differ significantly, by more than one motion."""
+        """Whether the clock offset is significant; it needs more than one motion."""
         size = abs(self.offset)
         return (
             self.freedom >= 0
@@ -92,7 +92,7 @@ class ClockLine(NamedTuple):
 
 
 def drift_text(rate: float, stddev: float) -> str:
-    """Describes a drift and its remedy in one line."""
+    """Describes a clock drift and its remedy in one line."""
     which = "fast" if rate > 0.0 else "slow"
     return (
         f"the heights' clock runs {1e6 * abs(rate):.0f} ± {1e6 * stddev:.0f} ppm {which}: "
@@ -101,7 +101,7 @@ def drift_text(rate: float, stddev: float) -> str:
 
 
 class ClockDriftWatch:
-    """Tracks the difference of the heights' and the estimates' clock over motions.
+    """Tracks the offset between the clocks of measured and estimated heights over motions.
 
     Attributes:
         line: of the motions so far; None: no motion tells an offset.
@@ -115,7 +115,7 @@ class ClockDriftWatch:
     def add(
         self, t: Array, measured: Array, estimated: Array, motion: tuple[float, float]
     ) -> None:
-        """Adds a motion.
+        """Adds the measured and estimated heights of a motion.
 
         Args:
             t: (N,) moments, also before and behind the motion, from one origin for all [s].
@@ -149,7 +149,7 @@ class ClockDriftWatch:
 
     @property
     def within(self) -> ClockDrift | None:
-        """Returns the drift within the most accurate motion, while there are few motions.
+        """Returns the drift within the most accurate motion, or None.
 
         None: none is seen, or the offsets of the motions contradict it.
         """
@@ -168,11 +168,11 @@ class ClockDriftWatch:
 
     @property
     def is_sure(self) -> bool:
-        """Whether clock offset or drift explain a disagreement, rather than the model."""
+        """Whether clock errors, rather than the model, explain a disagreement."""
         return self.line is not None and (self.line.drifts or self.line.is_apart)
 
     def text(self) -> str:
-        """Describes the clocks' fault in one line; empty: none known."""
+        """Describes the error of the clocks in one line; empty if none is known."""
         line = self.line
         if line is None:
             return ""
@@ -190,7 +190,7 @@ class ClockDriftWatch:
         )
 
     def facts(self) -> dict[str, str]:
-        """Returns offset [ms] and drift [ppm] with standard deviations, if significant."""
+        """Returns significant offset [ms] and drift [ppm] with standard deviations, by name."""
         found: dict[str, str] = {}
         line = self.line
         if line is None:
@@ -207,7 +207,7 @@ class ClockDriftWatch:
         return found
 
     def _foretold(self, t: float) -> float:
-        """Predicts the offset at a time from earlier motions [s]."""
+        """Predicts the clock offset [s] at a time from earlier motions."""
         if self.line is None:
             return 0.0
         rate = self.line.rate if self.line.drifts else 0.0
@@ -215,7 +215,7 @@ class ClockDriftWatch:
 
 
 def _line(points: Array) -> ClockLine:
-    """Fits a line to offsets: (N, 3) time, offset and standard deviation [s]."""
+    """Fits a line to clock offsets: rows (N, 3) of time, offset, standard deviation [s]."""
     t, offset, stddev = points.T
     weight = 1.0 / (stddev**2 + TUNING.model_error**2)
     since = t - t[-1]
@@ -240,7 +240,7 @@ def _line(points: Array) -> ClockLine:
 def estimate_clock_drift(
     t: Array, height: Array, model_t: Array, model: Array, offset: float
 ) -> ClockDrift:
-    """Estimates the drift of the measured clock by least squares about an offset.
+    """Estimates the drift of the measurement's clock near a given offset by least squares.
 
     Offset, drift and the heights' scale are fitted together, so that a wrong scale is none.
 

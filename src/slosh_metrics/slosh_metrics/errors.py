@@ -1,7 +1,7 @@
-"""The package's exception."""
+"""The root exception of the package slosh_metrics."""
 
 from __future__ import annotations
 
 
 class SloshMetricsError(ValueError):
-    """The series cannot be compared; the text is one line."""
+    """An error whose one-line text says why two series cannot be compared."""

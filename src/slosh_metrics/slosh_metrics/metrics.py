@@ -1,4 +1,4 @@
-"""Metrics of the agreement of a model's heights with measured ones.
+"""Metrics of how well modelled heights agree with measured ones.
 
 The indices of DL22 and TM20. Every function takes two series of the same length, in the same unit,
 and leaves out the moments at which one of them is not finite.
@@ -17,7 +17,7 @@ NAN = float("nan")
 
 
 def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns ε: relative error of the maximum (DL22, eq. (32)); positive: overestimated.
+    """Returns ε, the relative error of the maximum (DL22, eq. (32)); positive if too high.
 
     >>> round(peak_error(measured=[0.0, 0.010, 0.004], model=[0.0, 0.011, 0.005]), 3)
     0.1
@@ -29,7 +29,7 @@ def peak_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns MAE: mean absolute error (DL22, eq. (33)), in the series' unit.
+    """Returns the mean absolute error (DL22, eq. (33)) in the unit of the series.
 
     >>> round(mean_absolute_error(measured=[0.0, 0.010, 0.004], model=[0.0, 0.011, 0.006]), 6)
     0.001
@@ -41,7 +41,7 @@ def mean_absolute_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns the root mean square difference; TM20's SEOE if the series hold all repetitions.
+    """Returns the rms difference of two series; for all repetitions TM20's SEOE.
 
     >>> round(rms_error(measured=[0.003, 0.010], model=[0.003, 0.012]), 6)
     0.001414
@@ -53,7 +53,7 @@ def rms_error(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
-    """Returns SEOE (TM20, §2.4): rms deviation over all repetitions and samples.
+    """Returns TM20's SEOE (§2.4): the rms deviation over all repetitions and samples.
 
     >>> repetitions = [[0.010, 0.004], [0.012, 0.004]]
     >>> round(standard_error_of_estimate(repetitions, model=[0.011, 0.004]), 6)
@@ -77,7 +77,7 @@ def standard_error_of_estimate(measured: ArrayLike, model: ArrayLike) -> float:
 
 
 def relative_peak_error(measured_peak: float, model_peak: float) -> float:
-    """Returns (model - measured) / measured; NaN without a positive measured peak.
+    """Returns (model - measured) / measured, or NaN if the measured peak is not positive.
 
     >>> round(relative_peak_error(measured_peak=0.010, model_peak=0.011), 3)
     0.1
@@ -88,7 +88,7 @@ def relative_peak_error(measured_peak: float, model_peak: float) -> float:
 
 
 class RunningAccuracy:
-    """ε, MAE and rms of a stream; the functions above evaluate one series with it.
+    """ε, mean absolute error and rms error of a stream of height pairs.
 
     >>> accuracy = RunningAccuracy()
     >>> accuracy.update(0.010, 0.011)
@@ -119,7 +119,7 @@ class RunningAccuracy:
         self._take(1, difference, difference * difference, measured, model)
 
     def update_many(self, measured: NDArray[np.float64], model: NDArray[np.float64]) -> None:
-        """Adds pairs (N,); ignores those that are not finite."""
+        """Adds N pairs of heights; ignores pairs that are not finite."""
         both = np.isfinite(measured) & np.isfinite(model)
         if not both.any():
             return
@@ -146,17 +146,17 @@ class RunningAccuracy:
 
     @property
     def sigma(self) -> float:
-        """MAE so far; NaN before the first pair."""
+        """Mean absolute error so far; NaN before the first pair."""
         return self._absolute_sum / self.count if self.count else NAN
 
     @property
     def epsilon(self) -> float:
-        """ε so far; NaN before a positive measured height."""
+        """Relative peak error ε so far; NaN before a positive measured height."""
         return relative_peak_error(self._measured_peak, self._model_peak) if self.count else NAN
 
     @property
     def rms(self) -> float:
-        """Root mean square of the difference so far; NaN before the first pair."""
+        """Root mean square error so far; NaN before the first pair."""
         return math.sqrt(self._squared_sum / self.count) if self.count else NAN
 
 

@@ -1,4 +1,4 @@
-"""Time spans of a container's motion, the same live, in a replay and in a discovery.
+"""Finds the time spans in which a container moves, live or in a recording.
 
 It lies beside alignment and metrics, since it says over which stretch heights are compared, and in
 the lowest package that all three import: nothing below slosh_report asks when a motion begins.
@@ -33,14 +33,14 @@ _NOTHING = (0.0,) * 5
 
 
 class MotionSpan(NamedTuple):
-    """A motion: start of its first and end of its last moving bin [ns]."""
+    """Time span of a motion [ns], from the start of its first bin to the end of its last."""
 
     start_ns: int
     end_ns: int
 
 
 class MotionFinder:
-    """Finds motions from accelerations in the order of their stamps."""
+    """Finds motions of the container from accelerations in order of time."""
 
     def __init__(self) -> None:
         self._spans: list[MotionSpan] = []
@@ -53,11 +53,11 @@ class MotionFinder:
 
     @property
     def spans(self) -> list[MotionSpan]:
-        """The motions; the last one may continue, and excludes the current bin."""
+        """The motions so far; the last one may continue, and the current bin is not included."""
         return self._spans
 
     def add(self, stamps: Integers, accelerations: Array, turning: Array | None = None) -> None:
-        """Adds samples.
+        """Adds accelerations, with angular velocities if they are known.
 
         Args:
             stamps: (N,) increasing [ns].
@@ -80,7 +80,7 @@ class MotionFinder:
             self._take(number, total, count)
 
     def add_one(self, stamp_ns: int, acceleration: tuple[float, float, float]) -> None:
-        """Adds a sample [m/s²]; the same as `add`, but faster; ignores one that is not finite."""
+        """Adds one finite acceleration [m/s²]; faster than `add`."""
         if math.isfinite(sum(acceleration)):
             self._take(stamp_ns // BIN_NS, acceleration, 1)
 
@@ -89,11 +89,11 @@ class MotionFinder:
         self._close_bin()
 
     def forget_first(self) -> None:
-        """Drops the first motion; if it continues, the rest is another motion."""
+        """Drops the first motion; if it still continues, the rest counts as another motion."""
         del self._spans[0]
 
     def number_at(self, stamps: Integers) -> NDArray[np.int32]:
-        """Returns the motion of each stamp, including AFTER_NS after its end; -1: none.
+        """Returns the index of the motion to which each stamp belongs, or -1 for none.
 
         Args:
             stamps: (N,) [ns].
@@ -129,7 +129,7 @@ class MotionFinder:
         self._follow_rest(resting)
 
     def _follow_rest(self, resting: Vector | None) -> None:
-        """Uses a constant as the base acceleration if it is one of rest.
+        """Uses a constant acceleration as the zero of motion if it must be a rest.
 
         Args:
             resting: the constant where it can be no acceleration; None: it may be one [m/s²].
@@ -153,7 +153,7 @@ class MotionFinder:
         self._finder.adopt(constant)
 
     def _grown(self) -> tuple[int, list[MotionSpan]]:
-        """Returns how the current bin changes the motions: the first changed index, and spans."""
+        """Returns the index of the first motion that the current bin changes, and new spans."""
         count = len(self._spans)
         if not self._moves():
             return count, []
@@ -175,7 +175,7 @@ class MotionFinder:
 def motion_spans(
     stamps: Integers, accelerations: Array, turning: Array | None = None
 ) -> list[MotionSpan]:
-    """Returns the motions of a whole series; arguments as for `MotionFinder.add`."""
+    """Returns the motions in a whole series; arguments as for `MotionFinder.add`."""
     finder = MotionFinder()
     finder.add(stamps, accelerations, turning)
     finder.finish()

@@ -1,4 +1,4 @@
-"""Deviation of a measured free surface from a straight line, and its rest in a dwell.
+"""Deviation of a measured free surface from a straight line, and from rest in a dwell.
 
 The indices of TM20 of profiles η(x, t) over a container's width. x is measured from its middle, η
 from the still level; a frame is one row of a profile.
@@ -16,7 +16,7 @@ from slosh_metrics.errors import SloshMetricsError
 
 
 def line_slopes(x: ArrayLike, eta: ArrayLike) -> Array:
-    """Returns the slope θ of the line θ·x closest to each frame (TM20, eqs. (11), (12)).
+    """Returns the slope of the straight line nearest to each frame (TM20, eqs. (11), (12)).
 
     The squares' sum is a parabola in θ: its lowest point needs no iteration.
 
@@ -39,7 +39,7 @@ def line_slopes(x: ArrayLike, eta: ArrayLike) -> Array:
 
 
 def line_approximation_error(x: ArrayLike, eta: ArrayLike) -> float:
-    """Returns ε̄: rms distance of a motion's frames from their lines [m] (TM20, eq. (13)).
+    """Returns ε̄, the rms distance of frames from their fitted lines [m] (TM20, eq. (13)).
 
     The printed equation has lost its root: only with it is ε̄ the length that its limit is.
 
@@ -59,7 +59,7 @@ def line_approximation_error(x: ArrayLike, eta: ArrayLike) -> float:
 
 
 def effective_height(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
-    """Returns η_eff: effective height of the surface over a dwell [m] (TM20, eq. (17)).
+    """Returns η_eff, the effective surface height over a dwell [m] (TM20, eq. (17)).
 
     Args:
         t: (J,) times of the frames, from the dwell's start to its end [s].
@@ -75,7 +75,7 @@ def effective_height(t: ArrayLike, x: ArrayLike, eta: ArrayLike) -> float:
 def effective_difference(
     t: ArrayLike, x: ArrayLike, measured: ArrayLike, slopes: ArrayLike
 ) -> float:
-    """Returns Δη: effective distance of measured surfaces from lines over a dwell [m].
+    """Returns Δη, the effective distance of surfaces from lines over a dwell [m].
 
     With the lines that are nearest to the frames it is Δη_appr (TM20, eq. (18)), with those of a
     simulation Δη_simul (19).

@@ -1,4 +1,4 @@
-"""The tuning numbers of alignment, clock drift, motion spans and input checks."""
+"""Tuning numbers of alignment, clock drift, motion spans and input checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class MetricsTuning:
-    """Tuning numbers of motion detection, input checks and clock drift.
+    """Assumptions of motion detection, input checks and clock drift.
 
     Checked by the tests of the package on simulated inputs with and without each fault. The unit
     "σ" is a standard deviation of the noise.

@@ -1,4 +1,4 @@
-"""The clock offset is found in the motion, not in the quiet part, and doubt is said."""
+"""Tests that the clock offset is found from the motion, with its uncertainty."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ MODEL_T = np.arange(0.0, 5.0, 0.002)
 
 
 def motion(t):
-    """A height that swells, beats and dies, as a robot's motion makes it [m]."""
+    """Returns a height [m] that rises, oscillates and decays as in a robot's motion."""
     envelope = np.where((t > 0.0) & (t < 5.0), np.sin(np.pi * t / 5.0) ** 2, 0.0)
     return 0.02 * envelope * (1.0 + 0.6 * np.sin(6.0 * t + 2.0 * np.sin(2.0 * t)))
 
@@ -126,7 +126,7 @@ def test_a_clock_that_drifts_is_told_in_ppm(rate):
 
 
 def wave(t: np.ndarray, frequency: float) -> np.ndarray:
-    """A wave that a motion raises and that decays."""
+    """Returns a wave [m] that a motion starts and that decays."""
     since = np.clip(t, 0.0, None)
     return 0.01 * np.abs(np.sin(frequency * since)) * since * np.exp(1.0 - since)
 
@@ -134,7 +134,7 @@ def wave(t: np.ndarray, frequency: float) -> np.ndarray:
 def watched(
     count: int, rate: float = 0.0, offset: float = 0.0, frequency: float = 19.0
 ) -> ClockDriftWatch:
-    """What it knows after motions, eight seconds apart, of a model with the frequency of 19/s."""
+    """Returns a watch after motions 8 s apart, with a model frequency of 19 rad/s."""
     watch, random = ClockDriftWatch(), np.random.default_rng(4)
     for number in range(count):
         start = 8.0 * number

@@ -1,4 +1,4 @@
-"""Gravity, units, frames and mountings: named, provably right, or known to be invisible."""
+"""Tests checks of gravity, units, frames and mounting with and without faults."""
 
 import itertools
 import math
@@ -29,7 +29,7 @@ UNITS = {"m/s²": 1.0, "g": 1.0 / GRAVITY}
 
 
 def pulses(rate=250.0, rest=2.0):
-    """Stamps [ns] and accelerations (N, 3): rest, there, rest, back, rest; at most 3 m/s²."""
+    """Returns stamps [ns] and accelerations (N, 3) of two moves with rests between."""
     t = np.arange(0.0, 4.0 + 3.0 * rest, 1.0 / rate)
     a = np.zeros((len(t), 3))
     for start, sign in ((rest, 1.0), (rest + 2.0 + rest, -1.0)):
@@ -83,7 +83,7 @@ def test_gravity_in_an_acceleration_is_named_with_axis_and_unit(number, unit):
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("number", range(24))
 def test_an_acceleration_without_gravity_tells_neither_axes_nor_unit(number, unit):
-    """In principle: turned or scaled it is another honest motion. Turned about z it is right."""
+    """Tests that wrong axes or units of an acceleration without gravity are not reported."""
     stamps, a = pulses()
     check, flagged = accel_check(stamps, UNITS[unit] * a @ ROTATIONS[number].T)
     assert check.doubt is None
@@ -116,7 +116,7 @@ def test_a_specific_force_is_right_or_named_and_the_remedy_cures_it(number, unit
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("number", range(24))
 def test_an_exported_imu_that_was_wrong_is_named_in_the_table(number, unit):
-    """Gravity was subtracted along z, whatever the sensor told."""
+    """Tests that a table exported from a wrong IMU is reported."""
     stamps, a = pulses()
     force = UNITS[unit] * (a + UP) @ ROTATIONS[number].T
     doubts = motion_doubts((stamps - START) / NS, force - UP)
@@ -272,7 +272,7 @@ def test_a_state_taken_up_goes_on_with_the_same_bits(kind):
 
 
 def raised_by(seed):
-    """What the checks name in an honest input: of accel, imu, table with poses."""
+    """Returns the faults that the checks report for a correct input."""
     source = honest_input(seed)
     accel, imu = AccelCheck(), ImuCheck()
     accel.add_many(source.stamps, source.acceleration, np.zeros(len(source.stamps), dtype=bool))
@@ -298,6 +298,6 @@ def test_honest_motions_are_not_named(seed):
 
 @pytest.mark.long
 def test_hardly_any_honest_motion_is_named():
-    """`validation/studies/honest_inputs.py` counts them over thousands."""
+    """Tests that hardly any correct motion is reported as faulty."""
     named = [seed for seed in range(30_000, 30_300) if raised_by(seed)]
     assert len(named) <= 1, named

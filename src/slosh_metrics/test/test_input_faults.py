@@ -1,4 +1,4 @@
-"""Clipped, frozen, mixed and missing stretches of an input are found, planned motions are none."""
+"""Tests that clipped, frozen, mixed and missing samples are found."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ class TestFaults:
 
 
 def trapezoid(ramp):
-    """There and back with constant accelerations, straight or smooth ramps between them."""
+    """Returns accelerations of a move there and back, with straight or smooth ramps."""
     at = [0.5, 0.5 + ramp, 1.0, 1.0 + 2.0 * ramp, 1.6, 1.6 + ramp, 4.0]
     value = np.interp(T, at, [0.0, 3.0, 3.0, -3.0, -3.0, 0.0, 0.0])
     return np.column_stack([value, 0.5 * value, np.zeros_like(T)])
@@ -87,7 +87,7 @@ def test_a_rest_and_a_short_record_have_no_faults():
 
 @pytest.mark.parametrize(("every", "behind"), [(1, 0.3e-3), (1, 1.6e-3), (3, 2.1e-3)])
 def test_two_publishers_on_one_topic_are_told(every, behind):
-    """Each sends at its own rhythm, and the container of the other moves otherwise."""
+    """Tests that two publishers on one topic are detected."""
     other = T[::every] + behind
     t = np.concatenate([T, other])
     order = np.argsort(t)
@@ -122,7 +122,7 @@ def test_a_stream_tells_the_faults_of_its_parts_once():
 @pytest.mark.parametrize("kind", ["acceleration", "force"])
 @pytest.mark.parametrize("bits", [None, 16])
 def test_honest_inputs_are_neither_clipped_nor_frozen(kind, bits):
-    """Robots that move and rest; also in the steps of a sensor whose range they just fit."""
+    """Tests that correct inputs, also coarsely rounded ones, are not reported."""
     told = []
     for seed in range(2000, 2030):
         source = honest_input(seed)

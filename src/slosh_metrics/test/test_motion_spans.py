@@ -1,4 +1,4 @@
-"""One meaning of "moving", whole or in parts."""
+"""Tests that motions are found equally in whole series and in parts."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ NS = 10**9
 
 
 def accelerations(*pieces, noise=0.0, seed=0):
-    """Stamps and accelerations at 500 Hz: pieces of (seconds, size [m/s²])."""
+    """Returns stamps and accelerations at 500 Hz from pieces of (seconds, size [m/s²])."""
     sizes = np.concatenate([np.full(round(seconds * RATE), size) for seconds, size in pieces])
     values = np.column_stack((sizes, np.zeros((len(sizes), 2))))
     values += noise * np.random.default_rng(seed).standard_normal(values.shape)
@@ -44,14 +44,14 @@ def test_a_motion_is_where_the_container_is_accelerated():
 
 @pytest.mark.parametrize("offset", [0.2, 0.855, 9.81])
 def test_a_constant_from_the_beginning_on_is_no_motion(offset):
-    """A roll that is wrong by 5° gives 0.855 m/s²: the motion lasts as long as without it."""
+    """Tests that a constant acceleration from the start on is not a motion."""
     stamps, values = accelerations((2.0, 0.0), (1.0, 1.0), (2.0, 0.0), (1.0, -1.0), (2.0, 0.0))
     values[:, 1] += offset
     assert spans_of(stamps, values) == [(2.0, 3.0), (5.0, 6.0)]
 
 
 def test_a_constant_that_comes_again_is_that_of_rest():
-    """The recording begins in a motion; a tilt of 5° shows in its rests."""
+    """Tests that a constant acceleration that recurs is taken as rest."""
     pieces = [(0.3, 2.0), (1.5, 0.0), (0.3, 2.0), (0.3, -2.0), (3.0, 0.0), (0.5, 1.0), (2.0, 0.0)]
     stamps, values = accelerations(*pieces)
     values[:, 1] += 0.855
@@ -62,7 +62,7 @@ def test_a_constant_that_comes_again_is_that_of_rest():
 
 
 def test_a_constant_that_appears_later_is_a_rest_once_no_arm_could_follow_it():
-    """1 m/s² for 5 s is 5 m/s: from then on it is an offset, and a motion departs from it."""
+    """Tests that a constant which no arm can follow is taken as rest, not as motion."""
     stamps, values = accelerations((1.0, 0.0), (8.0, 1.0), (1.0, 3.0), (3.0, 1.0))
     found = spans_of(stamps, values)
     assert len(found) == 2
@@ -142,5 +142,5 @@ def test_the_first_motion_is_forgotten_and_what_goes_on_is_another():
 
 
 def test_a_motions_liquid_counts_no_longer_than_the_pause():
-    """Else a moment would belong to two motions."""
+    """Tests that the liquid's decay after a motion ends before another motion can begin."""
     assert AFTER_NS <= PAUSE_NS

@@ -1,4 +1,4 @@
-"""A sensor against a motion: what is wrong with its mounting is named, what is right is not."""
+"""Tests that wrong mountings of a sensor are reported and right ones are not."""
 
 import itertools
 
@@ -19,7 +19,7 @@ YAW, LEAN = 0.6, 0.15
 
 
 class Moved:
-    """A container that moves to and fro, yaws and leans, and rests before and behind.
+    """A container that moves to and fro, yaws and tilts, with rests before and after.
 
     Args:
         along: share of the motion along x, y and z [m/s²].

@@ -1,4 +1,4 @@
-"""Simulates many models or motions at once; the results of `simulate`, much faster."""
+"""Simulates many models or motions at once, with the same results as `simulate`."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _Simulations(NamedTuple):
     intervals: list[Array]
 
     def turn(self, place: int) -> bool:
-        """Whether the container of a simulation tilts or turns."""
+        """Returns whether the container tilts or turns in a simulation."""
         return len(self.inputs[place].poses) > 0
 
 
@@ -62,7 +62,7 @@ def wall_heights(
     max_step: float = MAXIMUM_STEP,
     threads: int | None = None,
 ) -> list[Array]:
-    """Computes wall heights of many simulations from one state; exactly as `simulate`.
+    """Computes wall heights of many simulations with exactly the same results as `simulate`.
 
     Fastest where many models have the same effects and the motions are about equally long.
 
@@ -142,14 +142,14 @@ def _check_start(simulations: _Simulations, state: State | None) -> None:
 
 
 def _store(model: Model, state: State | None, max_step: float) -> Array:
-    """Returns the store of a model before its first sample."""
+    """Returns the array of a model's constants and state before its first sample."""
     simulator = Simulator(model, max_step=max_step)
     simulator.start(state, 0.0 if state is None else state.t)
     return simulator.store
 
 
 def _intervals(inputs: Iterable[Inputs]) -> Iterator[Array]:
-    """Returns each motion's intervals; motions with equal times share an array."""
+    """Yields the time steps of each motion; motions with equal times share an array."""
     t, intervals = np.empty(0), np.empty(0)
     for one in inputs:
         if one.t is not t and not (len(one.t) == len(t) and (one.t == t).all()):
@@ -159,12 +159,12 @@ def _intervals(inputs: Iterable[Inputs]) -> Iterator[Array]:
 
 
 def _counts(intervals: Array, max_step: float) -> Counts:
-    """Returns the number of sub-steps of each interval."""
+    """Returns the number of integration steps between consecutive inputs."""
     return np.ceil(intervals / max_step).astype(np.int64)
 
 
 def _pace(intervals: Array, max_step: float) -> bytes:
-    """Returns a key that is equal for motions with equal sub-steps.
+    """Returns a key that is equal for motions with equal numbers of integration steps.
 
     Where each input is one sub-step away, motions of any length and spacing are alike.
     """
@@ -173,7 +173,7 @@ def _pace(intervals: Array, max_step: float) -> bytes:
 
 
 def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[Block]:
-    """Groups similar simulations, at most `size` each, the longest motion last.
+    """Groups similar simulations into blocks of limited size, sorted by length.
 
     Blocks of some size are filled up to whole vectors, which are faster, with the last one.
     """
@@ -196,7 +196,7 @@ def _blocks(simulations: _Simulations, size: int, max_step: float) -> Iterator[B
 
 
 def _rooms(shapes: Sequence[tuple[int, ...]]) -> list[Array]:
-    """Allocates uninitialised arrays of these shapes in one block."""
+    """Allocates uninitialised arrays of given shapes in one memory block."""
     ends = [0, *accumulate(map(math.prod, shapes))]
     whole = np.empty(ends[-1])
     return [
@@ -208,7 +208,7 @@ def _rooms(shapes: Sequence[tuple[int, ...]]) -> list[Array]:
 def _run(
     simulations: _Simulations, block: Block, stores: Array, max_step: float, heights: Array
 ) -> None:
-    """Computes the heights of a block's simulations."""
+    """Computes the heights of a block of simulations."""
     motions = [simulations.inputs[place] for place in block]
     intervals = [simulations.intervals[place] for place in block]
     if len(block) < FEWEST:
@@ -233,7 +233,7 @@ def _run(
 
 
 def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) -> None:
-    """Computes the heights of the first inputs, intervals + 1; changes the store."""
+    """Computes the heights of the first inputs one by one; changes the model's state array."""
     count = len(heights)
     before = _ZERO if count == 1 else np.concatenate((_ZERO, intervals))
     history = np.empty((count, len(divided(store)[1]), 4))
@@ -244,14 +244,14 @@ def _one_by_one(store: Array, intervals: Array, motion: Inputs, heights: Array) 
 
 
 def _distinct(lanes: Sequence[T]) -> tuple[list[T], Counts]:
-    """Returns the distinct objects of the lanes, and each lane's index among them."""
+    """Returns the distinct objects of the lanes, and the index of each lane's object."""
     rows: dict[int, int] = {}
     which = [rows.setdefault(id(one), len(rows)) for one in lanes]
     return [lanes[which.index(row)] for row in range(len(rows))], np.array(which)
 
 
 def _stacked(arrays: Sequence[Array], shape: tuple[int, ...], *, last: bool = True) -> Array:
-    """Stacks arrays to (K, …); repeats each last row (or zeros) to fill the shape."""
+    """Stacks arrays to (K, …), padded with the last row or zeros to the same shape."""
     padded = np.empty((len(arrays), *shape))
     for target, array in zip(padded, arrays, strict=True):
         count = len(array)

@@ -1,4 +1,4 @@
-"""The kernel for many trajectories at once: the same equations, vectorised over lanes.
+"""Compiled integration of many trajectories at once, vectorised over lanes.
 
 A block of trajectories, one to a lane, goes through time together. Each quantity is a row with a
 value per lane; all rows lie in one flat array, each at a place that is known when the code is
@@ -89,7 +89,7 @@ def _copy(lanes, w, source, target, count):  # type: ignore[no-untyped-def]
 
 @compiled
 def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def]
-    """Interpolates the inputs at a fraction of the way from left to right."""
+    """Interpolates the inputs of each lane between two samples; `share` is in [0, 1]."""
     for row in range(INPUT_COUNT):
         at = row * LANES
         for k in range(lanes):
@@ -99,7 +99,7 @@ def _blend(lanes, w, left, right, share, target):  # type: ignore[no-untyped-def
 
 @compiled
 def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
-    """Computes q̈ of one mode in each lane; see kernel.modal_acceleration."""
+    """Computes q̈ of one mode in each lane; see `kernel.modal_acceleration`."""
     all_lane_terms(lanes, w)
     for k in range(lanes):
         omega, zeta = w[MODE + FREQUENCY * LANES + k], w[MODE + DAMPING * LANES + k]
@@ -123,7 +123,7 @@ def _accelerate(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
-    """Adds a stage's slope (vx, vy, ax, ay) to the sum and moves the state along it."""
+    """Adds the slope of a Runge-Kutta stage to the sum, and advances the state by it."""
     for row in range(STATE_COUNT):
         at = row * LANES
         slope = at + (STATE if row < VX else ACCELERATION - STATE_COUNT * LANES) + VX * LANES
@@ -135,7 +135,7 @@ def _take_slope(lanes, w, weight, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
-    """Makes one classical Runge-Kutta step of a mode; inputs go from left to right."""
+    """Makes one classical Runge-Kutta step of a mode in each lane."""
     for row in range(STATE_COUNT):
         for k in range(lanes):
             w[START + row * LANES + k] = w[STATE + row * LANES + k]
@@ -162,7 +162,7 @@ def _step(lanes, w, modulated):  # type: ignore[no-untyped-def]
 
 @compiled
 def _fill(lanes, w, chunk, motion, first, count):  # type: ignore[no-untyped-def]
-    """Copies inputs of some samples to rows of lanes.
+    """Copies the inputs of several samples to the rows of the lanes.
 
     Lane by lane: a lane's samples lie behind each other, those of the lanes far apart.
     """
@@ -195,7 +195,7 @@ def _take_inputs(lanes, w, chunk, j):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take_poses(lanes, w, input_rows, poses, i):  # type: ignore[no-untyped-def]
-    """Copies each lane's pose of an input; upright if there are none."""
+    """Copies the pose of each lane for an input; without poses the container is upright."""
     for k in range(lanes):
         pose = pose_at(poses[input_rows[k]], i) if poses.shape[0] > 0 else UPRIGHT
         for row in range(POSE_COUNT):
@@ -204,7 +204,7 @@ def _take_poses(lanes, w, input_rows, poses, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def _load_runs(lanes, w, stores, memory):  # type: ignore[no-untyped-def]
-    """Loads the last inputs, the effects' parameters and their stored state."""
+    """Loads each lane's last inputs, effect parameters and effect states."""
     for k in range(lanes):
         runs, _ = records(stores[k])
         run, at = runs[0], NEW_INPUTS + k
@@ -247,7 +247,7 @@ def _save_mode(lanes, w, stores, n):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance_mode(lanes, w, count, modulated):  # type: ignore[no-untyped-def]
-    """Integrates a mode from the old inputs to the new ones, and adds its heights."""
+    """Integrates a mode from the old to the new inputs, and adds its wall heights."""
     _copy(lanes, w, OLD_INPUTS, LEFT_INPUTS, INPUT_COUNT)
     for part in range(count):
         for k in range(lanes):
@@ -286,7 +286,7 @@ def _add_static_heights(lanes, w):  # type: ignore[no-untyped-def]
 
 @compiled
 def _finish_sample(lanes, w, answers, j):  # type: ignore[no-untyped-def]
-    """Stores the heights and their angle, and begins the next sample."""
+    """Stores wall heights and rotation angle, and prepares the next sample."""
     at = j * _ANSWERS
     for k in range(lanes):
         answers[at + k], answers[at + LANES + k] = w[HEIGHTS + k], w[HEIGHTS + LANES + k]
@@ -347,7 +347,7 @@ def advance_block(  # type: ignore[no-untyped-def]
     stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
     heights,
 ):  # fmt: skip
-    """Runs `kernel.advance_many` for up to LANES models after their first sample.
+    """Integrates up to LANES models after their first sample, as `kernel.advance_many`.
 
     Args:
         stores: (K, …) their stores, with the same effects switched on and as many modes.

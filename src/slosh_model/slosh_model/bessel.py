@@ -1,4 +1,4 @@
-"""Roots of J₁′, and the radial shape of the free surface."""
+"""Roots of J₁′, and the radial shape of the free surface in a cylinder."""
 
 from __future__ import annotations
 

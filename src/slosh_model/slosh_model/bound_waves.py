@@ -1,4 +1,4 @@
-"""Second-order waves driven by the first mode: oscillators under piecewise constant force.
+"""Second-order waves driven by the first mode, as oscillators with stepwise constant force.
 
 Elevation b and potential c of such a mode follow ḃ = K c + u, ċ = -g b - 2ζω c + w, with u and w
 constant over an interval and K = ω²/g.
@@ -14,7 +14,7 @@ from slosh_model.constants import GRAVITY
 
 @compiled
 def swing(rate, damping, dt):  # type: ignore[no-untyped-def]
-    """Returns the factors that advance a free mode over an interval.
+    """Returns the coefficients that advance a free mode over a time step.
 
     Args:
         rate: K [1/m].
@@ -30,7 +30,7 @@ def swing(rate, damping, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def advance_bound(memory, at, rise, push, swung):  # type: ignore[no-untyped-def]
-    """Advances a mode over an interval, about the equilibrium under its constant drive.
+    """Advances a second-order mode over a time step under constant forces.
 
     Args:
         memory: b [m] and c [m²/s] at the places `at` and `at + 1`; changed.

@@ -1,4 +1,4 @@
-"""Combines the hooks of all effects in one compiled function for each hook.
+"""Combines the equations of all effects into compiled functions.
 
 Their source is generated, flat: a switch in the flat parameter array stands before each effect's
 parameters, and an effect that is off costs one comparison. So one compiled kernel serves every
@@ -19,7 +19,7 @@ from slosh_model.effects.registry import BY_HOOK, DRIVE_MEMORY, READING_MEMORY, 
 def compile_generated(
     module: str, source: str, hooks: Iterable[str]
 ) -> dict[str, Callable[..., Any]]:
-    """Compiles the functions of a generated source by name.
+    """Compiles generated source code and returns its functions by name.
 
     Args:
         module: name of the module that generated it.
@@ -43,7 +43,7 @@ def compile_generated(
 
 
 def own_memory(effect: Effect, hook: str, memory: Mapping[str, int], array: str) -> str:
-    """Formats an effect's part of a state array; an empty tuple if it has no state."""
+    """Returns source code for an effect's part of a state array; () if it has no state."""
     start, count = memory[effect.name], getattr(effect, f"{hook}_memory")
     return f"{array}{start}:{start + count}]" if count else "()"
 
@@ -83,7 +83,7 @@ def _modulations() -> list[str]:
 
 
 def _changes(hook: str, around: str, memory: Mapping[str, int]) -> list[str]:
-    """Generates the function of a hook that changes a value and may have state."""
+    """Generates the source of a function by which effects change a value one after another."""
     lines = [f"def all_{hook}s(dt, value, {around}, memory, p):"]
     for effect in BY_HOOK[hook]:
         own = own_memory(effect, hook, memory, "memory[")

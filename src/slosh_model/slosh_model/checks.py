@@ -8,7 +8,7 @@ from slosh_model.errors import SloshModelError
 
 
 def mistaken_unit(value: float, unit: str, lower: float, upper: float) -> str:
-    """Returns `; did you mean 65 mm, 0.065?` if a length in m looks like mm; else empty.
+    """Returns `; did you mean 65 mm, 0.065?` if a length in m looks like mm, else ''.
 
     Args:
         value: that is outside the bounds, in `unit`.
@@ -22,7 +22,7 @@ def mistaken_unit(value: float, unit: str, lower: float, upper: float) -> str:
 
 
 def within(name: str, value: float, unit: str, lower: float, upper: float) -> None:
-    """Raises SloshModelError unless lower <= value <= upper; the name is that in model.yaml."""
+    """Raises SloshModelError unless lower <= value <= upper; `name` is the key in model.yaml."""
     if not (math.isfinite(value) and lower <= value <= upper):
         meant = mistaken_unit(value, unit, lower, upper)
         unit = unit and f" {unit}"

@@ -1,4 +1,4 @@
-"""Containers: their dimensions and derived quantities.
+"""Containers: their dimensions and the quantities derived from them.
 
 A container is symmetric about its x and its y axis. Its antisymmetric waves n = 1, 2, … along an
 axis have the wave number ξₙ/R, with R from the axis to the wall. Each shape is a module of
@@ -54,7 +54,7 @@ _PLANS = ({"diameter"}, {"radius"}, {"width", "depth"})
 
 
 class CupLengths(TypedDict):
-    """Inner lengths of a cup [m]: a diameter or a radius, or a width and a depth.
+    """Inner lengths of a cup [m]: diameter or radius, or width and depth.
 
     Attributes:
         diameter, radius: of a round one.
@@ -72,7 +72,7 @@ class CupLengths(TypedDict):
 
 
 class Container(ABC):
-    """Interface of all containers for the models.
+    """Interface of a container, which all models use.
 
     A new shape is a subclass in a module of its own: defined, it can be named in model.yaml.
     Callers ask its methods; none asks for its class.
@@ -108,7 +108,7 @@ class Container(ABC):
 
     @staticmethod
     def of(**lengths: Unpack[CupLengths]) -> Cylinder | Rectangle:
-        """Makes a container from its lengths.
+        """Creates a cylinder or a rectangle from its lengths [m].
 
         Raises:
             SloshModelError: a length that is missing, too much, unknown or impossible.
@@ -145,7 +145,7 @@ class Container(ABC):
 
     @abstractmethod
     def root(self, n: int) -> float:
-        """Returns ξₙ of the n-th antisymmetric mode.
+        """Returns ξₙ, the dimensionless wave number of the n-th antisymmetric mode.
 
         Raises:
             SloshModelError: n is not in 1 … MAXIMUM_MODE.
@@ -154,34 +154,34 @@ class Container(ABC):
     @property
     @abstractmethod
     def reaches(self) -> tuple[float, float]:
-        """R along x and along y: from the axis to the wall [m]."""
+        """Distances from the axis to the wall along x and y [m]."""
 
     @property
     @abstractmethod
     def size(self) -> float:
-        """The dimension with most influence on its waves [m]."""
+        """Characteristic dimension of the container for its waves [m]."""
 
     @property
     @abstractmethod
     def size_name(self) -> str:
-        """Name of the dimension `size`."""
+        """Name of the characteristic dimension `size`, such as 'radius'."""
 
     @property
     @abstractmethod
     def described(self) -> str:
-        """Text of its dimensions [mm]."""
+        """Text that describes the container's dimensions [mm]."""
 
     @abstractmethod
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns mₙ/m_F, the share of the liquid's mass that sloshes in mode n."""
+        """Returns mₙ/m_F, the fraction of the liquid's mass that sloshes in mode n."""
 
     @abstractmethod
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the wall height per displacement of a mode's mass for a plane surface [1]."""
+        """Returns a mode's wall height per displacement of its mass for a plane surface [1]."""
 
     @abstractmethod
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the wall height per displacement of a mode's mass for the mode's shape [1]."""
+        """Returns a mode's wall height per displacement of its mass for its own shape [1]."""
 
     @abstractmethod
     def widened(self, factor: float) -> Self:
@@ -189,10 +189,10 @@ class Container(ABC):
 
     @abstractmethod
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """Returns ζ₁ estimated from the viscosity ν [m²/s]."""
+        """Returns the first mode's damping ratio ζ₁, estimated from the viscosity ν [m²/s]."""
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
-        """Returns ζₙ from the viscosity ν [m²/s]; by default that of the first mode."""
+        """Returns mode n's damping ratio ζₙ, estimated from the viscosity ν [m²/s]."""
         return self.damping_ratio(kinematic_viscosity)
 
     def mass_height(self, n: int, axis: int = X_AXIS) -> float:
@@ -204,16 +204,16 @@ class Container(ABC):
         return -2.0 / slenderness * math.tanh(0.5 * slenderness * self.fill_height)
 
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
-        """Returns a mode's maximum height relative to the wall's, and its position [m]."""
+        """Returns a mode's maximum height relative to that at the wall, and its position [m]."""
         return 1.0, self.reaches[axis]
 
     @property
     def volume(self) -> float:
-        """Volume of the liquid [m³]; NaN: unknown."""
+        """Volume of the liquid [m³], or NaN if unknown."""
         return math.nan
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Returns positions along x from the axis to the wall [m], and a mode's height there."""
+        """Returns positions along x from the axis to the wall [m], and a mode's heights there."""
         places = np.linspace(0.0, self.reaches[X_AXIS], 41)
         if self.cornered:
             shape = np.sin(self.root(n) * places / places[-1])
@@ -222,20 +222,20 @@ class Container(ABC):
 
     @property
     def silhouette(self) -> Array:
-        """Returns the wall's right half from the side (N, 2), z from the still surface [m]."""
+        """Returns the right half of the wall's contour (N, 2) [m], z from the still surface."""
         reach, rim = self.reaches[X_AXIS], self.rim_height or 1.3 * self.fill_height
         floor = -self.fill_height
         return np.array([[0.0, floor], [reach, floor], [reach, rim - self.fill_height]])
 
     @property
     def wall(self) -> Wall:
-        """Its wall about the still level: what a height is on it, and how far from the rim."""
+        """The container's wall near the still level, with the distance to the rim."""
         reaches = self.reaches
         radius = reaches[X_AXIS] if self.section == ROUND else math.nan
         return Wall.vertical(radius, self.freeboard)
 
     def height_below_rim(self, distance: float = 0.0) -> float | None:
-        """Height at the wall at which the highest place is a distance below the rim [m].
+        """Returns the wall height [m] at which the crest is a distance below the rim, or None.
 
         Args:
             distance: vertical [m]; 0: at the rim.
@@ -263,12 +263,12 @@ class Container(ABC):
 
     @property
     def linear_height(self) -> float:
-        """Height above which linear waves, the only model, are invalid [m]; else infinite."""
+        """Height above which linear waves are invalid [m]; infinite if nonlinear models exist."""
         return math.inf
 
     @property
     def digest(self) -> str:
-        """Digest of precomputed modes that are stored with the model; else empty."""
+        """Digest of the dimensions to which precomputed modes belong; empty if there are none."""
         return ""
 
     def __init_subclass__(cls) -> None:
@@ -282,7 +282,7 @@ class Container(ABC):
 
     @property
     def cornered(self) -> bool:
-        """Whether the heights along x and y add up in a corner of the wall."""
+        """Whether the wave heights along x and y add up in a corner of the wall."""
         return self.section == RECTANGULAR
 
     def msh(self, sh_x: Array, sh_y: Array) -> Array:
@@ -296,7 +296,7 @@ class Container(ABC):
         return np.hypot(sh_x, sh_y)
 
     def azimuth(self, sh_x: Array, sh_y: Array) -> Array:
-        """Returns the azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26)).
+        """Returns the azimuth of the maximum height [rad], in (-π, π] (DL22, eq. (26)).
 
         In a rectangle that of its corner, or of a side's middle where all of it is as high.
         """
@@ -307,7 +307,7 @@ class Container(ABC):
 
     @property
     def freeboard(self) -> float | None:
-        """Height of the rim above the still level [m]; None: unknown."""
+        """Height of the rim above the still level [m], or None if unknown."""
         return None if self.rim_height is None else self.rim_height - self.fill_height
 
     def depth_factor(self, n: int, axis: int = X_AXIS) -> float:
@@ -315,11 +315,11 @@ class Container(ABC):
         return math.tanh(self.root(n) * self.fill_height / self.reaches[axis])
 
     def natural_frequency(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20))."""
+        """Returns the natural frequency ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20))."""
         return math.sqrt(GRAVITY * self.root(n) / self.reaches[axis] * self.depth_factor(n, axis))
 
     def _check_heights(self) -> None:
-        """Raises SloshModelError for a height outside DIMENSIONS, or a rim below the liquid."""
+        """Raises SloshModelError for an impossible height, or a rim below the liquid."""
         within("container.fill_height", self.fill_height, "m", *DIMENSIONS)
         if self.rim_height is None:
             return

@@ -56,19 +56,19 @@ class Covariance:
 
     @property
     def array(self) -> Array:
-        """The covariance as an array (P, P), a copy."""
+        """The covariance as an array (P, P); a copy."""
         count = len(self.parameters)
         return np.array(self.matrix, dtype=np.float64).reshape(count, count)
 
     @property
     def standard_errors(self) -> Array:
-        """(P,) square roots of the variances."""
+        """Standard errors (P,): square roots of the variances."""
         errors: Array = np.sqrt(np.diag(self.array))
         return errors
 
 
 def covariance_of(parameters: tuple[str, ...], matrix: Array) -> Covariance:
-    """Makes a covariance from a computed matrix (P, P), which is symmetrised."""
+    """Creates a covariance from a computed matrix (P, P), which is made symmetric."""
     even = 0.5 * (matrix + matrix.T)
     return Covariance(parameters, tuple(tuple(row) for row in even.tolist()))
 

@@ -1,10 +1,10 @@
-"""The root exception of the package."""
+"""The root exception of the package slosh_model."""
 
 from __future__ import annotations
 
 
 class SloshModelError(ValueError):
-    """A container, model or input is impossible or invalid; the text is one line.
+    """An error whose one-line text says why a container, model or input is impossible.
 
     >>> from slosh_model import Cylinder, SloshModelError
     >>> try:
@@ -24,4 +24,4 @@ class SloshModelError(ValueError):
 
 
 class ModelFileError(SloshModelError):
-    """A model file cannot be read; the text does not reveal its contents."""
+    """An error that a model file cannot be read; its text does not reveal the content."""

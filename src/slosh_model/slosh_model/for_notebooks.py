@@ -1,4 +1,4 @@
-"""Notebook support of results: one-line summary, tables, charts.
+"""Displays results in notebooks: one-line summaries, tables and charts.
 
 pandas and matplotlib are loaded here alone, when somebody asks: a model and a node do without.
 """
@@ -43,7 +43,7 @@ def peak(t: Array, heights: Array, what: str) -> str:
 
 
 class Shown:
-    """Base of results with `to_xarray` and an HTML summary for notebooks.
+    """Base class of results that adds `to_xarray` and an HTML summary for notebooks.
 
     What has a `plot` shows it, too.
     """
@@ -88,7 +88,7 @@ def _svg(figure: Any) -> str:
 def table(
     rows: Any, columns: Mapping[str, Any], index: str = "t", units: Mapping[str, str] | None = None
 ) -> DataFrame:
-    """Makes a pandas table; its `attrs["units"]` gives units by column.
+    """Creates a pandas table; its `attrs["units"]` contains the unit of each column.
 
     Args:
         rows: its index: the time [s], where nothing else is said.
@@ -107,7 +107,7 @@ def table(
 
 
 def height_axes(axes: Axes | None, title: str = "") -> Axes:
-    """Returns axes for heights [mm] over time [s].
+    """Returns matplotlib axes for heights [mm] over time [s].
 
     Args:
         axes: matplotlib's; None: of a new figure.
@@ -126,7 +126,7 @@ def height_axes(axes: Axes | None, title: str = "") -> Axes:
 
 
 def needed(name: str, what: str) -> Any:
-    """Imports an optional module.
+    """Imports an optional module, or raises an error that names its library.
 
     Raises:
         ImportError: its library is not installed; the line says how it is.

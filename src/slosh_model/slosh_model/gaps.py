@@ -1,4 +1,4 @@
-"""Gaps in a sampled motion, by one rule for all readers."""
+"""Finds gaps in sampled motions."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def find_gaps(t: Array, model: Model) -> list[Gap]:
 
 
 def gap_text(t: Array, model: Model) -> str:
-    """Describes a motion's gaps; empty: none."""
+    """Describes the gaps in a motion; empty if there are none."""
     gaps = find_gaps(t, model)
     if not gaps:
         return ""

@@ -1,4 +1,4 @@
-"""Gradients of the maximum height by the acceleration samples, for optimisers.
+"""Computes the gradient of the maximum height with respect to the acceleration samples.
 
 The highest of the samples' heights is differentiated where it is attained: exact while that is one
 sample. Where two samples are equally high there is a kink, as of every maximum; what is told there
@@ -26,7 +26,7 @@ COVERED = (VERTICAL, CURVED)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightGradient:
-    """A height, and its gradient by a motion.
+    """The maximum height of a motion and its gradient.
 
     Attributes:
         height: highest MSH of the samples, or its smooth maximum [m].
@@ -44,7 +44,7 @@ class HeightGradient:
 def peak_gradient(
     model: Model, inputs: Inputs, *, smoothing: float = 0.0, max_step: float = MAXIMUM_STEP
 ) -> HeightGradient:
-    """Computes the maximum height of a motion from rest, and its gradient by the acceleration.
+    """Computes the maximum height of a motion from rest, and its gradient.
 
     >>> from slosh_model import Model
     >>> t = np.linspace(0.0, 1.0, 201)
@@ -93,7 +93,7 @@ def peak_gradient(
 def pulled_back(
     model: Model, inputs: Inputs, weights: Array, max_step: float = MAXIMUM_STEP
 ) -> Array:
-    """Returns the gradient (N, 3) of Σ weights · heights by the acceleration [m per m/s²].
+    """Returns the gradient (N, 3) [m per m/s²] of Σ weights · heights by the acceleration.
 
     Args:
         model: one that is covered; see `peak_gradient`.
@@ -117,7 +117,7 @@ def pulled_back(
 
 
 def check_covered(model: Model) -> None:
-    """Raises SloshModelError if an effect has no known derivative.
+    """Raises SloshModelError if the model has an effect whose derivative is not implemented.
 
     >>> from slosh_model import Model
     >>> check_covered(Model.from_cup(diameter=0.08, fill_height=0.06))
@@ -132,7 +132,7 @@ def check_covered(model: Model) -> None:
 
 
 def _by_heights(response: Response) -> Array:
-    """Returns the derivative (N, 2) of the MSH by the heights at +x and +y; 0 at rest."""
+    """Returns the derivative (N, 2) of the maximum height by the heights at +x and +y."""
     heights = np.column_stack([response.sh_x, response.sh_y])
     if response.container is not None and response.container.cornered:
         return np.sign(heights)

@@ -1,4 +1,4 @@
-"""The compiled adjoint of the integration, for gradients by the acceleration samples.
+"""Compiled adjoint of the integration, for gradients by the acceleration samples.
 
 Reverse mode through the very steps of `kernel.advance`: each Runge-Kutta stage's acceleration is
 the kernel's own, its partial derivatives are those of the equations with `vertical_acceleration`
@@ -49,7 +49,7 @@ from slosh_model.layout import records
 
 @compiled
 def _pulled_back(mode, moment, q, u, parameters, lift, alpha, k):  # type: ignore[no-untyped-def]
-    """Returns Jᵀ k of one stage: derivatives of q̇ = (v, q̈) by the state and acceleration.
+    """Returns the adjoint of one Runge-Kutta stage: Jᵀ k by the state and the acceleration.
 
     Args:
         mode: constants.
@@ -108,7 +108,7 @@ def _moved(q, k, step):  # type: ignore[no-untyped-def]
 
 @compiled
 def _step_back(mode, q, u0, u1, step, moment, parameters, lift, alpha, after):  # type: ignore[no-untyped-def]
-    """Computes the adjoint of one `runge_kutta_step`.
+    """Computes the adjoint of one Runge-Kutta step.
 
     Args:
         after: (4,) cotangent of the state after the step; the others as there.
@@ -167,7 +167,7 @@ def _input_at(inputs, i):  # type: ignore[no-untyped-def]
 
 @entry_point(void(CHANGED_1, GIVEN_1, GIVEN_2, GIVEN_2, float64, float64, CHANGED_2, CHANGED_2))
 def pull_back(store, intervals, inputs, weights, lift, alpha, states, gradient):  # type: ignore[no-untyped-def]
-    """Adds the gradient of Σ weights · heights by the inputs, upright and from rest.
+    """Adds the gradient of Σ weights · heights by the inputs, for an upright container.
 
     Args:
         store: the model before its first sample, as `layout.records` divides it.

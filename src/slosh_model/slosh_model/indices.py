@@ -1,4 +1,4 @@
-"""Indices of quantities in the tuples and rows of compiled code.
+"""Indices of quantities in the tuples and array rows of compiled code.
 
 Tuples, since the compiler keeps them in registers. What a later effect needs can be appended to
 one without a change to the others.

@@ -1,4 +1,4 @@
-"""The compiled equations of motion and their integration, common to all models."""
+"""Compiled equations of motion and their integration, used by all models."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _TWO_PI = 2.0 * math.pi
 
 @compiled
 def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no-untyped-def]
-    """Computes q̈ of one mode from (I + m) q̈ = f (DL22, eqs. (11), (12), (14), (15))."""
+    """Computes the acceleration q̈ of one mode (DL22, eqs. (11), (12), (14), (15))."""
     mode = all_modulations(mode, elapsed, parameters)
     omega, zeta = mode[FREQUENCY], mode[DAMPING]
     omega_y = omega * mode[FREQUENCY_RATIO]
@@ -63,7 +63,7 @@ def modal_acceleration(mode, elapsed, q, inputs, parameters):  # type: ignore[no
 
 @compiled
 def between(u0, u1, share):  # type: ignore[no-untyped-def]
-    """Interpolates the input at a fraction of the way from u0 to u1."""
+    """Interpolates linearly between two inputs; `share` is in [0, 1]."""
     return (
         u0[0] + share * (u1[0] - u0[0]),
         u0[1] + share * (u1[1] - u0[1]),
@@ -74,7 +74,7 @@ def between(u0, u1, share):  # type: ignore[no-untyped-def]
 
 @compiled
 def runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignore[no-untyped-def]
-    """Makes a classical Runge-Kutta step of one mode; u0, u1: input at both ends."""
+    """Makes one classical Runge-Kutta step of a mode; u0 and u1 are the inputs at both ends."""
     x, y, vx, vy = q
     half = 0.5 * step
     middle = between(u0, u1, 0.5)
@@ -99,7 +99,7 @@ def runge_kutta_step(mode, q, u0, u1, step, elapsed, parameters):  # type: ignor
 
 @compiled
 def constants_of(mode):  # type: ignore[no-untyped-def]
-    """Returns a mode's constants for the effects' hooks."""
+    """Returns the constants of a mode that the effects use."""
     return (
         mode["natural_frequency"], mode["damping_ratio"], mode["curvature"], mode["radius"],
         mode["height_gain"], mode["xi"], mode["fill_height"], mode["frequency_ratio"],
@@ -114,7 +114,7 @@ def _hold(run, inputs):  # type: ignore[no-untyped-def]
 
 @compiled
 def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
-    """Sets the liquid to its rest position in the pose of the first sample.
+    """Sets the liquid to its rest position for the pose of the first sample.
 
     That is the origin but for a container that is tilted. The container stands: whatever it does
     in the first sample begins there. By fixed-point iteration: each turn goes to where the linear
@@ -143,13 +143,13 @@ def _settle(run, modes, pose):  # type: ignore[no-untyped-def]
 
 @compiled
 def unwrapped(angle, before):  # type: ignore[no-untyped-def]
-    """Unwraps an angle: less than half a turn from the previous one [rad]."""
+    """Returns an angle [rad] that is less than half a turn from the previous one."""
     return angle + _TWO_PI * math.floor((before - angle) / _TWO_PI + 0.5)
 
 
 @compiled
 def lightness(lift, az):  # type: ignore[no-untyped-def]
-    """Returns g / effective gravity of a plane surface; at most 2.
+    """Returns g divided by the effective gravity on a plane surface, at most 2.
 
     Args:
         lift: 1 where the vertical acceleration acts, else 0.
@@ -160,7 +160,7 @@ def lightness(lift, az):  # type: ignore[no-untyped-def]
 
 @compiled
 def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-def]
-    """Integrates all modes from the previous input to the new one, in place.
+    """Integrates all modes from the previous to the new input, in place.
 
     Args:
         run: the model, a record of `layout.RUN`; changed.
@@ -209,7 +209,7 @@ def advance(run, modes, ax, ay, az, yaw, pose, dt):  # type: ignore[no-untyped-d
 
 @compiled
 def turned(height_x, height_y, angle):  # type: ignore[no-untyped-def]
-    """Rotates heights from the modal axes to the container's axes."""
+    """Rotates wall heights from the axes of the modes to the axes of the container."""
     if angle == 0.0:
         return height_x, height_y
     c, s = math.cos(angle), math.sin(angle)
@@ -218,7 +218,7 @@ def turned(height_x, height_y, angle):  # type: ignore[no-untyped-def]
 
 @compiled
 def pose_at(poses, i):  # type: ignore[no-untyped-def]
-    """Returns a row of poses (N, POSE_COUNT); upright for (0, POSE_COUNT)."""
+    """Returns a row of poses (N, POSE_COUNT), or an upright pose if there are none."""
     if poses.shape[0] == 0:
         return UPRIGHT
     row = poses[i]
@@ -227,7 +227,7 @@ def pose_at(poses, i):  # type: ignore[no-untyped-def]
 
 @entry_point(Tuple((float64, float64))(CHANGED_1, float64, float64, float64, float64))
 def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
-    """Advances an upright container by one input; returns its wall heights [m]."""
+    """Advances an upright container by one input; returns the wall heights [m]."""
     runs, modes = records(store)
     height_x, height_y, angle = advance(runs[0], modes, ax, ay, az, 0.0, UPRIGHT, dt)
     return turned(height_x, height_y, angle)
@@ -237,7 +237,7 @@ def step(store, dt, ax, ay, az):  # type: ignore[no-untyped-def]
 def advance_many(  # type: ignore[no-untyped-def]
     store, intervals, inputs, yaws, poses, history, heights
 ):
-    """Runs `advance` over many inputs.
+    """Runs `advance` for many inputs.
 
     Args:
         store: the model, as `layout.records` divides it; changed.
@@ -263,13 +263,13 @@ def advance_many(  # type: ignore[no-untyped-def]
 
 @compiled
 def corner_height(height_x, height_y):  # type: ignore[no-untyped-def]
-    """Returns the maximum of a plane surface over a wall with corners [m]: at a corner."""
+    """Returns the maximum height [m] of a plane surface in a container with corners."""
     return abs(height_x) + abs(height_y)
 
 
 @compiled
 def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-untyped-def]
-    """Returns the azimuth of that maximum [rad]: a corner, or the middle of a side."""
+    """Returns the azimuth [rad] of the maximum height: a corner, or the middle of a side."""
     x = 0.0 if height_x == 0.0 else math.copysign(radius_x, height_x)
     y = 0.0 if height_y == 0.0 else math.copysign(radius_y, height_y)
     return math.atan2(y, x)
@@ -284,7 +284,7 @@ def corner_azimuth(height_x, height_y, radius_x, radius_y):  # type: ignore[no-u
 def read_many(  # type: ignore[no-untyped-def]
     t, started, heights, azimuth, reaches, fill, cornered, parameters, memory, read
 ):
-    """Computes the sensor's measurement at one azimuth, or of the maximum.
+    """Computes what the sensor measures at one azimuth, or as the maximum over the wall.
 
     Args:
         t: (N,) [s].

@@ -1,4 +1,4 @@
-"""Combines the hooks of all effects for many trajectories; see `chains`, `lane_rows`.
+"""Generates code that applies all effects to many trajectories at once.
 
 One switch stands before a loop over the lanes, which the compiler turns into vector instructions
 where the effect's equation has them. `print(slosh_model.lane_chains.SOURCE)` shows the source.
@@ -30,7 +30,7 @@ def _tuple(first: int, count: int) -> str:
 
 
 def _reader(name: str, first: int, count: int) -> list[str]:
-    """Generates a function that reads a lane's values of some rows.
+    """Generates the source of a function that reads a lane's values of several rows.
 
     Every effect calls it, so that Numba infers the types of these lines once.
     """
@@ -38,13 +38,13 @@ def _reader(name: str, first: int, count: int) -> list[str]:
 
 
 def _writer(name: str, first: int, count: int, sign: str) -> list[str]:
-    """Generates a function that sets a lane's values of some rows, or adds to them."""
+    """Generates the source of a function that sets or increases a lane's values."""
     rows = [f"    w[{first + row * LANES} + k] {sign} values[{row}]" for row in range(count)]
     return [f"def {name}(w, k, values):", *rows, ""]
 
 
 def _loop(effect: Effect, line: str) -> list[str]:
-    """Generates the loop over the lanes for an enabled effect."""
+    """Generates the source of a loop over the lanes for one effect."""
     slot = PARAMETERS + SLOTS[effect.name] * LANES
     return [
         f"    if w[{slot}] != 0.0:",

@@ -1,4 +1,4 @@
-"""Positions of a block's quantities in its array; see `batch_kernel`.
+"""Positions of the quantities of vectorised simulations in one array; see `batch_kernel`.
 
 Each name is the place of a quantity's first row in a flat array; row r of it, in lane k, is at
 `place + r LANES + k`.

@@ -1,4 +1,4 @@
-"""Memory layout of a running model in the kernel: one record, and one for each mode.
+"""Memory layout of a running model in compiled code: one array of floats.
 
 They lie in one flat array of floats behind each other: Python hands that over in half the time of
 two arrays, and in a quarter of that of arrays of records.
@@ -69,30 +69,30 @@ _STATE = RUN.fields["started"][1] // _WORD  # type: ignore[index]
 
 
 def new_store(mode_count: int) -> NDArray[np.float64]:
-    """Returns the flat array of a model with a number of modes, all zeros."""
+    """Returns the array, filled with zeros, for a model with a number of modes."""
     return np.zeros(_RUN_LENGTH + mode_count * MODE.itemsize // _WORD)
 
 
 def divided(store: NDArray[np.float64]) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Returns views of a store as records: one RUN, and one MODE per mode."""
+    """Returns views of a model's array as records: one RUN, and one MODE per mode."""
     return store[:_RUN_LENGTH].view(RUN), store[_RUN_LENGTH:].view(MODE)
 
 
 def back_to_rest(store: NDArray[np.float64]) -> None:
-    """Resets a store to its state before the first sample."""
+    """Resets a model's array to the state before the first sample."""
     store[_STATE:_RUN_LENGTH] = 0.0
     for name in MODAL:
         divided(store)[1][name] = 0.0
 
 
 def moving_part(store: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns a copy (M,) of the part of a store that a motion changes."""
+    """Returns a copy (M,) of the values in a model's array that change during a motion."""
     modes = divided(store)[1]
     return np.concatenate([store[_STATE:_RUN_LENGTH], *(modes[name] for name in MODAL)])
 
 
 def set_moving_part(store: NDArray[np.float64], values: NDArray[np.float64]) -> None:
-    """Restores what `moving_part` returned for a store with as many modes.
+    """Restores values that `moving_part` returned for a model with as many modes.
 
     Raises:
         SloshModelError: it is one of another number of modes or another version.

@@ -1,4 +1,4 @@
-"""Computes a sensor's measurement from the heights of a model."""
+"""Computes what a sensor measures from the heights of a model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def measured_heights(
     azimuths: ArrayLike | None = None,
     rest: float | None = None,
 ) -> Array:
-    """Applies the model's measurement effects to heights.
+    """Applies the measurement effects of a model to its heights.
 
     A delay is left out: it shifts the times at which the heights are read.
 
@@ -62,14 +62,14 @@ def measured_heights(
 
 @lru_cache(maxsize=64)
 def _read_with(model: Model) -> tuple[Array, float]:
-    """Returns the effects' parameters and the fill height [m], cached by model."""
+    """Returns the effect parameters and the fill height [m] of a model; cached."""
     parameters = effect_parameters(model)
     parameters.setflags(write=False)
     return parameters, model.mode_constants()[0].container.fill_height
 
 
 def remembers(model: Model) -> bool:
-    """Whether a measurement depends on earlier ones.
+    """Returns whether a measurement depends on earlier measurements.
 
     >>> from slosh_model import read_model
     >>> remembers(read_model("cup/model.yaml"))
@@ -79,7 +79,7 @@ def remembers(model: Model) -> bool:
 
 
 class ReadingClock(NamedTuple):
-    """Offset and rate of the heights' clock relative to the inputs' clock.
+    """Offset and rate of the measurement's clock relative to the inputs' clock.
 
     Attributes:
         offset: by how much a measurement comes late at the motion's start [s].
@@ -91,7 +91,7 @@ class ReadingClock(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether both clocks are equal."""
+        """Whether both clocks show the same time."""
         return self.offset == 0.0 and self.rate == 0.0
 
     def delay(self, elapsed: Elapsed) -> Elapsed:
@@ -104,7 +104,7 @@ class ReadingClock(NamedTuple):
         return self.offset + self.rate * elapsed
 
     def moments(self, times: Array, start: float) -> Array:
-        """Converts stamps of heights to times on the inputs' clock.
+        """Converts stamps of measured heights to times on the inputs' clock [s].
 
         Args:
             times: stamps of heights [s].
@@ -116,7 +116,7 @@ class ReadingClock(NamedTuple):
 
 
 def reading_clock(model: Model) -> ReadingClock:
-    """Returns the heights' clock of a model.
+    """Returns the clock of the measured heights that a model assumes.
 
     >>> from slosh_model import read_model
     >>> reading_clock(read_model("cup/model.yaml")) == ReadingClock(0.0, 0.0)
@@ -133,7 +133,7 @@ def reading_clock(model: Model) -> ReadingClock:
 def predicted_heights(
     model: Model, inputs: Inputs, times: ArrayLike, azimuths: ArrayLike | None = None
 ) -> Array:
-    """Predicts the heights that a sensor measures at given times, with every effect.
+    """Predicts the heights that a sensor measures at given times, with all effects.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs, predicted_heights, read_model
@@ -169,7 +169,7 @@ def predicted_heights(
 
 
 def with_moments(inputs: Inputs, moments: Array) -> Inputs:
-    """Returns the motion with additional samples, interpolated as in the integrator.
+    """Returns the motion with additional samples at given times.
 
     Args:
         inputs: the motion.

@@ -1,4 +1,4 @@
-"""Table of a container's modes: mass, frequency, position, gain."""
+"""Table of a container's sloshing modes: mass, frequency, position and gain."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_model.modes import Mode
 
 @dataclass(frozen=True, slots=True)
 class ModeRow:
-    """One mode along one axis.
+    """One sloshing mode along one axis, with its mechanical equivalents.
 
     A displacement is that of the mode's mass relative to the container; forces and moments are
     those of the liquid on the container, in free oscillation.
@@ -51,7 +51,7 @@ class ModeRow:
 
 
 def mode_table(model: Model, count: int) -> tuple[ModeRow, ...]:
-    """Returns the first modes along x, and along y if it differs.
+    """Returns the first modes along x, and along y if they differ.
 
     Args:
         model: of which container, liquid, `damping_ratio` and `natural_frequency` count; its

@@ -1,4 +1,4 @@
-"""A model: container, liquid, damping and the effects that are added."""
+"""A sloshing model: container, liquid, damping and additional effects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FREQUENCIES = (1e-2, 1e3)  # rad/s; any other value is a unit mistaken for anoth
 
 @dataclass(frozen=True, slots=True)
 class EffectUse:
-    """An effect with its parameters, as a model uses it.
+    """An effect in a model, with its parameters.
 
     >>> from slosh_model import EffectUse
     >>> dict(EffectUse("static_tilt", {"roll": 0.03, "pitch": 0.0}).parameters)  # rad
@@ -60,7 +60,7 @@ class EffectUse:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Model:
-    """A sloshing model; without effects it is the planar linear one (2D-L).
+    """A sloshing model; without effects it is planar and linear (2D-L).
 
     >>> import slosh
     >>> slosh.Model.from_cup(diameter=0.08, fill_height=0.06, rim_height=0.11)
@@ -133,7 +133,7 @@ class Model:
 
     @classmethod
     def from_cup(cls, *, liquid: str | Liquid = "water", **lengths: Unpack[CupLengths]) -> Model:
-        """Makes the model of a new cup, as `slosh new` does.
+        """Creates the model of a cup from its inner lengths [m], as `slosh new` does.
 
         Args:
             liquid: a name of LIQUIDS, or density and viscosity.
@@ -149,13 +149,13 @@ class Model:
 
     @classmethod
     def load(cls, path: str | Path) -> Model:
-        """Reads a `model.yaml`; see `read_model`."""
+        """Reads a model from a `model.yaml` file; see `read_model`."""
         from slosh_model.model_text import read_model  # it reads YAML, which a model does without
 
         return read_model(path)
 
     def save(self, path: str | Path) -> None:
-        """Writes a `model.yaml`; `load` returns an equal model.
+        """Writes the model to a `model.yaml` file; `load` returns an equal model.
 
         Raises:
             OSError: the file cannot be written; what was there is as it was.
@@ -173,12 +173,12 @@ class Model:
 
     @property
     def natural_frequency_hz(self) -> float:
-        """ω/2π of the first mode with all effects [Hz]."""
+        """Natural frequency of the first mode with all effects [Hz]."""
         return self.mode_constants()[0].natural_frequency / math.tau
 
     @property
     def name(self) -> str:
-        """Name of the model: 2D-L, 3D-L, 2D-NL or 3D-NL, with '+' and further effects."""
+        """Name of the model: 2D-L, 3D-L, 2D-NL or 3D-NL, then '+' and other effects."""
         space = "3D" if self.has(VERTICAL) else "2D"
         nonlinear = self.container.nonlinear_effect
         surface = "NL" if self.has(nonlinear) else "L"
@@ -186,22 +186,22 @@ class Model:
         return "+".join([f"{space}-{surface}", *others])
 
     def has(self, effect: str) -> bool:
-        """Whether the model includes the effect."""
+        """Returns whether the model includes an effect."""
         return any(use.name == effect for use in self.effects)
 
     def with_effect(self, effect: str, **parameters: float) -> Model:
-        """Returns the model with the effect added or its parameters replaced."""
+        """Returns the model with an effect added, or its parameters replaced."""
         return self.with_effects(EffectUse(effect, parameters))
 
     def with_effects(self, *uses: EffectUse) -> Model:
-        """Returns the model with effects added or replaced."""
+        """Returns the model with several effects added or replaced."""
         if not uses:
             return self
         acting = {use.name: use for use in (*self.effects, *uses)}
         return replace(self, effects=tuple(acting.values()))
 
     def without_effect(self, effect: str) -> Model:
-        """Returns the model without the effect."""
+        """Returns the model without an effect."""
         return replace(self, effects=tuple(use for use in self.effects if use.name != effect))
 
     @property
@@ -210,18 +210,18 @@ class Model:
         return {**self.container.built_in, **{use.name: use.parameters for use in self.effects}}
 
     def uses(self, hook: str) -> tuple[tuple[Effect, Parameters], ...]:
-        """Returns the model's effects with a hook, in the order of their action."""
+        """Returns the model's effects that act at a stage, in the order of their action."""
         used = self.acting
         return tuple(
             (effect, used[effect.name]) for effect in BY_HOOK[hook] if effect.name in used
         )
 
     def linear(self) -> Model:
-        """Returns the L variant: without the nonlinearity of the container's shape."""
+        """Returns the linear variant (L) of the model."""
         return self.without_effect(self.container.nonlinear_effect)
 
     def nonlinear(self) -> Model:
-        """Returns the NL variant, with present or default parameters.
+        """Returns the nonlinear variant (NL), with present or default parameters.
 
         The model itself where its container has none.
         """
@@ -229,15 +229,15 @@ class Model:
         return self if not nonlinear or self.has(nonlinear) else self.with_effect(nonlinear)
 
     def planar(self) -> Model:
-        """Returns the 2D variant: without vertical acceleration."""
+        """Returns the 2D variant, which ignores vertical acceleration."""
         return self.without_effect(VERTICAL)
 
     def spatial(self) -> Model:
-        """Returns the 3D variant."""
+        """Returns the 3D variant, which includes vertical acceleration."""
         return self if self.has(VERTICAL) else self.with_effect(VERTICAL)
 
     def filled_to(self, fill_height: float) -> Model:
-        """The same container with another fill height above its floor [m].
+        """Returns the model for another fill height [m] of the same container.
 
         A measured frequency changes in the proportion of the container's own; what was identified
         with the fill height before has no covariance any more.
@@ -259,11 +259,11 @@ class Model:
         )
 
     def feeling_gravity(self) -> Model:
-        """Returns the model with gravity in a tilted container."""
+        """Returns the model with gravity acting in a tilted container."""
         return self if self.has(TILT) else self.with_effect(TILT)
 
     def mode_constants(self) -> tuple[Mode, ...]:
-        """Returns the modes after all effects that change them."""
+        """Returns the constants of all modes, including effects that change them."""
         factor = self._frequency_factor()
         modes = tuple(
             Mode(n, self.container, self._damping(self.container, n), factor)
@@ -281,13 +281,13 @@ class Model:
         return modes
 
     def _damping(self, container: Container, number: int) -> float:
-        """Returns ζ of a mode before any effect."""
+        """Returns the damping ratio ζ of a mode before any effect."""
         if self.damping_ratio is not None:
             return self.damping_ratio
         return container.mode_damping(self.liquid.kinematic_viscosity, number)
 
     def mode_frequency(self, number: int) -> float:
-        """Returns ωₙ of any mode without effects [rad/s], scaled as the measured first one."""
+        """Returns the natural frequency ωₙ [rad/s] of any mode without effects."""
         return self._frequency_factor() * self.container.natural_frequency(number)
 
     def _frequency_factor(self) -> float:
@@ -298,7 +298,7 @@ class Model:
     def height_gains(
         self, modes: tuple[Mode, ...] | None = None, axis: int = X_AXIS
     ) -> tuple[float, ...]:
-        """Returns the wall height per displacement of each mode's mass [1] (DL22, Tables 1, 2).
+        """Returns each mode's wall height per displacement of its mass (DL22, Tables 1, 2).
 
         Args:
             modes: what `mode_constants` gives; None: computed.

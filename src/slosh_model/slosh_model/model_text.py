@@ -32,7 +32,7 @@ LONGEST = 64_000
 
 
 def parse_model(text: str, source: str = "model.yaml") -> Model:
-    """Parses a model.
+    """Parses a model from YAML text.
 
     >>> from slosh_model import parse_model
     >>> text = "container: {shape: cylinder, radius: 0.04, fill_height: 0.06}"
@@ -61,7 +61,7 @@ def parse_model(text: str, source: str = "model.yaml") -> Model:
 
 
 def format_model(model: Model) -> str:
-    """Formats a `model.yaml`; `parse_model` returns an equal model.
+    """Formats a model as YAML text; `parse_model` returns an equal model.
 
     >>> import slosh
     >>> from slosh_model import format_model
@@ -100,7 +100,7 @@ def format_model(model: Model) -> str:
 
 
 def container_section(container: Container) -> dict[str, Any]:
-    """Its shape and dimensions; of points and other lists copies that YAML writes as such."""
+    """Returns a container's shape and dimensions as they are written to YAML."""
     found: dict[str, Any] = {"shape": container.shape}
     for item in _keys(type(container)):
         value = getattr(container, item.name)
@@ -110,7 +110,7 @@ def container_section(container: Container) -> dict[str, Any]:
 
 
 def _keys(kind: Any) -> tuple[Any, ...]:
-    """Returns the fields of a kind of container in a model file."""
+    """Returns the fields of a type of container that a model file contains."""
     return tuple(item for item in fields(kind) if item.compare)
 
 
@@ -145,7 +145,7 @@ def _model(document: Mapping[str, Any], folder: Path) -> Model:
 
 
 def _auto(document: Mapping[str, Any], key: str) -> float | None:
-    """Returns a number; None: the model computes it."""
+    """Returns a number, or None if the model computes it."""
     value = document.get(key, AUTO)
     return None if value == AUTO else _number(value, (key,))
 
@@ -172,7 +172,7 @@ def _covariance(section: Any) -> Covariance | None:
 
 
 def parse_container(section: Mapping[str, Any], folder: Path) -> Container:
-    """The container of a file's section.
+    """Creates a container from a section of a model file.
 
     Args:
         section: its shape and dimensions.
@@ -205,7 +205,7 @@ def parse_container(section: Mapping[str, Any], folder: Path) -> Container:
 
 
 def _dimension(value: Any, item: Any, folder: Path) -> Any:
-    """Parses a value of a container: a number, points or a flag."""
+    """Parses one value of a container: a number, points, or true or false."""
     path, kind = ("container", item.name), item.metadata.get("kind")
     if kind == "points":
         return points_of(value, path, folder)
@@ -272,7 +272,7 @@ def _refuse_unknown(
 
 
 def _number(value: Any, path: KeyPath) -> float:
-    """Returns a finite number."""
+    """Returns a value as a float; raises an error if it is not a finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise _refusal(path, value, "must be a number, in SI units and without the unit")
     try:
@@ -295,7 +295,7 @@ def _refusal(path: KeyPath, value: Any, why: str) -> SloshModelError:
 
 
 def read_model(path: str | Path) -> Model:
-    """Reads a model file.
+    """Reads a model from a file.
 
     >>> from slosh_model import read_model
     >>> read_model("cup/model.yaml")
@@ -315,7 +315,7 @@ def read_model(path: str | Path) -> Model:
 
 
 def write_model(path: str | Path, model: Model) -> None:
-    """Writes a model; `read_model` returns an equal one.
+    """Writes a model to a file; `read_model` returns an equal one.
 
     Raises:
         OSError: the file cannot be written; what was there is as it was.

@@ -1,4 +1,4 @@
-"""The constants of one sloshing mode."""
+"""Constants of one sloshing mode."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_model.containers import X_AXIS, Container
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """Mode n of a container along one axis: an equivalent mass on a spring and a damper.
+    """A sloshing mode along one axis: an equivalent mass on a spring and a damper.
 
     Attributes:
         number: n ≥ 1.
@@ -30,38 +30,38 @@ class Mode:
     tension: float = 0.0
 
     def along(self, axis: int) -> Mode:
-        """Returns the mode along an axis."""
+        """Returns the same mode along another axis."""
         return replace(self, axis=axis)
 
     @property
     def xi(self) -> float:
-        """ξₙ of the container's shape."""
+        """Dimensionless wave number ξₙ for the container's shape."""
         return self.container.root(self.number)
 
     @property
     def reach(self) -> float:
-        """R: from the container's axis to the wall [m]."""
+        """Distance R from the container's axis to the wall [m]."""
         return self.container.reaches[self.axis]
 
     @property
     def natural_frequency(self) -> float:
-        """ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20)), or measured; with tension if any."""
+        """Natural frequency ωₙ [rad/s] (DL22, eq. (3); TM20, eq. (20))."""
         bond = self.tension * (self.xi / self.reach) ** 2 / GRAVITY
         return self.gravity_frequency * math.sqrt(1.0 + bond)
 
     @property
     def gravity_frequency(self) -> float:
-        """ωₙ without surface tension [rad/s]."""
+        """Natural frequency ωₙ without surface tension [rad/s]."""
         return self.frequency_factor * self.container.natural_frequency(self.number, self.axis)
 
     @property
     def curvature(self) -> float:
-        """Cₙ = ωₙ² R/g, the paraboloid's dimensionless curvature (DL22, eq. (5))."""
+        """Dimensionless curvature Cₙ = ωₙ² R/g of the paraboloid (DL22, eq. (5))."""
         return self.natural_frequency**2 * self.reach / GRAVITY
 
     @property
     def plane_gain(self) -> float:
-        """Wall height per displacement for a plane surface [1].
+        """Wall height per displacement of the mass for a plane surface [1].
 
         It goes with ω²: under a constant acceleration the surface stands where gravity puts it,
         whatever frequency was measured, as in TM20's pendulum, eq. (9).
@@ -70,5 +70,5 @@ class Mode:
 
     @property
     def curved_gain(self) -> float:
-        """Wall height per displacement for the mode's own shape [1]."""
+        """Wall height per displacement of the mass for the mode's own shape [1]."""
         return self.frequency_factor**2 * self.container.curved_gain(self.number, self.axis)

@@ -1,4 +1,4 @@
-"""Rest-to-rest motion laws, and a packaging machine's cycle of rise and dwell (TM20, §2.1).
+"""Rest-to-rest motion laws, and a machine's cycle of rise and dwell (TM20, §2.1).
 
 A law is dimensionless: it leads from 0 to 1 while its argument, the relative time, does. Before 0
 and after 1 it rests.
@@ -30,7 +30,7 @@ _BREAKS = (0.125, 0.375, 0.625, 0.875)
 
 
 def quintic(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates 10u³ − 15u⁴ + 6u⁵: velocity and acceleration are zero at both ends."""
+    """Evaluates 10u³ − 15u⁴ + 6u⁵; velocity and acceleration are zero at both ends."""
     u = np.clip(u, 0.0, 1.0)
     rest = 1.0 - u
     position = u**3 * (10.0 + u * (6.0 * u - 15.0))
@@ -38,7 +38,7 @@ def quintic(u: Array) -> tuple[Array, Array, Array]:
 
 
 def cycloidal(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates u − sin(2πu)/2π, with a sine in the acceleration (Bestehorn)."""
+    """Evaluates u − sin(2πu)/2π, whose acceleration is a sine."""
     u = np.clip(u, 0.0, 1.0)
     turn = 2.0 * math.pi
     angle = turn * u
@@ -48,7 +48,7 @@ def cycloidal(u: Array) -> tuple[Array, Array, Array]:
 
 
 def harmonic(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates (1 − cos πu)/2; the acceleration jumps at both ends.
+    """Evaluates (1 − cos πu)/2, whose acceleration jumps at both ends.
 
     Its peak, π²/2 = 4.93, is the least but that of constant accelerations.
     """
@@ -60,7 +60,7 @@ def harmonic(u: Array) -> tuple[Array, Array, Array]:
 
 
 def modified_trapezoid(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates the modified trapezoid: acceleration edges are quarter sines, six segments.
+    """Evaluates the modified trapezoid, whose acceleration has quarter-sine edges.
 
     The acceleration rises as a quarter sine, stays, falls through zero as a cosine (two segments),
     stays, and returns to zero.
@@ -69,7 +69,7 @@ def modified_trapezoid(u: Array) -> tuple[Array, Array, Array]:
 
 
 def acceleration_pulse(u: Array) -> tuple[Array, Array, Array]:
-    """Evaluates pulses of constant acceleration and deceleration with linear edges.
+    """Evaluates two pulses of constant acceleration and deceleration with linear edges.
 
     TM20 shows its acceleration pulse in a figure alone. Assumed is what the name says, two equal
     pulses of opposite sign that fill the motion time; an edge takes EDGE of it, as no drive
@@ -121,16 +121,16 @@ class Cycle:
 
     @property
     def cycle_time(self) -> float:
-        """T_cycle [s]."""
+        """Duration T_cycle of the whole cycle [s]."""
         return MINUTE / self.speed
 
     @property
     def motion_time(self) -> float:
-        """T_mot = b · T_cycle [s]; the container dwells for the rest of the cycle."""
+        """Duration T_mot = b · T_cycle of the motion [s]; the container dwells for the rest."""
         return self.ratio * self.cycle_time
 
     def at(self, t: Array) -> tuple[Array, Array, Array]:
-        """Returns the motion at given times; the first cycle begins at 0.
+        """Returns position, velocity and acceleration in the cycle at given times.
 
         Args:
             t: (N,) not before 0 [s].
@@ -150,7 +150,7 @@ class Cycle:
 
 
 def _mirrored(u: Array, first_half: Law) -> tuple[Array, Array, Array]:
-    """Returns a law that is point symmetric about (1/2, 1/2), from its first half."""
+    """Returns a motion law that is point symmetric about (1/2, 1/2), from its first half."""
     u = np.clip(u, 0.0, 1.0)
     second = u > 0.5
     position, velocity, acceleration = first_half(np.where(second, 1.0 - u, u))

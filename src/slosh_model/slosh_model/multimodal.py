@@ -1,4 +1,4 @@
-"""Free surface of a swaying rectangular tank by potential flow, with many modes.
+"""Simulates the free surface of a moving rectangular tank by potential flow.
 
 What the lumped models are compared with: a surface that is no straight line, whose crests are
 sharper than its troughs. The velocity potential in the tank's frame is a sum of modes
@@ -62,7 +62,7 @@ class Tanks:
         damping_ratio: ArrayLike = 0.0,
         surface_tension: float = 0.0,
     ) -> Tanks:
-        """Makes one tank or several; scalars hold for all."""
+        """Creates one or several tanks; scalars apply to all tanks."""
         given = (width, fill_height, damping_ratio)
         try:
             columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in given))
@@ -83,7 +83,7 @@ class Tanks:
 
 @dataclass(frozen=True, slots=True)
 class FreeSurfaces:
-    """Elevations over time, as amplitudes of the modes cos(nπξ).
+    """Surface elevations over time, as amplitudes of the modes cos(nπξ).
 
     Attributes:
         times: (T,) [s].
@@ -94,14 +94,14 @@ class FreeSurfaces:
     amplitudes: Array
 
     def profile(self, positions: ArrayLike) -> Array:
-        """Returns the elevation [m] at positions across the width, −½ … ½ (walls); (T, L, P)."""
+        """Returns elevations (T, L, P) [m] at positions across the width, from −½ to ½."""
         at = np.asarray(positions, float) + 0.5
         order = np.arange(1, self.amplitudes.shape[2] + 1)
         return np.asarray(self.amplitudes @ np.cos(np.pi * np.outer(order, at)))
 
 
 class _Basis:
-    """Modes on a grid fine enough for their products up to the order."""
+    """Mode shapes on a grid that is fine enough for their products."""
 
     def __init__(self, tanks: Tanks, modes: int, order: int) -> None:
         grid = 1 + math.ceil(modes * (order + 1) / 2)
@@ -119,11 +119,11 @@ class _Basis:
         self.lever = -4.0 * tanks.width[:, None] / (n * np.pi) ** 2 * (n % 2)
 
     def slope(self, amplitudes: Array) -> Array:
-        """Returns the derivative along the width on the grid."""
+        """Returns the derivative across the width on the grid."""
         return np.asarray(-(self.k * amplitudes) @ self.sine)
 
     def vertical(self, amplitudes: Array, times: int) -> Array:
-        """Returns a derivative along z at the still level on the grid, `times` times."""
+        """Returns the n-th derivative along z at the still level on the grid."""
         rate = self.k**times * (self.tanh if times % 2 else 1.0)
         return np.asarray((rate * amplitudes) @ self.cosine)
 
@@ -139,7 +139,7 @@ def simulate_tanks(
     start: ArrayLike | None = None,
     may_break: bool = False,
 ) -> FreeSurfaces:
-    """Simulates the free surfaces of swaying tanks from rest.
+    """Simulates the free surfaces of horizontally moving tanks from rest.
 
     >>> tank = Tanks.of(width=0.1, fill_height=0.06, damping_ratio=0.01)
     >>> sway = 0.5 * np.sin(10.0 * np.linspace(0.0, 1.0, 201))[:, np.newaxis]  # m/s²
@@ -217,7 +217,7 @@ def _runge_kutta(
 
 
 def _rates(basis: _Basis, state: Array, sway: Array, lift: Array, order: int) -> Array:
-    """Returns the rates of the amplitudes of η and ψ, truncated at the order."""
+    """Returns the time derivatives of the modal amplitudes, up to the given order."""
     eta, psi = state
     gravity = (GRAVITY + lift)[:, None] + basis.tension
     linear = -gravity * eta - sway[:, None] * basis.lever - basis.damping * psi
@@ -239,7 +239,7 @@ def _rates(basis: _Basis, state: Array, sway: Array, lift: Array, order: int) ->
 
 
 def _vertical_velocities(basis: _Basis, eta: Array, psi: Array, order: int) -> list[Array]:
-    """Returns the vertical velocities at the surface on the grid, by order 1…M."""
+    """Returns the vertical velocities at the surface on the grid, for orders 1…M."""
     height = eta @ basis.cosine
     powers = [np.ones_like(height)]
     for k in range(1, order + 1):

@@ -1,4 +1,4 @@
-"""A model's parameters by name, as in model.yaml."""
+"""Accesses a model's parameters by their names in model.yaml."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FILL_HEIGHT = "container.fill_height"
 
 
 def parameter_value(model: Model, name: str) -> float:
-    """Returns a parameter of the model, computed by formula if not given.
+    """Returns a parameter of the model; computes it if the model file does not give it.
 
     Raises:
         SloshModelError: the model has no such parameter.

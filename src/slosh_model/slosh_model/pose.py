@@ -1,4 +1,4 @@
-"""Attitude and rotation of a container in the compiled kernel's form."""
+"""Converts attitude and angular velocity of a container for the compiled code."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def integrated(t: Array, rate: Array) -> Array:
 
 
 def _rates(t: Array, quaternion: Array) -> Array:
-    """Returns the angular velocity in the container's frame by central differences."""
+    """Returns the angular velocity (N, 3) in the container's frame by central differences."""
     if len(t) < 2:
         return np.zeros((len(t), 3))
     attitude = scipy.spatial.transform.Rotation.from_quat(quaternion)

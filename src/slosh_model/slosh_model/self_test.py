@@ -1,4 +1,4 @@
-"""Compares compiled code with plain Python on the same equations, in milliseconds.
+"""Compares compiled code with plain Python for the same equations, within milliseconds.
 
 Whatever a cache, a compiler or a processor has made of the kernel: the first time that a process
 loads a compiled function, it runs it beside its own source, with every effect, and does not work
@@ -35,7 +35,7 @@ REFERENCES = (Model(Cylinder(0.05, 0.07)), Model(Rectangle(0.07, 0.05, 0.06)))
 
 
 def compare(entry: EntryPoint, *arguments: Any) -> None:
-    """Runs a compiled function and its plain Python on copies of the arguments.
+    """Runs a compiled function and its Python source, and raises an error if they differ.
 
     Raises:
         SloshModelError: they return, or leave in the arguments, different numbers.
@@ -48,7 +48,7 @@ def compare(entry: EntryPoint, *arguments: Any) -> None:
 
 
 def reference_models() -> Iterator[Model]:
-    """Yields a model of each shape, without and with every effect on its liquid."""
+    """Yields a model of each container shape, without and with all effects on the liquid."""
     for model in REFERENCES:
         every = model
         for effect in _effects("drive", "modulation", "term", "static_share"):
@@ -59,7 +59,7 @@ def reference_models() -> Iterator[Model]:
 
 
 def example_parameters(effect: Effect) -> dict[str, float]:
-    """Returns parameters with which an effect has an influence."""
+    """Returns parameters with which an effect changes the result."""
     values = {}
     for parameter in effect.parameters:
         lower, upper = parameter.plausible or (parameter.lower, parameter.upper)
@@ -148,7 +148,7 @@ batch_kernel.advance_block.check_with(_check_advance_block)
 
 
 def _outcome(function: Callable[..., Any], arguments: Sequence[Any]) -> list[Array]:
-    """Returns a function's result, and its arguments after the call."""
+    """Returns a function's result, and its array arguments after the call."""
     given = [one.copy() if isinstance(one, np.ndarray) else one for one in arguments]
     with np.errstate(all="ignore"):
         returned = function(*given)

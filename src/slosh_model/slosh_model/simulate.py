@@ -1,4 +1,4 @@
-"""Simulates a model over a whole motion or sample by sample, with equal results.
+"""Simulates a model over a whole motion, or sample by sample with equal results.
 
 Between two input samples the acceleration is interpolated linearly (first-order hold) and the
 equations of motion are integrated by the classical Runge-Kutta method in equal sub-steps.
@@ -43,7 +43,7 @@ _MEMORY_COUNT = len(_REMEMBERED) + RUN["drive_memory"].shape[0]
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Inputs:
-    """The motion of the container.
+    """The motion of the container: times, accelerations and attitudes.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs
@@ -126,7 +126,7 @@ class Inputs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """State of a simulation, from which another one can start.
+    """State of a simulation, from which another simulation can start.
 
     >>> import numpy as np
     >>> from slosh_model import State
@@ -163,7 +163,7 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Response(Shown):
-    """Response of the liquid, one entry per input sample.
+    """Response of the liquid, with one entry for each input sample.
 
     >>> import slosh
     >>> response = slosh.simulate("cup/model.yaml", "move.csv")
@@ -186,7 +186,7 @@ class Response(Shown):
 
     @property
     def msh(self) -> Array:
-        """(N,) maximum sloshing height over the wall [m] (DL22, Table 2).
+        """Maximum sloshing height (N,) over the wall [m] (DL22, Table 2).
 
         Of the liquid itself: what a sensor reads of it is `slosh_model.measure`.
         """
@@ -196,7 +196,7 @@ class Response(Shown):
 
     @property
     def azimuth(self) -> Array:
-        """(N,) azimuth of the maximum [rad], in (-π, π] (DL22, eq. (26)).
+        """Azimuth (N,) of the maximum [rad], in (-π, π] (DL22, eq. (26)).
 
         In a rectangle that of its corner, or of a side's middle where all of it is as high.
         """
@@ -208,7 +208,7 @@ class Response(Shown):
         return f"Response({span(self.t)}, {peak(self.t, self.msh, 'height')})"
 
     def to_pandas(self) -> DataFrame:
-        """Returns a table of `msh`, `azimuth`, `sh_x` and `sh_y` [m, rad] by time.
+        """Returns a pandas table of `msh`, `azimuth`, `sh_x` and `sh_y` [m, rad] by time.
 
         Raises:
             ImportError: pandas is not installed.
@@ -233,7 +233,7 @@ class Response(Shown):
 
 
 class Simulator:
-    """Runs a model sample by sample.
+    """Simulates a model sample by sample.
 
     >>> import slosh
     >>> from slosh_model import Simulator
@@ -265,7 +265,7 @@ class Simulator:
         self._step = kernel.step.load()
 
     def reset(self) -> None:
-        """Resets to rest; the next input counts as the first."""
+        """Resets the liquid to rest; the next input counts as the first one."""
         back_to_rest(self.store)
 
     def step(self, dt: float, ax: float, ay: float, az: float) -> tuple[float, float]:
@@ -285,7 +285,7 @@ class Simulator:
 
     @property
     def modal(self) -> Array:
-        """(modes, 4) modal state x, y, vx, vy [m, m/s]."""
+        """Modal state (modes, 4): x, y, vx, vy of each mode's mass [m, m/s]."""
         return np.column_stack([self._modes[name] for name in MODAL])
 
     def run(self, inputs: Inputs, state: State | None = None) -> tuple[Response, State]:
@@ -313,7 +313,7 @@ class Simulator:
         return response, self._state(float(inputs.t[-1]))
 
     def start(self, state: State | None, start: float) -> None:
-        """Sets a state, or rest, before a motion that starts at `start` [s].
+        """Sets the state, or rest, for a motion that starts at `start` [s].
 
         Raises:
             SloshModelError: another model's state, or one that does not lead to the start.
@@ -353,7 +353,7 @@ class Simulator:
 def simulate(
     model: Model, inputs: Inputs, state: State | None = None, *, max_step: float = MAXIMUM_STEP
 ) -> tuple[Response, State]:
-    """Simulates a motion.
+    """Simulates the liquid's response to a motion.
 
     >>> import numpy as np
     >>> from slosh_model import Inputs, read_model, simulate
@@ -380,7 +380,7 @@ def simulate(
 
 
 def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
-    """Returns the kernel's store of a model before its first sample; see `layout`.
+    """Returns the array of a model's constants and state before its first sample.
 
     Raises:
         SloshModelError: max_step is not positive.
@@ -410,7 +410,7 @@ def store_of(model: Model, max_step: float = MAXIMUM_STEP) -> Array:
 
 
 def effect_parameters(model: Model) -> Array:
-    """Returns the kernel's switches and parameters of a model: (PARAMETER_COUNT,)."""
+    """Returns the effect switches and parameters (PARAMETER_COUNT,) for the compiled code."""
     flat = np.zeros(PARAMETER_COUNT)
     for name, values in model.acting.items():
         slot = SLOTS.get(name)
@@ -423,7 +423,7 @@ def effect_parameters(model: Model) -> Array:
 
 
 def _frozen(name: str, value: Any, shape: tuple[int, ...], columns: str = "") -> Array:
-    """Returns a read-only copy.
+    """Returns a read-only copy of an array after checking its shape and values.
 
     Raises:
         SloshModelError: no numbers, another shape, or a value that is not finite.

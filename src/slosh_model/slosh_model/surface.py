@@ -1,4 +1,4 @@
-"""Shape of the free surface over the cross-section, and characteristic heights.
+"""Computes the shape of the free surface over the cross-section.
 
 Heights are above the still level. `wall_heights` has one row per mode: its height on the wall at
 the container's +x and +y side [m], the mode's displacement times its gain (DL22, Tables 1, 2).
@@ -22,7 +22,7 @@ from slosh_model.simulate import Response
 def plane_surface(
     wall_heights: ArrayLike, relative_radius: ArrayLike, azimuth: ArrayLike
 ) -> Array:
-    """Returns the height of the L model's plane surface (DL22, eq. (18)).
+    """Returns the height of the linear model's plane surface (DL22, eq. (18)).
 
     Args:
         wall_heights: (modes, 2) [m].
@@ -44,7 +44,7 @@ def bessel_surface(
     azimuth: ArrayLike,
     numbers: Sequence[int] | None = None,
 ) -> Array:
-    """Returns the height of the NL model's curved surface (DL22, eq. (19)).
+    """Returns the height of the nonlinear model's curved surface (DL22, eq. (19)).
 
     Args:
         wall_heights: (modes, 2) [m].
@@ -90,7 +90,7 @@ def surface_height(
 
 
 def _refuse_computed(model: Model) -> None:
-    """Raises SloshModelError for a container without closed-form modes."""
+    """Raises SloshModelError if the container's modes have no closed form."""
     if model.container.digest:
         raise SloshModelError(
             f"no closed form of the surface of a {model.container.shape}: "
@@ -130,7 +130,7 @@ def rectangle_surface(model: Model, modal: ArrayLike, x: ArrayLike, y: ArrayLike
 
 
 def wall_profile(sh_x: ArrayLike, sh_y: ArrayLike, azimuth: ArrayLike) -> Array:
-    """Returns the height on the wall by azimuth: sh_x cos φ + sh_y sin φ [m].
+    """Returns the height on the wall by azimuth, sh_x cos φ + sh_y sin φ [m].
 
     Args:
         sh_x, sh_y: height at +x and +y [m]; any shape S.
@@ -147,7 +147,7 @@ def wall_profile(sh_x: ArrayLike, sh_y: ArrayLike, azimuth: ArrayLike) -> Array:
 
 
 def motion_axis(acceleration: ArrayLike, tolerance: float = 1e-6) -> float | None:
-    """Returns the line along which a motion runs (DL22, Fig. 3).
+    """Returns the direction of a straight-line motion [rad], or None (DL22, Fig. 3).
 
     Along one line the signed height on one side (SH, Table 1) says more than the maximum over the
     wall (MSH, Table 2).
@@ -177,7 +177,7 @@ def motion_axis(acceleration: ArrayLike, tolerance: float = 1e-6) -> float | Non
 
 
 def sloshing_height(response: Response, acceleration: ArrayLike) -> tuple[str, Array]:
-    """Returns the characteristic height of a motion from rest (DL22, Fig. 3).
+    """Returns the height that characterises a motion from rest, SH or MSH (DL22, Fig. 3).
 
     Args:
         response: the liquid's answer to it.

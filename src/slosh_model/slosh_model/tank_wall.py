@@ -1,4 +1,4 @@
-"""The wall of a rectangular container, and the waves bound to its first modes.
+"""Second-order waves at the wall of a rectangular container.
 
 Places on the wall are (c, s), x and y in units of half the width and half the depth. The first
 modes are f = sin(πc/2) and g = sin(πs/2); their squares hold the modes (2, 0) and (0, 2), and
@@ -17,7 +17,7 @@ _PLACES = 32  # so many steps along a side, where the highest place is looked fo
 
 @compiled
 def place_on_wall(azimuth, reach_x, reach_y):  # type: ignore[no-untyped-def]
-    """Returns the relative wall position (c, s) in a direction from the axis.
+    """Returns the relative position (c, s) on the wall in a direction from the axis.
 
     Args:
         azimuth: the direction [rad].
@@ -30,7 +30,7 @@ def place_on_wall(azimuth, reach_x, reach_y):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance_double(memory, at, p, u, wave, fill, damping, dt):  # type: ignore[no-untyped-def]
-    """Advances the bound mode with twice the wave number."""
+    """Advances the second-order mode with twice the wave number of the first one."""
     k, first = wave
     rate = 2.0 * k * math.tanh(2.0 * k * fill)
     rise = 0.5 * (2.0 * k * k - rate * first) * p * u
@@ -47,7 +47,7 @@ def _wave(reach, fill):  # type: ignore[no-untyped-def]
 
 @compiled
 def advance_tank(memory, at, place, moved, reaches, fill, damping, dt):  # type: ignore[no-untyped-def]
-    """Advances the modes (2, 0), (0, 2) and (1, 1) over an interval.
+    """Advances the second-order modes (2, 0), (0, 2) and (1, 1) over a time step.
 
     Args:
         memory: elevation and potential of each, one behind the other from `at` on; changed.
@@ -76,14 +76,14 @@ def advance_tank(memory, at, place, moved, reaches, fill, damping, dt):  # type:
 
 @compiled
 def bound_height(double_x, double_y, product, c, s):  # type: ignore[no-untyped-def]
-    """Returns the height of the bound modes at a wall position [m], from corner values."""
+    """Returns the height of the second-order modes at a wall position [m]."""
     f, g = math.sin(0.5 * math.pi * c), math.sin(0.5 * math.pi * s)
     return double_x * (2.0 * f * f - 1.0) + double_y * (2.0 * g * g - 1.0) + product * f * g
 
 
 @compiled
 def highest_on_wall(x, y, double_x, double_y, product):  # type: ignore[no-untyped-def]
-    """Returns the maximum over the wall [m] of a plane and the bound modes.
+    """Returns the maximum wall height [m] of a plane wave with the second-order modes.
 
     Looked for at `_PLACES` steps along each side: at most 0.5 % of a bound mode is lost.
     """

@@ -1,4 +1,4 @@
-"""Tilt of a container in a motion, and whether a model includes its effect."""
+"""Finds the tilt of a container in a motion, and whether a model includes its effect."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ FELT = math.radians(0.5)
 
 
 class Turning(Protocol):
-    """A motion that may contain the container's attitude."""
+    """Interface of motions that may contain the attitude of the container."""
 
     @property
     def t(self) -> Array:
-        """(N,) increasing times [s]."""
+        """Times (N,) in increasing order [s]."""
 
     @property
     def attitude(self) -> Array | None:
-        """(N, 4) quaternion x, y, z, w, world ← container; None: not given."""
+        """Attitude (N, 4) as quaternion x, y, z, w, world ← container, or None if not given."""
 
     @property
     def angular_velocity(self) -> Array | None:
-        """(N, 3) angular velocity in the container's frame [rad/s]; None: not given."""
+        """Angular velocity (N, 3) in the container's frame [rad/s], or None if not given."""
 
 
 def attitude_of(motion: Turning) -> Array | None:
-    """Returns the attitude that the models use: (N, 4) quaternion, world ← container.
+    """Returns the attitude (N, 4), world ← container, that the models use, or None.
 
     Without a given one its angular velocity is integrated from upright; None: it stays upright.
     """
@@ -43,7 +43,7 @@ def attitude_of(motion: Turning) -> Array | None:
 
 
 def largest_tilt(attitude: Array | None) -> float:
-    """Largest angle between the container's z axis and the vertical [rad]; 0 without attitudes.
+    """Returns the largest angle [rad] between the container's z axis and the vertical.
 
     Args:
         attitude: (N, 4) quaternion x, y, z, w, world ← container, of any length but zero.
@@ -56,18 +56,18 @@ def largest_tilt(attitude: Array | None) -> float:
 
 
 def unfelt_tilt(model: Model, attitude: Array | None) -> float:
-    """Returns the largest tilt that a model ignores [rad]; 0: none."""
+    """Returns the largest tilt that a model ignores [rad], or 0 if it ignores none."""
     tilt = 0.0 if model.has(TILT) else largest_tilt(attitude)
     return tilt if tilt > FELT else 0.0
 
 
 def feeling(model: Model, attitude: Array | None) -> Model:
-    """Returns the model for a motion: with gravity if the motion tilts the container."""
+    """Returns the model for a motion; if the motion tilts the container, with gravity by tilt."""
     return model.feeling_gravity() if unfelt_tilt(model, attitude) else model
 
 
 def added_text(model: Model, attitude: Array | None) -> str:
-    """Describes what `feeling` added, in one line; empty: nothing."""
+    """Returns one line if gravity by tilt was added to the model, else an empty text."""
     tilt = unfelt_tilt(model, attitude)
     if not tilt:
         return ""
@@ -75,7 +75,7 @@ def added_text(model: Model, attitude: Array | None) -> str:
 
 
 def ignored_text(model: Model, attitude: Array | None) -> str:
-    """Warns of a tilt that the model ignores, in one line; empty: none."""
+    """Warns in one line of a tilt that the model ignores; empty if there is none."""
     tilt = unfelt_tilt(model, attitude)
     if not tilt:
         return ""

@@ -1,11 +1,11 @@
-"""A tray: several containers, each with its place and limit, that one frame carries."""
+"""A tray that carries several containers, each with its own place and limit."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from slosh_base.types import Array
 from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import LONGEST, format_model, parse_model, read_model
+from slosh_model.standing import BOUNDS, Standing
 
 MOST = 16
 """Containers of a tray, at most."""
@@ -28,29 +29,31 @@ TRAY = "tray"
 FARTHEST = 2.0
 """Largest coordinate of a place [m]."""
 _KEY = "containers"
-_KEYS = ("name", "model", "place", "limit")
+_KEYS = ("name", "model", "place", "limit", "standing")
 _NAME = re.compile(r"[\w-][\w.-]{0,39}")
 
 
 @dataclass(frozen=True, slots=True)
 class TrayContainer:
-    """One container of a tray.
+    """One container on a tray.
 
     Attributes:
         name: of the container.
         model: its own.
         place: centre of its still surface in the tray's frame [m].
         limit: of its height [m]; NaN: none of its own.
+        standing: how it stands on the tray; None: it is held.
     """
 
     name: str
     model: Model
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     limit: float = math.nan
+    standing: Standing | None = None
 
     @property
     def placed(self) -> Model:
-        """The model as the tray's motion drives it: the lever arm of its place is added."""
+        """The container's model driven by the tray's motion, with a lever arm to its place."""
         own = next((use.parameters for use in self.model.effects if use.name == ARM), None)
         arm = dict(zip("xyz", self.place, strict=True))
         if own is not None:
@@ -61,14 +64,14 @@ class TrayContainer:
 
     @property
     def bound(self) -> float:
-        """Its limit, or its rim where that is lower [m]; infinite: neither is known."""
+        """Limit of the height, or the rim if it is lower [m]; infinite if none is known."""
         rim = self.model.container.freeboard
         return float(np.fmin(np.fmin(self.limit, math.inf), math.inf if rim is None else rim))
 
 
 @dataclass(frozen=True)
 class Tray:
-    """Containers that one frame carries.
+    """The containers that a tray carries.
 
     Attributes:
         containers: at least one; of a plain model that alone, at the frame's origin.
@@ -78,31 +81,31 @@ class Tray:
 
     @property
     def is_tray(self) -> bool:
-        """Whether it is a tray, and not a plain model."""
+        """Whether this is a real tray, not a single container given by a model."""
         return bool(self.first.name)
 
     def of(self, changed: Callable[[Model], Model]) -> Tray:
-        """The tray with each model changed."""
+        """Returns the tray with each model changed by a function."""
         return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
 
     @property
     def first(self) -> TrayContainer:
-        """The container that a camera looks at, and that stands for a cell with one."""
+        """The first container, which is the one that the camera observes."""
         return self.containers[0]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the containers."""
+        """Names of the containers."""
         return tuple(one.name for one in self.containers)
 
     @cached_property
     def bounds(self) -> Array:
-        """(N,) what each height is judged by [m]; one without a limit and a rim by a metre."""
+        """Heights (N,) [m] by which the containers are judged; 1 m without limit and rim."""
         bounds = np.array([one.bound for one in self.containers])
         return np.where(np.isfinite(bounds), bounds, 1.0)
 
     def worst(self, heights: Array) -> int:
-        """Which container is nearest to its limit, or farthest above.
+        """Returns the index of the container nearest to its limit, or farthest above it.
 
         Args:
             heights: (N,) [m]; NaN: unknown.
@@ -111,7 +114,7 @@ class Tray:
 
 
 def read_tray(path: str | Path) -> Tray:
-    """The tray in a file, or the model as a tray of one.
+    """Reads a tray from a file, or a single model as a tray with one container.
 
     Raises:
         ModelFileError: the file is no regular file, too large, or not readable text.
@@ -127,11 +130,11 @@ def read_tray(path: str | Path) -> Tray:
 
 
 def parse_tray(text: str, source: str = "tray.yaml") -> Tray:
-    """Reads a tray, or a model as a tray of one.
+    """Parses a tray from YAML text, or a single model as a tray with one container.
 
     Args:
         text: YAML; a tray's has the key `containers`, a list of mappings with name, model (a path
-            relative to the source, or a model's keys), place and limit.
+            relative to the source, or a model's keys), place, limit and standing.
         source: how errors name it.
 
     Raises:
@@ -160,12 +163,14 @@ def parse_tray(text: str, source: str = "tray.yaml") -> Tray:
 
 
 def format_tray(tray: Tray) -> str:
-    """The text that `parse_tray` reads back to an equal tray, with the models in it."""
+    """Formats a tray as text, with its models; `parse_tray` returns an equal tray."""
     listed = []
     for one in tray.containers:
         entry: dict[str, Any] = {"name": one.name, "place": list(one.place)}
         if not math.isnan(one.limit):
             entry["limit"] = one.limit
+        if one.standing is not None:
+            entry["standing"] = asdict(one.standing)
         entry["model"] = parse_yaml(format_model(one.model), "model").value
         listed.append(entry)
     return format_yaml({_KEY: listed}, sort_keys=False, default_flow_style=None)
@@ -188,7 +193,7 @@ def _container(document: YamlDocument, index: int) -> TrayContainer:
         )
     return TrayContainer(
         name, _model(document, index, entry), _place(document, index, entry),
-        _limit(document, index, entry),
+        _limit(document, index, entry), _standing(document, index, entry),
     )  # fmt: skip
 
 
@@ -228,6 +233,22 @@ def _limit(document: YamlDocument, index: int, entry: Mapping[str, Any]) -> floa
             f"{document.where(_KEY, index)}: limit = {shown(given)} must be a height in metres"
         )
     return float(given)
+
+
+def _standing(document: YamlDocument, index: int, entry: Mapping[str, Any]) -> Standing | None:
+    given, names = entry.get("standing"), tuple(BOUNDS)
+    if given is None:
+        return None
+    where = document.where(_KEY, index)
+    if not isinstance(given, dict) or sorted(map(str, given)) != sorted(names):
+        raise SloshModelError(f"{where}: standing must be a mapping with {', '.join(names)}")
+    for name, value in given.items():
+        if not _is_number(value):
+            raise SloshModelError(f"{where}: standing.{name} = {shown(value)} must be a number")
+    try:
+        return Standing(**{name: float(value) for name, value in given.items()})
+    except SloshModelError as error:
+        raise SloshModelError(f"{where}: {error}") from None
 
 
 def _is_number(value: Any) -> bool:

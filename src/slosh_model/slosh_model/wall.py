@@ -1,4 +1,4 @@
-"""What a sloshing height is on a container's wall, and how far it is from the rim."""
+"""Relates a wave height to the container's wall and to the distance from the rim."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_base.types import Array
 
 
 class WallPlace(NamedTuple):
-    """Where the liquid stands.
+    """Where the liquid stands on the wall.
 
     Attributes:
         surface_height: highest place of the whole surface above the still level [m]: at the wall,
@@ -34,7 +34,7 @@ class WallPlace(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wall:
-    """A container's wall about the still level.
+    """The wall of a container near the still level.
 
     Attributes:
         heights: (N,) increasing, above the still level [m].
@@ -56,22 +56,22 @@ class Wall:
 
     @classmethod
     def vertical(cls, radius: float, freeboard: float | None) -> Wall:
-        """Of a radius [m], NaN for one that is not round, and a freeboard [m]; None: unknown."""
+        """Creates a vertical wall with a radius and a freeboard [m]."""
         at = np.array([-_FAR, 0.0, _FAR])
         rim = math.nan if freeboard is None else freeboard
         return cls(at, at, np.full(3, radius), rim)
 
     @property
     def crest_inside(self) -> bool:
-        """Whether the surface is highest away from the wall, as in a bulb."""
+        """Whether the surface is highest away from the wall, as in a bulb-shaped container."""
         return self.crest_ratio > 1.0
 
     def place(self, height: float) -> WallPlace:
-        """Where the liquid stands at a height at the wall [m]."""
+        """Returns where the liquid stands for a wave height at the wall [m]."""
         return WallPlace(*self._columns(height))
 
     def places(self, heights: Array) -> dict[str, Array]:
-        """The same at heights (N,), by the names of WallPlace."""
+        """Returns where the liquid stands for heights (N,), by the field names of WallPlace."""
         return dict(zip(WallPlace._fields, self._columns(heights), strict=True))
 
     def _columns(self, height: Any) -> tuple[Any, ...]:
@@ -85,7 +85,7 @@ class Wall:
         return surface, along, radius, self.freeboard - surface, left
 
     def height_at(self, distance: float = 0.0) -> float:
-        """Height at the wall with which the highest place is so far below the rim [m].
+        """Returns the wall height [m] at which the crest is a distance below the rim, or NaN.
 
         NaN: the rim is not known. Not above 0: no wave leaves so much.
         """
@@ -97,7 +97,7 @@ class Wall:
 
 
 def rim_name(distance: float) -> str:
-    """What limits a height where the rim does, or a distance to it [m], in words."""
+    """Returns what limits a height: the rim, or a distance to it [m], in words."""
     return "rim limit" if distance > 0.0 else "rim"
 
 

@@ -1,4 +1,4 @@
-"""A cup's motion in closed form, and equations integrated elsewhere, for the tests of effects."""
+"""Test tools: a cup's motion in closed form, and an independent integrator."""
 
 import math
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ STEP = 2e-4  # s; the straight lines between samples are the model's input, not 
 
 
 def rise(t):
-    """From 0 to 1 within the first second, smooth to the third derivative."""
+    """Returns a smooth rise from 0 to 1 within the first second."""
     s = np.clip(t, 0.0, 1.0)
     return s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A container that is pushed, tilts and yaws.
+    """A motion of a container that is pushed, tilted and turned about z.
 
     Attributes:
         push: of the acceleration.
@@ -39,27 +39,27 @@ class Motion:
         return np.arange(0.0, END + 0.5 * STEP, STEP)
 
     def acceleration(self, t):
-        """(..., 3) in the world's axes, gravity excluded [m/s²]."""
+        """Returns accelerations (..., 3) [m/s²] in world axes, without gravity."""
         columns = (3.0 * np.sin(11.0 * t), 2.5 * np.cos(7.0 * t + 0.4), 3.0 * np.sin(9.0 * t + 1))
         return self.push * np.stack(columns, axis=-1) * rise(t)[..., np.newaxis]
 
     def turn(self, t):
-        """Twist about the container's z [rad]."""
+        """Returns the rotation angle about the container's z axis [rad]."""
         return self.yaw * (0.3 + np.sin(2.5 * t) + 0.8 * t)
 
     def attitude(self, t):
-        """World ← container: a rotation about a horizontal axis after one about z."""
+        """Returns the attitude world ← container: first a yaw, then a horizontal rotation."""
         zero = np.zeros_like(t)
         swing = self.tilt * np.stack([np.sin(4.0 * t + 0.5), np.cos(3.0 * t), zero], axis=-1)
         twist = np.stack([zero, zero, self.turn(t)], axis=-1)
         return Rotation.from_rotvec(swing) * Rotation.from_rotvec(twist)
 
     def rates(self, t, h=1e-5):
-        """(..., 3) angular velocity in the container's axes [rad/s], by a central difference."""
+        """Returns angular velocities (..., 3) [rad/s] in container axes."""
         return (self.attitude(t - h).inv() * self.attitude(t + h)).as_rotvec() / (2.0 * h)
 
     def inputs(self, **changes):
-        """The motion as the model takes it."""
+        """Returns the motion as inputs of a model."""
         given = {
             "t": self.t,
             "acceleration": self.acceleration(self.t),
@@ -71,13 +71,13 @@ class Motion:
 
 @pytest.fixture
 def motion():
-    """Builds a `Motion`."""
+    """Returns the class `Motion`."""
     return Motion
 
 
 @pytest.fixture
 def integrated():
-    """Integrates equations that the test wrote down, by an adaptive method of order eight."""
+    """Returns a function that integrates equations by an adaptive method of order eight."""
 
     def integrate(derivative, t, start=(0.0, 0.0, 0.0, 0.0)):
         solution = solve_ivp(
@@ -91,7 +91,7 @@ def integrated():
 
 @pytest.fixture
 def same():
-    """Asserts that two rows of numbers agree relative to the largest, which is not nothing."""
+    """Returns a function that asserts that two arrays agree relative to the largest value."""
 
     def assert_same(found, expected, relative):
         found, expected = np.asarray(found), np.asarray(expected)

@@ -1,4 +1,4 @@
-"""Many simulations at once give the bits of each one alone."""
+"""Tests that batch simulations give exactly the results of single ones."""
 
 from functools import cache
 
@@ -24,7 +24,7 @@ ALONE = [
 
 @cache
 def motion(samples: int, seed: int, *, turning: bool = False, spacing: float = 0.004) -> Inputs:
-    """A motion with uneven times, upright or tilting and turning several times about.
+    """Returns a motion with uneven time steps, upright or with tilt and rotation.
 
     The same object for the same arguments: simulations may share motions.
     """
@@ -38,7 +38,7 @@ def motion(samples: int, seed: int, *, turning: bool = False, spacing: float = 0
 
 
 def alone(model: Model, inputs: Inputs, max_step: float = 0.002) -> np.ndarray:
-    """(N, 2) by `simulate`."""
+    """Returns wall heights (N, 2) that `simulate` computes."""
     response, _ = simulate(model, inputs, max_step=max_step)
     return np.column_stack([response.sh_x, response.sh_y])
 

@@ -1,4 +1,4 @@
-"""An effect is one module: a new one in the folder is found, compiled in and cached anew."""
+"""Tests that a new effect needs only one module, which is found and compiled."""
 
 import json
 import os
@@ -252,7 +252,7 @@ print(json.dumps({
 
 @pytest.fixture
 def package(tmp_path):
-    """A copy of the package with the test's effects and the page's; its own cache."""
+    """Copies the package with additional effects and a cache of its own."""
     shutil.copytree(PACKAGE, tmp_path / "slosh_model")
     for file in (tmp_path / "slosh_model" / "effects").glob("*.py"):
         if file.stem not in KEPT:
@@ -264,7 +264,7 @@ def package(tmp_path):
 
 
 def on_the_page(language: str) -> str:
-    """The one example in that language on the page that says how an effect is added."""
+    """Returns the code example in a language from the page on adding an effect."""
     (example,) = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
     return example
 

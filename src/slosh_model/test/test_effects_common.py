@@ -1,4 +1,4 @@
-"""What holds for every effect: neutral values, bounds, symmetries, going on from a state."""
+"""Tests properties of all effects: neutral values, bounds, symmetry, restart from a state."""
 
 import math
 
@@ -81,7 +81,7 @@ def plain(name):
 
 @pytest.fixture
 def inputs(motion):
-    """A spatial motion with attitude and rates, at 500 samples a second."""
+    """Returns a spatial motion with attitude and angular velocity at 500 samples a second."""
     full = motion().inputs()
     return Inputs(
         full.t[::10], full.acceleration[::10], full.attitude[::10], full.angular_velocity[::10]
@@ -89,7 +89,7 @@ def inputs(motion):
 
 
 def both(model, inputs):
-    """MSH and heights by azimuth."""
+    """Returns maximum heights and heights by azimuth."""
     return np.hstack(
         [
             predicted_heights(model, inputs, TIMES),
@@ -124,7 +124,7 @@ def test_liquid_at_rest_stays_there(name, base):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_in_a_mirror_everything_is_mirrored(name, inputs):
-    """The plane y = 0: what points along y, and turns about x and z, changes its sign."""
+    """Tests that mirroring the motion at y = 0 mirrors the response."""
     mirrored = Inputs(
         inputs.t,
         inputs.acceleration * [1.0, -1.0, 1.0],
@@ -142,7 +142,7 @@ def test_in_a_mirror_everything_is_mirrored(name, inputs):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_a_motion_in_two_parts_gives_the_same_bits(name, motion):
-    """With all that the effects remember. At steady rates: a part does not know its neighbours."""
+    """Tests that a motion simulated in two parts gives exactly the same result."""
     t = np.arange(0.0, 1.5, 0.002)
     spin = np.tile([0.3, -0.2, 2.0], (len(t), 1))
     attitude = Rotation.from_rotvec(spin * t[:, np.newaxis]).as_quat()

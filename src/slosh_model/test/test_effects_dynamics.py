@@ -1,4 +1,4 @@
-"""Effects on the liquid's motion, against closed forms and equations integrated elsewhere."""
+"""Tests effects on the liquid's motion against closed forms and other integrators."""
 
 import math
 from dataclasses import replace
@@ -26,7 +26,7 @@ def omega(fill=FILL, n=1):
 
 
 def gain(fill=FILL, n=1):
-    """4 h mₙ/(m_F R) of the plane surface."""
+    """Returns the height gain 4 h mₙ/(m_F R) of a plane surface."""
     xi = XI[n - 1]
     return 8.0 * math.tanh(xi * fill / RADIUS) / (xi * (xi**2 - 1.0))
 
@@ -48,13 +48,13 @@ def modal(model, inputs, state=None, mode=0):
 
 
 def pushed(motion):
-    """A motion without turning, and every 50th of its moments."""
+    """Returns a motion without rotation, its inputs, and a slice of every 50th time."""
     only = motion(tilt=0.0, yaw=0.0)
     return only, only.inputs(attitude=None, angular_velocity=None), slice(None, None, 50)
 
 
 def planar(extra, of, frequency=OMEGA, zeta=ZETA):
-    """q̈ + 2ζωq̇ + ω²q + a + extra = 0; extra: of (t, x, y, vx, vy)."""
+    """Returns the equations q̈ + 2ζωq̇ + ω²q + a + extra = 0 as a function of time."""
 
     def derivative(t, s):
         x, y, vx, vy = s
@@ -85,7 +85,7 @@ def test_vertical_acceleration_is_another_gravity(az):
 
 @pytest.mark.parametrize("alpha", [0.0, 0.58, 2.5])
 def test_surface_nonlinearity_is_the_mass_on_a_paraboloid(alpha, motion, integrated, same):
-    """DL22, eqs. (11), (14), as a 2×2 system that NumPy solves."""
+    """Tests the nonlinear model against DL22, eqs. (11), (14), as a 2×2 system."""
     only, inputs, at = pushed(motion)
     curvature = OMEGA**2 * RADIUS / GRAVITY
 
@@ -154,12 +154,12 @@ def test_damping_mismatch_is_a_faster_decay(factor):
 
 
 def amplitude(x, y, vx, vy):
-    """γ = 25: high waves are slowed."""
+    """Returns the additional damping of a high wave, for γ = 25."""
     return 2.0 * ZETA * OMEGA * 25.0 * (x * x + y * y) / RADIUS**2
 
 
 def test_quadratic_damping_decays_as_one_over_time():
-    """Krylov and Bogoliubov: 1/A grows by 4βω/(3πR) per second."""
+    """Tests the decay with quadratic damping: 1/A grows by 4βω/(3πR) per second."""
     beta, start = 0.2, 0.01
     inputs = free(8.0, 5e-4)
     x, _, vx, _ = modal(
@@ -176,7 +176,7 @@ def test_quadratic_damping_decays_as_one_over_time():
 
 @pytest.mark.parametrize(("round_", "share"), [(False, 0.25), (True, 1.0)])
 def test_amplitude_damping_decays_as_its_envelope(round_, share):
-    """Krylov and Bogoliubov: A' = -ζωA (1 + s γA²/R²), s = 1/4 of a planar swing, 1 of a round."""
+    """Tests the decay with amplitude damping against its averaged envelope."""
     gamma, start = 40.0, 0.01
     model = Model(CUP, damping_ratio=0.004).with_effect("amplitude_damping", gamma=gamma)
     inputs = free(6.0, 5e-4)
@@ -195,7 +195,7 @@ def test_amplitude_damping_decays_as_its_envelope(round_, share):
 
 
 def test_dry_friction_takes_the_same_off_each_swing():
-    """Coulomb: 2μg/ω² per half period."""
+    """Tests that dry friction reduces each half swing by 2μg/ω²."""
     mu, start = 0.002, 0.01
     inputs = free(2.0, 2e-4)
     x = modal(UNDAMPED.with_effect("contact_line_friction", mu=mu), inputs, aside(start))[:, 0]
@@ -232,7 +232,7 @@ def test_an_empty_cup_is_refused_in_one_line():
 
 
 def test_slow_loss_follows_the_adiabatic_invariant():
-    """Energy over frequency stays: amplitudes grow as ω^(-1/2), the phase is ∫ω dt."""
+    """Tests a slow loss of liquid against the adiabatic invariant, energy over frequency."""
     rate = 5e-4
     cup = Model(Cylinder(RADIUS, 0.03), damping_ratio=0.0).with_effect("fill_loss", rate=rate)
     inputs = free(30.0, 2e-3)
@@ -277,7 +277,7 @@ def in_container(places, turn, size):
 
 @pytest.mark.parametrize("kappa", [-0.4, 0.3, 1.0])
 def test_yaw_coupling_turns_place_and_velocity(kappa, motion, integrated, same):
-    """By κψ̇, besides what they do anyway; in axes that do not yaw."""
+    """Tests that yaw coupling rotates position and velocity of the liquid."""
     only = motion(tilt=0.0)
     plain = planar(lambda *_: (0.0, 0.0), only)
 
@@ -294,7 +294,7 @@ def test_yaw_coupling_turns_place_and_velocity(kappa, motion, integrated, same):
 
 
 def test_liquid_that_is_dragged_wholly_lives_in_the_containers_axes(motion):
-    """κ = 1 is the model without any yaw, pushed along the container's own axes."""
+    """Tests that fully dragged liquid (κ = 1) moves as in a container without yaw."""
     only = motion(tilt=0.0, yaw=4.0)  # more than one turn
     inputs = only.inputs()
     own = only.attitude(inputs.t).inv().apply(only.acceleration(inputs.t))

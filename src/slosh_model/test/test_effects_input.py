@@ -1,4 +1,4 @@
-"""Effects on what drives the liquid, against closed forms and equations integrated elsewhere."""
+"""Tests effects on the input against closed forms and other integrators."""
 
 import math
 
@@ -27,7 +27,7 @@ def heights(model, inputs):
 
 
 def linear(felt, spatial=True):
-    """The linear model's equations, driven by what the liquid feels at a time."""
+    """Returns the equations of the linear model, driven by an acceleration."""
 
     def derivative(t, s):
         a = felt(t)
@@ -40,14 +40,14 @@ def linear(felt, spatial=True):
 
 
 def in_container(modal, turn):
-    """Wall heights at the container's +x and +y from places in axes that do not yaw."""
+    """Returns wall heights at the container's +x and +y from modal displacements."""
     c, s = np.cos(turn), np.sin(turn)
     x, y = GAIN * modal[:, 0], GAIN * modal[:, 1]
     return np.stack([c * x + s * y, c * y - s * x], axis=1)
 
 
 def rested(felt):
-    """Where the linear model rests."""
+    """Returns the rest state of the linear model under an acceleration."""
     stiffness = OMEGA**2 * (1.0 + felt[2] / GRAVITY)
     return (-felt[0] / stiffness, -felt[1] / stiffness, 0.0, 0.0)
 
@@ -93,7 +93,7 @@ def test_robot_dynamics_answers_a_step_as_the_closed_form(ratio, integrated, sam
 
 
 def test_gravity_tilt_is_what_a_tilted_yawing_container_feels(motion, integrated, same):
-    """Rᵀ(a + gẑ) − gẑ by SciPy's rotations, in axes that do not yaw."""
+    """Tests the effect gravity_tilt against Rᵀ(a + gẑ) − gẑ from SciPy's rotations."""
     turning = motion()
 
     def felt(t):
@@ -111,14 +111,14 @@ def test_gravity_tilt_is_what_a_tilted_yawing_container_feels(motion, integrated
 
 
 def resting(turning, felt):
-    """What is felt while the container stands as at the start, without any acceleration."""
+    """Returns the acceleration that acts on the liquid at the start, at rest."""
     assert not turning.acceleration(np.asarray(0.0)).any()
     return felt(0.0)
 
 
 @pytest.mark.parametrize("pitch", [0.2, -0.3])
 def test_liquid_in_a_tilted_cup_stands_level_from_the_start(pitch):
-    """Turned about +y the cup's +x side is low: there the liquid is high."""
+    """Tests that the liquid in a tilted cup is level from the start."""
     t = np.linspace(0.0, 1.0, 101)
     attitude = np.tile(Rotation.from_rotvec([0.0, pitch, 0.0]).as_quat(), (len(t), 1))
     still = Inputs(t, np.zeros((len(t), 3)), attitude)
@@ -137,7 +137,7 @@ def test_liquid_in_a_tilted_cup_stands_level_from_the_start(pitch):
 
 
 def test_static_tilt_is_an_attitude_that_nobody_measured(motion):
-    """With the container yawing, too: the tilt turns with it."""
+    """Tests that static_tilt acts as an attitude that nobody measured."""
     turning = motion(tilt=0.0)
     roll, pitch = 0.12, -0.2
     tilt = Rotation.from_euler("YX", [pitch, roll])  # Ry(pitch) Rx(roll)
@@ -169,7 +169,7 @@ def test_settled_linear_liquid_stands_at_the_closed_form():
 
 @pytest.mark.parametrize(("rates", "within"), [("given", 1e-4), ("from the attitude", 5e-4)])
 def test_lever_arm_is_the_acceleration_of_another_point_of_the_body(motion, same, rates, within):
-    """Against the second derivative of where that point is, taken numerically."""
+    """Tests lever_arm against the numerical second derivative of the point's position."""
     turning, arm, h = motion(tilt=0.4), np.array([0.2, -0.1, 0.3]), 1e-3
     t = turning.t
 
@@ -190,7 +190,7 @@ def test_lever_arm_is_the_acceleration_of_another_point_of_the_body(motion, same
 
 
 def test_on_a_turning_arm_the_liquid_climbs_the_outer_wall(same):
-    """Steady yaw at Ω, the cup a distance r out along its +x: a circular forcing of Ω²r."""
+    """Tests that steady rotation on an arm raises the liquid at the outer wall."""
     rate, arm, zeta = 6.0, 0.3, 0.3
     t = np.arange(0.0, 4.0, 1e-3)
     spin = np.column_stack([np.zeros((len(t), 2)), np.full(len(t), rate)])

@@ -1,4 +1,4 @@
-"""Effects on what is measured of the heights, against what a sensor would do."""
+"""Tests effects on the measurement against what a sensor would read."""
 
 import math
 
@@ -26,7 +26,7 @@ WALL = predicted_heights(PLAIN, INPUTS, TIMES, AZIMUTHS)
 
 
 def read(name, **parameters):
-    """MSH and heights at the azimuths with an effect."""
+    """Returns maximum heights and heights by azimuth with an effect."""
     model = PLAIN.with_effect(name, **parameters)
     return (
         predicted_heights(model, INPUTS, TIMES),
@@ -35,7 +35,7 @@ def read(name, **parameters):
 
 
 def response(sh_x, sh_y, t=T):
-    """A response that no model gave."""
+    """Returns a response made of given heights."""
     return Response(t, sh_x, sh_y, np.zeros((len(t), 1, 4)))
 
 
@@ -100,7 +100,7 @@ def test_visible_arc_shows_the_maximum_over_its_azimuths(centre, width, waves):
 
 
 def test_sensor_tilt_reads_a_crest_by_where_it_is():
-    """A plane that leans by e over the wall's circle; the maximum is read where the crest is."""
+    """Tests sensor_tilt: the error at the crest depends on its azimuth."""
     crest, height = np.linspace(-3.0, 3.0, 25), 0.012
     model = PLAIN.with_effect("sensor_tilt", e_x=0.03, e_y=-0.05)
     turning = response(height * np.cos(crest), height * np.sin(crest), np.arange(25.0))
@@ -116,7 +116,7 @@ def test_sensor_tilt_reads_a_crest_by_where_it_is():
 
 
 def test_draining_film_hides_how_fast_a_crest_decays():
-    """The reading leaves a falling surface where that falls faster than the film."""
+    """Tests draining_film: a falling surface is read too high."""
     speed, height, rate = 0.02, 0.01, 4.0
     decay = height * np.exp(-rate * T)
     model = PLAIN.with_effect("draining_film", speed=speed)
@@ -137,7 +137,7 @@ def test_draining_film_hides_how_fast_a_crest_decays():
 
 
 def test_sensor_lag_reads_a_harmonic_by_its_transfer_function():
-    """1 / (1 + iωT) of what swings, once the start is forgotten; the same at each azimuth."""
+    """Tests sensor_lag by its transfer function 1 / (1 + iωT)."""
     time, omega, size = 0.03, 18.0, 0.01
     t = np.arange(0.0, 1.0, 0.0005)
     model = PLAIN.with_effect("sensor_lag", time=time)
@@ -169,7 +169,7 @@ def test_time_offset_reads_an_earlier_or_a_later_liquid(tau):
 
 @pytest.mark.parametrize(("rate", "offset"), [(0.015, 0.0), (-0.03, 0.1), (0.05, -0.2)])
 def test_clock_drift_reads_the_liquid_of_the_moment_that_was_stamped(rate, offset):
-    """A liquid of the moment u is stamped u + offset + rate u."""
+    """Tests clock_drift: the liquid at time u has the stamp u + offset + rate u."""
     later = Inputs(T + 100.0, PUSH)
     for inputs in (INPUTS, later):
         start = inputs.t[0]
@@ -202,7 +202,7 @@ def test_a_falling_level_counts_where_the_zero_is_fixed():
 
 
 def test_what_a_sensor_does_comes_in_the_lights_order():
-    """Arc, crest, tilt, scale, offset, film, frame's edge."""
+    """Tests the order of measurement effects: arc, crest, tilt, scale, offset, film, frame."""
     uses = {
         "visible_arc": {"centre": 0.0, "width": 1.0},
         "crest_asymmetry": {"kappa": 0.8},
@@ -236,7 +236,7 @@ def test_what_a_sensor_does_comes_in_the_lights_order():
 @pytest.mark.parametrize("rates", [True, False])
 @pytest.mark.parametrize("shift", [0.0, 1e-16, 3e-5])
 def test_heights_between_samples_of_a_turning_container(motion, rates, shift):
-    """However near the moments lie, and where a quaternion changes its sign."""
+    """Tests heights between the samples of a turning container."""
     full = motion(tilt=0.3).inputs()
     attitude = (
         full.attitude[::10] * np.where(np.arange(len(full.t[::10])) < 500, 1.0, -1.0)[:, None]

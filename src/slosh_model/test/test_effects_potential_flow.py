@@ -1,4 +1,4 @@
-"""The effects of the second and third order, against potential flow in a cylinder."""
+"""Tests second- and third-order effects against potential flow in a cylinder."""
 
 import math
 
@@ -52,7 +52,7 @@ def test_overlaps_of_the_bound_modes(m):
 @pytest.mark.first(1)
 @pytest.mark.parametrize("fill", [0.02, 0.04, 0.07])
 def test_bound_modes_are_those_of_the_second_order(fill):
-    """Fed with the first mode of the flow, the effect gives the flow's mean and double wave."""
+    """Tests that the effect gives the second-order waves of potential flow."""
     damping = 0.05
     flow = CylinderWaves(RADIUS, fill, order=2, radial=1, damping_ratio=damping)
     amplitudes = flow.simulate(TIMES, 0.25 * PUSH)
@@ -77,7 +77,7 @@ def test_bound_modes_are_those_of_the_second_order(fill):
 
 
 def test_the_maximum_is_that_over_the_whole_wall():
-    """Also where mean and double wave are as large as the first mode."""
+    """Tests that the maximum height is taken over the whole wall."""
     turn = np.random.default_rng(3)
     slow = np.stack([np.interp(TIMES, TIMES[::40], turn.normal(0.0, 0.012, 25)) for _ in "xy"])
     liquid = Response(TIMES, slow[0], slow[1], np.zeros((len(TIMES), 1, 4)))
@@ -94,7 +94,7 @@ def test_the_maximum_is_that_over_the_whole_wall():
 
 
 def circling(model, share):
-    """A mass that goes round at a share of the radius, as the model's own frequency wants it."""
+    """Returns frequency and state of a mass that circles at a share of the radius."""
     frequency = model.mode_constants()[0].natural_frequency
     gamma = model.acting["swirl_stiffening"]["gamma"]
     frequency /= math.sqrt(1.0 - gamma * share**2)

@@ -1,4 +1,4 @@
-"""The effects of the second and third order in a rectangle, against potential flow there."""
+"""Tests second- and third-order effects against potential flow in a rectangle."""
 
 import itertools
 import math
@@ -27,7 +27,7 @@ DAMPING = 0.03
 
 
 def bound(fill, wall_x, wall_y, azimuths):
-    """What the effect adds to the heights, of first modes that are this high at the walls."""
+    """Returns the heights that the effect adds to given first modes."""
     liquid = Response(
         TIMES,
         wall_x,
@@ -42,7 +42,7 @@ def bound(fill, wall_x, wall_y, azimuths):
 
 @pytest.mark.parametrize("fill", [0.02, 0.04, 0.1])
 def test_the_double_wave_is_that_of_the_second_order(fill):
-    """Fed with the first mode of the flow, at the wall and in the middle of the side along x."""
+    """Tests that the effect gives the second-order wave of potential flow."""
     tank = Tanks.of(WIDTH, fill, DAMPING / math.sqrt(2.0))  # mode n is damped by √n of the first
     flow = simulate_tanks(tank, PUSH_X[:, np.newaxis], STEP, order=2, modes=2)
     first, second = flow.amplitudes[:, 0].T
@@ -54,7 +54,7 @@ def test_the_double_wave_is_that_of_the_second_order(fill):
 
 
 class Waves:
-    """Potential flow of the second order in two directions, of the modes cos(mπξ)cos(nπυ).
+    """Second-order potential flow in two directions, with modes cos(mπξ)cos(nπυ).
 
     Zakharov's equations on a grid, every product taken where it is and projected.
     """
@@ -93,7 +93,7 @@ class Waves:
         )
 
     def simulate(self):
-        """(N, 5) amplitudes at TIMES."""
+        """Returns modal amplitudes (N, 5) at TIMES."""
         state, found = np.zeros((2, 5)), np.zeros((len(TIMES), 5))
         pushes = np.stack([PUSH_X, PUSH_Y], axis=1)
         for i, (a, b) in enumerate(itertools.pairwise(pushes)):
@@ -140,7 +140,7 @@ def test_the_maximum_is_that_over_the_whole_wall():
 
 
 def shift(times, heights, omega):
-    """Δ(ω²)/ω² of a wave from when it passes its level downwards."""
+    """Returns Δ(ω²)/ω² of a wave from the times of its zero crossings."""
     down = np.flatnonzero((heights[:-1] > 0.0) & (heights[1:] <= 0.0))
     low, high = heights[down], heights[down + 1]
     moments = times[down] + (times[down + 1] - times[down]) * low / (low - high)
@@ -172,7 +172,7 @@ def test_a_free_wave_has_the_frequency_of_the_third_order(relative):
 
 
 def test_waves_stiffen_below_the_depth_that_the_literature_gives_and_soften_above():
-    """h/w = 0.3368 (Faltinsen & Timokha 2009); a quarter in deep liquid (Rayleigh)."""
+    """Tests the depth at which waves turn from stiffening to softening (h/w = 0.3368)."""
     shift_at = uncompiled(frequency_shift)
     assert shift_at(0.336 * math.pi) > 0.0 > shift_at(0.338 * math.pi)
     assert shift_at(20.0) == pytest.approx(-0.25, abs=1e-12)

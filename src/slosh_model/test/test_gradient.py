@@ -22,7 +22,7 @@ MODELS = {
 
 
 def inputs_of(seed=0, count=160, step=0.005):
-    """A motion in all directions, unevenly sampled, that moves the liquid by some millimetres."""
+    """Returns an unevenly sampled motion in all directions that causes small waves."""
     generator = np.random.default_rng(seed)
     t = np.cumsum(step * generator.uniform(0.4, 1.6, count))
     phases = generator.uniform(0.0, 6.0, (3, 1))

@@ -1,4 +1,4 @@
-"""Modes, gains, damping and surface shapes against closed forms and published figures."""
+"""Tests modes, gains, damping and surface shapes against closed forms and papers."""
 
 import math
 
@@ -76,7 +76,7 @@ def test_all_modes_together_hold_the_static_slope(gain, tail):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_gains_keep_the_centre_of_gravity(n):
-    """DL22, eqs. (20), (21): the surface's first moment is that of the sloshing mass."""
+    """Tests that the surface and the sloshing mass have the same centre of gravity."""
     mode = Mode(n, CUP, 0.0)
     radius, height = CUP.radius, CUP.fill_height
 

@@ -1,4 +1,4 @@
-"""The equations of motion: closed forms, invariants, order, and an independent derivation."""
+"""Tests the equations of motion: closed forms, invariants, order, derivation."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ MODELS = {
 
 
 def excitation(t):
-    """A smooth spatial acceleration [m/s²], (N, 3)."""
+    """Returns a smooth spatial acceleration (N, 3) [m/s²]."""
     t = np.asarray(t)
     envelope = np.sin(np.pi * np.clip(t / 2.0, 0.0, 1.0)) ** 2
     return np.stack(
@@ -48,7 +48,7 @@ def start(x=0.0, y=0.0, vx=0.0, vy=0.0):
 
 
 def lagrange_equations(*, nonlinear, spatial):
-    """ẍ, ÿ of one mode from T, V, D of DL22 (8)-(10), (13), by SymPy alone.
+    """Returns ẍ, ÿ of one mode, derived from T, V, D of DL22 (8)-(10), (13) by SymPy.
 
     The linear model is their linearisation about rest. A function of x, y, ẋ, ẏ, ẍ0, ÿ0, z̈0.
     """
@@ -171,7 +171,7 @@ def test_nonlinear_energy_is_conserved_without_damping(alpha):
 
 
 def test_faster_than_free_fall_the_liquid_leaves_its_place():
-    """At z̈0 = -2g the stiffness is -ω²: x = x0 cosh ωt."""
+    """Tests that waves grow exponentially at a downward acceleration above g."""
     t = np.linspace(0.0, 0.2, 201)
     falling = np.zeros((len(t), 3))
     falling[:, 2] = -2.0 * GRAVITY
@@ -192,7 +192,7 @@ def test_faster_than_free_fall_the_liquid_leaves_its_place():
     ],
 )
 def test_constant_acceleration_tilts_the_surface(model, modes, slope, tolerance, direction):
-    """All modes together: R·a/g at the wall, against the acceleration."""
+    """Tests that a constant acceleration tilts the surface by R·a/g at the wall."""
     a = 0.01
     t = np.linspace(0.0, 4.0, 401)
     held = np.zeros((len(t), 3))

@@ -1,4 +1,4 @@
-"""Surface shapes, wall profile, and which height describes a motion."""
+"""Tests surface shapes, wall profiles and the choice of the characteristic height."""
 
 import math
 
@@ -27,7 +27,7 @@ MODAL = np.array([[0.004, -0.007, 0.0, 0.0], [0.001, 0.002, 0.0, 0.0]])
 
 
 def centre_of_gravity(surface):
-    """x_G, y_G of the liquid below a surface η(r, θ), as DL22, eq. (17), by quadrature."""
+    """Returns the centre of gravity x_G, y_G of the liquid below a surface (DL22, eq. (17))."""
     volume = math.pi * CUP.radius**2 * CUP.fill_height
 
     def moment(part):
@@ -41,7 +41,7 @@ def centre_of_gravity(surface):
 
 @pytest.mark.parametrize("model", [Model(CUP, modes=2), Model(CUP, modes=2).nonlinear()])
 def test_the_surface_has_the_sloshing_masses_centre_of_gravity(model):
-    """DL22, eqs. (16), (20), (21)."""
+    """Tests that the surface has the centre of gravity of the sloshing masses (DL22)."""
     found = centre_of_gravity(lambda r, angle: surface_height(model, MODAL, r, angle))
     masses = [CUP.mass_ratio(n) for n in (1, 2)]
     assert found == pytest.approx(masses @ MODAL[:, :2], rel=1e-6)

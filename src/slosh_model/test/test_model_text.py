@@ -1,4 +1,4 @@
-"""model.yaml: what is read, what is refused, and how."""
+"""Tests which model files are read and which are refused."""
 
 import math
 import os
@@ -90,7 +90,7 @@ def test_no_effect_is_the_planar_linear_model():
 
 @st.composite
 def effect_uses(draw, shape):
-    """Effects of a container with parameters anywhere within their bounds."""
+    """Hypothesis strategy for the effects of a container and their parameters."""
     uses = []
     fitting = [name for name, effect in EFFECTS.items() if effect.fits(SHAPES[shape].section)]
     for name in draw(st.lists(st.sampled_from(fitting), unique=True)):
@@ -116,7 +116,7 @@ models = containers.flatmap(lambda container: models_of(container))
 
 
 def models_of(container):
-    """Models of a container."""
+    """Hypothesis strategy for models with a given container."""
     return st.builds(
         Model,
         container=st.just(container),

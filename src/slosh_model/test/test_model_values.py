@@ -1,4 +1,4 @@
-"""Models, motions and states as values: they cannot change, travel between processes, compare."""
+"""Tests that models, motions and states are immutable, picklable and comparable."""
 
 import copy
 import math
@@ -71,7 +71,7 @@ def test_impossible_steps_are_refused(max_step):
 
 
 def turned_by(yaw, tilt=0.0):
-    """Quaternions x, y, z, w: first a tilt about an axis aside, then the yaw."""
+    """Returns quaternions x, y, z, w of a tilt followed by a yaw."""
     half, lean = yaw / 2.0, tilt / 2.0
     c, s = np.cos(half), np.sin(half)
     return np.stack([c * np.sin(lean), s * np.sin(lean), s * np.cos(lean), c * np.cos(lean)], 1)

@@ -1,4 +1,4 @@
-"""Motion laws and the machine's cycle."""
+"""Tests motion laws and the machine cycle."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Potential flow in a rectangular tank: linear theory, limits, and the literature beyond."""
+"""Tests potential flow in a rectangular tank: linear theory, limits and literature."""
 
 import math
 from itertools import pairwise
@@ -26,7 +26,7 @@ def sway(times: Array) -> Array:
 
 
 def modal(mode: int, damping: float) -> tuple[float, float, float]:
-    """Frequency, damping rate and drive of a mode, from the equations of linear theory."""
+    """Returns frequency, damping rate and drive of a mode in linear theory."""
     k = mode * math.pi / WIDTH
     frequency = math.sqrt(GRAVITY * k * math.tanh(k * HEIGHT))
     rate = 2.0 * damping * math.sqrt(mode) * frequency
@@ -77,7 +77,7 @@ def test_a_mirrored_motion_gives_the_mirrored_surface(order: int, gain: float) -
 
 
 def standing_wave(depth: float, steepness: float, order: int) -> tuple[Array, Array, float]:
-    """Times and amplitudes of a free standing wave, and its frequency if it were infinitely small.
+    """Returns times, amplitudes and small-wave frequency of a free standing wave.
 
     It begins at rest with the second mode that belongs to it (Tadjbakhsh & Keller 1960).
     """
@@ -94,7 +94,7 @@ def standing_wave(depth: float, steepness: float, order: int) -> tuple[Array, Ar
 
 
 def standing_frequency(depth: float, steepness: float, order: int) -> float:
-    """Measured frequency of a free standing wave, over that of an infinitely small one."""
+    """Returns the frequency of a standing wave relative to that of a very small one."""
     times, amplitudes, linear = standing_wave(depth, steepness, order)
     first = amplitudes[:, 0]
     falls = np.flatnonzero((first[:-1] > 0) & (first[1:] <= 0))

@@ -1,4 +1,4 @@
-"""Rectangles: constants, limits, and TM20's models against equations that are solved elsewhere."""
+"""Tests rectangles: constants, limits and TM20's models solved independently."""
 
 import dataclasses
 import math
@@ -33,7 +33,7 @@ dimensions = st.floats(0.02, 1.0)
 
 
 def push(t):
-    """A smooth spatial acceleration [m/s²], (..., 3)."""
+    """Returns a smooth spatial acceleration (..., 3) [m/s²]."""
     envelope = np.sin(np.pi * np.clip(t / 2.0, 0.0, 1.0)) ** 2
     columns = (2.0 * np.sin(17.0 * t), 1.5 * np.cos(23.0 * t + 0.4), 4.0 * np.sin(9.0 * t + 1.0))
     return np.stack(columns, axis=-1) * np.asarray(envelope)[..., np.newaxis]
@@ -64,7 +64,7 @@ def test_natural_frequencies_are_those_of_tm20(width, identified):
 
 @given(dimensions, dimensions, dimensions)
 def test_sloshing_masses_and_the_one_that_stays_are_all_the_liquid(width, depth, fill):
-    """The mass that stays, by another series: the flow where the surface cannot rise in time."""
+    """Tests that sloshing masses and fixed mass add up to the mass of the liquid."""
     tank = Rectangle(width, depth, fill)
     odd = 2.0 * np.arange(1, 20001) - 1.0
     for axis, length in ((X_AXIS, width), (Y_AXIS, depth)):
@@ -75,7 +75,7 @@ def test_sloshing_masses_and_the_one_that_stays_are_all_the_liquid(width, depth,
 
 
 def test_damping_is_that_of_the_boundary_layers():
-    """Energy lost on floor and walls in one swing, integrated over them."""
+    """Tests the damping against the energy lost in boundary layers in one period."""
     nu, tank = 1e-6, Rectangle(0.12, 0.05, 0.04)
     omega, k = tank.natural_frequency(1), math.pi / 0.12
     x, z = np.linspace(0.0, 0.12, 2001), np.linspace(-0.04, 0.0, 2001)
@@ -107,7 +107,7 @@ def test_impossible_dimensions_are_named(values, named):
 
 
 def m1(model, a, p, omega):
-    """θ of TM20, eqs. (9) and (10), along one axis, with g -> g + z̈ where the model has it."""
+    """Returns TM20's equation of θ, eqs. (9) and (10), along one axis."""
     spatial = model.has("vertical_acceleration")
 
     def derivative(t, s):
@@ -118,7 +118,7 @@ def m1(model, a, p, omega):
 
 
 def pendulum(model, a, p, omega):
-    """θ of TM20, eq. (6), with l = g/ω², d/m = 2ζω, and g + z̈."""
+    """Returns TM20's pendulum equation of θ, eq. (6), along one axis."""
     spatial = model.has("vertical_acceleration")
     length = GRAVITY / omega**2
 
@@ -156,7 +156,7 @@ def test_agrees_with_tm20s_equations_integrated_elsewhere(name, integrated, same
 
 
 def test_the_modes_are_those_of_the_flow_to_first_order(same):
-    """With a lift, the liquid's own nonlinear model cut off at its first order."""
+    """Tests that the modes agree with potential flow to first order."""
     model = Model(TANK, damping_ratio=0.0, modes=3).spatial()
     t, x = np.arange(0.0, 1.0, 0.001), np.linspace(-0.5, 0.5, 21)
     moves = push(t)

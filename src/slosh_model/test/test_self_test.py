@@ -1,4 +1,4 @@
-"""Compiled code that differs from its source is refused when it is first used."""
+"""Tests that compiled code that differs from its source is refused."""
 
 from collections.abc import Callable
 from typing import Any
@@ -57,7 +57,7 @@ def test_right_code_passes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_reference_shows_every_effect() -> None:
-    """Each of the effects with its example parameters moves the reference motion's heights."""
+    """Tests that each effect changes the heights of the reference motion."""
     models = list(reference_models())
     motion = reference_motion()
     assert np.ptp(motion.yaws) > 0.1
@@ -84,6 +84,6 @@ def test_not_a_number_in_both_is_equal() -> None:
 
 
 def fresh(entry: EntryPoint, call: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    """An entry point that has not been loaded yet and will load `call`."""
+    """Makes an entry point appear as not loaded; it will load `call`."""
     monkeypatch.setattr(entry, "_call", None)
     monkeypatch.setattr(entry, "_compile", lambda: call)

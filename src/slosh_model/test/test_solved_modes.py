@@ -1,4 +1,4 @@
-"""Modes of containers by their contour against exact values, and the motion that follows."""
+"""Tests computed modes against exact values, and the motion that follows from them."""
 
 import math
 import re
@@ -100,7 +100,7 @@ def test_a_cone_of_45_degrees_is_exact():
 @pytest.mark.first(2)
 @pytest.mark.parametrize("level", [1.2, 1.5, 2.0, 4.0])
 def test_hyperbolic_bowls_are_exact(level):
-    """z² - r² = 1 is a streamline of φ = xz (Troesch 1960)."""
+    """Tests hyperbolic bowls against the exact solution φ = xz (Troesch 1960)."""
     end = math.acosh(1.2 * level)
     bowl = Piece(lambda t: np.column_stack([np.sinh(end * t), np.cosh(end * t)]))
     found = contour_eigenvalues((bowl,), level)
@@ -149,7 +149,7 @@ def test_a_ring_has_the_roots_of_its_bessel_functions():
 
 
 def test_the_order_on_a_smooth_contour():
-    """Each division of the triangles in four leaves a sixteenth of the error, or nearly so."""
+    """Tests that halving the mesh size reduces the error to about a sixteenth."""
     sphere = Sphere(radius=1.0, fill_height=1.0)
     sides, size, _ = axisymmetric.region(sphere.contour, sphere.level)
     mesh, found = triangulated(sides, size), []
@@ -181,7 +181,7 @@ def test_a_cylinder_by_its_contour_is_the_cylinder():
 
 
 def test_its_damping_is_near_the_formula_for_a_cylinder():
-    """The surface film's share was set by it; what it says of the depth was not."""
+    """Tests that the damping is close to the empirical formula for a cylinder."""
     for depth in (0.5, 1.0, 2.0):
         sharp = revolved([(0.0, 0.0), (R, 0.0), (R, 0.2)], fill_height=depth * R)
         formula = Cylinder(R, depth * R).damping_ratio(1e-6)
@@ -218,7 +218,7 @@ def test_a_prism_over_a_circle_is_the_cylinder():
 @pytest.mark.parametrize("container", SHAPES, ids=lambda one: f"{one.shape} {one.size:.3g}")
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_constant_acceleration_tilts_the_surface_as_gravity_does(container, axis):
-    """η = -R a/g, whatever the shape and the number of modes."""
+    """Tests that a constant acceleration tilts the surface by η = -R a/g in any shape."""
     t = np.linspace(0.0, 30.0, 1501)
     acceleration = np.zeros((len(t), 3))
     acceleration[:, axis] = np.minimum(t / 5.0, 1.0)
@@ -241,7 +241,7 @@ def test_the_modes_share_static_tilt_and_mass(container):
 @pytest.mark.first(3)
 @pytest.mark.parametrize("container", SHAPES, ids=lambda one: f"{one.shape} {one.size:.3g}")
 def test_masses_and_frequencies_add_up_to_the_surface(container):
-    """Σ m g/ω² = ρ∫x²dS: what a tilt lifts is the same, as modes and as a plane."""
+    """Tests that masses and frequencies satisfy Σ m g/ω² = ρ∫x²dS."""
     lifted = sum(
         container.mass_ratio(n) * container.volume * GRAVITY / container.natural_frequency(n) ** 2
         for n in (1, 2, 3)
@@ -255,7 +255,7 @@ def test_masses_and_frequencies_add_up_to_the_surface(container):
 
 
 def second_moment(pieces):
-    """∫x²dA by Green's theorem."""
+    """Returns ∫x²dA over an outline by Green's theorem."""
     a = np.vstack([piece.at(np.linspace(0.0, 1.0, 501)[:-1]) for piece in pieces])
     b = np.roll(a, -1, axis=0)
     cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
@@ -279,7 +279,7 @@ def test_every_direction_of_a_hexagon_is_alike():
 
 
 def test_a_bulb_is_highest_inside():
-    """As the theorem on high spots has it (Kulczycki, Kwaśnicki, Siudeja)."""
+    """Tests that the surface in a bulb is highest away from the wall (high spots)."""
     bulb, bowl = Sphere(radius=R, fill_height=1.6 * R), Sphere(radius=R, fill_height=0.8 * R)
     ratio, place = bulb.crest(1)
     assert ratio > 1.05
@@ -383,7 +383,7 @@ def test_closed_forms_of_the_surface_are_refused():
 
 
 def test_a_shape_by_one_class():
-    """As CONTRIBUTING has it: lengths and a contour."""
+    """Tests that a new shape needs only one class with lengths and a contour."""
 
     @dataclass(frozen=True, kw_only=True, repr=False)
     class Goblet(RoundCup):

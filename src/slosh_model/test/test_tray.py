@@ -1,4 +1,4 @@
-"""A tray's file: it comes back equal, and what cannot be is named with its line."""
+"""Tests files of trays: read as written, errors with line numbers."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a planner installs by pip alone: no ROS, of this project the package that it stands on."""
+"""Tests that the model package works without ROS, with only its base package."""
 
 import os
 import shutil

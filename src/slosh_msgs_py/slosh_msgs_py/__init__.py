@@ -1,4 +1,4 @@
-"""Python helpers for slosh_msgs, as sensor_msgs_py is to sensor_msgs.
+"""Python helpers for slosh_msgs: conversions, topics, QoS and a common base for nodes.
 
 Conversions to immutable values, topic names, QoS profiles, and what every node shares.
 """

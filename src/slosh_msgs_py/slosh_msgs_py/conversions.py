@@ -1,4 +1,4 @@
-"""Fills messages by field names, with exactly the declared types.
+"""Fills messages by field name, with values of exactly the declared types.
 
 rclpy does not check field types by default: a NumPy float or an int in a float64 field goes out as
 garbage.
@@ -25,7 +25,7 @@ Message = TypeVar("Message")
 
 
 def filled(message_type: type[Message], /, **fields: Any) -> Message:
-    """Makes a message of a type with the given fields.
+    """Creates a message of a type with the given field values.
 
     Args:
         message_type: the message's class.
@@ -84,7 +84,7 @@ def _plain(kind: str, content: Any) -> Any:
 
 
 def _numbers(kind: str, content: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Returns an array of numbers; refuses finite numbers that overflow a float32."""
+    """Converts values to an array of numbers; raises an error for float32 overflow."""
     numbers = np.asarray(content, dtype=np.float64)
     if "float" in kind and np.any(np.isfinite(numbers) & (np.abs(numbers) > _FLOAT32)):
         raise ValueError("not in the range of float32")
@@ -92,7 +92,7 @@ def _numbers(kind: str, content: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 
 def _integer(kind: str, content: Any) -> int:
-    """Returns an integer in the range of 'uint8' … 'int64'; rclpy would wrap it."""
+    """Converts a value to an integer; raises an error if it exceeds the field's type."""
     number = int(content)
     bits = int(kind.lstrip("uint"))
     low, high = (0, 2**bits) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1))

@@ -1,7 +1,7 @@
-"""The root exception of the package."""
+"""The root exception of the package slosh_msgs_py."""
 
 from __future__ import annotations
 
 
 class SloshMessageError(ValueError):
-    """A message or a parameter has an invalid value; the text is one line."""
+    """Error of a message or a parameter with an invalid value; the message is one line."""

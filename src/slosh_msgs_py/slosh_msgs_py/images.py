@@ -16,7 +16,7 @@ _CHANNELS = {"mono8": 1, "bgr8": 3, "rgb8": 3}
 
 
 def image_message(pixels: NDArray[np.uint8], encoding: str, stamp_ns: int, frame_id: str) -> Image:
-    """Makes an Image message.
+    """Creates an Image message from 8-bit pixels.
 
     Args:
         pixels: (height, width) for mono8, (height, width, 3) for bgr8 and rgb8.
@@ -50,7 +50,7 @@ def image_message(pixels: NDArray[np.uint8], encoding: str, stamp_ns: int, frame
 
 
 def compressed_message(data: bytes, kind: str, stamp_ns: int, frame_id: str) -> CompressedImage:
-    """Makes a CompressedImage message; kind is 'jpeg' or 'png'."""
+    """Creates a CompressedImage message; kind is 'jpeg' or 'png'."""
     message = CompressedImage(format=kind, data=array.array("B", data))
     message.header.stamp = to_time(stamp_ns)
     message.header.frame_id = frame_id

@@ -1,4 +1,4 @@
-"""The points of trajectories as arrays.
+"""Converts the points of trajectory messages directly to arrays.
 
 rclpy makes ten objects of each point: of 200,000 points in 10 s, with 500 MB. A message type with
 point arrays leaves them out of that conversion; they are read from the structures of rosidl's C
@@ -44,7 +44,7 @@ class _Sequence(ctypes.Structure):
 
 
 class PointArrays:
-    """The points of a JointTrajectory or MultiDOFJointTrajectory.
+    """The points of a JointTrajectory or MultiDOFJointTrajectory as arrays.
 
     Args:
         points: where they lie.
@@ -79,7 +79,7 @@ class PointArrays:
 
 
 def _first_values(sequences: NDArray[Any], kind: Any) -> Array | None:
-    """Returns (N, W): all numbers, or the first element of structures."""
+    """Returns an array (N, W) with the numbers of each sequence, or None if sizes differ."""
     sizes = sequences["size"]
     if not len(sizes) or not sizes.all():
         return None
@@ -92,7 +92,7 @@ def _first_values(sequences: NDArray[Any], kind: Any) -> Array | None:
 
 
 def arrays_of(points: PointArrays | Sequence[Any], most: int) -> PointArrays:
-    """Returns the points of a trajectory as arrays; see `PointArrays`."""
+    """Returns the points of a trajectory as PointArrays."""
     if isinstance(points, PointArrays):
         return points
     # A MultiDOF point, where there is one, tells the type; otherwise both are empty.
@@ -105,14 +105,14 @@ def arrays_of(points: PointArrays | Sequence[Any], most: int) -> PointArrays:
 
 
 def unpacked(data: bytes, message_type: Any, most: int) -> Any:
-    """Deserialises a trajectory; its points are PointArrays."""
+    """Deserialises a trajectory message with its points as PointArrays."""
     return deserialize_message(data, with_point_arrays(message_type, ((),), most))
 
 
 def service_with_point_arrays(
     service_type: Any, paths: tuple[tuple[str, ...], ...], most: int
 ) -> Any:
-    """Makes a service type whose requests hold trajectory points as PointArrays.
+    """Creates a service type whose requests contain trajectory points as PointArrays.
 
     Args:
         service_type: the service.
@@ -127,7 +127,7 @@ def service_with_point_arrays(
 def action_with_point_arrays(
     action_type: Any, paths: tuple[tuple[str, ...], ...], most: int
 ) -> Any:
-    """Makes an action type whose goals hold trajectory points as PointArrays.
+    """Creates an action type whose goals contain trajectory points as PointArrays.
 
     Args:
         action_type: the action.
@@ -141,13 +141,13 @@ def action_with_point_arrays(
 
 
 def _variant(given: Any, **changed: Any) -> Any:
-    """Makes a subclass with changed attributes."""
+    """Creates a subclass with changed class attributes."""
     return type(given)(given.__name__, (given,), changed)
 
 
 @cache
 def with_point_arrays(message_type: Any, paths: tuple[tuple[str, ...], ...], most: int) -> Any:
-    """Makes a message type that rclpy fills with PointArrays for trajectory points.
+    """Creates a message type that rclpy fills with PointArrays for trajectory points.
 
     Args:
         message_type: the type.
@@ -193,7 +193,7 @@ def with_point_arrays(message_type: Any, paths: tuple[tuple[str, ...], ...], mos
 
 
 def _place_of(message_type: Any, path: tuple[str, ...]) -> tuple[int, Any]:
-    """Returns the offset of a trajectory's points in a message [bytes], and their type."""
+    """Returns offset [bytes] and type of a trajectory's points within a message."""
     offset = 0
     for name in (*path, "points"):
         offset += getattr(_structure(message_type), name).offset
@@ -204,14 +204,14 @@ def _place_of(message_type: Any, path: tuple[str, ...]) -> tuple[int, Any]:
 
 
 def _class_of(kind: Any) -> Any:
-    """Returns the message class of a namespaced type; `Plan_Goal` is `Plan.Goal`."""
+    """Returns the message class for a rosidl type; `Plan_Goal` means `Plan.Goal`."""
     module = importlib.import_module(".".join(kind.namespaces))
     return reduce(getattr, kind.name.split("_"), module)
 
 
 @cache
 def _structure(message_type: Any) -> type[ctypes.Structure]:
-    """Makes a message's structure in rosidl's C interface."""
+    """Creates the ctypes structure of a message in rosidl's C interface."""
     names = message_type.get_fields_and_field_types()
     fields = [
         (name, _kind(slot)) for name, slot in zip(names, message_type.SLOT_TYPES, strict=True)

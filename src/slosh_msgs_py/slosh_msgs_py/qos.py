@@ -1,4 +1,4 @@
-"""QoS profiles: reliable for publishers, as permissive as possible for subscriptions.
+"""QoS profiles: reliable for publishers, compatible with any publisher for subscriptions.
 
 A reader that asks for less than the writer offers is always matched; the other way round it gets
 nothing. No profile has a deadline: a reader with one hears nothing from a writer without.

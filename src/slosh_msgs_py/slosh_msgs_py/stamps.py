@@ -11,12 +11,12 @@ MAXIMUM = (2**31 - 1) * SECOND
 
 
 def to_nanoseconds(stamp: Time | Duration) -> int:
-    """Converts a Time or Duration message to nanoseconds."""
+    """Converts a Time or Duration message to whole nanoseconds."""
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 def to_time(nanoseconds: int) -> Time:
-    """Makes a Time message.
+    """Converts nanoseconds to a Time message.
 
     Raises:
         SloshMessageError: the value does not fit: negative, or after the year 2038.
@@ -28,7 +28,7 @@ def to_time(nanoseconds: int) -> Time:
 
 
 def to_duration(nanoseconds: int) -> Duration:
-    """Makes a Duration message.
+    """Converts nanoseconds to a Duration message.
 
     Raises:
         SloshMessageError: the value does not fit.

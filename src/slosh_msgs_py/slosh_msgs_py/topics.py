@@ -1,4 +1,4 @@
-"""The table of a cell's topics, services and actions, from which all lists derive.
+"""Table of a cell's topics, services and actions, from which all other lists derive.
 
 Names are relative to the cell's namespace; a name with a slash in front belongs to the whole
 graph. A new topic is one row of TOPICS, and a constant where code names it.
@@ -129,12 +129,12 @@ class Topic(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """Whether the topic belongs to the whole graph rather than to a cell."""
+        """Whether the topic name is absolute, i.e. independent of the cell's namespace."""
         return self.name.startswith("/")
 
 
 class Service(NamedTuple):
-    """A service or an action.
+    """A service or an action of a cell.
 
     Attributes:
         name: relative to the cell's namespace.
@@ -226,7 +226,7 @@ DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 
 
 class CellName(NamedTuple):
-    """A full topic name resolved to a cell's own topic.
+    """A full topic name, resolved to one of the cell's own topics.
 
     Attributes:
         namespace: of the cell; empty: the root.
@@ -241,7 +241,7 @@ class CellName(NamedTuple):
 
     @property
     def is_input(self) -> bool:
-        """Whether the robot, its planner or its camera publishes it."""
+        """Whether the topic is published by the robot, its planner or its camera."""
         if self.topic is not None:
             return self.topic.role is TopicRole.INPUT
         folder = self.name.partition("/")[0]
@@ -251,7 +251,7 @@ class CellName(NamedTuple):
 
 
 def is_input(topic: str, message_type: str = "") -> bool:
-    """Whether the robot, its planner or its camera publishes a topic, in any namespace.
+    """Whether a topic is published by the robot, its planner or its camera.
 
     Args:
         topic: its full name.
@@ -264,7 +264,7 @@ def is_input(topic: str, message_type: str = "") -> bool:
 
 
 def cell_name(topic: str, message_type: str = "") -> CellName | None:
-    """Resolves a full name to a cell's own topic, in any namespace.
+    """Resolves a full topic name to one of the cell's own topics, in any namespace.
 
     Args:
         topic: the full name.

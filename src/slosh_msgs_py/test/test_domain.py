@@ -1,4 +1,4 @@
-"""A domain of one's own: no two runs have the same, and a run that died leaves none behind."""
+"""Tests that each run reserves its own DDS domain, which a killed run releases."""
 
 import subprocess
 import sys
@@ -24,7 +24,7 @@ with own_domain() as number:
 
 
 def refused(monkeypatch, *numbers):
-    """Whether no domain is found among these."""
+    """Returns whether none of the given domain ids can be reserved."""
     monkeypatch.setattr(domain, "DOMAINS", numbers)
     try:
         with own_domain() as number:

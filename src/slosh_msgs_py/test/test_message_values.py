@@ -1,4 +1,4 @@
-"""Messages filled by names; times; images; QoS."""
+"""Tests messages filled by field names, times, images and QoS."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What nodes share: parameters, diagnostics, the process's life."""
+"""Tests the common parts of nodes: parameters, diagnostics, start and end of the process."""
 
 import os
 import re
@@ -61,7 +61,7 @@ def spin_until(node, condition, patience=20.0):
 
 
 def test_integers_are_taken_for_floats(make_node):
-    """As YAML and `ros2 param set` write whole numbers."""
+    """YAML files and `ros2 param set` write whole numbers as integers."""
     node = make_node(size=1, place=[0, 1])
     values = declare(node, SPECS)
     assert (values["size"], values["place"]) == (1.0, [0.0, 1.0])
@@ -267,7 +267,7 @@ def test_a_node_names_who_cannot_be_heard_or_hear_for_another_qos(make_node):
 
 @pytest.mark.parametrize("executor", ["events", "single"])
 def test_a_stream_outlives_a_stall_of_its_reader(make_node, monkeypatch, executor):
-    """200 messages at 1 kHz, while the reader is busy for 200 ms."""
+    """Publishes 200 messages at 1 kHz while the subscriber is busy for 200 ms."""
     monkeypatch.setenv("SLOSH_EXECUTOR", executor)
     node = make_node()
     received = []
@@ -369,7 +369,7 @@ sys.exit(run_node(Slow))
 
 @pytest.fixture
 def slow():
-    """Starts a node that gets ready once it reads a line."""
+    """Starts a node that becomes ready when it reads a line from standard input."""
     processes = []
 
     def start(*words):

@@ -1,4 +1,4 @@
-"""Shared memory: who is heard through it, and what killed processes leave there."""
+"""Tests shared-memory communication and the remains of killed processes."""
 
 import contextlib
 import fcntl
@@ -99,7 +99,7 @@ def test_a_ports_mutex_that_stays_locked_is_deleted_and_no_other(tmp_path):
 
 @pytest.mark.long
 def test_a_node_starts_where_a_killed_one_left_its_port_locked(domain):
-    """Without it the process hangs in the middleware, deaf to every signal but SIGKILL."""
+    """Without the lock the process hangs in the middleware and ignores signals but SIGKILL."""
     speaks = "import rclpy; rclpy.init(); rclpy.create_node('tested'); print('speaks')"
     taken = 7400 + 250 * domain
     locked = [mutex(Path("/dev/shm"), taken + offset, 0) for offset in range(10, 32)]
@@ -117,7 +117,7 @@ def test_a_node_starts_where_a_killed_one_left_its_port_locked(domain):
 
 
 def folders(tmp_path, ports, mapped):
-    """A folder of ports with their locks, and one of processes that have them open."""
+    """Creates a folder of ports with locks, and one of processes that have them mapped."""
     memory, processes = tmp_path / "memory", tmp_path / "processes"
     memory.mkdir()
     for port in ports:
@@ -132,7 +132,7 @@ def folders(tmp_path, ports, mapped):
 
 
 def test_dead_ports_are_held_while_somebody_has_them_open(tmp_path):
-    """Not those of the living, and not such as nobody knows any more."""
+    """Ports of running processes, and ports that nobody has mapped, are not locked."""
     dead, living, forgotten = "fastrtps_port7411", "fastrtps_port7413", "fastrtps_port7415"
     mapped = [[f"{dead} (deleted)", living], [living]]
     memory, processes = folders(tmp_path, (dead, living, forgotten), mapped)
@@ -196,7 +196,7 @@ rclpy.spin(node)
 
 @contextlib.contextmanager
 def reader():
-    """A process that prints what it reads."""
+    """A process that prints the messages that it receives."""
     command = [sys.executable, "-c", READS]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -206,12 +206,12 @@ def reader():
 
 
 def heard(process):
-    """The next message; Fast DDS tells on the same stream of ports that it did not get."""
+    """Returns the next received message, without Fast DDS's own output."""
     return next(line.strip() for line in process.stdout if "RTPS_TRANSPORT_SHM" not in line)
 
 
 def rtps_ports(process):
-    """The ports of which a process has the lock file open: its own, and what it holds."""
+    """Returns the port numbers whose lock file a process has open."""
     links = [os.readlink(link) for link in Path(f"/proc/{process.pid}/fd").iterdir()]
     ports = [int(found[1]) for link in links if (found := re.search(r"_port(\d+)_el", link))]
     return [port for port in ports if port >= 7400]
@@ -219,7 +219,7 @@ def rtps_ports(process):
 
 @pytest.fixture
 def writer(domain):
-    """Who writes to readers, what holds the ports of the dead, and how to find a reader's own."""
+    """A publisher, the held ports, and a function that finds a subscriber's port."""
     rclpy.init()
     node = rclpy.create_node("writes")
     words = node.create_publisher(String, "words", qos.EVENT)
@@ -242,7 +242,7 @@ def writer(domain):
 
 @pytest.mark.long
 def test_nobody_takes_over_the_port_of_a_killed_reader_that_is_still_written_to(writer):
-    """The writer would write to the dead one, and nothing would reach the new one."""
+    """Otherwise the publisher would still write to the killed process's port."""
     words, ports, port_of = writer
     with reader() as first:
         assert heard(first) == "hello"
@@ -260,7 +260,7 @@ def test_nobody_takes_over_the_port_of_a_killed_reader_that_is_still_written_to(
 
 
 def test_who_has_the_port_of_a_killed_reader_open_writes_to_it_no_more(writer):
-    """What is written there stays in the writer's memory, where images then find no room."""
+    """Otherwise unread messages fill the publisher's shared memory."""
     words, ports, port_of = writer
     with reader() as first:
         assert heard(first) == "hello"
@@ -294,7 +294,7 @@ def test_who_has_the_port_of_a_killed_reader_open_writes_to_it_no_more(writer):
     ],
 )
 def test_memory_that_looks_strange_is_left_alone(tmp_path, name, flags, size):
-    """As another version's of the middleware may."""
+    """The contents could be those of another version of the middleware."""
     memory, processes = folders(tmp_path, (name,), [[name]])
     content = bytearray(512)
     content[276:280], content[300] = (7411).to_bytes(4, sys.byteorder), flags
@@ -331,7 +331,7 @@ sys.exit(run_node(Loses, []))
 @pytest.mark.long
 @pytest.mark.parametrize("how", ["closed", "deleted"])
 def test_a_node_that_loses_its_port_says_so_and_ends(domain, how):
-    """It would hear nothing any more, and say so to nobody."""
+    """Otherwise the node would receive nothing without anyone noticing."""
     done = subprocess.run(
         [sys.executable, "-c", LOSES, how], capture_output=True, text=True, timeout=60, check=False
     )

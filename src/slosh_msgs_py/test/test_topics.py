@@ -1,4 +1,4 @@
-"""The table of topics: complete, true to the installed types, the source of all other lists."""
+"""Tests that the topic table is complete and matches the installed message types."""
 
 import subprocess
 import sys
@@ -81,5 +81,5 @@ assert HEIGHTS["toy"] == "std_msgs/msg/Header"
 
 
 def test_a_new_topic_is_one_row():
-    """Play, recorder, cell file and page know it: none of them has a list of its own."""
+    """Player, recorder, cell file and web page derive their topics from the one table."""
     subprocess.run([sys.executable, "-c", ONE_ROW], check=True, timeout=120)

@@ -1,4 +1,4 @@
-"""Predicts heights before the robot moves, and plans motions that keep a limit.
+"""Predicts sloshing heights before the robot moves, and plans motions within limits.
 
 Pure outside `nodes` and `tables`: no ROS, no files, no clock. SI units throughout.
 """

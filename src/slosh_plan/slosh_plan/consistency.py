@@ -1,4 +1,4 @@
-"""Checks that positions, velocities and accelerations belong to one motion.
+"""Checks that positions, velocities and accelerations describe the same motion.
 
 The second difference of the position over steps of `W`, (p(t + 2W) - 2 p(t + W) + p(t)) / W², is
 the mean of the acceleration over these 2 W, weighted with a triangle. It holds exactly, whatever
@@ -29,7 +29,7 @@ def check_consistent(
     velocities: Array | None = None,
     accelerations: Array | None = None,
 ) -> None:
-    """Checks that the given fields of a motion agree.
+    """Raises an error if the given fields of a motion contradict each other.
 
     Velocities that are all zero count as not given: they are often filled in, and not used.
 
@@ -74,7 +74,7 @@ def _check_pair(
 
 
 def _differences(t: Array, values: Array, order: int, step: float) -> Array:
-    """Returns finite differences (M, 3) over steps, at each time with enough samples."""
+    """Returns finite differences (M, 3) over a time step, where enough samples exist."""
     begin = t[: max(int(np.searchsorted(t, t[-1] - order * step, side="right")), 1)]
     at = [columns_at(begin + k * step, t, values) for k in range(order + 1)]
     change = at[1] - at[0] if order == 1 else at[2] - 2.0 * at[1] + at[0]
@@ -82,7 +82,7 @@ def _differences(t: Array, values: Array, order: int, step: float) -> Array:
 
 
 def _integrated(t: Array, values: Array, order: int) -> Array:
-    """Integrates piecewise linear values once or twice from 0."""
+    """Integrates piecewise linear values once or twice, starting from 0."""
     dt = np.diff(t)[:, np.newaxis]
     first, last = values[:-1], values[1:]
     once = np.zeros_like(values)

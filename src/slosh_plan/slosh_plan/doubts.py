@@ -1,4 +1,4 @@
-"""Plausibility checks of a planned motion: gravity, units, attitude."""
+"""Checks the gravity, units and attitude of a planned motion for plausibility."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ FAST = 20.0
 
 
 def trajectory_doubts(motion: Trajectory) -> tuple[InputDoubt, ...]:
-    """Returns what looks wrong in a motion, one sentence each; empty: nothing."""
+    """Returns one sentence for each suspected fault of a motion."""
     return motion_doubts(motion.t, motion.acceleration, motion.attitude, motion.position)
 
 
 def path_doubts(path: Waypoints) -> tuple[InputDoubt, ...]:
-    """Returns what looks wrong in a path, one sentence each; empty: nothing."""
+    """Returns one sentence for each suspected fault of a path."""
     length = float(np.linalg.norm(np.diff(path.position, axis=0), axis=1).sum())
     lasts = float(path.t[-1] - path.t[0])
     if length <= FAR and length <= FAST * lasts:

@@ -1,10 +1,10 @@
-"""The root exception of the package."""
+"""The root exception of the package slosh_plan."""
 
 from __future__ import annotations
 
 
 class SloshPlanError(ValueError):
-    """A motion or a limit cannot be used; the text is one line.
+    """An error whose one-line text says why a motion or a limit cannot be used.
 
     >>> from slosh_plan import HeightLimits, SloshPlanError
     >>> try:

@@ -1,4 +1,4 @@
-"""Heights of many motions at once, and their extremes."""
+"""Computes the sloshing heights of many motions at once, and their maxima."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PERIODS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Extremes:
-    """Extremes of a motion's heights.
+    """Maximum heights during and after a motion.
 
     Attributes:
         peak: greatest MSH [m]; infinite where the model has left its range.
@@ -46,7 +46,7 @@ def first_period(model: Model) -> float:
 
 
 def usual_horizon(model: Model) -> float:
-    """Returns the default horizon of a prediction beyond a motion's end [s]."""
+    """Returns how long a prediction continues after a motion's end by default [s]."""
     return PERIODS * first_period(model)
 
 
@@ -58,7 +58,7 @@ def all_extremes(
     *,
     max_step: float = MAXIMUM_STEP,
 ) -> list[Extremes]:
-    """Computes the extremes of many motions.
+    """Computes the maximum heights of many motions.
 
     Args:
         model: the model.
@@ -84,7 +84,7 @@ def all_extremes(
 def _heights(
     model: Model, inputs: Sequence[Inputs], modal: Array | None, max_step: float
 ) -> list[Array]:
-    """Computes heights (N, 2) of each motion; equal start times are simulated together."""
+    """Computes the heights (N, 2) of each motion; simulates those with equal start together."""
     groups: dict[float, list[int]] = {}
     for place, motion in enumerate(inputs):
         t = 0.0 if modal is None else float(motion.t[0])
@@ -99,7 +99,7 @@ def _heights(
 
 
 def msh_of(container: Container, heights: Array) -> Array:
-    """Returns the MSH (N,) of heights (N, 2) at +x and +y [m]."""
+    """Returns the maximum sloshing heights (N,) [m] from heights (N, 2) at +x and +y."""
     return container.msh(heights[:, 0], heights[:, 1])
 
 

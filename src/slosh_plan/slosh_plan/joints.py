@@ -1,4 +1,4 @@
-"""Converts joint motions to container motions by the robot's URDF and Pinocchio."""
+"""Converts joint motions to motions of the container, with URDF and Pinocchio."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Arm(Robot):
         acceleration: Array | None = None,
         name: str = "trajectory",
     ) -> Trajectory:
-        """Returns the container's motion for a joint motion.
+        """Computes the container's motion from a motion of the joints.
 
         Between the points joints move by splines, as a joint trajectory controller has them: of
         the fifth degree with velocities and accelerations, of the third with velocities, and with
@@ -79,7 +79,7 @@ class Arm(Robot):
         return self._moved(moments, joints, states, name)
 
     def wrapping(self, joints: Sequence[str], position: Array) -> list[str]:
-        """Returns joints whose angle wraps at ±π: jumps by about 2π between two points.
+        """Returns the joints whose recorded angle jumps by about 2π between two points.
 
         A joint without stops turns by less than half a turn from point to point; the angle of
         one with stops may be reported in -π … π, too.
@@ -92,11 +92,11 @@ class Arm(Robot):
         return [name for k, name in enumerate(joints) if (joined[:, k] != position[:, k]).any()]
 
     def known(self, joints: Sequence[str]) -> list[bool]:
-        """Returns which joints the robot has; a description may lack those of its gripper."""
+        """Returns which of the joints the robot's description has."""
         return [self._model.existJointName(name) for name in joints]
 
     def check_joints(self, joints: Sequence[str], name: str) -> None:
-        """Raises SloshPlanError if a joint carrying the container is missing or repeated.
+        """Raises SloshPlanError if a joint that carries the container is missing or repeated.
 
         Args:
             joints: names of the columns; those that the robot does not have are passed over.
@@ -108,7 +108,7 @@ class Arm(Robot):
                 raise SloshPlanError(f"{name}: joint {joint!r} appears twice")
 
     def limits(self, joints: Sequence[str]) -> dict[str, Array]:
-        """Returns the description's joint limits: `lower`, `upper`, `velocity`, `torque`.
+        """Returns the joint limits of the description: `lower`, `upper`, `velocity`, `torque`.
 
         (J,) each [rad or m, per second, N m or N]; infinite where there is none. Torques count
         where the description has masses.
@@ -134,7 +134,7 @@ class Arm(Robot):
         return found
 
     def poses(self, joints: Sequence[str], position: Array) -> tuple[Array, Array]:
-        """Returns the container's poses: (N, 3) [m] and (N, 4) quaternions x, y, z, w.
+        """Returns the container's positions (N, 3) [m] and quaternions x, y, z, w (N, 4).
 
         Args:
             joints: (J,) names of the columns; those that the robot does not have do not matter.
@@ -154,7 +154,7 @@ class Arm(Robot):
     def torque_terms(
         self, joints: Sequence[str], position: Array, slope: Array, bend: Array
     ) -> Array:
-        """Returns (N, 3, J) torque terms along a path: τ = α s̈ + β ṡ² + γ [N m or N].
+        """Returns joint torque terms (N, 3, J) along a path, τ = α s̈ + β ṡ² + γ [N m or N].
 
         Newton and Euler's equations; the liquid's and the container's masses count where the
         description holds them.
@@ -183,7 +183,7 @@ class Arm(Robot):
         return found
 
     def _configurations(self, joints: Sequence[str], position: Array) -> Iterator[Array]:
-        """Yields the robot's configuration of each row; other joints rest at 0."""
+        """Yields the robot's configuration vector for each row; other joints are at 0."""
         model = self._model
         places = [
             (column, model.joints[model.getJointId(name)])
@@ -203,12 +203,12 @@ class Arm(Robot):
             yield q
 
     def _columns(self, joints: Sequence[str]) -> list[tuple[Mover, int]]:
-        """Returns the joints that carry the container, each with its column."""
+        """Returns the joints that carry the container, each with its column index."""
         own = list(joints)
         return [(mover, own.index(mover.joint)) for mover in self._movers if mover.joint in own]
 
     def joined(self, joints: Sequence[str], position: Array) -> Array:
-        """Returns the positions (N, J) with wrapped angles unwrapped."""
+        """Returns the joint positions (N, J) with jumps by 2π removed."""
         joined = position.copy()
         for place, name in enumerate(joints):
             joint = (
@@ -242,7 +242,7 @@ class Arm(Robot):
     def _moved(
         self, t: Array, joints: Sequence[str], states: Sequence[Array], name: str
     ) -> Trajectory:
-        """Computes the frame's motion with exact derivatives."""
+        """Computes the motion of the tool frame with exact derivatives."""
         pin, model = self._pin, self._model
         data, columns = model.createData(), self._columns(joints)
         found = np.empty((len(t), 13))
@@ -280,7 +280,7 @@ def _checked(
 
 
 def joint_curve(t: Array, columns: Sequence[Array], name: str) -> Any:
-    """Interpolates joint positions over time [s], with derivatives, as a controller does.
+    """Interpolates joint positions over time [s] as a joint trajectory controller does.
 
     Args:
         t: (N,) [s].

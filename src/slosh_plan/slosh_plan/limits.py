@@ -1,4 +1,4 @@
-"""Limits of a motion."""
+"""Limits of the sloshing height during a motion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HIGHEST = 1.0
 
 @dataclass(frozen=True, slots=True)
 class HeightLimits:
-    """Limits of the liquid's height above the still level.
+    """Limits of the liquid's height above the still level, during and after a motion.
 
     >>> from slosh_plan import HeightLimits
     >>> HeightLimits(height=0.02).residual
@@ -55,7 +55,7 @@ class HeightLimits:
             )
 
     def under_rim(self, model: Model) -> Self:
-        """The same, with the rim, or the distance to it, as the limit where that is lower.
+        """Returns the limits, lowered to the rim or the distance to it where that is lower.
 
         Raises:
             SloshPlanError: a distance that the still liquid does not keep, or to a rim that is
@@ -71,10 +71,10 @@ class HeightLimits:
 
     @property
     def height_name(self) -> str:
-        """What limits the height, in words."""
+        """Name of what limits the height: a limit or the rim, in words."""
         return rim_name(self.rim_distance) if self.at_rim else "limit"
 
     @property
     def given(self) -> bool:
-        """Whether any limit of the height is given."""
+        """Whether any limit of the height is set."""
         return min(self.height, self.residual) < math.inf or self.rim_distance > 0.0

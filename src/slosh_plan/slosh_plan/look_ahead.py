@@ -16,7 +16,7 @@ LEAST = 3
 
 
 class Record(NamedTuple):
-    """Accuracy of past predictions in this cell; see PredictionOutcome.msg."""
+    """Accuracy of past predictions in this robot cell; see PredictionOutcome.msg."""
 
     count: int  # type: ignore[assignment]  # the message's name, over tuple.count
     sigma: float
@@ -24,12 +24,12 @@ class Record(NamedTuple):
 
     @property
     def possible(self) -> bool:
-        """Whether the record is valid: no negative count or size, no NaN."""
+        """Whether the record is valid: finite, without a negative count or size."""
         return self.count >= 0 and 0.0 <= self.sigma < math.inf and math.isfinite(self.epsilon)
 
 
 def error_of(record: Record | None) -> ModelError:
-    """Returns the model's error from the cell's record; unknown before LEAST outcomes."""
+    """Returns the model's error from past predictions, or zero error if there are too few."""
     if record is None or not record.possible or record.count < LEAST:
         return ModelError()
     return ModelError(min(record.sigma, 1.0), min(max(record.epsilon, -1.0), 10.0))
@@ -44,7 +44,7 @@ def look_ahead(
     state: LiquidState | None = None,
     error: ModelError | None = None,
 ) -> Prediction:
-    """Predicts a motion that begins shortly.
+    """Predicts the liquid's response to a motion that begins after a short delay.
 
     Args:
         model: the model.
@@ -70,7 +70,7 @@ def look_ahead(
 
 
 def warning(prediction: Prediction) -> str:
-    """Describes by how much a motion exceeds its limits; empty: it keeps them."""
+    """Returns by how much a motion exceeds its limits, as text; empty if it keeps them."""
     limits, peak = prediction.limits, prediction.nonlinear
     parts = []
     if prediction.excess > 0.0:

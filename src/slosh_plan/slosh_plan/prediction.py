@@ -1,4 +1,4 @@
-"""Predicts heights of candidate motions with uncertainty."""
+"""Predicts the sloshing heights of candidate motions with their uncertainty."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ COVERAGE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """Accuracy of the model so far: MAE and ε of the monitor or `slosh replay`.
+    """Measured accuracy of the model, from the monitor or `slosh replay`.
 
     >>> from slosh_plan import ModelError
     >>> ModelError(sigma=2e-4, epsilon=0.01)
@@ -54,7 +54,7 @@ class ModelError:
             raise SloshPlanError(f"epsilon = {self.epsilon!r} must lie in -1 … 10")
 
     def half_width(self, standard: float, height: float) -> float:
-        """Returns half the width of a height's interval, about 95 % [m].
+        """Returns half the width of the 95 % interval of a height [m].
 
         Args:
             standard: the height's standard error by the model's parameters [m].
@@ -64,7 +64,7 @@ class ModelError:
         return math.sqrt((COVERAGE * standard) ** 2 + (COVERAGE * self.sigma) ** 2 + share**2)
 
     def highest(self, limit: float) -> float:
-        """Returns the height whose interval, by MAE and ε alone, ends at a limit [m].
+        """Returns the height whose 95 % interval, by MAE and ε alone, ends at a limit [m].
 
         Raises:
             SloshPlanError: the error leaves nothing of the limit.
@@ -82,7 +82,7 @@ class ModelError:
 
 @dataclass(frozen=True, slots=True)
 class ModelAnswer:
-    """One model's prediction of a motion.
+    """Prediction of a motion by one model.
 
     Attributes:
         model: its name.
@@ -104,7 +104,7 @@ class ModelAnswer:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Prediction:
-    """Prediction of a motion.
+    """Prediction of the sloshing heights of a motion.
 
     >>> import slosh
     >>> found = slosh.predict("cup/model.yaml", "move.csv", limit=0.02)
@@ -145,23 +145,23 @@ class Prediction:
 
     @property
     def excess(self) -> float:
-        """Excess of the interval's upper end over the height limit [m]; 0: none."""
+        """Excess of the interval's upper end over the height limit [m], or 0 if it is kept."""
         return max(self.upper - self.limits.height, 0.0)
 
     @property
     def residual_excess(self) -> float:
-        """Excess of the residual's upper end over its limit [m]; 0: none."""
+        """Excess of the residual's upper end over its limit [m], or 0 if it is kept."""
         return max(self.residual_upper - self.limits.residual, 0.0)
 
     @property
     def margin(self) -> float:
-        """Part of the limit needed for the model's error [m]; 0: no solution."""
+        """Distance from the predicted peak to the upper end of its interval [m]."""
         finite = math.isfinite(self.upper)
         return self.upper - self.nonlinear.peak if finite else 0.0
 
     @property
     def kept(self) -> bool:
-        """Whether both limits are kept by the whole interval."""
+        """Whether the whole interval keeps both limits."""
         return self.excess == 0.0 and self.residual_excess == 0.0
 
 
@@ -174,7 +174,7 @@ def predict(
     horizon: float | None = None,
     error: ModelError | None = None,
 ) -> list[Prediction]:
-    """Predicts one or many motions.
+    """Predicts the sloshing heights of one or many motions.
 
     The interval holds the model's parameters, where it has their covariance, and its measured
     error: half of it is √((2 s)² + (2 MAE)² + (ε · peak)²) with the standard error s of the peak,
@@ -230,7 +230,7 @@ def _predicted(
     horizon: float,
     error: ModelError,
 ) -> list[Prediction]:
-    """Predicts motions of one kind."""
+    """Predicts the heights of motions that the same model covers."""
     inputs = [one.inputs(horizon) for one in given]
     ends = [float(one.t[-1]) for one in given]
     linear_modal, modal = (state.linear, state.nonlinear) if state else (None, None)
@@ -261,7 +261,7 @@ def _predicted(
 
 
 def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:
-    """Refuses motions with gaps, across which interpolation is invalid.
+    """Raises an error if a motion has gaps, over which interpolation is not valid.
 
     Raises:
         SloshPlanError: the line names the motion, and the longest gap's time and length.
@@ -272,7 +272,7 @@ def check_gaps(model: Model, trajectories: Sequence[Trajectory]) -> None:
 
 
 def checked_horizon(model: Model, horizon: float | None) -> float:
-    """Returns the horizon [s], by default the usual one.
+    """Returns how long to predict after the motion's end [s], or the default for None.
 
     Raises:
         SloshPlanError: an impossible one.
@@ -360,7 +360,7 @@ def _answer(model: Model, found: Extremes, quiet: float, horizon: float) -> Mode
 
 
 def _settling(model: Model, found: Extremes, quiet: float, horizon: float) -> float:
-    """Extrapolates the settling time from the last period by the first mode's decay."""
+    """Extrapolates the settling time [s] from the last simulated period by its decay."""
     if found.residual <= quiet:
         return 0.0
     if not math.isfinite(found.last):

@@ -1,4 +1,4 @@
-"""Reads a robot's description (URDF) and joint limits."""
+"""Reads the description of a robot (URDF) and its joint limits."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class CarryingRobot:
     given: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def limits(self, joints: Sequence[str]) -> JointLimits:
-        """The limits of joints."""
+        """Returns the limits of the named joints."""
         return limits_of(self.arm, joints, self.given)
 
     def path(
@@ -40,7 +40,7 @@ class CarryingRobot:
         name: str,
         stopped: Callable[[], bool] = never,
     ) -> Path:
-        """Makes the container's path for joint waypoints.
+        """Creates the container's path from joint waypoints.
 
         Raises:
             SloshPlanError, StoppedError: as `joint_path`.
@@ -55,7 +55,7 @@ class CarryingRobot:
 def read_robot(
     urdf: str | FilePath, tool_frame: str, joint_limits: str | FilePath = ""
 ) -> CarryingRobot | None:
-    """Reads the robot's files; None: none is named.
+    """Reads the files of the robot, or returns None if no file is named.
 
     Args:
         urdf: its description; empty: none.
@@ -72,7 +72,7 @@ def read_robot(
 
 
 def read_arm(path: str | FilePath, tool_frame: str) -> Arm:
-    """Reads the robot in a URDF file.
+    """Reads a robot from a URDF file.
 
     Args:
         path: the file.

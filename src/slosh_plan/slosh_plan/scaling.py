@@ -1,4 +1,4 @@
-"""Finds which uniform time scales of a motion keep the limits.
+"""Finds the uniform time scales of a motion that keep the limits.
 
 Which do is not monotone: a motion whose residual is limited may be safe, unsafe and safe again as
 it slows down, as its spectrum's zeros pass the liquid's frequency. So the whole range is looked
@@ -40,7 +40,7 @@ COUNT = TUNING.scales
 
 @dataclass(frozen=True, slots=True)
 class SafeScales:
-    """Time scales that keep the limits.
+    """Time scales of a motion that keep the limits.
 
     >>> import numpy as np
     >>> from slosh_model import read_model
@@ -69,14 +69,14 @@ class SafeScales:
 
     @property
     def safe_from(self) -> float:
-        """Smallest scale above which all slower ones are safe; NaN: none."""
+        """Smallest scale from which on all slower ones are safe, or NaN if there is none."""
         if self.intervals and self.intervals[-1][1] == self.slowest:
             return self.intervals[-1][0]
         return math.nan
 
     @property
     def islands(self) -> tuple[tuple[float, float], ...]:
-        """Faster safe intervals, separated by unsafe ones."""
+        """Intervals of safe scales that are separated from slower safe ones."""
         end = len(self.intervals) - (not math.isnan(self.safe_from))
         return self.intervals[:end]
 
@@ -92,7 +92,7 @@ def safe_scales(
     count: int = COUNT,
     most: float = math.inf,
 ) -> SafeScales:
-    """Finds the time scales at which a motion keeps the limits with the NL model.
+    """Finds the time scales with which a motion keeps the limits, by the nonlinear model.
 
     >>> import numpy as np
     >>> from slosh_model import read_model
@@ -148,13 +148,13 @@ def safe_scales(
 
 @dataclass(slots=True, eq=False)
 class _Budget:
-    """Maximum and used number of simulated samples."""
+    """Maximum number of simulated samples, and how many were used."""
 
     most: float
     used: int = 0
 
     def take(self, samples: Array) -> None:
-        """Raises SloshPlanError if the samples exceed the budget."""
+        """Adds samples; raises SloshPlanError if they exceed the maximum."""
         self.used += int(samples.sum())
         if self.used > self.most:
             raise SloshPlanError(
@@ -166,7 +166,7 @@ class _Budget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Scan:
-    """Settings of the scan."""
+    """Settings for the scan over time scales."""
 
     model: Model
     trajectory: Trajectory
@@ -176,7 +176,7 @@ class _Scan:
     budget: _Budget
 
     def looked_at(self, scales: Array) -> Bools:
-        """Returns whether each scale is safe: coarsely, or fully if that is doubtful."""
+        """Returns whether each scale is safe; a full simulation decides doubtful scales."""
         found = self._coarse(scales)
         safe = np.array([self._keeps(one) for one in found])
         doubtful = np.flatnonzero([self._doubtful(one) for one in found])
@@ -185,7 +185,7 @@ class _Scan:
         return safe
 
     def exact(self, scales: Array) -> Bools:
-        """Returns whether each scale is safe, with every sample simulated."""
+        """Returns whether each scale is safe, by a simulation of every sample."""
         found: list[Extremes] = []
         for batch in self._batches(scales, PEAK_SPACING, len(self.trajectory.t)):
             motions = [self.trajectory.scaled(float(scale)) for scale in batch]
@@ -211,7 +211,7 @@ class _Scan:
         return found
 
     def _batches(self, scales: Array, spacing: float, fewest: int) -> list[Array]:
-        """The scales in parts of TUNING.batch samples.
+        """Divides the scales into batches of at most TUNING.batch samples.
 
         Args:
             scales: the scales.
@@ -242,7 +242,7 @@ class _Scan:
 def _refined(
     exact: Callable[[Array], Bools], scales: Array, safe: Bools
 ) -> tuple[tuple[float, float], ...]:
-    """Returns intervals of safe scales with refined edges."""
+    """Returns the intervals of safe scales with refined edges."""
     edges = np.flatnonzero(safe[1:] != safe[:-1])
     low, high = scales[edges], scales[edges + 1]
     rising = safe[edges + 1]
@@ -265,7 +265,7 @@ def _refined(
 
 
 def _fastest(model: Model, trajectory: Trajectory) -> float:
-    """Returns the scale at which the motion reaches the model's validity limits."""
+    """Returns the scale at which the motion reaches the model's limits of validity."""
     acceleration, jerk = greatest(trajectory)
     reached = max(
         math.sqrt(acceleration / model.limits.acceleration), (jerk / model.limits.jerk) ** (1 / 3)
@@ -274,7 +274,7 @@ def _fastest(model: Model, trajectory: Trajectory) -> float:
 
 
 def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float | None:
-    """Returns the scale above which the linear bound proves safety; None: no bound.
+    """Returns the scale above which a linear bound proves safety, or None.
 
     It does not where gravity or the container's turning drives the liquid: those do not fade with
     1/scale².
@@ -299,7 +299,7 @@ def _bound(model: Model, trajectory: Trajectory, limits: HeightLimits) -> float 
 
 
 class Averaged:
-    """A motion with accelerations averaged to fewer samples.
+    """A motion whose accelerations can be averaged to fewer samples.
 
     The averages keep what moves the liquid, the acceleration's integral, also of noise and jumps.
 
@@ -336,7 +336,7 @@ class Averaged:
         return Trajectory(moments, change / (2.0 * half), name=self._trajectory.name)
 
     def _speed_at(self, moments: Array) -> Array:
-        """Integrates the linearly interpolated acceleration; constant beyond the ends."""
+        """Integrates linearly interpolated accelerations to speeds at given times."""
         t, acceleration = self._trajectory.t, self._trajectory.acceleration
         inside = np.clip(moments, t[0], t[-1])
         left = np.clip(np.searchsorted(t, inside, side="right") - 1, 0, len(t) - 2)

@@ -14,7 +14,7 @@ from slosh_plan.errors import SloshPlanError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiquidState:
-    """The liquid's state, in the axes of `slosh_model.State.modal`.
+    """State of the liquid in both models, in the axes of `slosh_model.State.modal`.
 
     >>> import numpy as np
     >>> from slosh_plan import LiquidState
@@ -45,7 +45,7 @@ class LiquidState:
 
 
 def begun(model: Model, modal: Array | None, t: float) -> State | None:
-    """Makes a model's state at the start t of a motion [s]; None: at rest.
+    """Returns a model's state at the start of a motion [s], or None at rest.
 
     Raises:
         SloshPlanError: the state of another model.

@@ -36,12 +36,12 @@ BACKWARDS = 1e-9
 
 
 class NoSafeStopError(SloshPlanError):
-    """No stop of the family keeps the limits."""
+    """Error that no stop in the searched family keeps the limits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stop:
-    """A stop that keeps every limit.
+    """A stop of the container that keeps every limit.
 
     Attributes:
         trajectory: 1 kHz, from now at t = 0; positions from where the container is now [m].
@@ -65,7 +65,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """Present motion of the container."""
+    """Present velocity and acceleration of the container."""
 
     velocity: Array
     acceleration: Array
@@ -79,7 +79,7 @@ class _Moving:
         return self.velocity / self.speed
 
     def law(self, duration: float, bumps: tuple[float, float], t: Array) -> tuple[Array, Array]:
-        """Returns velocity [m/s] and acceleration [m/s²], (N, 3) each, at times t from now [s]."""
+        """Returns velocity [m/s] and acceleration [m/s²] (N, 3) at times t from now [s]."""
         u = t / duration
         rest, half = 1.0 - u, 1.0 - 2.0 * u
         early, late = bumps
@@ -106,7 +106,7 @@ def safe_stop(
     acceleration: ArrayLike = (0.0, 0.0, 0.0),
     state: LiquidState | None = None,
 ) -> Stop:
-    """Finds the quickest stop of the family within the limits, for an upright container.
+    """Finds the quickest stop of an upright container that keeps the limits.
 
     >>> from slosh_model import Model
     >>> cup = Model.from_cup(diameter=0.08, fill_height=0.06)
@@ -176,7 +176,7 @@ def _checked(velocity: ArrayLike, acceleration: ArrayLike, limits: PlanLimits) -
 
 
 def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
-    """From what the acceleration allows at best to TUNING.longest_stop [s]."""
+    """Yields durations [s] from the shortest possible one to TUNING.longest_stop."""
     duration = whole_rows(max(moving.speed / limits.acceleration, 10.0 * STEP))
     while duration <= TUNING.longest_stop:
         yield duration
@@ -184,7 +184,7 @@ def _durations(moving: _Moving, limits: PlanLimits) -> Iterator[float]:
 
 
 def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple[float, float]]:
-    """Yields the law's parameters that keep acceleration and jerk, on a coarse grid."""
+    """Returns parameters of stops that keep the limits of acceleration and jerk."""
     t = np.linspace(0.0, duration, TUNING.stop_rows)
     plain, early, late = (
         moving.law(duration, pair, t) for pair in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
@@ -209,7 +209,7 @@ def _allowed(moving: _Moving, duration: float, limits: PlanLimits) -> list[tuple
 def _keeps(
     moving: _Moving, duration: float, bumps: tuple[float, float], limits: PlanLimits
 ) -> bool:
-    """Whether a law keeps acceleration and jerk in every row of the stop."""
+    """Returns whether a stop keeps the limits of acceleration and jerk in every row."""
     acceleration = moving.law(duration, bumps, _rows(duration, STEP))[1]
     jerk = np.linalg.norm(np.diff(acceleration, axis=0), axis=1).max() / STEP
     size = float(np.linalg.norm(acceleration, axis=1).max())
@@ -240,7 +240,7 @@ def _heights(
 
 
 def _excess(found: Extremes, limits: PlanLimits) -> float:
-    """Returns the larger relative excess of both limits; at most 0: kept."""
+    """Returns the larger relative excess over both limits; up to 0 if they are kept."""
     return max(found.peak / limits.height, found.residual / limits.residual) - 1.0
 
 

@@ -36,7 +36,7 @@ _WIDTHS = {"acceleration": "xyz", "attitude": "xyzw", "angular_velocity": "xyz",
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """A motion of the container from rest; the acceleration is piecewise linear.
+    """A motion of the container from rest, with piecewise linear acceleration.
 
     >>> import numpy as np
     >>> from slosh_plan import Trajectory
@@ -86,7 +86,7 @@ class Trajectory:
         attitude: ArrayLike | None = None,
         name: str = "trajectory",
     ) -> Trajectory:
-        """Makes the rest-to-rest motion through poses.
+        """Creates a motion through poses, from rest to rest.
 
         The positions are joined by the cubic spline that rests at both ends: its acceleration is
         continuous and linear between the poses, which is what the simulation takes; nothing is
@@ -130,7 +130,7 @@ class Trajectory:
 
     @property
     def turns(self) -> bool:
-        """Whether the motion includes the container's attitude."""
+        """Whether the motion contains the attitude of the container."""
         return self.attitude is not None or self.angular_velocity is not None
 
     def scaled(self, factor: float) -> Trajectory:
@@ -159,7 +159,7 @@ class Trajectory:
         return other
 
     def after_rest(self, seconds: float) -> Trajectory:
-        """Returns the motion after a rest of some duration [s].
+        """Returns the motion preceded by a rest of given duration [s].
 
         Raises:
             SloshPlanError: it gets too long.
@@ -182,7 +182,7 @@ class Trajectory:
         )  # fmt: skip
 
     def inputs(self, horizon: float = 0.0, spacing: float = PEAK_SPACING) -> Inputs:
-        """Returns the inputs for the simulation, with rest for `horizon` after the motion [s].
+        """Returns simulation inputs: the motion, then rest for `horizon` [s].
 
         Args:
             horizon: how long it rests.
@@ -301,7 +301,7 @@ def _check_sizes(trajectory: Trajectory) -> None:
 
 
 def dense(t: Array, spacing: float) -> Array:
-    """Inserts times where the spacing is too large.
+    """Returns times with more times inserted where the spacing is too large.
 
     >>> dense(np.array([0.0, 0.5, 1.5]), spacing=0.5).tolist()  # s
     [0.0, 0.5, 1.0, 1.5]

@@ -1,13 +1,19 @@
-"""Motions of a tray: what each container's liquid does, and which limits all of them."""
+"""Predicts motions of a tray with several containers, and finds their limits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
+from slosh_model.standing_use import StandingUse, standing_use
+from slosh_model.tilt import attitude_of, feeling
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.heights import usual_horizon
 from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import ModelError, Prediction, predict
 from slosh_plan.scaling import SafeScales, safe_scales
@@ -17,24 +23,40 @@ L = TypeVar("L", bound=HeightLimits)
 
 
 class TrayPrediction(NamedTuple):
-    """What is predicted of a motion of a tray.
+    """Prediction for a motion of a tray.
 
     Attributes:
         containers: the prediction of each, by name.
         worst: name of the one that is nearest to its limit, or farthest above.
+        standing: how much of friction and base each uses that stands loosely, by name.
     """
 
     containers: Mapping[str, Prediction]
     worst: str
+    standing: Mapping[str, StandingUse] = MappingProxyType({})
+
+    @property
+    def stands(self) -> bool:
+        """Whether no container slides, tips or lifts off."""
+        return all(use.stands for use in self.standing.values())
+
+    @property
+    def loose_words(self) -> list[str]:
+        """Sentences on the containers that stand loosely: how much of what holds them is used."""
+        return [
+            f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
+            f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"
+            for name, use in self.standing.items()
+        ]
 
     @property
     def of_worst(self) -> Prediction:
-        """The prediction of the worst container."""
+        """Prediction for the container that is nearest to its limit, or farthest above it."""
         return self.containers[self.worst]
 
 
 def limits_of(one: TrayContainer, limits: L) -> L:
-    """The limits of a container: its own height where that is lower, and its residual likewise."""
+    """Returns the limits of a container, lowered to its own height limit."""
     if not one.limit < limits.height:
         return limits
     share = one.limit / limits.height if math.isfinite(limits.height) else 1.0
@@ -49,7 +71,7 @@ def predict_tray(
     horizon: float | None = None,
     error: ModelError | None = None,
 ) -> list[TrayPrediction]:
-    """Predicts motions of a tray; see `slosh_plan.predict`.
+    """Predicts the liquid in all containers for motions of a tray.
 
     Args:
         tray: the tray; each container is driven by the acceleration of its place.
@@ -70,14 +92,24 @@ def predict_tray(
     found = []
     for place in range(len(trajectories)):
         containers = {name: answers[place] for name, answers in by_name.items()}
-        found.append(
-            TrayPrediction(containers, max(containers, key=lambda n: _use(containers[n])))
-        )
+        worst = max(containers, key=lambda name: _use(containers[name]))
+        found.append(TrayPrediction(containers, worst, _standing(tray, trajectories[place])))
     return found
 
 
+def _standing(tray: Tray, motion: Trajectory) -> Mapping[str, StandingUse]:
+    """How much of friction and base each container uses that stands loosely."""
+    return {
+        one.name: standing_use(
+            feeling(one.placed, attitude_of(motion)), one.standing,
+            motion.inputs(usual_horizon(one.model)), np.array(one.place),
+        )
+        for one in tray.containers if one.standing is not None
+    }  # fmt: skip
+
+
 def _use(found: Prediction) -> float:
-    """How much of its limits a container uses; without a limit its height in metres."""
+    """Returns what fraction of its limits a container uses, or its height [m] without limits."""
     height, residual = found.limits.height, found.limits.residual
     if math.isinf(height) and math.isinf(residual):
         return found.upper
@@ -92,7 +124,7 @@ def tray_scales(
     *,
     horizon: float | None = None,
 ) -> SafeScales:
-    """The time scales at which every container keeps its limits; see `slosh_plan.safe_scales`.
+    """Returns the time scales with which every container on the tray keeps its limits.
 
     Args:
         tray, motion, limits, horizon: as above.
@@ -120,7 +152,7 @@ def tray_scales(
 
 
 def _open(scales: SafeScales, slowest: float) -> list[tuple[float, float]]:
-    """The safe intervals; one that reaches the slowest scale looked at goes on to a slower one."""
+    """Returns the safe intervals; one that reaches the slowest scale is extended."""
     return [(a, slowest if b == scales.slowest else b) for a, b in scales.intervals]
 
 

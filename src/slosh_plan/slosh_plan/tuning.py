@@ -1,4 +1,4 @@
-"""The tuning numbers of planned, scaled, shaped and stopped motions."""
+"""Tuning numbers of planned, scaled, shaped and stopped motions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class PlanTuning:
-    """Tuning numbers for the search, sampling and checks of motions.
+    """Assumptions of the search, the sampling and the checks of motions.
 
     Checked by `validation/studies/plan_tables.py` and `validation/studies/joint_plan_tables.py`:
     times against the known laws, and no limit exceeded.
@@ -56,6 +56,13 @@ class PlanTuning:
     search_rounds: int = number(8, "1", "how often a limit is lowered")
     ahead: float = number(0.004, "1", "part by which heights are lowered at first")
     slack: float = number(2e-4, "1", "part by which a limit is lowered beyond its excess")
+    most_liquids: int = number(4, "1", "models whose liquids are unknowns of one search")
+    # planning/robust.py
+    robust_rounds: int = number(10, "1", "plans that are tried for all likely parameters")
+    apart: tuple[float, ...] = number(
+        (0.8, 0.3, 0.0), "1", "least distances of scenarios by the region's radius, tried in turn"
+    )
+    nominal_share: float = number(0.3, "1", "part of the time limit for the model's own plan")
     # planning/execution.py
     near: float = number(1.5e-4, "m", "distance at which a motion passes a waypoint")
     same_time: float = number(2e-5, "s", "time from a row at which a waypoint is that row")

@@ -1,4 +1,4 @@
-"""Checks a motion against the models' range of validity."""
+"""Checks whether a motion is within the models' range of validity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ JERK_TIME = 0.02
 
 
 class MotionFlag(IntFlag):
-    """Limitations of a prediction; the values of SloshEstimate.msg."""
+    """Limitations of a prediction; the values are those of SloshEstimate.msg."""
 
     NONE = 0
     PLANARITY_LOST = 1
@@ -29,7 +29,7 @@ class MotionFlag(IntFlag):
 
 
 def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFlag:
-    """Flags of a motion on which the liquid rises to `peak` [m]."""
+    """Returns the validity flags of a motion with a peak height [m]."""
     limits, rim = model.limits, model.container.height_below_rim()
     acceleration, jerk = greatest(trajectory)
     flags = MotionFlag.NONE
@@ -51,7 +51,7 @@ def motion_flags(model: Model, trajectory: Trajectory, peak: float) -> MotionFla
 
 
 def greatest(motion: Trajectory | Inputs) -> tuple[float, float]:
-    """Returns the greatest ‖a‖ [m/s²] and its greatest change over JERK_TIME [m/s³]."""
+    """Returns the greatest acceleration [m/s²] and jerk [m/s³] of a motion."""
     t, acceleration = motion.t, motion.acceleration
     before = columns_at(t - JERK_TIME, t, acceleration)
     jerk = np.linalg.norm(acceleration - before, axis=1) / JERK_TIME

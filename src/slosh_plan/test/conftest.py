@@ -1,4 +1,4 @@
-"""A cup, a straight line, and equations that are written down and integrated here."""
+"""Test tools: a cup, a straight line, and independently integrated equations."""
 
 import numpy as np
 import pytest
@@ -14,14 +14,14 @@ RADIUS, FILL = 0.05, 0.07
 
 @pytest.fixture(scope="session")
 def cup():
-    """3D-NL of the cup of DL22."""
+    """Returns the 3D nonlinear model of the cup in DL22."""
     model = Model(Cylinder(RADIUS, FILL), damping_ratio=0.01)
     return model.with_effect("vertical_acceleration").with_effect("surface_nonlinearity")
 
 
 @pytest.fixture(scope="session")
 def line():
-    """Makes a straight line from rest to rest."""
+    """Returns a function that creates a straight line from rest to rest."""
 
     def make(duration=1.0, stroke=0.4, rate=1000.0, name="line"):
         t = np.linspace(0.0, duration, round(duration * rate) + 1)
@@ -37,7 +37,7 @@ def line():
 
 @pytest.fixture(scope="session")
 def reference():
-    """Wall heights (N,) of the cup's NL or L model by an adaptive method, from the text of DL22.
+    """Returns a function that integrates the equations of DL22 for the cup's wall heights.
 
     Equations (11), (14) and (15), Table 1 and 2: written down here, not taken from the package.
     """
@@ -76,7 +76,7 @@ def reference():
 
 @pytest.fixture(scope="session")
 def check_plan():
-    """Checks what a plan of a model promises, without the product's simulation."""
+    """Returns a function that checks the promises of a plan by independent means."""
 
     def check(answer, points, model, limits, attitude=None):
         motion = answer.found.motion
@@ -93,7 +93,7 @@ def check_plan():
 
 @pytest.fixture(scope="session")
 def random_path():
-    """Waypoints by a seed: two to five steps of some decimetres, without sharp turns."""
+    """Returns a function that creates random waypoints without sharp turns from a seed."""
 
     def make(seed, straightest=0.6):
         generator = np.random.default_rng(seed)

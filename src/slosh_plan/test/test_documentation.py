@@ -1,4 +1,4 @@
-"""The page's example runs as it stands."""
+"""Tests that the example on the documentation page runs."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""Plans of joints: the same path, every limit kept, as fast as known laws or faster."""
+"""Tests plans of joint motions: same path, all limits kept, as fast as known laws."""
 
 import math
 
@@ -59,14 +59,14 @@ def planned(request, arm):
 
 
 def by_hand(joints):
-    """The cup's place in the plane and its height, without Pinocchio."""
+    """Returns the cup's position for joint angles, without Pinocchio."""
     shoulder, elbow = joints[:, 0], joints[:, 0] + joints[:, 1]
     plane = UPPER * np.exp(1j * shoulder) + FORE * np.exp(1j * elbow)
     return np.column_stack([plane.real, plane.imag, np.full(len(joints), 0.1)])
 
 
 def attitude_by_hand(joints):
-    """Yaw of both links, then the wrist about y: quaternions x, y, z, w."""
+    """Returns the cup's quaternions x, y, z, w for joint angles, without Pinocchio."""
     yaw, lean = 0.5 * (joints[:, 0] + joints[:, 1]), 0.5 * joints[:, 2]
     return np.column_stack([
         -np.sin(yaw) * np.sin(lean), np.cos(yaw) * np.sin(lean),
@@ -75,7 +75,7 @@ def attitude_by_hand(joints):
 
 
 def test_a_plan_keeps_every_limit_by_other_means(planned):
-    """Positions differentiated twice, kinematics by hand, and the liquid on that."""
+    """Tests that a plan keeps every limit by kinematics written out by hand."""
     _, answer, _ = planned
     joints, step = answer.found.motion.joints, answer.found.motion.step
     for order, names in enumerate((("velocity",), ("acceleration",), ("jerk",)), start=1):
@@ -102,7 +102,7 @@ def test_a_plan_keeps_every_limit_by_other_means(planned):
 
 
 def test_torques_are_those_of_two_links_in_the_plane(planned):
-    """Against the textbook's equations of motion; the wrist's axis carries nothing."""
+    """Tests torques against the textbook equations of two links in a plane."""
     _, answer, _ = planned
     joints = answer.found.motion.joints
     q, v, a = joints.position, joints.velocity, joints.acceleration
@@ -147,7 +147,7 @@ def test_shares_of_the_limits_slow_a_plan(arm):
 
 
 def test_a_curve_with_velocities_is_the_controllers_own(arm):
-    """Cubic between points with velocities: the path follows it, not the points alone."""
+    """Tests that the path follows the cubic curve of a controller between points."""
     t = np.array([0.0, 1.0])
     ends = np.array([[0.0, 0.4, 0.0], [1.0, 0.4, 0.0]])
     rate = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0]])

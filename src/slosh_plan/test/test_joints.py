@@ -1,4 +1,4 @@
-"""Motions of joints, against a two-link arm whose kinematics are written down here."""
+"""Tests joint motions against a two-link arm with kinematics written out here."""
 
 import math
 import sys
@@ -27,7 +27,7 @@ NAMES = ("shoulder", "elbow")
 
 
 def swing(t):
-    """Joint angles with two derivatives, at rest at both ends of two seconds."""
+    """Returns joint angles of a 2 s motion with first and second derivative."""
     turn = math.pi * t
     values = [(0.4, 0.3), (-0.9, 0.5)]
     angle = np.column_stack([a + b * (1 - np.cos(turn)) for a, b in values])
@@ -37,7 +37,7 @@ def swing(t):
 
 
 def by_hand(t):
-    """Position, acceleration and yaw rate of the cup in the plane: e^{iθ} for each link."""
+    """Returns position, acceleration, yaw rate and yaw of the cup in the plane."""
     angle, rate, change = swing(t)
     position, acceleration = np.zeros((2, len(t)), dtype=complex)
     for length, count in ((UPPER, 1), (FORE, 2)):
@@ -59,7 +59,7 @@ T = np.linspace(0.0, 2.0, 201)
 @needs_pinocchio
 @pytest.mark.parametrize("given", [1, 2])
 def test_angles_that_wrap_are_joined(arm, given):
-    """A joint without stops, and one with stops whose driver reports -π … π all the same."""
+    """Tests joint angles that wrap at ±π, for joints with and without stops."""
     states = swing(T)[:given]
     turned = states[0] + np.array([2.4, 4.0])
     wrapped = (turned + np.pi) % (2.0 * np.pi) - np.pi

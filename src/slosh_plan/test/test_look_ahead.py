@@ -1,4 +1,4 @@
-"""What is said of a motion before it begins."""
+"""Tests predictions of a motion before it begins."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Every planned motion keeps every limit, by equations and an integrator of the tests' own."""
+"""Tests that every planned motion keeps every limit, by independent integration."""
 
 import pytest
 
@@ -26,7 +26,7 @@ QUICK = (2, 4)
     ],
 )
 def test_random_paths_keep_the_limits(seed, random_path, check_plan):
-    """Containers and limits in turn; every fifth path has corners of any angle."""
+    """Tests random paths with different containers and limits, some with corners."""
     model = Model(CONTAINERS[seed % 3]).spatial().nonlinear()
     limits = PlanLimits(HEIGHTS[seed // 3 % 3], RESIDUAL, 9.5, 74.0)
     points = random_path(seed, -1.0 if seed % 5 == 1 else 0.6)

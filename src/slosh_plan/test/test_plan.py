@@ -29,7 +29,7 @@ needs_casadi = pytest.mark.skipif(not optimise.available(), reason="CasADi is no
 
 @pytest.fixture(scope="module")
 def line():
-    """The optimal motion along a line."""
+    """Returns the optimal motion along a line."""
     return plan(CUP, path_through(LINE), LIMITS)
 
 
@@ -83,7 +83,7 @@ def test_a_covariance_gives_an_interval_that_is_wider_than_the_answer():
     "time_limit", [0.0, pytest.param(30.0, marks=needs_casadi)], ids=["known law", "optimal"]
 )
 def test_the_models_error_is_kept_off_the_limits(time_limit):
-    """The upper ends of the intervals keep them, and are those that `predict` tells."""
+    """Tests that the upper ends of the intervals keep the limits."""
     error = ModelError(sigma=0.0002, epsilon=0.1)
     answer = plan(CUP, path_through(LINE), LIMITS, error=error, time_limit=time_limit)
     found, motion = answer.found, answer.found.motion

@@ -26,7 +26,7 @@ EVIL = '</style><script>window.hacked=1</script><img src=x onerror="hacked=1"> \
 
 
 def report_of(model=UNSURE, times=(0.0, 0.2, 0.4, 0.6), points=POINTS, limits=LIMITS):
-    """A report on the fastest known law: the page is the same for an optimal one."""
+    """Returns a report on the fastest known time law."""
     waypoints = Waypoints(np.array(times), points, None)
     answer = plan(model, path_through(points), limits, time_limit=0.0)
     return make_report(model, answer, waypoints, "path.csv with model.yaml")

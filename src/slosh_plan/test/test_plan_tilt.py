@@ -1,4 +1,4 @@
-"""Plans of a container that may tilt."""
+"""Tests plans of a container that may tilt."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ TEN = replace(LIMITS, tilt=math.radians(10.0))
 
 @pytest.fixture(scope="module")
 def tilting():
-    """A cup that may tilt by 10°."""
+    """Returns a plan for a cup that may tilt by 10°."""
     return plan(CUP, path_through(LINE), TEN)
 
 

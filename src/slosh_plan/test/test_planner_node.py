@@ -1,4 +1,4 @@
-"""The planner over DDS: it plans, tells how far it is, ends when asked, refuses with a reason."""
+"""Tests the planner node over DDS: plans, feedback, cancelling and refusals."""
 
 import math
 import threading
@@ -59,7 +59,7 @@ needs_casadi = pytest.mark.skipif(not optimise.available(), reason="CasADi is no
 
 
 class Cell(Graph):
-    """The node in threads of its own, and who asks it."""
+    """The planner node in its own threads, with a client."""
 
     def __init__(self) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -127,7 +127,7 @@ def request(places: Any = LINE, limit: float = 0.015, **fields: Any) -> PlanRequ
 
 
 def check_motion(plan: MotionPlan, places: Any, limit: float = 0.015) -> None:
-    """What was returned, joined as a controller joins it, at 1 kHz."""
+    """Checks a returned motion, interpolated at 1 kHz as by a controller."""
     points = plan.trajectory.points
     t = np.array([1e-9 * to_nanoseconds(point.time_from_start) for point in points])
     position, velocity, acceleration = (
@@ -286,7 +286,7 @@ def test_liquid_above_the_limit_is_waited_for(cell: Cell) -> None:
 
 
 def of_joints(names: Any = ("finger", "elbow", "shoulder")) -> JointTrajectory:
-    """Joints in any order, with a gripper's that the robot's description lacks."""
+    """Returns a trajectory of joints in any order, including those of a gripper."""
     made = JointTrajectory(joint_names=list(names))
     for t, places in ((0.0, (0.0, 0.3, 0.0)), (1.0, (0.0, 0.7, 0.5)), (2.0, (0.0, 0.9, 1.2))):
         point = JointTrajectoryPoint(positions=list(places[: len(names)]))

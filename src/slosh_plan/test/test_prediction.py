@@ -1,4 +1,4 @@
-"""What is predicted of a motion is what the equations say, and says how sure it is."""
+"""Tests predictions against the equations, and their uncertainty."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The predictor over DDS: it answers like the core, refuses with a reason, and goes on."""
+"""Tests the predictor node over DDS: answers, refusals and further requests."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ JOINTS = JointTrajectory(joint_names=["slide"], points=[JointTrajectoryPoint()])
 
 
 class Cell(Graph):
-    """The node, and who asks it."""
+    """The predictor node with a client."""
 
     def __init__(self) -> None:
         super().__init__(executor=SingleThreadedExecutor())
@@ -207,7 +207,7 @@ def test_what_cannot_be_answered_is_refused_and_the_node_goes_on(
 def published(
     cell: Cell, publisher: Any, message: Any, age: float, limit: float
 ) -> PredictSlosh.Response:
-    """What is predicted from the liquid's state behind a message of an age [s]."""
+    """Returns the prediction from a published liquid state of a given age [s]."""
     now = cell.probe.get_clock().now().nanoseconds
     message.header.stamp = to_time(int(now - age * 1e9))
     publisher.publish(message)
@@ -217,7 +217,7 @@ def published(
 
 
 def soon(ask: Callable[[], PredictSlosh.Response]) -> PredictSlosh.Response:
-    """An answer; a state is old when a busy machine holds this process up."""
+    """Returns the first successful response of up to ten requests."""
     for _ in range(10):
         answer = ask()
         if answer.success:
@@ -269,7 +269,7 @@ def test_the_liquid_goes_on_from_a_trusted_fused_state(cell: Cell) -> None:
 
 @pytest.fixture
 def told(cell: Cell) -> Iterator[Callable[..., MotionPrediction]]:
-    """Publishes a planned trajectory and returns what is predicted of it."""
+    """Yields a function that publishes a planned trajectory and returns its prediction."""
     heard: list[MotionPrediction] = []
     publisher = cell.probe.create_publisher(
         MultiDOFJointTrajectory, topics.PLANNED_TRAJECTORY, qos.DIAGNOSTICS
@@ -378,7 +378,7 @@ URDF = """<robot name="slide">
 
 
 def joint_points() -> list[JointTrajectoryPoint]:
-    """The line along x as a motion of one joint."""
+    """Returns a motion along x as points of one joint."""
     one = motion()
     made = []
     for t, position in zip(one.t, one.position[:, 0], strict=True):
@@ -419,7 +419,7 @@ def test_a_robot_that_is_none_is_refused(tmp_path: Path) -> None:
 
 
 def test_it_predicts_for_what_the_gripper_holds(cell: Cell) -> None:
-    """An empty gripper is refused; what the estimator says at its start is the own model again."""
+    """Tests predictions after changes of the container, including an empty gripper."""
     mug = "container: {shape: cylinder, radius: 0.04, fill_height: 0.05}"
     changes = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
     (own,) = predict(MODEL, motion(), limits=HeightLimits())

@@ -1,4 +1,4 @@
-"""The rim of the container limits the height of every planned motion, whatever was asked."""
+"""Tests that the rim limits the height of every planned motion."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ RIM = 0.02
 
 @pytest.fixture
 def low_cup(cup):
-    """The cup with its rim 20 mm above the liquid."""
+    """Returns the cup with its rim 20 mm above the liquid."""
     container = replace(cup.container, rim_height=cup.container.fill_height + RIM)
     return replace(cup, container=container)
 

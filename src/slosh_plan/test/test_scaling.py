@@ -1,4 +1,4 @@
-"""Which time scales are safe, on motions where that is not monotone."""
+"""Tests safe time scales of motions for which slower is not always safer."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from slosh_plan.tuning import TUNING
 
 
 def safe_at(model, motion, limits, scales):
-    """One by one, every sample simulated."""
+    """Returns whether each time scale is safe, by full simulation."""
     motions = [motion.scaled(scale) for scale in scales]
     return np.array([found.kept for found in predict(model, motions, limits=limits)])
 

@@ -26,14 +26,14 @@ MODE = Damped(FIRST.natural_frequency, FIRST.damping_ratio)
 
 
 def wave_left(acceleration, t, mode):
-    """Amplitude of x'' + 2ζωx' + ω²x = -a after the motion [m]: the convolution, by quadrature."""
+    """Returns the amplitude [m] of an oscillator after the motion, by quadrature."""
     pole = complex(-mode.decay, mode.damped_frequency)
     value = np.trapezoid(acceleration * np.exp(pole * (t[-1] - t)), t)
     return abs(value) / mode.damped_frequency
 
 
 def residual_of(model, motion):
-    """Height right after the motion's end by the product's simulation [m]."""
+    """Returns the simulated height right after the motion's end [m]."""
     return checked(model, [motion], None)[0].residual
 
 
@@ -44,7 +44,7 @@ def course(line):
 
 @pytest.fixture(scope="module")
 def bend():
-    """A quarter of a circle, by poses."""
+    """Returns a motion along a quarter of a circle."""
     t = np.linspace(0.0, 1.2, 121)
     u = t / 1.2
     angle = 0.5 * math.pi * u**3 * (10.0 - 15.0 * u + 6.0 * u * u)

@@ -20,7 +20,7 @@ GAIN = XI**2 * FILL / RADIUS * 2.0 * RADIUS * DEPTH / (XI * FILL * (XI**2 - 1.0)
 
 
 def heights_of(stop, modal, after=2.5):
-    """MSH by eqs. (11), (14) of DL22 and DOP853 from a state, at 1 kHz [m]."""
+    """Returns maximum heights [m] by DL22's eqs. (11), (14) from a state, at 1 kHz."""
     motion, c2 = stop.trajectory, (OMEGA**2 * RADIUS / GRAVITY) ** 2
 
     def rate(now, state):
@@ -39,7 +39,7 @@ def heights_of(stop, modal, after=2.5):
 
 
 def live(cup, phase=0.3):
-    """The state of a cup that has been accelerated for a while."""
+    """Returns the state of a cup after some acceleration."""
     t = np.arange(0.0, 0.5 + phase, 0.001)
     acceleration = np.zeros((len(t), 3))
     acceleration[:, 0] = 1.5 * np.sin(np.pi * t / 0.5) ** 2 * (t < 0.5)

@@ -1,4 +1,4 @@
-"""A motion that tilts the container is never answered as upright."""
+"""Tests that a motion that tilts the container is not treated as upright."""
 
 import math
 
@@ -13,7 +13,7 @@ CUP = Model(Cylinder(0.05, 0.07)).nonlinear().spatial()
 
 
 def tilting(degrees, name="tilt"):
-    """A container that tips about y by an angle and back within a second, where it stands."""
+    """Returns a motion that tilts the container about y and back within a second."""
     t = np.linspace(0.0, 1.0, 501)
     half = 0.25 * math.radians(degrees) * (1.0 - np.cos(2.0 * np.pi * t))
     zero = np.zeros_like(t)
@@ -46,6 +46,6 @@ def test_gravity_is_felt_where_a_motion_tilts(degrees):
 
 
 def test_no_time_scale_of_a_large_tilt_is_safe():
-    """However slow: the surface stays level, and the wall dips below it."""
+    """Tests that no time scale is safe for a tilt at which the wall falls below the surface."""
     scales = safe_scales(CUP, tilting(60.0), HeightLimits(0.02))
     assert math.isnan(scales.safe_from)

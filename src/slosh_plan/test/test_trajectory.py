@@ -1,4 +1,4 @@
-"""A planned motion is one, or is refused in one line."""
+"""Tests that planned motions are accepted, or refused in one line."""
 
 import numpy as np
 import pytest
@@ -107,7 +107,7 @@ RATES = (500.0, 50.0, 10.0)
 
 
 def motion(rate, seconds=1.5, length=0.5):
-    """t, positions, velocities, accelerations of a quintic move in x."""
+    """Returns t, positions, velocities and accelerations of a quintic move along x."""
     t = np.linspace(0.0, seconds, round(seconds * rate) + 1)
     place, speed, change = quintic(t / seconds)
     columns = (length * place, length * speed / seconds, length * change / seconds**2)

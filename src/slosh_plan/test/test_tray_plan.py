@@ -1,4 +1,4 @@
-"""Motions of a tray: the worst container is the named one, and all of them keep a plan."""
+"""Tests motions of a tray: the worst container, and plans that all containers keep."""
 
 import math
 
@@ -9,8 +9,10 @@ from scipy.spatial.transform import Rotation
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.simulate import Inputs, simulate
+from slosh_model.standing import Standing
 from slosh_model.tray import Tray, TrayContainer
 from slosh_plan import HeightLimits, Trajectory, predict, safe_scales
+from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import NoSafeMotionError, plan
@@ -22,7 +24,7 @@ STEP = 1e-4
 
 
 class Motion:
-    """A smooth random motion of a tray, from rest to rest: position and attitude of any moment."""
+    """A smooth random motion of a tray with position and attitude, from rest to rest."""
 
     def __init__(self, random):
         self._sizes = random.normal(size=(2, 3)) * [[0.15], [0.5]]
@@ -41,13 +43,13 @@ class Motion:
         return self._swung(t, 0) + self.attitude(t).apply(arm)
 
     def acceleration(self, t, arm):
-        """Of a place on the tray, by differences of where it is."""
+        """Returns the acceleration of a place on the tray by differences of its positions."""
         before, now, after = (self.place(t + k * STEP, arm) for k in (-1, 0, 1))
         return (after - 2.0 * now + before) / STEP**2
 
 
 def random_tray(random):
-    """Four cups of different sizes, fills, places and limits."""
+    """Returns a tray with four cups of different sizes, fills, places and limits."""
     cups = []
     for index in range(4):
         radius = random.uniform(0.025, 0.05)
@@ -59,7 +61,7 @@ def random_tray(random):
 
 @pytest.mark.parametrize("seed", range(100))
 def test_the_worst_cup_of_a_simulated_tray_is_the_named_one(seed):
-    """Against each cup driven by the acceleration of its own place, found by differences."""
+    """Tests the worst cup against simulations driven by the acceleration of each place."""
     random = np.random.default_rng(seed)
     tray, motion = random_tray(random), Motion(random)
     attitude = motion.attitude(T).as_quat()
@@ -117,7 +119,7 @@ def test_the_lower_of_two_limits_holds_and_the_residual_with_it():
 
 @pytest.mark.long
 def test_all_containers_keep_the_plan():
-    """A wide cup, whose wave is slow, and a narrow one with a lower limit."""
+    """Tests a plan for a wide cup with a slow wave and a narrow cup with a lower limit."""
     wide = Model(Cylinder(0.06, 0.05)).spatial()
     narrow = Model(Cylinder(0.025, 0.05)).spatial()
     cups = (TrayContainer("wide", wide, limit=0.012), TrayContainer("narrow", narrow, limit=0.008))
@@ -140,6 +142,35 @@ def test_all_containers_keep_the_plan():
         assert math.isfinite(answer.nonlinear.residual)
     alone = plan(narrow, path, limits_of(tray.containers[1], limits), time_limit=5.0)
     assert motion.duration >= alone.found.motion.duration - 1e-9
+
+
+STANDING = Standing(mass=0.15, centre_height=0.05, base_radius=0.03, friction=0.2)
+
+
+def test_a_container_that_stands_loosely_is_not_lost():
+    """The usual plan lets it slide; the tray's plan does not, and says how near it comes."""
+    model = Model(Cylinder(0.04, 0.06)).spatial()
+    loose = TrayContainer("loose", model, (0.0, 0.1, 0.0), standing=STANDING)
+    tray = Tray((TrayContainer("held", model), loose))
+    limits = PlanLimits(0.015, 0.0075)
+    path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]))
+
+    def make(one, kept):
+        return plan(one.placed, path, kept, time_limit=5.0, loose=LooseContainer.of(one))
+
+    def motion_of(answer):
+        return Trajectory(answer.found.motion.t, answer.found.motion.acceleration)
+
+    usual = plan(model, path, limits, time_limit=5.0)
+    (slides,) = predict_tray(tray, [motion_of(usual)], limits=limits)
+    assert not slides.stands
+    assert slides.loose_words[0].startswith("loose slides: ")
+    found = plan_tray(tray, limits, make)
+    (kept,) = predict_tray(tray, [motion_of(found.plan)], limits=limits)
+    assert kept.stands
+    assert kept.standing["loose"].friction > 0.9
+    assert list(kept.standing) == ["loose"]
+    assert found.plan.found.motion.duration > 1.05 * usual.found.motion.duration
 
 
 def test_where_no_plan_keeps_all_that_is_said():

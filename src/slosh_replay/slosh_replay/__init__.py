@@ -1,4 +1,4 @@
-"""Replays recordings: reads them, runs the cores again, compares the results."""
+"""Replays recordings: runs estimator and monitor again and compares the results."""
 
 from typing import TYPE_CHECKING
 

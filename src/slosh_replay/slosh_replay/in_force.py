@@ -1,4 +1,4 @@
-"""Effective settings of a cell: limits, topics, model and calibration."""
+"""Describes the settings in effect in a robot cell: limits, topics, model, calibration."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Starts = Mapping[str, NodeStart]
 
 
 def last_starts(run: RecordedRun) -> dict[str, NodeStart]:
-    """Returns the last settings of a recorded cell's nodes; empty if not recorded.
+    """Returns the last recorded settings of each node; empty if none were recorded.
 
     Raises:
         SloshBagError: the bag or what a node says in it cannot be read.
@@ -37,7 +37,7 @@ def last_starts(run: RecordedRun) -> dict[str, NodeStart]:
 
 
 def in_force(starts: Starts) -> dict[str, str]:
-    """Describes the effective settings, one text per subject.
+    """Describes the settings in effect, one text for each subject.
 
     Args:
         starts: of the nodes that have told; what they do not tell is left out.
@@ -51,7 +51,7 @@ def in_force(starts: Starts) -> dict[str, str]:
 
 
 def parameter_changes(run: RecordedRun, zero_ns: int) -> tuple[str, ...]:
-    """Lists parameter changes of running nodes in a recording, one line each.
+    """Lists the parameter changes of running nodes in a recording, one line each.
 
     Args:
         run: the recording.
@@ -77,7 +77,7 @@ def parameter_changes(run: RecordedRun, zero_ns: int) -> tuple[str, ...]:
 
 
 def in_force_lines(starts: Starts) -> list[str]:
-    """Formats the effective settings as lines."""
+    """Formats the settings in effect as lines of text."""
     return [f"{label:<20}{text}" for label, text in in_force(starts).items()]
 
 
@@ -88,7 +88,7 @@ def described(model: Model) -> str:
 
 
 def settings_document(starts: Starts) -> str:
-    """Formats all recorded settings of the nodes as YAML."""
+    """Formats all recorded node settings as YAML."""
     document = {
         name: {field: _plain(getattr(start, field)) for field in _FIELDS}
         for name, start in starts.items()
@@ -97,24 +97,24 @@ def settings_document(starts: Starts) -> str:
 
 
 def topic_of(start: NodeStart | None, name: str) -> str:
-    """Returns the full name of a node's topic, or the name itself if unknown."""
+    """Returns the full name of a node's topic, or the given name if it is unknown."""
     return start.topics.get(name, name) if start else name
 
 
 def has_camera(starts: Starts) -> bool:
-    """Whether the cell has a camera; assumed if not recorded."""
+    """Returns whether the cell has a camera; true if the settings were not recorded."""
     monitor = starts.get("monitor")
     return monitor is None or bool(monitor.parameters.get("camera", True))
 
 
 def input_topic(estimator: NodeStart | None) -> str:
-    """Returns the input topic of the models."""
+    """Returns the topic of the estimator's input."""
     kind = estimator.parameters["input"] if estimator else topics.ACCEL
     return topic_of(estimator, TOPIC_NAMES.get(kind, kind))
 
 
 def image_topic(camera: NodeStart | None) -> str:
-    """Returns the input topic of the camera node."""
+    """Returns the topic of the camera node's images."""
     is_raw = camera is None or camera.parameters["transport"] == "raw"
     return topic_of(camera, topics.IMAGE if is_raw else topics.IMAGE_COMPRESSED)
 

@@ -1,4 +1,4 @@
-"""`manifest.yaml`: description and expected replay results of each bag of a folder.
+"""Reads and writes `manifest.yaml`: the expected replay results of the bags in a folder.
 
     bags:
       c3:
@@ -78,7 +78,7 @@ class ExpectedEvent:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Expected results of one bag's replay; None: not checked.
+    """Expected results of the replay of one bag; values that are None are not checked.
 
     Attributes:
         shows: what the bag is there for.
@@ -104,7 +104,7 @@ class Expectation:
 
 
 def read_manifest(path: Path) -> dict[str, Expectation]:
-    """Reads the expectations by bag name.
+    """Reads the expected results from a manifest, by bag name.
 
     Raises:
         SloshBagError: the file cannot be read, or a key or value is not known; one line that
@@ -130,7 +130,7 @@ def read_manifest(path: Path) -> dict[str, Expectation]:
 
 
 def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
-    """Writes a manifest.
+    """Writes a manifest; keeps descriptions and tolerances of the existing file.
 
     What a bag shows, tolerances and the texts of warnings that still fit are kept.
 
@@ -152,7 +152,7 @@ def write_manifest(path: Path, bags: Mapping[str, Expectation]) -> None:
 
 
 def _kept(old: Expectation | None, new: Expectation) -> Expectation:
-    """Returns the new figures with the old texts and tolerances."""
+    """Returns new expected results with the descriptions and tolerances of the old ones."""
     if old is None:
         return new
     texts = tuple(
@@ -200,7 +200,7 @@ def _event_document(event: ExpectedEvent) -> dict[str, Any]:
 
 
 def _pair(value: ExpectedNumber) -> dict[str, float]:
-    """Rounds a value to a hundredth of the tolerance."""
+    """Returns value and tolerance, with the value rounded to a hundredth of the tolerance."""
     if value.tolerance == 0.0:
         return {"value": value.value, "tolerance": 0.0}
     digits = 2 - math.floor(math.log10(value.tolerance))
@@ -209,7 +209,7 @@ def _pair(value: ExpectedNumber) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Position in the file, for errors."""
+    """Position of a key in a manifest, for error messages."""
 
     document: YamlDocument
     keys: KeyPath
@@ -222,7 +222,7 @@ class _Place:
         return _Place(self.document, (*self.keys, key))
 
     def error(self, problem: str, *below: Key) -> SloshBagError:
-        """Makes an error with the line of a key."""
+        """Creates an error that names the line of a key."""
         line = self.document.where(*self.keys, *below)
         return SloshBagError(f"{line}: {dotted(self.keys)}: {problem}")
 

@@ -1,4 +1,4 @@
-"""A recording with its cached contents, made once and passed on."""
+"""An open recording with cached contents, shared by all readers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_replay.recording.sources import CellTopics, recorded_starts
 
 
 class RecordedRun:
-    """A finished recording of a cell.
+    """A finished recording of a robot cell.
 
     Args:
         path: the bag's folder or MCAP file.
@@ -35,15 +35,15 @@ class RecordedRun:
 
     @cached_property
     def topics(self) -> Mapping[str, TopicInfo]:
-        """Type and number of messages by topic."""
+        """Type and number of messages of each topic."""
         return self.reader.topics()
 
     @cached_property
     def facts(self) -> Mapping[str, str]:
-        """Facts about the whole recording that its writer stored."""
+        """Metadata of the whole recording that the recorder stored."""
         return self.reader.metadata()
 
     @cached_property
     def starts(self) -> tuple[NodeStart, ...]:
-        """The settings messages of the nodes in its first cell."""
+        """The settings messages of the nodes in the recording's first cell."""
         return tuple(recorded_starts(self.reader, CellTopics(self.topics)))

@@ -1,4 +1,4 @@
-"""Splits a bag where the input's stamps decrease."""
+"""Splits a bag at the places where the input's stamps decrease."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PART = "part_{}"
 
 
 def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list[Path]:
-    """Writes a bag for each section of a recording with increasing time.
+    """Writes a bag for each section of a recording in which time increases.
 
     What is told once, such as the nodes' settings, stands at the begin of each of them.
 
@@ -55,7 +55,7 @@ def split_bag(path: Path, folder: Path, progress: Callable[[int], None]) -> list
 
 
 def _cuts(reader: BagReader, sources: Sources) -> NDArray[np.int64]:
-    """Returns the log times at which the input's time was set back [ns]."""
+    """Returns the log times [ns] at which the input's clock was set back."""
     each, log_ns = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for block in reader.blocks([sources.input]):
         each.append(stamps_of(reader.columns(block, STAMP)))
@@ -81,7 +81,7 @@ class _Copy:
         self._latched: list[BagMessage] = []
 
     def run(self) -> None:
-        """Writes all parts."""
+        """Writes all new bags."""
         messages = iter(self._reader.messages())
         waiting = next(messages, None)
         for folder, end in zip(self._folders, [*self._cuts, None], strict=True):

@@ -1,4 +1,4 @@
-"""Detects out-of-sequence stamps."""
+"""Detects messages with stamps out of sequence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LASTING = 20
 
 
 class StrayFilter:
-    """Excludes single messages with stamps far ahead of their neighbours.
+    """Excludes single messages whose stamps are far ahead of their neighbours.
 
     Args:
         gap: so far ahead of the one before [ns].
@@ -33,7 +33,7 @@ class StrayFilter:
         self._held: tuple[Integers, Columns] | None = None
 
     def add(self, stamps: Integers, columns: Columns) -> tuple[Integers, Columns]:
-        """Adds consecutive messages; returns those that are decided.
+        """Adds consecutive messages; returns those that are known to be in sequence.
 
         One that may be astray waits for the next one, which tells.
 
@@ -58,18 +58,18 @@ class StrayFilter:
         return stamps[:decided], {name: c[:decided] for name, c in columns.items()}
 
     def _is_open(self, stamps: Integers) -> bool:
-        """Whether the last stamp can only be judged with its successor."""
+        """Returns whether the last stamp can only be judged with its successor."""
         before = stamps[-2] if len(stamps) > 1 else self._before
         return bool(len(stamps) and before is not None and stamps[-1] - before > self._gap)
 
     def rest(self) -> tuple[Integers, Columns]:
-        """Returns the last message at the end."""
+        """Returns the message that still waits at the end."""
         held, self._held = self._held, None
         return held if held is not None else (np.empty(0, dtype=np.int64), {})
 
 
 def strays_ahead(stamps: Integers, gap: int, before: int | None = None) -> NDArray[np.bool_]:
-    """Returns stamps far ahead of neighbours that continue without them.
+    """Returns a mask of stamps far ahead of neighbours that continue without them.
 
     Args:
         stamps: (N,) in the order in which they came [ns].

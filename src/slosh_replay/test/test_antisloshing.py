@@ -1,4 +1,4 @@
-"""The importer keeps every number and names what is broken."""
+"""Tests that the importer keeps every number and reports broken files."""
 
 import gzip
 from pathlib import Path

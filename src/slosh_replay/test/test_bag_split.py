@@ -1,4 +1,4 @@
-"""Bags of several files: each complete in itself, together one bag, and their metadata.yaml."""
+"""Tests bags of several files: each one is complete, and together they are one bag."""
 
 import os
 
@@ -32,7 +32,7 @@ def summary(path):
 
 @pytest.fixture
 def bag(tmp_path):
-    """Twelve files of ten messages, a second apart, and a latched one at the beginning."""
+    """Writes a bag of twelve files of ten messages each, with one early latched message."""
     folder = tmp_path / "run"
     with BagWriter(folder, custom={"run": "7"}, split=Split(duration=10 * SECOND)) as writer:
         writer.add_topic("/h", HEADER)

@@ -1,4 +1,4 @@
-"""Which inputs the live estimator used is read off its counter, however the recording is cut."""
+"""Tests that the inputs used live are found by the counter, in any cut recording."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -12,7 +12,7 @@ FAR = 10**6
 
 
 class Live:
-    """A run: what the estimator did with each input, and what the recorder heard of it.
+    """A simulated run: inputs, the estimator's use of them, and what was recorded.
 
     Attributes:
         used: for each input.
@@ -42,7 +42,7 @@ class Live:
         self.log = [(("input", "estimate")[s], *rest) for _, s, *rest in sorted(entries)]
 
     def decided(self, cuts=()):
-        """What InputMatcher says of it, read in blocks that end at some places of the log."""
+        """Returns the decisions of InputMatcher if the run is read in blocks."""
         live, used, restarts, waiting = InputMatcher(), [], [], []
         ends = sorted({*(cut % (len(self.log) + 1) for cut in cuts), len(self.log)})
         start = 0
@@ -123,7 +123,7 @@ def test_a_recording_that_begins_late_says_how_late():
 
 
 def test_what_cannot_be_told_is_said():
-    """Between two estimates lie four inputs, and the counter went on by two of them."""
+    """Tests that an ambiguous use of inputs is reported."""
     live = InputMatcher()
     stamps = np.arange(0, 6 * MS, MS)
     live.add_recorded(stamps[[0, 5]], np.array([1, 4]))
@@ -134,7 +134,7 @@ def test_what_cannot_be_told_is_said():
 
 
 def test_mixed_estimates_of_two_nodes_restart_at_an_input_that_is_there():
-    """Their stamps go back: the one before a restart may lie behind all inputs."""
+    """Tests the restart of mixed estimates of two nodes whose stamps go back."""
     matcher = InputMatcher()
     matcher.add_recorded(np.array([5, 100, 15]), np.array([1, 2, 1]))
     decision = matcher.decide(np.array([5, 10, 15, 20]), final=True)

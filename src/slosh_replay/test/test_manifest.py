@@ -1,4 +1,4 @@
-"""A manifest is read strictly and written so that it reads the same."""
+"""Tests that manifests are read strictly and written without loss."""
 
 import re
 from pathlib import Path
@@ -167,7 +167,7 @@ expectations = st.builds(
 
 @pytest.fixture(scope="module")
 def empty(tmp_path_factory):
-    """Where a manifest may be; one folder for all examples."""
+    """Returns a path for a manifest in a folder that all examples share."""
     return tmp_path_factory.mktemp("manifest") / "manifest.yaml"
 
 

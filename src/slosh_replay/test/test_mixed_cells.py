@@ -1,4 +1,4 @@
-"""Recordings of two cells in one namespace: told as such, never a traceback."""
+"""Tests recordings of two cells in one namespace: reported, without a traceback."""
 
 import dataclasses
 import re
@@ -26,7 +26,7 @@ _STAMP = struct.Struct("<iI")
 
 
 def shifted(message, by_ns):
-    """The message as if it had been sent later: its header's stamp is the first field."""
+    """Returns the message with a later header stamp and log time."""
     if message.topic.endswith("/settings"):
         return message._replace(log_ns=message.log_ns + by_ns)
     sec, nanosec = _STAMP.unpack_from(message.data, 4)
@@ -41,7 +41,7 @@ def part(name, ends=ENDS):
 
 
 def mix(folder, lead_ns, ends=ENDS, facts=(), left_out="nothing"):
-    """The bag c, and the bag e as of another cell that began later, less one of its topics."""
+    """Writes a bag that mixes two recordings as if of two cells."""
     first, begin = part("c", ends)
     second, other = part("e", [end for end in ends if end != left_out])
     both = first + [shifted(message, begin - other + lead_ns) for message in second]
@@ -146,7 +146,7 @@ MS = 1_000_000
 
 @pytest.mark.parametrize("other", [1, 40, 500_000])
 def test_estimators_are_told_apart_by_their_counts_and_stamps(other):
-    """Each at 500 Hz, the first one with a gap of three estimates."""
+    """Tests that estimators are separated by their counters and stamps."""
     rows = [(2 * MS * k, 40 + k, True) for k in range(60) if k not in (7, 8, 9)]
     rows += [(2 * MS * k + MS // 3, other + k, False) for k in range(60)]
     stamps, used, own = (np.array(column) for column in zip(*sorted(rows), strict=True))

@@ -1,4 +1,4 @@
-"""Replay gives what the model gives, finds unrelated clocks, and says what it cannot use."""
+"""Tests that a replay gives the model's heights, and handles unrelated clocks."""
 
 import json
 from dataclasses import replace
@@ -25,7 +25,7 @@ MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 
 
 def motion_table() -> MotionTable:
-    """1 s still, 4 s of motion, 1 s still; the measured height is that of 3D-NL."""
+    """Returns a table of 1 s rest, 4 s motion and 1 s rest, with 3D nonlinear heights."""
     t = np.arange(0.0, 6.0, 0.002)
     swell = np.where((t > 1.0) & (t < 5.0), np.sin(np.pi * (t - 1.0) / 4.0) ** 2, 0.0)
     waves = (4.0 * np.sin(13.0 * t), 3.0 * np.cos(11.0 * t), 2.0 * np.sin(9.0 * t))
@@ -38,7 +38,7 @@ TABLE = motion_table()
 
 
 def write_bag(folder: Path, shift: float = 0.0, facts: dict[str, str] | None = None) -> Path:
-    """The table as a bag: accelerations at 500 Hz, and images at 62.5 Hz on a shifted clock."""
+    """Writes the table as a bag: input at 500 Hz, and images on a shifted clock."""
     ahead = round(shift * 1e9)
     bag = CellBag()
     for t, acceleration in zip(TABLE.t.tolist(), TABLE.acceleration.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""Which samples enter MAE and ε, and which do not."""
+"""Tests which samples count for the mean absolute error and the peak error."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ HEIGHT = 0.02
 
 
 def series(measured, height=HEIGHT, flags=0, usable=True, motion=-1, block=64):
-    """Images at STAMPS or as many as there are heights."""
+    """Returns rows of images with given heights."""
     measured = np.atleast_1d(measured)
     measured = np.broadcast_to(measured, max(len(measured), len(STAMPS)))
     found = Series(1, block)
@@ -43,7 +43,7 @@ def accuracy(rows: Series):
 
 
 def test_a_saturated_height_counts_only_above_the_estimate():
-    """It is a lower bound: below the estimate it contradicts nothing."""
+    """Tests that a saturated height counts only if it is above the estimate."""
     heights = np.where(np.arange(len(STAMPS)) < 60, 0.005, 0.03)
     row = accuracy(series(heights, flags=SATURATED))
     assert row.count == 40
@@ -151,7 +151,7 @@ NAN = float("nan")
 
 
 def columns(stamps, msh, flags, azimuth=0.5):
-    """Columns of FreeSurface messages, as a bag's reader gives them."""
+    """Returns columns of FreeSurface messages as the bag reader gives them."""
     count = len(stamps)
     return {
         "header.stamp.sec": np.array(stamps, dtype=np.int32),

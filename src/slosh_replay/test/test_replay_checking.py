@@ -1,4 +1,4 @@
-"""A replay is held against each number that is expected; failures say what and by how much."""
+"""Tests that a replay is checked against each expected number."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ DIFFERENT = verified(
 
 
 def failures(expected, result=RESULT):
-    """Of a check in which the warning is expected."""
+    """Returns the failures of a check in which one warning is expected."""
     return check_result(result, replace(expected, warnings=("unfinished",))).failures
 
 

@@ -1,4 +1,4 @@
-"""Containers that change in a recorded run: the replay gives the live estimates, bit for bit."""
+"""Tests recordings with changes of the container: replayed estimates are identical."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ MUG = parse_model(
 
 
 def shift(kind="accel"):
-    """Refilled, laid down, another one picked up, in motion; 500 inputs a second."""
+    """Returns a live bag with containers that are refilled, laid down and picked up."""
     live, held = LiveBag(kind), HeldContainer(MODEL, "cup")
     live.states = True
     refilled = held.changed(fill_height=0.05)
@@ -32,7 +32,7 @@ def shift(kind="accel"):
 @pytest.mark.parametrize("kind", ["accel", "imu", "pose"])
 @pytest.mark.parametrize("start", [0, 400, 1000])
 def test_each_change_is_replayed_to_the_bit(kind, start, tmp_path):
-    """From the beginning, or from where a late recorder begins: after a change, or empty."""
+    """Tests that each change of the container is replayed exactly, from any start."""
     live = shift(kind)
     live.unheard = live.unrecorded = range(start)
     folder = live.write(tmp_path / "bag")
@@ -53,7 +53,7 @@ def test_the_estimates_say_when_the_gripper_was_empty_and_what_is_unknown(tmp_pa
 
 @pytest.mark.parametrize("kind", ["imu", "pose"])
 def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
-    """Of each container; a start in the middle knows the first alone, and compares no other."""
+    """Tests that a tray is replayed exactly, and what a late start cannot compare."""
     names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
     models = (MODEL.feeling_gravity(), MUG.feeling_gravity(), MODEL.feeling_gravity())
     tray = Tray(tuple(map(TrayContainer, names, models, places, (0.5, 0.5, 0.003))))

@@ -1,4 +1,4 @@
-"""A replay judges a model by what the sensor would read, with every effect and the attitude."""
+"""Tests replays of models with every effect, with and without attitude."""
 
 import sys
 from pathlib import Path
@@ -30,7 +30,7 @@ ADDED = {name: p for name, p in STRENGTHS.items() if name not in NONLINEAR | OF_
 
 
 class Kept(Outputs):
-    """Keeps the comparisons."""
+    """Receiver that keeps the comparisons."""
 
     def __init__(self) -> None:
         self.rows = []
@@ -40,7 +40,7 @@ class Kept(Outputs):
 
 
 def table(truth: Model, *, turning: bool = True) -> MotionTable:
-    """Half a second still, then a motion with tilt and yaw; what a camera reads of the truth."""
+    """Returns a table of a motion with tilt and yaw, and the heights a camera reads."""
     t = np.arange(0.0, 4.0, 0.002)
     swell = np.where((t > 0.5) & (t < 3.5), np.sin(np.pi * (t - 0.5) / 3.0) ** 2, 0.0)[:, None]
     waves = (4.0 * np.sin(13.0 * t), 3.0 * np.cos(11.0 * t), 2.0 * np.sin(9.0 * t))

@@ -1,4 +1,4 @@
-"""The monitor gets a recording as it would have come; motions are found however it is cut."""
+"""Tests that the monitor gets recorded data as it would have got them live."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ LIMITS = MonitorSettings(measured_limit=0.01, estimated_limit=0.012, disagreemen
 
 
 def run(seed, seconds=2.0):
-    """Estimates at 250 Hz and images at 60 Hz with gaps, silences and equal stamps."""
+    """Returns estimates at 250 Hz and images at 60 Hz with gaps and equal stamps."""
     random = np.random.default_rng(seed)
     stamps = START + 4 * MS * np.arange(round(seconds * 250))
     images = START + np.unique(np.rint(np.arange(seconds * 60) / 60 * 250).astype(int)) * 4 * MS
@@ -52,7 +52,7 @@ def run(seed, seconds=2.0):
 
 
 def one_by_one(estimates, measured, settings=LIMITS):
-    """As the node would have been called: message by message, and by its timer."""
+    """Returns comparisons, events and motions of a monitor that gets single messages."""
     points = [
         EstimatePoint(*row, acceleration=tuple(felt), azimuth=azimuth)
         for row, felt, azimuth in zip(
@@ -96,7 +96,7 @@ def rows_of(table):
 
 
 def same(a, b):
-    """Equal to the last bit, with NaN equal to itself."""
+    """Returns whether two values are equal, with NaN equal to itself."""
     return repr(a) == repr(b)
 
 
@@ -147,7 +147,7 @@ def test_a_silence_of_an_hour_costs_nothing():
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.lists(st.integers(0, 2000), max_size=3))
 def test_changed_limits_give_the_same_events_as_live(seed, moments):
-    """Live, images come 40 ms late, and the node takes a change between two messages."""
+    """Tests that changed limits give the same events in a replay as live."""
     estimates, measured = run(seed)
     random = np.random.default_rng(seed)
     patient = replace(LIMITS, timeout=1e6)  # who is silent at which moment differs live
@@ -179,5 +179,5 @@ def test_changed_limits_give_the_same_events_as_live(seed, moments):
 
 
 def told(events):
-    """What events tell, but for the numbers of the excesses, which count all sources."""
+    """Returns the contents of events without their numbers, in order."""
     return sorted((e.source, e.stamp_ns, e.kind, e.limit, e.peak, e.description) for e in events)

@@ -1,4 +1,4 @@
-"""The streaming core gives the same, message by message or all at once."""
+"""Tests that a replay gives the same results for single messages and for blocks."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ MODEL = Model(Cylinder(0.05, 0.07)).spatial().nonlinear()
 
 
 def inputs():
-    """500 Hz for six seconds; the container is jerked in the middle of an averaging bin."""
+    """Returns inputs at 500 Hz for six seconds, with a sudden acceleration."""
     stamps = START + 2 * MS * np.arange(3000)
     accelerations = np.zeros((3000, 3))
     accelerations[(stamps >= START + 2025 * MS) & (stamps < START + 3500 * MS), 0] = 1.0
@@ -47,7 +47,7 @@ def columns(stamps, accelerations):
 
 
 class Kept(Outputs):
-    """All that came out."""
+    """Receiver that keeps all results."""
 
     def __init__(self):
         self.stamps, self.rows, self.found = [], [], []
@@ -63,7 +63,7 @@ class Kept(Outputs):
 
 
 def replayed(step, estimates_until=6000, recorded=None):
-    """Series, outputs and comparisons of a run that is fed so many milliseconds at a time.
+    """Returns series, outputs and comparisons of a replay that is fed in steps [ms].
 
     Args:
         step: [ms].

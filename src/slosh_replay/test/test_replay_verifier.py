@@ -1,4 +1,4 @@
-"""Recorded and replayed messages are compared by stamp and bits, in whatever parts they come."""
+"""Tests the comparison of recorded and replayed messages by stamp and bits."""
 
 import math
 from itertools import pairwise
@@ -22,7 +22,7 @@ COUNT = 40
 
 
 def columns(stamps, **changes):
-    """Two fields of numbers and one of flags; changes: {field: {stamp: value}}."""
+    """Returns columns of messages with given changes."""
     found = {
         "linear.msh": np.sin(stamps * 0.1),
         "nonlinear.msh": np.cos(stamps * 0.1),
@@ -40,7 +40,7 @@ def pick(stamps, table, rows):
 
 
 def compared(recorded, replayed):
-    """All at once."""
+    """Returns the comparison of messages that are added all at once."""
     verifier = Verifier(TOPIC)
     verifier.add_recorded(*recorded)
     verifier.add_replayed(*replayed)

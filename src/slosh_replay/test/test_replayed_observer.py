@@ -1,4 +1,4 @@
-"""The observer in a replay: its fused estimates come out again, from the middle of a run, too."""
+"""Tests that a replay reproduces the observer's fused estimates, also from the middle."""
 
 import math
 
@@ -19,7 +19,7 @@ NAN = math.nan
 
 
 class ObservedBag(LiveBag):
-    """A recording of an estimator with an observer; `wrong` is added to its first height."""
+    """A recording of an estimator with an observer; `wrong` is added to the first height."""
 
     def __init__(self, *, cut: float = 0.0, wrong: float = 0.0) -> None:
         super().__init__()

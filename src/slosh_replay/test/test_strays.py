@@ -1,4 +1,4 @@
-"""Stamps that lie elsewhere in time cost themselves and nothing else."""
+"""Tests that messages with wrong stamps are excluded and change nothing else."""
 
 import itertools
 import struct
@@ -26,7 +26,7 @@ Change = Callable[[str, int, int], int]
 
 
 def changed(folder: Path, change: Change, without: tuple[str, ...] = ()) -> Path:
-    """A shipped bag with other stamps.
+    """Writes a copy of a shipped bag with changed stamps.
 
     Args:
         folder: of the new bag.
@@ -54,7 +54,7 @@ def changed(folder: Path, change: Change, without: tuple[str, ...] = ()) -> Path
 
 
 def stray(topic: str, new: Callable[[int], int]) -> Change:
-    """Gives the 300th message of a topic another stamp."""
+    """Returns a function that changes the stamp of a topic's 300th message."""
     return lambda name, number, stamp: new(stamp) if (name, number) == (topic, 300) else stamp
 
 
@@ -111,7 +111,7 @@ def test_a_bag_is_cut_where_time_was_set_back(tmp_path: Path) -> None:
 
 
 def test_messages_that_were_recorded_late_are_told_and_each_part_replays(tmp_path: Path) -> None:
-    """As an earlier recorder did on a busy machine; and a stranger's sample is 5 s ahead."""
+    """Tests that messages recorded late are reported and that each part is replayed."""
     bag, reader = tmp_path / "bag", BagReader(BAG)
     messages = [message for message in reader.messages() if message.topic != "/slosh/comparison"]
     first = next(message.log_ns for message in messages if message.topic == ACCEL)

@@ -1,4 +1,4 @@
-"""Motion tables to bags and back: every bit of every column, and what cannot be kept is told."""
+"""Tests conversion of motion tables to bags and back without loss of a bit."""
 
 import math
 from pathlib import Path
@@ -160,7 +160,7 @@ def test_the_surface_shows_the_wall_heights(tmp_path: Path):
 
 
 class Cell(CellBag):
-    """A bag of a cell, whose messages arrive in the order in which they are added."""
+    """A bag of a robot cell whose messages arrive in the order in which they are added."""
 
     def __init__(self, folder: Path, facts: dict[str, str] | None = None) -> None:
         super().__init__(lambda stamp, count: START + 1 + count)
@@ -179,7 +179,7 @@ class Cell(CellBag):
         )  # fmt: skip
 
     def settings(self, **parameters) -> None:
-        """What an estimator node publishes of itself."""
+        """Adds the settings message that an estimator node publishes."""
         given = {
             "input": "accel", "max_gap": 0.05, "max_age": 0.5, "sensor_rotation": [0.0, 0.0, 0.0],
             "sensor_to_origin": [0.0, 0.0, 0.0], "pose_window": 21, "world_frame": "world",

@@ -1,1 +1,1 @@
-"""HTML pages: template, charts, the page of a run, the index of runs."""
+"""HTML pages: template, charts, the report of a run, the index of runs."""

@@ -1,7 +1,7 @@
-"""The root exception of the package."""
+"""The root exception of the package slosh_report."""
 
 from __future__ import annotations
 
 
 class SloshReportError(ValueError):
-    """Series cannot be compared or shown on a page; the text is one line."""
+    """Error of data that cannot be compared or shown on a page; the message is one line."""

@@ -1,4 +1,4 @@
-"""Converts values to JSON-compatible ones."""
+"""Converts Python values to JSON-compatible values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def plain(value: Any) -> Any:
-    """Converts dataclasses to dicts, tuples and arrays to lists, numbers to Python's.
+    """Converts dataclasses to dicts, arrays to lists and NumPy numbers to Python numbers.
 
     Args:
         value: a dataclass, a mapping, a sequence, an array (N,) of numbers, an enumeration's

@@ -8,7 +8,7 @@ from slosh_base.files.plain_text import plain_line
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
-    """Formats rows as lines with columns of equal width.
+    """Formats rows as text lines with aligned columns.
 
     Args:
         rows: cells, as many in each row; control characters in them are written out.

@@ -1,4 +1,4 @@
-"""The reports of slosh_testing, for the tests of the page."""
+"""Test reports, from slosh_testing."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What JSON is given: every value that it can hold, and null for what it cannot say."""
+"""Tests the conversion of values to JSON, with null for values that JSON lacks."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The report is one page that needs nothing else and shows what it was given."""
+"""Tests that the report is one self-contained page that shows the given data."""
 
 import json
 import math
@@ -53,7 +53,7 @@ OWN_SCRIPTS = closer_scripts()
 
 
 class Page(HTMLParser):
-    """Collects the tags, their attributes and the text."""
+    """Collects the tags, their attributes and the text of a page."""
 
     def __init__(self, text):
         super().__init__()

@@ -1,4 +1,4 @@
-"""All can read the page: contrast in every theme, lines that colour-blind eyes tell apart."""
+"""Tests that colours have sufficient contrast and suit colour-blind readers."""
 
 import re
 from importlib.resources import files
@@ -38,19 +38,19 @@ TO_XYZ = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0
 
 
 def linear(colour):
-    """sRGB text as linear RGB in 0…1."""
+    """Converts sRGB text to linear RGB from 0 to 1."""
     values = np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def contrast(one, other):
-    """Contrast ratio of WCAG 2."""
+    """Returns the contrast ratio of two colours as defined by WCAG 2."""
     bright, dark = sorted((linear(c) @ TO_XYZ[1] for c in (one, other)), reverse=True)
     return (bright + 0.05) / (dark + 0.05)
 
 
 def lab(rgb):
-    """Linear RGB as CIE L*a*b*."""
+    """Converts linear RGB to CIE L*a*b*."""
     f = np.cbrt(np.clip(np.array(TO_XYZ) @ rgb / (0.9505, 1.0, 1.089), 1e-6, None))
     return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
 

@@ -1,4 +1,4 @@
-"""The page in a real browser: what people see, and that nothing else happens."""
+"""Tests the page in a real browser: its appearance, and that it loads nothing else."""
 
 import json
 import re
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(
 
 
 class Listener:
-    """A local server that remembers what was asked of it."""
+    """A local web server that records the requests it receives."""
 
     def __init__(self):
         asked = self.asked = []
@@ -51,7 +51,7 @@ def page(full_report):
 
 @pytest.fixture(scope="module")
 def seen(page, hostile_report, listener):
-    """All views in one start of the browser; the page on paper is its print style at A4."""
+    """Renders all views of the page in one run of the browser."""
     hostile = render_report(hostile_report).replace("http://127.0.0.1:9", listener.address)
     views = {
         "desktop": View(page),
@@ -111,7 +111,7 @@ def test_texts_of_a_hostile_bag_are_texts(seen):
 
 
 def test_no_request_leaves_and_an_error_would_be_seen(page, seen, listener):
-    """The same look at pages that do what a report must not: both are noticed."""
+    """Pages that send requests or raise errors are noticed by the same test."""
     open_page = page[: page.index("<meta http-equiv")] + page[page.index("<meta name=") :]
     wish = "<main><img alt='any image' src='{}/{}'><script>throw new Error('seen')</script>"
     pages = [
@@ -144,7 +144,7 @@ UNITS = {
 
 
 def unit(document, path):
-    """The unit in which a number is shown."""
+    """Returns the unit in which a number is displayed."""
     steps = path.split("/")[1:]
     if steps[0] in ("checks", "key_figures"):
         return at(document, f"/{steps[0]}/{steps[1]}/unit")

@@ -1,4 +1,4 @@
-"""Long series with holes become short lines with the same extremes and the same holes."""
+"""Tests that long series are reduced to short lines with the same extremes and gaps."""
 
 import re
 from dataclasses import replace
@@ -87,7 +87,7 @@ def test_a_page_of_hours_stays_below_a_megabyte(full_report):
 
 
 def test_the_estimated_path_does_not_cross_the_container(full_report):
-    """A crest that changes sides leaves a hole in the path: the page draws no way between."""
+    """A highest point that changes sides leaves a gap in the drawn path."""
     t = full_report.t
     flipping = np.where(np.sin(3.0 * t) > 0.0, 0.0, np.pi)
     series = AzimuthSeries("3D-NL", t, flipping, np.full(len(t), 0.02))

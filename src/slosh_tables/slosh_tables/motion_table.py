@@ -1,4 +1,4 @@
-"""Motion tables as CSV: a container's motion, with measured heights if any.
+"""Motion tables as CSV: a container's motion, with measured heights if there are any.
 
 Columns: `t,ax,ay,az` [s, m/s²: container's origin, world frame, gravity excluded]; optional
 `x,y,z` (of the container's origin in the world, m, as in a plan: passed over), `qx,qy,qz,qw`
@@ -47,7 +47,7 @@ _BATCH = 10_000  # rows that are turned into text at a time
 
 
 def is_motion_table(path: Path) -> bool:
-    """Whether a path has a motion table's suffix.
+    """Returns whether a path has the file name suffix of a motion table.
 
     >>> is_motion_table(Path("move.csv.gz")), is_motion_table(Path("bag.mcap"))
     (True, False)
@@ -57,7 +57,7 @@ def is_motion_table(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class MotionTable(for_notebooks.Shown):
-    """A motion with measured heights.
+    """A container's motion with measured heights.
 
     >>> import numpy as np
     >>> from slosh_tables import MotionTable
@@ -92,7 +92,7 @@ class MotionTable(for_notebooks.Shown):
 
     @property
     def measured(self) -> Array | None:
-        """(N,) measured maximum height [m]: `msh`, or the maximum of `eta` over the azimuth."""
+        """Measured maximum height (N,) [m]: `msh`, or the maximum of `eta` over the azimuth."""
         if self.msh is not None or self.eta is None:
             return self.msh
         unknown = np.isnan(self.eta).all(axis=1)
@@ -107,7 +107,7 @@ class MotionTable(for_notebooks.Shown):
         return f"{type(self).__name__}({told}{found})"
 
     def inputs(self) -> Inputs:
-        """Returns the motion for `slosh_model.simulate`.
+        """Returns the motion as input for `slosh_model.simulate`.
 
         Raises:
             SloshModelError: it cannot be simulated; the text names the array and the row.
@@ -115,7 +115,7 @@ class MotionTable(for_notebooks.Shown):
         return Inputs(self.t, self.acceleration, self.attitude, self.angular_velocity)
 
     def to_pandas(self) -> DataFrame:
-        """Returns the file's columns by time as a pandas table.
+        """Returns the columns of the file as a pandas table, indexed by time.
 
         Raises:
             SloshFileError: a measured azimuth is no whole degree.
@@ -133,7 +133,7 @@ class MotionTable(for_notebooks.Shown):
 
 
 def read_motion_table(path: str | Path, options: TableOptions = FOUND_OUT) -> MotionTable:
-    """Reads a motion table.
+    """Reads a motion table from a file.
 
     >>> from slosh_tables import read_motion_table
     >>> read_motion_table("move.csv").acceleration.shape
@@ -192,7 +192,7 @@ def column_names(path: Path, table: MotionTable) -> list[str]:
 
 
 def eta_azimuths(names: Iterable[str]) -> Array:
-    """Returns the azimuths [rad] of wall height columns, in increasing order.
+    """Returns the azimuths [rad] of wall height columns in increasing order.
 
     >>> eta_azimuths(["t", "eta_090", "eta_000"]).round(3).tolist()  # rad
     [0.0, 1.571]
@@ -218,7 +218,7 @@ def _is_profile(name: str) -> bool:
 
 
 def _place(name: str) -> float:
-    """Returns a profile column's x [m]."""
+    """Returns the position x [m] that the name of a profile column states."""
     return float(name.removeprefix(PROFILE))
 
 

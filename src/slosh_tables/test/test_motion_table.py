@@ -1,4 +1,4 @@
-"""Motion tables: what is written comes back, and what is wrong is named."""
+"""Tests that motion tables are read as written, and that errors are reported."""
 
 import gzip
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tables as people have them: one motion written in many ways, and read as the same numbers.
+"""Tests that one motion, written in many table formats, is read as the same numbers.
 
 Each way has one meaning; what has two, or none, is refused with the option that settles it.
 """
@@ -35,7 +35,7 @@ def text(
     end: str = "\n",
     unknown: str = "nan",
 ) -> str:
-    """A table of columns."""
+    """Returns the text of a table with these columns."""
     rows = [
         separator.join(unknown if math.isnan(x) else number(x) for x in row)
         for row in np.column_stack(columns).tolist()
@@ -257,7 +257,7 @@ def test_who_calls_from_python_is_warned(tmp_path: Path):
 
 
 def test_large_stamps_keep_their_nanoseconds(tmp_path: Path):
-    """As doubles 1.7e18 ns are 256 ns apart: positions of a fast path would become noise."""
+    """Tests that stamps of the size 1e18 ns keep their nanoseconds."""
     stamps = EPOCH_NS + 125_000 * np.arange(9)
     table, _ = read(tmp_path / "a.csv", "\n".join(
         ["timestamp,ax,ay,az", *(f"{stamp},0,0,0" for stamp in stamps.tolist())]))  # fmt: skip

@@ -1,1 +1,1 @@
-"""What tests share: recordings, processes, ROS graphs and commands; nothing else uses it."""
+"""Test tools: recordings, processes, ROS graphs and commands."""

@@ -1,4 +1,4 @@
-"""Small bags of headers, by our writer and by another one."""
+"""Writes small bags of Header messages, with the product's writer and another one."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ SECOND, STEP = 1_000_000_000, 10_000_000
 
 
 def header(number: int, frame: str | None = None) -> bytes:
-    """A serialised header that tells its number."""
+    """Returns a serialised Header message whose stamp is its number [s]."""
     stamp = STORE.types["builtin_interfaces/msg/Time"](sec=number, nanosec=7)
     frame = f"frame {number}" if frame is None else frame
     return bytes(STORE.serialize_cdr(STORE.types[HEADER](stamp=stamp, frame_id=frame), HEADER))
 
 
 def even_or_odd(number: int) -> str:
-    """A topic for each second message."""
+    """Returns a topic name: '/odd' or '/even', by the number of the message."""
     return "/odd" if number % 2 else "/even"
 
 
@@ -44,7 +44,7 @@ def header_bag(
     data: Callable[[int], bytes] = header,
     **options: Any,
 ) -> Path:
-    """Headers, one each 10 ms from 1 s on.
+    """Writes a bag of Header messages, one every 10 ms.
 
     Args:
         folder: of the bag.
@@ -66,7 +66,7 @@ def header_bag(
 
 
 def foreign_file(path: Path, times: Iterable[int | None], **options: Any) -> Path:
-    """A file of mcap's writer: a header for each log time [ns]; None ends a chunk."""
+    """Writes an MCAP file with the library mcap, with given log times [ns]."""
     with path.open("wb") as stream:
         writer = Writer(stream, **{"chunk_size": 1 << 30, **options})
         writer.start("ros2")
@@ -82,7 +82,7 @@ def foreign_file(path: Path, times: Iterable[int | None], **options: Any) -> Pat
 
 
 def chunk_places(content: bytes | bytearray) -> list[tuple[int, int]]:
-    """Where the chunks of a file are: start and end."""
+    """Returns the start and end position of each chunk in an MCAP file."""
     places, at = [], 8
     while at + 9 <= len(content):
         (length,) = struct.unpack_from("<Q", content, at + 1)
@@ -95,7 +95,7 @@ def chunk_places(content: bytes | bytearray) -> list[tuple[int, int]]:
 def copied(
     bag: Path, folder: Path, kept: Callable[[BagMessage], bool] = lambda message: True
 ) -> Path:
-    """A bag of the messages of another one that are kept."""
+    """Writes a copy of a bag that keeps only selected messages."""
     reader = BagReader(bag)
     topics = reader.topics()
     with BagWriter(folder, NotedDefinitions(reader.types)) as writer:

@@ -1,4 +1,4 @@
-"""Bags of a cell, message by message: what a field is not given is zero or empty."""
+"""Writes bags of a robot cell; message fields that are not given are zero or empty."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MEASURED = "msh"
 
 
 class CellBag:
-    """Takes messages, and writes them by their log times.
+    """Collects messages and writes them to a bag in the order of log times.
 
     Args:
         log_time: of a message [ns], by its stamp and the number of messages before it.
@@ -32,7 +32,7 @@ class CellBag:
         self._entries: list[tuple[int, str, str, bytes]] = []
 
     def put(self, topic: str, kind: str, stamp: int, frame: str, **fields: Any) -> None:
-        """Adds a message; `pose__position__x` is a field within fields."""
+        """Adds a message; `pose__position__x` sets a nested field."""
         self._definitions.hash(kind)
         message = self._blank(kind)
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
@@ -47,7 +47,7 @@ class CellBag:
         self._entries.append((self._log_time(stamp, len(self._entries)), topic, kind, data))
 
     def accel(self, stamp: int, a: Sequence[float], frame: str = "world") -> None:
-        """An acceleration (3,)."""
+        """Adds an AccelStamped message with an acceleration (3,) [m/s²]."""
         x, y, z = map(float, a)
         self.put("/slosh/accel", ACCEL, stamp, frame,
                  accel__linear__x=x, accel__linear__y=y, accel__linear__z=z)  # fmt: skip
@@ -55,7 +55,7 @@ class CellBag:
     def surface(
         self, stamp: int, msh: float, topic: str = "/slosh/free_surface", **fields: Any
     ) -> None:
-        """A measured surface, all of whose other numbers are unknown."""
+        """Adds a FreeSurface message with a maximum height [m]; other numbers are unknown."""
         self._definitions.hash(SURFACE)
         definitions = self._definitions.typestore.fielddefs[SURFACE][1]
         floats = [name for name, (node, what) in definitions
@@ -64,7 +64,7 @@ class CellBag:
         self.put(topic, SURFACE, stamp, "container", **values)
 
     def write(self, folder: Path, facts: dict[str, str] | None = None) -> Path:
-        """Writes the bag, in the order of the log times."""
+        """Writes the bag in the order of log times and returns its folder."""
         with BagWriter(folder, self._definitions, facts or {}) as writer:
             for _, topic, kind, _ in self._entries:
                 writer.add_topic(topic, kind)

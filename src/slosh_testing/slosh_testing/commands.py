@@ -1,4 +1,4 @@
-"""The `slosh` command within a test's process."""
+"""Runs the `slosh` command in the process of a test."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Capture = pytest.CaptureFixture[str]
 
 
 def printed(capsys: Capture, *words: object) -> Any:
-    """What a command that succeeds prints as JSON."""
+    """Runs a command that must succeed, and returns its JSON output."""
     capsys.readouterr()
     assert main([str(word) for word in words]) == 0
     return json.loads(capsys.readouterr().out)
 
 
 def complaint(capsys: Capture, *words: object) -> str:
-    """The one line with which a command refuses; notes and progress are left out."""
+    """Runs a command that must fail, and returns its one error line."""
     capsys.readouterr()
     try:
         code: object = main([str(word) for word in words])

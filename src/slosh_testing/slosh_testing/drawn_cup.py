@@ -1,4 +1,4 @@
-"""A drawn cup with a known surface, independent of the package's own projection."""
+"""Draws images of a cup with a known free surface, independent of the camera code."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ WATER = 1.33
 
 
 def fresnel(cosine: np.ndarray) -> np.ndarray:
-    """Share of unpolarised light that water reflects, by the cosine of the angle of incidence."""
+    """Returns the reflectance of water for unpolarised light, by the incidence angle's cosine."""
     inside = np.sqrt(1.0 - (1.0 - cosine**2) / WATER**2)
     across = ((cosine - WATER * inside) / (cosine + WATER * inside)) ** 2
     along = ((inside - WATER * cosine) / (inside + WATER * cosine)) ** 2
@@ -30,7 +30,7 @@ def fresnel(cosine: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Wave:
-    """A surface whose crest is at an azimuth; parts of heights at the wall [m].
+    """A free surface with its crest at an azimuth; wall heights in [m].
 
     Attributes:
         amplitude: of the first mode.
@@ -60,7 +60,7 @@ class Wave:
 
     @property
     def highest(self) -> tuple[float, float]:
-        """Highest place on the wall [m] and its azimuth [rad]."""
+        """Returns the highest wall height [m] and its azimuth [rad]."""
         angle = np.linspace(-np.pi, np.pi, 7201)
         around = self.height(np.ones(angle.size), angle)
         best = int(np.argmax(around))
@@ -69,7 +69,7 @@ class Wave:
 
 @dataclass(frozen=True)
 class Scene:
-    """Cup of 50 mm radius and 70 mm fill height seen from 450 mm by an upright camera."""
+    """A cup of 50 mm radius and 70 mm fill height, seen by an upright camera 450 mm away."""
 
     camera_height: float = 0.0
     camera_azimuth: float = -np.pi / 2.0
@@ -142,11 +142,11 @@ class Scene:
         return pixels.reshape(-1, 2)
 
     def draw(self, amplitude: float = 0.0, azimuth: float = 0.0, level: float = 0.0) -> np.ndarray:
-        """Grey image of the first mode of a height at the wall in the given azimuth."""
+        """Draws a grey image of the first mode with a given wall height and azimuth."""
         return self.draw_wave(Wave(amplitude, azimuth, level))
 
     def draw_wave(self, wave: Wave) -> np.ndarray:
-        """Grey image of a surface."""
+        """Draws a grey image of the cup with a given free surface."""
         image = np.full(
             (self.oversampling * self.height, self.oversampling * self.width),
             self.background,
@@ -169,7 +169,7 @@ class Scene:
         return self._exposed(small)
 
     def _draw_surface(self, image: np.ndarray, wave: Wave) -> None:
-        """The free surface in small patches from far to near; each mirrors the background."""
+        """Draws the free surface in small patches that mirror the background."""
         radial = np.linspace(0.0, 1.0, 91)
         around = np.linspace(-np.pi, np.pi, 241)
         rho, angle = np.meshgrid(radial, around, indexing="ij")
@@ -195,7 +195,7 @@ class Scene:
                 cv2.fillConvexPoly(image, fixed[index], grey[index], cv2.LINE_8, SHIFT)
 
     def with_sides(self, image: np.ndarray) -> np.ndarray:
-        """The image with the container's sides, as glass shows them."""
+        """Returns the image with the visible sides of a glass container."""
         view, picture = self.calibration().view, image.copy()
         outer = view.cup.radius + view.cup.wall_thickness
         half = np.arccos(outer / np.hypot(*view.pose.camera_centre[:2]))
@@ -208,7 +208,7 @@ class Scene:
         return picture
 
     def with_rings(self, image: np.ndarray, heights: Iterable[float], arc=(-76.0, 76.0)):
-        """The image with lines printed on the container's front at some heights [m]."""
+        """Returns the image with lines printed around the container at given heights [m]."""
         view, picture = self.calibration().view, image.copy()
         azimuth = view.camera_azimuth + np.deg2rad(np.linspace(*arc, 61))
         across = self.radius * np.column_stack((np.cos(azimuth), np.sin(azimuth)))
@@ -219,7 +219,7 @@ class Scene:
         return picture
 
     def empty(self) -> np.ndarray:
-        """Grey image of the background alone."""
+        """Returns a grey image of the background only."""
         return self._exposed(np.full((self.height, self.width), self.background, np.uint8))
 
     def _exposed(self, image: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A simulated force sensor under a container: with all that spoils such a force."""
+"""Simulates a force sensor under a container, with noise, delay and vibration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FINE = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class SimulatedSensor:
-    """A record's truth.
+    """A simulated force sensor with known parameters.
 
     Attributes:
         model: of the liquid.
@@ -71,7 +71,7 @@ class SimulatedSensor:
         return container.mass_ratio(1, X_AXIS) * container.volume * self.model.liquid.density
 
     def record(self) -> ForceRecord:
-        """What a robot's bag would hold."""
+        """Returns a force record as a robot's bag would contain it."""
         rng = np.random.default_rng(self.seed)
         t, motion = self._motion()
         values = {FREQUENCY: self.frequency, DAMPING: self.damping}
@@ -114,7 +114,7 @@ class SimulatedSensor:
         return t, motion
 
     def _rung(self, motion: Array) -> Array:
-        """(N, 3) what a soft arm adds."""
+        """Returns the vibration (N, 3) that a compliant robot arm adds to a motion."""
         omega, damping = math.tau * self.arm, 0.05
         step = 1.0 / FINE
         pole = np.exp((-damping + 1j * math.sqrt(1.0 - damping**2)) * omega * step)
@@ -123,7 +123,7 @@ class SimulatedSensor:
 
 
 def drawn_sensor(seed: int) -> SimulatedSensor:
-    """A cup and a sensor by chance."""
+    """Returns a random cup and force sensor for a seed."""
     rng = np.random.default_rng([38, seed])
     radius = float(rng.uniform(0.035, 0.08))
     model = Model(Cylinder(radius=radius, fill_height=radius * float(rng.uniform(0.8, 2.0))))

@@ -1,4 +1,4 @@
-"""A test's own node beside the nodes under test, in one executor."""
+"""Runs a test's own ROS node and the nodes under test in one executor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ N = TypeVar("N", bound=Node)
 
 
 class Graph:
-    """A node that speaks and hears, and the nodes that a test adds.
+    """A test's ROS node and the nodes under test in one executor.
 
     Args:
         name, namespace: of the test's own node.
@@ -35,13 +35,13 @@ class Graph:
         self.node = self.add(Node(name, namespace=namespace))
 
     def add(self, node: N) -> N:
-        """Lets the executor serve a node, too."""
+        """Adds a node to the executor."""
         self.nodes.append(node)
         self.executor.add_node(node)
         return node
 
     def with_parameters(self, make: Callable[[], N], namespace: str = "/", **given: Any) -> N:
-        """Adds a node; its parameters come as overrides, not from the command line."""
+        """Adds a node whose parameters are set by overrides."""
         overrides = [Parameter(name, value=value) for name, value in given.items()]
         original = Node.__init__
 
@@ -54,7 +54,7 @@ class Graph:
             return self.add(make())
 
     def publisher(self, kind: type, topic: str, profile: Any = qos.STREAM_OUT) -> Any:
-        """A publisher, once somebody hears it."""
+        """Creates a publisher and waits until it has a subscriber."""
         publisher = self.node.create_publisher(kind, topic, profile)
         self.until(lambda: publisher.get_subscription_count() > 0)
         return publisher
@@ -62,25 +62,25 @@ class Graph:
     def listen(
         self, kind: type, topic: str, profile: Any = qos.STREAM_IN, *, raw: bool = False
     ) -> list[Any]:
-        """What comes on a topic from now on."""
+        """Subscribes to a topic and returns the list to which its messages are added."""
         heard: list[Any] = []
         self.node.create_subscription(kind, topic, heard.append, profile, raw=raw)
         return heard
 
     def until(self, condition: Callable[[], object], what: str = "what was awaited") -> None:
-        """Serves all nodes until something has happened."""
+        """Runs all nodes until a condition is met; fails after a timeout."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, f"{what} did not come"
             self.executor.spin_once(timeout_sec=0.05)
 
     def got(self, future: Any) -> Any:
-        """What a future gives."""
+        """Runs all nodes until a future is done, and returns its result."""
         self.until(future.done, "an answer")
         return future.result()
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        """A service's answer."""
+        """Calls a service and returns its response."""
         client = self.node.create_client(kind, name)
         self.until(client.service_is_ready, name)
         answer = self.got(client.call_async(request))
@@ -88,7 +88,7 @@ class Graph:
         return answer
 
     def close(self) -> None:
-        """Ends all nodes; ROS itself stays."""
+        """Destroys all nodes; ROS itself stays initialised."""
         for node in self.nodes:
             self.executor.remove_node(node)
             node.destroy_node()

@@ -1,4 +1,4 @@
-"""A robot's node that hears the estimator, and plays no faster than its estimates follow."""
+"""A robot's ROS node that sends inputs no faster than the estimator follows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DELAY_NS = SECOND // 4
 
 
 class HearingRobot(Graph):
-    """Speaks on a robot's topics.
+    """Publishes a robot's topics and receives the estimator's messages.
 
     Args:
         name: of its node.
@@ -43,16 +43,16 @@ class HearingRobot(Graph):
 
     @property
     def newest_ns(self) -> int:
-        """Stamp of the newest estimate [ns]; 0: none has come."""
+        """Stamp of the newest estimate [ns]; 0 before the first one."""
         return to_nanoseconds(self.estimates[-1].header.stamp) if self.estimates else 0
 
     def pace(self, number: int, stamp_ns: int) -> None:
-        """Waits, now and then, until the estimates follow the message of a stamp [ns]."""
+        """Waits from time to time until the estimates have reached a stamp [ns]."""
         if number % 10 == 0 and self.estimates:
             self.until(lambda: self.newest_ns >= stamp_ns - BEHIND_NS, "the estimates to follow")
         else:
             self.executor.spin_once(timeout_sec=0.002)
 
     def finish(self, stamp_ns: int) -> None:
-        """Waits for the estimate of the last message, of a stamp [ns]."""
+        """Waits for the estimate of the last message, which has this stamp [ns]."""
         self.until(lambda: self.newest_ns > stamp_ns - DELAY_NS, "the last one")

@@ -1,4 +1,4 @@
-"""Names that would write lines, pages and paths of their own, and whether one has."""
+"""Malicious names that try to inject text into lines, pages and paths, with checks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CONTROL = set("\x1b\x07\u202e\u2028")
 
 
 class Page(HTMLParser):
-    """Whether an element of a page is a stranger's, and all its text."""
+    """Parsed page that shows whether injected elements appear, and its text."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -24,12 +24,12 @@ class Page(HTMLParser):
 
 
 def has_forged_line(text: str) -> bool:
-    """Whether a line of what was said is a name's own."""
+    """Returns whether a name has injected a line into a text."""
     return any(line.lstrip().startswith(FORGED) for line in text.splitlines())
 
 
 def evil(where: str) -> str:
-    """A text that tries to become markup, a formula, a request, or too wide for its place."""
+    """Returns a text that tries to become markup, a formula, a request, or too wide."""
 
     return (
         f'{where}</pre></title></style><script>window.hacked="{where}"</script>'

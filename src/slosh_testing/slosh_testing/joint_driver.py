@@ -1,4 +1,4 @@
-"""Plays the driver of the robot in examples/robot.urdf over ROS."""
+"""Publishes joint states of the robot in examples/robot.urdf over ROS."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PLAYED, INTERVAL, STROKE = 12.0, 0.004, 6.0  # s
 
 
 def play_joints(last: str) -> None:
-    """Publishes joint states: at rest until a cell listens, then to and fro for some seconds.
+    """Publishes joint states: rest until a subscriber exists, then several seconds of motion.
 
     Args:
         last: is printed when the motion is over.

@@ -1,4 +1,4 @@
-"""Stands in for `launch` and `launch_ros`, of which there are no wheels.
+"""Replacement for `launch` and `launch_ros`, which have no Python wheels.
 
 It takes what `ros2 launch` takes, with the same names, and runs the nodes as real processes:
 their installed programs, with parameters in files. What it does when a node ends, when a timer is
@@ -21,7 +21,7 @@ PATIENCE = 60.0
 
 
 class Entity:
-    """Anything that a description holds."""
+    """Base class of everything that a launch description can contain."""
 
 
 class LaunchDescription(Entity):
@@ -98,7 +98,7 @@ MODULES = {
 
 
 def read_launch_file(monkeypatch):
-    """The module of the launch file."""
+    """Imports the launch file and returns its module."""
     for name, content in MODULES.items():
         module = ModuleType(name)
         vars(module).update(content)
@@ -110,7 +110,7 @@ def read_launch_file(monkeypatch):
 
 
 class Launch:
-    """`ros2 launch slosh_bringup cell.launch.py NAME:=VALUE…`, in a folder.
+    """Runs `ros2 launch slosh_bringup cell.launch.py NAME:=VALUE…` in a folder.
 
     Attributes:
         said: what launch would print.
@@ -134,7 +134,7 @@ class Launch:
         self.shut_down()
 
     def until(self, condition):
-        """Goes on until something holds."""
+        """Runs until a condition is met; fails after a timeout."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, self.said
@@ -142,7 +142,7 @@ class Launch:
             time.sleep(0.02)
 
     def shut_down(self):
-        """Ctrl-C; returns the exit codes of the nodes, by name."""
+        """Stops the launch as Ctrl-C does; returns the exit codes of the nodes by name."""
         self._context.is_shutdown = True
         self._timers.clear()
         for _, process in self.nodes.values():

@@ -1,4 +1,4 @@
-"""Bags as a live cell would have recorded them, written by the cores one sample at a time."""
+"""Writes bags as a live cell would record them, one sample at a time."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ TYPES = {
 
 
 def motion(seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps [ns] at 500 Hz and accelerations (N, 3): a second of rest, motion, rest."""
+    """Returns stamps [ns] at 500 Hz and accelerations (N, 3) of a motion between rests."""
     t = np.arange(0.0, seconds + 2.0, 0.002)
     swell = np.where((t > 1.0) & (t < 1.0 + seconds), np.sin(np.pi * (t - 1.0) / seconds) ** 2, 0)
     waves = np.column_stack(
@@ -66,7 +66,7 @@ def motion(seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 class LiveBag:
-    """Writes one; what happens live is said before `write`.
+    """Writes a bag of a simulated live run; its attributes set faults and changes.
 
     Attributes:
         unused: indices of inputs that the recorder heard and the estimator did not.
@@ -137,7 +137,7 @@ class LiveBag:
         self._entries: list[tuple[int, str, str, bytes]] = []
 
     def write(self, folder: Path, seconds: float = 3.0, beside: Iterable[LiveBag] = ()) -> Path:
-        """Writes the bag, with other cells `beside` in it, and returns its folder."""
+        """Writes the bag and returns its folder; `beside` adds other cells."""
         entries = self.entries(seconds)
         for other in beside:
             entries += other.entries(seconds)
@@ -149,7 +149,7 @@ class LiveBag:
         return folder
 
     def entries(self, seconds: float) -> list[tuple[int, str, str, bytes]]:
-        """Log time [ns], topic, type and bytes of each message."""
+        """Returns log time [ns], topic, type and bytes of each message."""
         self._entries = []
         self._settings("monitor", 0, {}, START - MS)
         self._run(*motion(seconds))
@@ -192,7 +192,7 @@ class LiveBag:
                 )  # fmt: skip
 
     def _change(self, estimator, source, index: int, before: int, stamp: int) -> None:
-        """Loads a model or changes parameters, where either comes before this input."""
+        """Loads a model or changes parameters if either is due before this input."""
         if index in self.loads:
             estimator.load_model(parse_model(self.loads[index]))
             source.sampling.carry(modes_of(estimator.model))
@@ -213,7 +213,7 @@ class LiveBag:
             self._settings("estimator", last, files, stamp - 1, changed, **own)
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
-        """Records an input; returns the samples that the estimator makes of it, if it gets it."""
+        """Records an input; returns the samples that the estimator makes of it."""
         x, y, z = a = [value + more for value, more in zip(a, self.offset, strict=True)]
         heard = index not in self.unheard
         if self.kind == "accel":

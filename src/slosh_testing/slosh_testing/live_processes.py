@@ -1,4 +1,4 @@
-"""`slosh demo` and `slosh cell` as processes of their own, and the nodes that they start."""
+"""Runs `slosh demo` and `slosh cell` as processes, and finds their nodes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def until(
     patience: float = 60.0,
     act: Callable[[], object] = lambda: time.sleep(0.01),
 ) -> None:
-    """Waits until something has happened, so long at most [s]; does something meanwhile."""
+    """Waits until a condition is met, at most for `patience` [s]."""
     deadline = time.monotonic() + patience
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -34,7 +34,7 @@ def until(
 
 
 class LiveProcess:
-    """A command, its words, and its nodes.
+    """A running `slosh` command with its output and its nodes.
 
     Attributes:
         process: of the command.
@@ -54,16 +54,16 @@ class LiveProcess:
 
     @property
     def said(self) -> str:
-        """All that it has printed."""
+        """Returns all output of the command so far."""
         return self.words.read_text(errors="replace")
 
     def nodes(self) -> dict[str, int]:
-        """Process ids of the nodes that it has started so far, by name."""
+        """Returns the process ids of all nodes that were started so far, by name."""
         self._nodes |= nodes_of(self.process.pid)
         return self._nodes
 
     def wait_for(self, condition: Callable[[], object], what: str) -> None:
-        """Waits until something has happened; the command must not end before."""
+        """Waits until a condition is met; fails if the command ends before."""
         deadline = time.monotonic() + PATIENCE
         while True:
             asked = time.monotonic()
@@ -75,24 +75,24 @@ class LiveProcess:
             time.sleep(max(0.02, SPARING * (time.monotonic() - asked)))
 
     def wait_for_nodes(self, count: int) -> dict[str, int]:
-        """Waits until so many nodes run; returns their process ids by name."""
+        """Waits until a number of nodes run; returns their process ids by name."""
         self.wait_for(lambda: len(self.nodes()) >= count, f"{count} nodes")
         return self.nodes()
 
     def wait_until_ready(self) -> None:
-        """Waits until all nodes are ready; what the robot says before is recorded, too."""
+        """Waits until the command reports that all nodes are ready."""
         self.wait_for(lambda: "ready: recording to" in self.said, "all nodes to be ready")
 
     def wait_for_recording(self, bag: Path, size: int = 400_000) -> None:
-        """Waits until so many bytes are in the bag: the cell is in motion."""
+        """Waits until the bag is larger than a number of bytes."""
         self.wait_for(lambda: recorded(bag) > size, "a recording")
 
     def end(self) -> int:
-        """Waits for the command's end; returns its exit code."""
+        """Waits for the end of the command and returns its exit code."""
         return self.process.wait(PATIENCE)
 
     def clean_up(self) -> None:
-        """Leaves nothing behind, whatever the test found out."""
+        """Kills the command and all its nodes."""
         for pid in self.nodes().values():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
@@ -104,7 +104,7 @@ class LiveProcess:
 def live_process(
     *words: str, output: Path, environment: dict[str, str] | None = None
 ) -> Iterator[LiveProcess]:
-    """Starts `slosh WORDS`; in the end nothing is left of it."""
+    """Starts `slosh` with given arguments; kills its processes at the end."""
     running = LiveProcess(words, output, {**os.environ, **(environment or {})})
     try:
         yield running
@@ -114,7 +114,7 @@ def live_process(
 
 @contextlib.contextmanager
 def robot(domain: int, **parameters: str) -> Iterator[subprocess.Popen[bytes]]:
-    """The simulated cell in the place of a robot and its camera; gives its process."""
+    """Runs the simulated cell in place of a robot and a camera; yields its process."""
     given = {"model": str(config_folder() / "truth.yaml"), **parameters}
     command = NodeProcess("cell", parameters=given).command("/slosh")
     process = subprocess.Popen(command, env=node_environment(domain))
@@ -126,18 +126,18 @@ def robot(domain: int, **parameters: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def free_port() -> int:
-    """A port that nobody uses yet."""
+    """Returns an unused network port."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         return int(taken.getsockname()[1])
 
 
 def recorded(bag: Path) -> int:
-    """Bytes in the files of a bag that is being recorded."""
+    """Returns the size of a bag that is being recorded [bytes]."""
     return sum(file.stat().st_size for file in bag.glob("*.mcap"))
 
 
 def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
+    """Returns the ids of the processes that a process has started."""
     found = []
     with contextlib.suppress(OSError):
         for task in Path(f"/proc/{pid}/task").iterdir():
@@ -146,7 +146,7 @@ def children(pid: int) -> list[int]:
 
 
 def node_name(pid: int) -> str:
-    """The name of a node, from its command line; empty: the process is none."""
+    """Returns a process's ROS node name from its command line; empty if it is no node."""
     with contextlib.suppress(OSError):
         words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
         return next((word[8:] for word in words if word.startswith("__node:=")), "")
@@ -154,12 +154,12 @@ def node_name(pid: int) -> str:
 
 
 def nodes_of(parent: int) -> dict[str, int]:
-    """Process ids of the nodes that a process has started, by name."""
+    """Returns the process ids of the nodes that a process has started, by name."""
     return {name: child for child in children(parent) if (name := node_name(child))}
 
 
 def alive(pid: int) -> bool:
-    """Whether a process runs; one that has ended and waits for its parent does not."""
+    """Returns whether a process runs; ended processes in the zombie state do not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:

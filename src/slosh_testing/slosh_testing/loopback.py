@@ -1,4 +1,4 @@
-"""The network sockets of processes, from /proc."""
+"""Finds the network sockets of processes in /proc."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _WORD = 8
 
 
 class Socket(NamedTuple):
-    """A socket: its table (tcp, udp6, …) and its own address and port."""
+    """A socket with its table (tcp, udp6, …), local address and port."""
 
     table: str
     address: ipaddress.IPv4Address | ipaddress.IPv6Address
@@ -24,13 +24,13 @@ class Socket(NamedTuple):
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine reaches it."""
+        """Whether the socket can only be reached from this machine."""
         mapped = getattr(self.address, "ipv4_mapped", None)
         return (mapped or self.address).is_loopback
 
 
 def sockets(pid: int) -> list[Socket]:
-    """The network sockets that a process holds, in its own network."""
+    """Returns the network sockets of a process."""
     held = _held(pid)
     found = []
     for table in _TABLES:
@@ -39,7 +39,7 @@ def sockets(pid: int) -> list[Socket]:
 
 
 def waiting_bytes(pid: int, table: str, port: int) -> int:
-    """What has come to a process's socket of a port and waits to be read [bytes]."""
+    """Returns the number of bytes that wait to be read at a socket of a process."""
     held = _held(pid)
     waiting = [
         int(line.split()[4].partition(":")[2], 16)
@@ -50,7 +50,7 @@ def waiting_bytes(pid: int, table: str, port: int) -> int:
 
 
 def descendants(pids: Iterable[int]) -> Iterator[int]:
-    """Processes, and all that they have started."""
+    """Yields the ids of processes and of all their descendants."""
     for pid in pids:
         yield pid
         with contextlib.suppress(OSError):
@@ -59,7 +59,7 @@ def descendants(pids: Iterable[int]) -> Iterator[int]:
 
 
 def _held(pid: int) -> set[str]:
-    """The numbers of the sockets that a process holds."""
+    """Returns the inode numbers of a process's sockets."""
     matches = map(re.compile(r"socket:\[(\d+)\]").match, _open_files(pid))
     return {match[1] for match in matches if match}
 

@@ -1,4 +1,4 @@
-"""A command in a process of its own, with a bound on its memory, and what it took."""
+"""Runs a command in its own process with a memory limit, and measures its use."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ print(json.dumps([*ended, peak, took]))
 
 
 class Ended(NamedTuple):
-    """How a process ended.
+    """Exit code, output, memory peak and processor time of an ended process.
 
     Attributes:
         code: its exit code.
@@ -46,7 +46,7 @@ class Ended(NamedTuple):
 
 
 def run_slosh(*words: str | Path) -> Ended:
-    """Runs `slosh` with these arguments."""
+    """Runs `slosh` with given arguments under a memory limit."""
     command = [sys.executable, "-m", "slosh_bringup.cli", *map(str, words)]
     between = [
         sys.executable,

@@ -1,4 +1,4 @@
-"""What tests put into a page, ask of it in a browser, and what holds of every page."""
+"""Checks of HTML pages that hold for every page, and helpers for tests in a browser."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ return {
 
 
 def grey_png(side: int = 8) -> bytes:
-    """An image: a grey square."""
+    """Returns a PNG image of a grey square."""
 
     def chunk(name: bytes, data: bytes) -> bytes:
         checksum = struct.pack(">I", zlib.crc32(name + data))
@@ -52,7 +52,7 @@ def grey_png(side: int = 8) -> bytes:
 
 
 def at(document: Any, path: str) -> Any:
-    """What a JSON pointer (RFC 6901) points at."""
+    """Returns the value at a JSON pointer (RFC 6901) in a document."""
     for part in path.split("/")[1:]:
         step = part.replace("~1", "/").replace("~0", "~")
         document = document[int(step) if isinstance(document, list) else step]
@@ -60,12 +60,12 @@ def at(document: Any, path: str) -> Any:
 
 
 def on_paper(page: str) -> str:
-    """A page in its print style, to be looked at on a screen as wide as A4."""
+    """Returns a page whose print style is shown on the screen, as wide as A4 paper."""
     return page.replace("@media print", "@media all").replace("(max-width: 44rem)", "print")
 
 
 def check_numbers(seen: Mapping[str, Any], document: Any) -> None:
-    """Each number of a page is that of the document, to the last digit and of the same type."""
+    """Checks that each number of a page equals the document's number in value and type."""
     for path, value, _ in seen["numbers"]:
         there = at(document, path)
         assert type(there) is type(json.loads(value)), path
@@ -73,7 +73,7 @@ def check_numbers(seen: Mapping[str, Any], document: Any) -> None:
 
 
 class EveryPage:
-    """Tests of any page; the fixture `seen` has its views and what the console said."""
+    """Tests that apply to any page; the fixture `seen` has its views and console output."""
 
     def test_no_error_is_in_the_console(self, seen: Mapping[str, Any]) -> None:
         assert seen["console"] == []

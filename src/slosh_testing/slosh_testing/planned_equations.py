@@ -1,4 +1,4 @@
-"""Planned motions checked by equations that are written down and integrated here."""
+"""Checks planned motions by independently written equations of motion."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ AGREE = 5e-4
 
 
 def cylinder_rate(cup):
-    """DL22, eqs. (11), (14): the rate of (x, y, ẋ, ẏ), and heights by displacement (24)."""
+    """Returns rate and height function of a cylinder (DL22, eqs. (11), (14), (24))."""
     r, h, alpha, xi = cup.radius, cup.fill_height, 0.58, 1.8411837813406593
     depth = np.tanh(xi * h / r)
     omega = np.sqrt(GRAVITY * xi / r * depth)
@@ -41,7 +41,7 @@ def cylinder_rate(cup):
 
 
 def rectangle_rate(tank):
-    """TM20, eq. (6), along each side, with g + z̈ for g; q = (θx, θy, their rates)."""
+    """Returns rate and height function of a rectangle (TM20, eq. (6)), along each side."""
     sides, h = np.array([tank.width, tank.depth]), tank.fill_height
     squared = np.pi * GRAVITY / sides * np.tanh(np.pi * h / sides)
     along, across = sides.max(), sides.min()
@@ -63,7 +63,7 @@ def rectangle_rate(tank):
 
 
 def felt_by(motion, attitude):
-    """(N, 3) Rᵀ(a + g ẑ) - g ẑ in the container's axes [m/s²]."""
+    """Returns the acceleration Rᵀ(a + g ẑ) - g ẑ in the container's axes (N, 3) [m/s²]."""
     weight = np.array([0.0, 0.0, GRAVITY])
     if motion.tilt is None and attitude is None:
         return motion.acceleration
@@ -72,7 +72,7 @@ def felt_by(motion, attitude):
 
 
 def planned_heights(container, motion, attitude=None):
-    """(N,) MSH at 1 kHz over a planned motion and WATCHED after it [m], by SciPy's DOP853."""
+    """Returns maximum heights (N,) [m] at 1 kHz during and after a planned motion."""
     made = cylinder_rate if isinstance(container, Cylinder) else rectangle_rate
     assert isinstance(container, Cylinder | Rectangle)
     rate, height = made(container)
@@ -92,7 +92,7 @@ def planned_heights(container, motion, attitude=None):
 
 
 def distance(point, places):
-    """From a point to the line through places [m]."""
+    """Returns the distance of a point from the polyline through given points [m]."""
     starts, steps = places[:-1], np.diff(places, axis=0)
     squares = np.maximum((steps**2).sum(axis=1), 1e-30)
     share = np.clip(((point - starts) * steps).sum(axis=1) / squares, 0.0, 1.0)
@@ -100,7 +100,7 @@ def distance(point, places):
 
 
 def check_motion(motion, points, limits):
-    """A plan's rows: rest at the ends, limits, waypoints, columns that belong together."""
+    """Checks that a planned motion rests at its ends, and keeps its limits and waypoints."""
     assert np.allclose(np.diff(motion.t), 1e-3, atol=1e-12)
     assert np.linalg.norm(motion.acceleration, axis=1).max() <= limits.acceleration * (1.0 + 1e-9)
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
@@ -121,7 +121,7 @@ def check_motion(motion, points, limits):
 
 
 def check_tilt(motion, limits):
-    """From upright to upright, by the attitudes alone: their angles and what turns them."""
+    """Checks the tilt of a planned motion: upright at both ends, and within its limits."""
     turned = Rotation.from_quat(motion.tilt.attitude)
     up = turned.apply([0.0, 0.0, 1.0])
     assert up[[0, -1]] == pytest.approx(np.array([[0.0, 0.0, 1.0]] * 2), abs=1e-12)

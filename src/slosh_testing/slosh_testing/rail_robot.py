@@ -1,4 +1,4 @@
-"""A small robot on a rail, with its kinematics written down by hand."""
+"""A small robot on a rail, with kinematics written out by hand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RAIL_URDF = (Path(__file__).resolve().parents[3] / "examples" / "robot.urdf").re
 
 
 def cup_position(rail: Any, shoulder: Any, elbow: Any, wrist: Any = 0.0) -> Any:
-    """Where the cup stands for positions of the joints [m]; arrays give (N, 3)."""
+    """Returns the position of the cup (N, 3) [m] for given joint positions."""
     toward = shoulder + elbow
     side, up = -CUP * np.sin(wrist), CUP * np.cos(wrist)
     return np.stack(
@@ -30,20 +30,20 @@ def cup_position(rail: Any, shoulder: Any, elbow: Any, wrist: Any = 0.0) -> Any:
 
 
 def swung(t: Any, seconds: float = 2.0) -> Any:
-    """(N, 4) positions of JOINTS at times t [s]: at rest before 0 and behind `seconds`."""
+    """Returns joint positions (N, 4) at times t [s] of one move that lasts `seconds`."""
     x = np.clip(np.asarray(t) / seconds, 0.0, 1.0)
     ease = x**4 * (35.0 - 84.0 * x + 70.0 * x**2 - 20.0 * x**3)
     return np.stack([0.5 * ease, 0.9 * ease - 0.4, 0.3 - 1.2 * ease, 0.0 * ease], axis=-1)
 
 
 def acceleration(t: Any, step: float = 1e-4) -> Any:
-    """(N, 3) of the cup [m/s²], by differences of the kinematics."""
+    """Returns the acceleration of the cup (N, 3) [m/s²], by differences of positions."""
     places = [cup_position(*swung(np.asarray(t) + k * step).T) for k in (-1, 0, 1)]
     return (places[0] - 2.0 * places[1] + places[2]) / step**2
 
 
 def quaternion(shoulder: float, elbow: float, wrist: float) -> tuple[float, float, float, float]:
-    """Attitude world ← cup."""
+    """Returns the attitude of the cup as a quaternion, world ← cup."""
     yaw, half = 0.5 * (shoulder + elbow), 0.5 * wrist
     return (
         math.cos(yaw) * math.sin(half), math.sin(yaw) * math.sin(half),
@@ -52,7 +52,7 @@ def quaternion(shoulder: float, elbow: float, wrist: float) -> tuple[float, floa
 
 
 def felt_on_cup(t: Any, step: float = 1e-4) -> tuple[Any, Any]:
-    """Specific force [m/s²] and angular velocity [rad/s], (N, 3) each, in the cup's axes."""
+    """Returns specific force [m/s²] and angular velocity [rad/s] on the cup, (N, 3) each."""
     yaws = [swung(np.asarray(t) + k * step)[..., 1:3].sum(axis=-1) for k in (-1, 0, 1)]
     c, s, (ax, ay, _) = np.cos(yaws[1]), np.sin(yaws[1]), acceleration(t).T
     rate, zero = (yaws[2] - yaws[0]) / (2.0 * step), 0.0 * c

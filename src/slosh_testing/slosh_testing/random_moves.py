@@ -1,4 +1,4 @@
-"""Random motions with exact positions and accelerations, and the heights that belong to them.
+"""Creates random motions with exact positions, accelerations and sloshing heights.
 
 A motion is a handful of moves with piecewise constant jerk, as robots make them, or a shuttle near
 the liquid's natural frequency. What an input makes of it is compared with the models under the
@@ -33,7 +33,7 @@ LEVEL = (0.0, 0.0, 0.0, 1.0)
 
 
 class Move(NamedTuple):
-    """A motion.
+    """A random motion with exact positions and accelerations.
 
     Attributes:
         end: when it ends [s].
@@ -45,7 +45,7 @@ class Move(NamedTuple):
 
 
 def moves(seed: int) -> Move:
-    """One to three straight moves in random directions, with pauses or none between."""
+    """Returns one to three straight moves in random directions, with or without pauses."""
     random = np.random.default_rng(seed)
     spans, jerks = [REST], [(0.0, 0.0)]
     for _ in range(random.integers(1, 4)):
@@ -78,7 +78,7 @@ def moves(seed: int) -> Move:
 
 
 def shuttle(seed: int) -> Move:
-    """Some periods within a tenth of the first natural frequency, gently begun and ended."""
+    """Returns an oscillation within 10 % of the first natural frequency."""
     random = np.random.default_rng(seed)
     w = FIRST_MODE * random.uniform(0.9, 1.1)
     seconds = random.integers(4, 9) * math.tau / w
@@ -105,7 +105,7 @@ def _in_space(plane: Array) -> Array:
 
 
 class HighestWaves(NamedTuple):
-    """The highest wave of all, and the highest one behind the motion, of NL [m]; all flags."""
+    """Highest waves of the nonlinear model [m], during and after a motion, and all flags."""
 
     peak: float
     residual: float
@@ -113,7 +113,7 @@ class HighestWaves(NamedTuple):
 
 
 def heights(estimates: Estimates, move: Move) -> HighestWaves:
-    """What estimates say of a motion."""
+    """Returns the highest waves in the estimates of a motion."""
     msh = estimates.heights[:, 1, 0]
     behind = estimates.stamps > (move.end + 0.1) * 1e9
     flags = int(np.bitwise_or.reduce(estimates.flags))
@@ -121,13 +121,13 @@ def heights(estimates: Estimates, move: Move) -> HighestWaves:
 
 
 def truth(move: Move) -> HighestWaves:
-    """The heights under the true acceleration."""
+    """Returns the highest waves under the true acceleration."""
     t = np.arange(0.0, move.end + AFTER, 5e-4)
     return heights(Estimator(MODEL).update_many(accelerations(t, move)), move)
 
 
 def accelerations(t: Array, move: Move) -> Samples:
-    """Samples of the true acceleration at times (N,) [s]."""
+    """Returns input samples of the true acceleration at times (N,) [s]."""
     restarted = np.zeros(len(t), dtype=bool)
     restarted[0] = True
     stamps = np.rint(t * 1e9).astype(np.int64)
@@ -135,7 +135,7 @@ def accelerations(t: Array, move: Move) -> Samples:
 
 
 class Poses(NamedTuple):
-    """How a tracker or a controller tells a motion.
+    """Rate, rounding, jitter and losses of simulated poses of a motion.
 
     Attributes:
         rate: poses per second.
@@ -154,7 +154,7 @@ class Poses(NamedTuple):
     seed: int = 0
 
     def of(self, move: Move) -> tuple[list[int], list[tuple[float, float, float]]]:
-        """Stamps [ns] and positions [m]."""
+        """Returns the stamps [ns] and positions [m] of a motion's poses."""
         random = np.random.default_rng(self.seed)
         count = int((move.end + AFTER) * self.rate)
         t = (np.arange(count) + 1.0) / self.rate + random.uniform(-1.0, 1.0, count) * self.jitter
@@ -170,7 +170,7 @@ class Poses(NamedTuple):
 
 
 def pose_reader(window: float = 0.0, max_gap: float = 0.2) -> PoseInput:
-    """The reader of poses, for the cup."""
+    """Returns the estimator's reader of poses for the test cup."""
     gate = GateSettings(max_gap=max_gap, confirms=False)
     settings = InputSettings("pose", gate, pose_window=window, modes=modes_of(MODEL))
     reader = settings.reader("pose")
@@ -179,7 +179,7 @@ def pose_reader(window: float = 0.0, max_gap: float = 0.2) -> PoseInput:
 
 
 def by_poses(move: Move, poses: Poses, window: float = 0.0) -> HighestWaves:
-    """The heights that the estimator gives with poses as its input."""
+    """Returns the highest waves that the estimator finds from poses."""
     reader = pose_reader(window)
     found = [
         sample

@@ -1,4 +1,4 @@
-"""Publishes accelerations at 1 kHz and images at 60 Hz, and notes when it sent each: a helper.
+"""Publishes accelerations at 1 kHz and images at 60 Hz, and stores their sending times.
 
     python -m slosh_testing.recorder_source NAMESPACE FOLDER
 
@@ -24,7 +24,7 @@ DEPTHS = {"accel": 20_000, "image": 600}
 
 
 def main() -> None:
-    """Publishes until it is killed."""
+    """Publishes the messages until the process is killed."""
     namespace, folder = sys.argv[1], Path(sys.argv[2])
     rclpy.init()
     node = rclpy.create_node("source", namespace=namespace)

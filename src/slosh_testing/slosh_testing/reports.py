@@ -1,4 +1,4 @@
-"""Reports to look at: one that shows everything, and one whose texts wish the page ill."""
+"""Example reports: one with every part, and one with malicious texts."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ NAMES = ("2D-L", "3D-L", "2D-NL", "3D-NL")
 
 
 def rows(seed):
-    """Four models with numbers that no rounding leaves as they are."""
+    """Returns results of four models with unrounded numbers."""
     noise = np.random.default_rng(seed).random((4, 3)) / 3.0
     return tuple(
         ModelRow(name, 2e-3 * a, b - 0.2, 3e-3 * c, 3.2 + a, 600 + seed)
@@ -38,7 +38,7 @@ def rows(seed):
 
 
 def full_report():
-    """A report in which every part of the page has something to show."""
+    """Returns a report with content in every part of the page."""
     measured = 0.0213 * np.sin(0.7 * T) ** 2
     estimated = AzimuthSeries("3D-NL", T, np.angle(np.exp(0.9j * T)), 0.98 * measured)
     return RunReport(
@@ -108,7 +108,7 @@ def full_report():
 
 
 def hostile_report():
-    """Every text tries to become markup, a formula, a request, or too wide for its place."""
+    """Returns a report whose texts try to become markup, formulas or requests."""
     base = full_report()
     bad_rows = tuple(replace(row, name=evil("model")) for row in base.models[:1])
     return replace(

@@ -1,4 +1,4 @@
-"""A robot and a camera that a test plays, beside real nodes in processes of their own."""
+"""A simulated robot and camera for tests with real nodes in their own processes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ effects: [{name: vertical_acceleration}]
 
 
 class RobotNode:
-    """What speaks to the nodes, and hears them.
+    """ROS node of a test that sends inputs and receives the messages of the nodes.
 
     Attributes:
         node: by which it does so.
@@ -80,31 +80,31 @@ class RobotNode:
         self._due = dict.fromkeys(("sample", "image"), time.monotonic())
 
     def listen(self) -> None:
-        """Hears the nodes from now on."""
+        """Subscribes to the topics of the nodes."""
         hear = self.node.create_subscription
         hear(SloshEstimate, topics.ESTIMATE, self.estimates.append, qos.STREAM_IN)
         hear(SloshComparison, topics.COMPARISON, self.comparisons.append, qos.STREAM_IN)
         hear(DiagnosticArray, topics.DIAGNOSTICS, self._take, qos.DIAGNOSTICS)
 
     def sees(self) -> None:
-        """Speaks as the camera node, too."""
+        """Creates a publisher of free surfaces, in place of the camera node."""
         self._surfaces = self.node.create_publisher(
             FreeSurface, topics.FREE_SURFACE, qos.STREAM_OUT
         )
 
     def shows(self, picture: Image | CompressedImage) -> None:
-        """Shows pictures from now on."""
+        """Creates a publisher of camera images."""
         self.picture, kind = picture, type(picture)
         topic = topics.IMAGE if kind is Image else topics.IMAGE_COMPRESSED
         self._pictures = self.node.create_publisher(kind, topic, qos.STREAM_OUT)
 
     def simulates(self, time_ns: Callable[[], int] | None) -> None:
-        """Tells the time from now on, another one than the system's; None: it says no more."""
+        """Publishes simulated time from now on, or stops it if None is given."""
         self._clock = self._clock or self.node.create_publisher(Clock, "/clock", 10)
         self._tells_time, self.time_ns = time_ns is not None, time_ns or self.time_ns
 
     def sample(self, ahead: float = 0.0, ax: float | None = None) -> None:
-        """Sends a sample of the input.
+        """Publishes one sample of the input.
 
         Args:
             ahead: of the clock [s].
@@ -130,7 +130,7 @@ class RobotNode:
         self.inputs[self.kind].publish(message)
 
     def until(self, condition: Callable[[], object], what: str, *, speak: bool = True) -> None:
-        """Plays on until something has happened."""
+        """Publishes data until a condition is met; fails after a timeout."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain for {what}: {self.health}"
@@ -139,12 +139,12 @@ class RobotNode:
             self._executor.spin_once(timeout_sec=0.001)
 
     def for_seconds(self, seconds: float) -> None:
-        """Plays on for so long."""
+        """Publishes data for a number of seconds."""
         end = time.monotonic() + seconds
         self.until(lambda: time.monotonic() >= end, "the time")
 
     def call(self, service: Any, name: str, **fields: Any) -> Any:
-        """A service's answer; the robot plays on meanwhile."""
+        """Calls a service and returns its response; publishes data meanwhile."""
         client = self.node.create_client(service, name)
         self.until(client.service_is_ready, name)
         answer = client.call_async(service.Request(**fields))
@@ -153,13 +153,13 @@ class RobotNode:
         return answer.result()
 
     def new_estimate(self) -> SloshEstimate:
-        """The next estimate that comes."""
+        """Waits for the next estimate and returns it."""
         count = len(self.estimates)
         self.until(lambda: len(self.estimates) > count, "an estimate")
         return self.estimates[-1]
 
     def close(self) -> None:
-        """Falls silent."""
+        """Shuts down the executor and the node."""
         self._executor.shutdown()
         self.node.destroy_node()
 
@@ -187,7 +187,7 @@ class RobotNode:
 
 
 def swing(amplitude: float) -> Callable[[float], float]:
-    """A push near the liquid's own frequency [m/s²]."""
+    """Returns an acceleration [m/s²] near the liquid's natural frequency, by time [s]."""
     return lambda t: amplitude * math.sin(15.0 * t)
 
 
@@ -201,7 +201,7 @@ def nodes_and_robot(
     namespace: str = "/slosh",
     attitude: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
 ) -> Iterator[tuple[NodeGroup, RobotNode]]:
-    """Estimator, monitor, for a picture a camera node, and a robot.
+    """Runs estimator, monitor, perhaps a camera node, and a simulated robot.
 
     Args:
         folder: the nodes' logs go there.

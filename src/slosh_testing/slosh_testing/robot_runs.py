@@ -1,4 +1,4 @@
-"""Runs of a robot's cup in the published form: two files of poses and heights, no common clock.
+"""Writes robot runs in the format of published data: poses and heights, two clocks.
 
 What a measured run has and a simulation has not is put in on purpose, and known: the liquid has a
 second mode and quadratic damping, the cameras see two thirds of the wall, their noise and their
@@ -35,7 +35,7 @@ NOISE, OUTLIER = 0.25e-3, 6e-3
 
 
 def truth() -> Model:
-    """The liquid that was 'measured', and what the cameras see of it."""
+    """Returns the model that generated the data, including the arc that the cameras see."""
     liquid = CUP.spatial().nonlinear().with_effect("second_mode", damping_ratio=0.02)
     return liquid.with_effect("quadratic_damping", beta=0.02).with_effect(
         "visible_arc", centre=0.5, width=4.4
@@ -43,7 +43,7 @@ def truth() -> Model:
 
 
 def write_runs(folder: Path) -> Path:
-    """Writes all runs.
+    """Writes the files of all runs.
 
     Args:
         folder: gets `heights/` and `poses/`.
@@ -74,7 +74,7 @@ def _write_poses(path: Path, position: Array) -> None:
 
 
 def _seen(acceleration: Array, start: float, random: np.random.Generator) -> tuple[Array, Array]:
-    """Times on the cameras' clock [s], and heights [m]; the motion starts at `start` of it."""
+    """Returns camera times [s] and heights [m]; the motion begins at `start` [s]."""
     still = round(DWELL * POSES)
     driven = np.vstack([acceleration, np.zeros((still, 3))])
     t = np.arange(len(driven)) / POSES

@@ -1,4 +1,4 @@
-"""A file system that is soon full."""
+"""A file system with little space, for tests of a full disk."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 @contextmanager
 def small_disk(folder: Path, option: str) -> Iterator[Path]:
-    """Mounts a file system in memory over a folder; skips the test where that cannot be done.
+    """Mounts a small file system in memory over a folder, or skips the test.
 
     Args:
         folder: there already.

@@ -1,4 +1,4 @@
-"""Counts the estimates that come, and calls reset; for a process in a network of its own.
+"""Counts received estimates and calls reset, in a process with its own network.
 
     python -m slosh_testing.who_hears robot|stranger SECONDS
 
@@ -23,7 +23,7 @@ ENOUGH = 50  # estimates: no chance message
 
 
 def send_at_rest(node: Node) -> None:
-    """A robot at rest, with 100 samples in a second."""
+    """Publishes accelerations of a robot at rest, 100 per second."""
     publisher = node.create_publisher(AccelStamped, topics.ACCEL, qos.STREAM_OUT)
     message = AccelStamped()
     message.header.frame_id = "world"
@@ -36,7 +36,7 @@ def send_at_rest(node: Node) -> None:
 
 
 def main(role: str, seconds: float) -> None:
-    """Listens for so long at most [s]."""
+    """Counts estimates for at most a number of seconds."""
     rclpy.init()
     node = rclpy.create_node(role, namespace="/slosh")
     heard: list[SloshEstimate] = []

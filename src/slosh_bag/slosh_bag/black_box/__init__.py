@@ -1,1 +1,1 @@
-"""The black box: remembers what was heard last, and writes a bag round each event."""
+"""Event recorder: keeps recent messages in memory and writes a bag around each event."""

@@ -1,4 +1,4 @@
-"""Decides what of all that is heard is written: the time round each event.
+"""Decides which messages are written to a bag: those around an event.
 
 The messages of the last seconds wait in a ring. An event begins a bag with them and with the
 latched messages of before; it goes on for some seconds after the event, and another event
@@ -34,7 +34,7 @@ SET_BACK_NS: Final = SECOND
 
 
 class Cause(StrEnum):
-    """Why a bag is written."""
+    """The reason why an event bag is written."""
 
     LIMIT = "limit"
     DISAGREEMENT = "disagreement"
@@ -44,7 +44,7 @@ class Cause(StrEnum):
 
 
 class Happening(NamedTuple):
-    """An event.
+    """An event for which messages are recorded.
 
     Attributes:
         cause: its kind.
@@ -57,32 +57,32 @@ class Happening(NamedTuple):
     text: str
 
     def document(self) -> dict[str, str | int]:
-        """The values by name."""
+        """Returns the event's attributes by name, for JSON."""
         return {"cause": self.cause.value, "stamp_ns": self.stamp_ns, "text": self.text}
 
 
 class Sink(Protocol):
-    """A bag that is being written; `slosh_bag.recorder.Recorder` is one."""
+    """Interface of a bag that is being written, as `slosh_bag.recorder.Recorder` implements it."""
 
     def add_topic(self, name: str, message_type: str, qos: Qos) -> None:
-        """Announces a topic; its messages follow."""
+        """Registers a topic before its first message."""
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Takes a message."""
+        """Adds a serialised message."""
 
     def note(self, name: str, value: str) -> None:
-        """Notes a fact of the bag."""
+        """Stores a key and value of bag metadata."""
 
     def miss(self, counts: Mapping[str, int]) -> None:
-        """Takes how many messages are missing so far, by topic."""
+        """Sets the number of messages that were sent but not received so far, by topic."""
 
     def close(self) -> None:
-        """Nothing follows."""
+        """Finishes the bag."""
 
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """How much is kept round an event.
+    """Duration, memory and file size of the recording around an event.
 
     Attributes:
         before_ns, after_ns: time before and after it [ns].
@@ -98,7 +98,7 @@ class Windows:
 
 @dataclass(slots=True)
 class _Open:
-    """A bag that is being written."""
+    """A bag that is being written for one or more events."""
 
     sink: Sink
     until_ns: int
@@ -115,7 +115,7 @@ class _Losses(NamedTuple):
 
 
 class BlackBox:
-    """Keeps the last messages, and writes them where something happens.
+    """Keeps the most recent messages in memory and writes them to a bag at an event.
 
     All calls come from one thread.
 
@@ -157,19 +157,19 @@ class BlackBox:
 
     @property
     def span_ns(self) -> int:
-        """Time that the ring covers [ns]."""
+        """Time span of the messages in memory [ns]."""
         begin_ns = self.ring.begin_ns
         return 0 if begin_ns is None else self._now_ns - begin_ns
 
     def add_topic(self, name: str, message_type: str, qos: Qos) -> None:
-        """Announces a topic, or what is new about it; its messages follow."""
+        """Registers a topic, or a change of its type or QoS, before its next message."""
         known = self._topics.get(name)
         if known is not None and known[0] != message_type:
             self.ring.forget(name)
         self._topics[name] = (message_type, qos)
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Takes a message of a topic that was announced.
+        """Adds a message of a registered topic.
 
         Args:
             topic: the topic.
@@ -187,7 +187,7 @@ class BlackBox:
                 self._go_on(self._open)
 
     def look(self, now_ns: int) -> None:
-        """Takes the time [ns], by the clock of the messages; ends a bag whose time is over."""
+        """Updates the time [ns], in the messages' clock, and ends a bag whose time is over."""
         if self._log_ns is None or self._log_ns - now_ns > SET_BACK_NS:
             self._log_ns = now_ns
         self._now_ns += max(now_ns - self._log_ns, 0)
@@ -199,7 +199,7 @@ class BlackBox:
             self._begin_pending()
 
     def happen(self, happening: Happening) -> None:
-        """Takes an event of now: it begins a bag, or lengthens the open one."""
+        """Processes a new event: starts a bag, or extends the time range of the open one."""
         self.events += 1
         if self._open is not None:
             self._lengthen(self._open, happening, self._now_ns)
@@ -208,13 +208,13 @@ class BlackBox:
         self._begin_pending()
 
     def note(self, name: str, value: str) -> None:
-        """Notes a fact of all bags from now on."""
+        """Stores a key and value of metadata for all bags from now on."""
         self._notes[name] = value
         if self._open is not None:
             self._open.sink.note(name, value)
 
     def miss(self, counts: Mapping[str, int]) -> None:
-        """Takes how many messages were sent and did not get here since the start, by topic."""
+        """Sets the number of messages that were sent but not received since the start."""
         now = Counter(counts)
         if now != self._losses[-1].counts:
             self._losses.append(_Losses(self._now_ns, now))
@@ -226,7 +226,7 @@ class BlackBox:
             self._open.sink.miss(now - self._open.lost_before)
 
     def close(self) -> None:
-        """Finishes the open bag; nothing follows."""
+        """Finishes the open bag and ends the recording."""
         if self._pending:
             self._begin_pending()
         self.missed += len(self._pending)
@@ -235,7 +235,7 @@ class BlackBox:
             self._end()
 
     def _begin_pending(self) -> None:
-        """Begins a bag for the events that have none, as long as the ring holds their time."""
+        """Starts a bag for events that have none yet, while their messages are in memory."""
         forgotten_ns = self._now_ns - self._windows.before_ns
         current = [pair for pair in self._pending if pair[0] >= forgotten_ns]
         self.missed += len(self._pending) - len(current)
@@ -256,7 +256,7 @@ class BlackBox:
             self._lengthen(bag, happening, at_ns)
 
     def _start(self, sink: Sink) -> _Open:
-        """Begins a bag with all that is in memory."""
+        """Starts writing a bag with all messages in memory."""
         begin_ns = self._now_ns - self.span_ns
         before = [entry.counts for entry in self._losses if entry.at_ns < begin_ns]
         bag = _Open(sink, self._now_ns, begin_ns, before[-1] if before else Counter(), [])
@@ -275,7 +275,7 @@ class BlackBox:
         return bag
 
     def _go_on(self, full: _Open) -> None:
-        """Another bag follows one that is full, for the rest of its time."""
+        """Ends a bag that has reached its maximum size and continues in another one."""
         *_, last = full.happenings
         until_ns = full.until_ns
         self._end()

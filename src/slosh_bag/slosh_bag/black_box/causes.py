@@ -1,4 +1,4 @@
-"""What in the messages of a cell is an event for which a bag is written."""
+"""Detects the events in a cell's messages for which bags are written."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class _Answer(NamedTuple):
 
 
 class ComparisonWatch:
-    """Finds disagreement and blindness in the comparisons: where they begin."""
+    """Detects when model and camera start to disagree, or comparisons become impossible."""
 
     def __init__(self) -> None:
         self._disagrees = self._blind = False
 
     def take(self, comparison: SloshComparison, stamp_ns: int) -> list[Happening]:
-        """What begins with a comparison.
+        """Processes a comparison and returns the events that begin with it.
 
         Args:
             comparison: the message.
@@ -57,7 +57,7 @@ class ComparisonWatch:
 
 
 def limit_happening(event: LimitEvent, stamp_ns: int) -> Happening | None:
-    """The beginning of an excess; None: it is an end.
+    """Returns the event at the start of a limit violation, or None at its end.
 
     Args:
         event: the message.
@@ -70,7 +70,7 @@ def limit_happening(event: LimitEvent, stamp_ns: int) -> Happening | None:
 
 
 class CalmWatch:
-    """Finds that the liquid was called calm and is not, though nothing moved.
+    """Detects liquid that was reported calm but moves although the container is at rest.
 
     A height is held against the last answer before it, and judged when the next answer after it
     has come: that one tells whether the container has begun to move. One event is told until the
@@ -83,7 +83,7 @@ class CalmWatch:
         self._told = False
 
     def answer(self, calm: Calm, stamp_ns: int) -> list[Happening]:
-        """Takes an answer with its stamp [ns]; returns what is wrong by now."""
+        """Processes a calm report with its stamp [ns]; returns reports found to be wrong."""
         if self._answers and stamp_ns < self._answers[-1].stamp_ns:
             self._answers.clear()  # another run of the estimator, or a clock that was set back
             self._heights.clear()
@@ -93,7 +93,7 @@ class CalmWatch:
         return self._judge()
 
     def height(self, name: str, stamp_ns: int, height: float, stddev: float) -> list[Happening]:
-        """Takes a height; returns what is wrong by now.
+        """Processes a measured height; returns events for calm reports found to be wrong.
 
         Args:
             name: whose height it is, for people.
@@ -116,7 +116,7 @@ class CalmWatch:
         return [self._tell(height, before) for height in due if (before := self._wrong(height))]
 
     def _wrong(self, height: _Height) -> _Answer | None:
-        """The answer that a height shows to be wrong; None: there is none, or it was told."""
+        """Returns the calm report that a height contradicts, or None if there is no new one."""
         at_ns = height.stamp_ns
         before = next((one for one in reversed(self._answers) if one.stamp_ns <= at_ns), None)
         follower = next(one for one in self._answers if one.stamp_ns > at_ns)

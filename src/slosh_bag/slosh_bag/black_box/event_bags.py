@@ -1,4 +1,4 @@
-"""The bags of events in a folder: begun, finished, and given up where there are too many."""
+"""Manages a folder of event bags: starts and finishes bags and deletes superfluous ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHARE: Final = 4
 
 
 class KeptBag(NamedTuple):
-    """A finished bag of events.
+    """A finished bag of events that is kept.
 
     Attributes:
         folder: where it is.
@@ -42,7 +42,7 @@ class KeptBag(NamedTuple):
 
 
 def superfluous(bags: Sequence[KeptBag], per_cause: int, quota: int) -> list[KeptBag]:
-    """Which bags are given up, the oldest first.
+    """Returns the bags to delete, oldest first, so that number and size limits are met.
 
     A bag is kept while it is among the last so many of any of its causes; then the newest are, as
     far as the quota goes.
@@ -66,7 +66,7 @@ def superfluous(bags: Sequence[KeptBag], per_cause: int, quota: int) -> list[Kep
 
 
 class _OpenBag:
-    """A bag that is being written; its end is written by a thread of its own."""
+    """An event bag that is being written."""
 
     def __init__(self, recorder: Recorder, folder: Path, cause: Cause) -> None:
         self.recorder, self.folder = recorder, folder
@@ -75,19 +75,19 @@ class _OpenBag:
         self.add_topic, self.add, self.miss = recorder.add_topic, recorder.add, recorder.miss
 
     def note(self, name: str, value: str) -> None:
-        """Notes a fact of the bag."""
+        """Stores a key and value of the bag's metadata."""
         if name == EVENTS:
             self.causes |= _causes(value)
         self.recorder.note(name, value)
 
     def close(self) -> None:
-        """Finishes the bag meanwhile: a busy disk must not stall who receives the messages."""
+        """Finishes the bag in a separate thread, so that a busy disk delays no messages."""
         self.closing = threading.Thread(target=self.recorder.close, name="bag end")
         self.closing.start()
 
 
 class EventRecorder:
-    """A recorder that writes the time round each event: the black box, and its folder of bags.
+    """Recorder that writes only the time around events, to a folder of bags.
 
     It takes what `Recorder` takes, and events. All calls come from one thread.
 
@@ -135,39 +135,39 @@ class EventRecorder:
 
     @property
     def path(self) -> Path:
-        """The folder of the newest bag; of all, where there is none."""
+        """Folder of the newest event bag, or the folder for all event bags if there is none."""
         bags = [*(bag.folder for bag in self._kept), *(bag.folder for bag in self._open)]
         return bags[-1] if bags else self._folder
 
     def add_topic(self, name: str, message_type: str, qos: Qos) -> None:
-        """Announces a topic; its messages follow."""
+        """Registers a topic before its first message."""
         self.box.add_topic(name, message_type, qos)
 
     def add(self, topic: str, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
-        """Takes a message; see `BlackBox.add`."""
+        """Adds a message; see `BlackBox.add`."""
         self._heard[topic] += 1
         self.box.add(topic, data, log_ns, publish_ns)
 
     def happen(self, happening: Happening) -> None:
-        """Takes an event of now."""
+        """Processes a new event: starts a bag, or extends the open one."""
         self.box.happen(happening)
 
     def look(self, now_ns: int) -> None:
-        """Takes the time [ns], by the clock of the messages, and what has been finished."""
+        """Updates the time [ns], in the messages' clock, and registers finished bags."""
         self.box.look(now_ns)
         self._collect()
 
     def note(self, name: str, value: str) -> None:
-        """Notes a fact of all bags from now on."""
+        """Stores a key and value of metadata for all bags from now on."""
         self.box.note(name, value)
 
     def miss(self, counts: Mapping[str, int]) -> None:
-        """Takes how many messages were sent and did not get here so far, by topic."""
+        """Sets the number of messages that were sent but not received so far, by topic."""
         self._missed = dict(counts)
         self.box.miss(counts)
 
     def status(self) -> RecorderStatus:
-        """State of the recording: its bags, losses and failures."""
+        """State of the recording: bags, losses and failures."""
         self._collect()
         self._tidy()
         states = [bag.recorder.status() for bag in self._open]
@@ -194,7 +194,7 @@ class EventRecorder:
         )
 
     def close(self) -> None:
-        """Finishes the open bag."""
+        """Finishes the open event bag."""
         self.box.close()
         for bag in self._open:
             if bag.closing is not None:
@@ -210,7 +210,7 @@ class EventRecorder:
         return bag
 
     def _collect(self) -> None:
-        """Counts the bags that have been finished among those that are kept."""
+        """Adds newly finished bags to the list of kept bags."""
         done = [bag for bag in self._open if bag.closing and not bag.closing.is_alive()]
         if not done:
             return
@@ -225,7 +225,7 @@ class EventRecorder:
         self._tidy()
 
     def _tidy(self) -> None:
-        """Gives up the oldest bags, where there are too many or too large ones."""
+        """Deletes the oldest event bags if there are too many or they are too large."""
         open_size = sum(_size(bag.folder) for bag in self._open)
         for bag in superfluous(self._kept, self._per_cause, max(self._quota - open_size, 0)):
             shutil.rmtree(bag.folder, ignore_errors=True)
@@ -233,7 +233,7 @@ class EventRecorder:
 
 
 def _found(folder: Path) -> list[KeptBag]:
-    """The bags of an earlier recorder in a folder, the oldest first.
+    """Returns the event bags of earlier recorders in a folder, oldest first.
 
     Raises:
         SloshBagError: it holds a recording itself, or cannot be made.
@@ -252,7 +252,7 @@ def _found(folder: Path) -> list[KeptBag]:
 
 
 def event_bags(folder: Path) -> list[Path]:
-    """The bags of events in a folder, the oldest first; those that were renamed are none."""
+    """Returns the event bags in a folder, oldest first, except renamed ones."""
     if not folder.is_dir():
         return []
     bags = [entry for entry in folder.iterdir() if entry.is_dir() and _NAME.fullmatch(entry.name)]
@@ -264,7 +264,7 @@ def _number(bag: Path) -> int:
 
 
 def _noted_causes(folder: Path) -> frozenset[str]:
-    """What metadata.yaml tells; a reader of bags would load a compiler."""
+    """Reads the causes of a bag's events from metadata.yaml, without opening the bag."""
     try:
         facts = read_yaml(folder / NAME).value["rosbag2_bagfile_information"]["custom_data"]
         return _causes(str(facts[EVENTS]))
@@ -273,7 +273,7 @@ def _noted_causes(folder: Path) -> frozenset[str]:
 
 
 def noted_events(text: str) -> list[Happening]:
-    """The events that the fact EVENTS of a bag tells; without those that cannot be read."""
+    """Parses the event list in a bag's metadata; skips invalid events."""
     try:
         document = json.loads(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What was heard last, bounded in time and in memory, and what holds from before that."""
+"""Buffer of recent messages, limited in time and memory, which keeps latched messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STANDING: Final = 1000
 
 
 class Place(NamedTuple):
-    """What a message of a latched topic stands for, from its arrival on.
+    """Key by which a new latched message replaces earlier ones.
 
     Attributes:
         key: a later message of the same key takes its place.
@@ -25,7 +25,7 @@ class Place(NamedTuple):
 
 
 class Held(NamedTuple):
-    """A message in memory.
+    """A message in memory, with its topic and times.
 
     Attributes:
         topic: its topic.
@@ -43,12 +43,12 @@ class Held(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes that it takes in memory."""
+        """Memory used by the message [bytes]."""
         return len(self.data) + OVERHEAD
 
 
 class Ring:
-    """The newest messages of all topics, in the order in which they came.
+    """Buffer of the newest messages of all topics, in the order of arrival.
 
     Of latched topics, what leaves the ring is kept until a later message takes its place: a bag
     that begins in the middle of a run needs it.
@@ -82,27 +82,27 @@ class Ring:
         return len(self._messages)
 
     def __iter__(self) -> Iterator[Held]:
-        """All messages, the oldest first."""
+        """Yields all buffered messages, oldest first."""
         return iter(self._messages)
 
     @property
     def begin_ns(self) -> int | None:
-        """When the oldest message came, in the box's time [ns]; None: there is none."""
+        """Arrival time of the oldest buffered message [ns], or None if the buffer is empty."""
         return self._messages[0].at_ns if self._messages else None
 
     def standing(self) -> list[Held]:
-        """What holds from before the oldest message, in the order in which it came."""
+        """Returns latched messages that left the buffer but are still valid, oldest first."""
         held = [message for places in self._standing.values() for message in places.values()]
         return sorted(held, key=lambda message: message.at_ns)
 
     def add(self, message: Held) -> None:
-        """Takes a message; what is too old or too much leaves."""
+        """Adds a message and removes old messages beyond the limits."""
         self._messages.append(message)
         self.size += message.size
         self.trim(message.at_ns)
 
     def trim(self, now_ns: int) -> None:
-        """Lets go what is too old at a time of the box [ns], or too much."""
+        """Removes messages that are too old at a time [ns] or exceed the memory limit."""
         oldest_ns = now_ns - self._span_ns
         while self._messages:
             too_old = self._messages[0].at_ns < oldest_ns
@@ -113,7 +113,7 @@ class Ring:
             self._leave(self._messages.popleft())
 
     def forget(self, topic: str) -> None:
-        """Drops all messages of a topic: it has another type from now on."""
+        """Removes all messages of a topic, because its type has changed."""
         self._messages = deque(held for held in self._messages if held.topic != topic)
         self._standing.pop(topic, None)
         self.size = sum(message.size for message in self._messages)

@@ -1,1 +1,1 @@
-"""Converts many messages at once to NumPy columns and back to bytes."""
+"""Converts many messages at once to NumPy columns, and columns to serialised messages."""

@@ -1,4 +1,4 @@
-"""Converts many CDR messages to NumPy columns and back, without one object per message."""
+"""Converts many CDR messages to NumPy columns and back, without an object per message."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _REMEMBERED = 64
 
 
 class Group(NamedTuple):
-    """The messages of a block that have the same layout.
+    """Messages of a block whose CDR bytes have the same layout.
 
     Attributes:
         rows: which messages of the block, (M,).
@@ -37,7 +37,7 @@ class Group(NamedTuple):
 
 
 class ColumnReader:
-    """Reads blocks of messages as columns; caches the layouts that it has seen.
+    """Reads blocks of messages as NumPy columns and caches the layouts of their bytes.
 
     Args:
         store_of: gives a store that knows a message type.
@@ -49,7 +49,7 @@ class ColumnReader:
         self._kinds: dict[tuple[str, str], str] = {}
 
     def columns(self, block: MessageBlock, names: Collection[str] | None = None) -> Columns:
-        """The values of a block by their dotted names, one row per message.
+        """Returns the values of a block by dotted field name, one row per message.
 
         Columns are e.g. 'header.stamp.sec', 'modal_position[0]', 'status[0].name'. The name of an
         array of numbers alone gives it whole, (N, n). Numbers have the type that the message
@@ -72,7 +72,7 @@ class ColumnReader:
         return {name: self._merged(block, groups, name) for name in wanted}
 
     def groups(self, block: MessageBlock, names: Collection[str] | None = None) -> Iterator[Group]:
-        """Yields one group per layout; each group has the wanted columns that it contains.
+        """Yields one group per CDR layout, each with the requested columns that it contains.
 
         Raises:
             SloshBagError: as `columns`.
@@ -142,7 +142,7 @@ class ColumnReader:
 def columns(
     block: MessageBlock, typestore: Typestore, names: Collection[str] | None = None
 ) -> Columns:
-    """Returns the values of one block; for many blocks a ColumnReader is faster.
+    """Returns the values of one block; for many blocks use a ColumnReader, which is faster.
 
     Args:
         block: messages of one topic.
@@ -188,7 +188,7 @@ def write_messages(layout: Layout, template: bytes, values: Mapping[str, Any]) -
 
 
 def _fitting(column: NDArray[Any], target: NDArray[Any], kind: str, name: str) -> NDArray[Any]:
-    """Returns the column in its field's type; refuses overflow, truncation and broadcasting."""
+    """Converts a column to its field's type; raises an error for overflow or a wrong shape."""
     if column.shape != target.shape:
         raise SloshBagError(f"{name!r}: shape {column.shape} instead of {target.shape}")
     if kind == "bool":
@@ -233,7 +233,7 @@ def _read(layout: Layout, packed: Bytes, names: Collection[str] | None) -> Colum
 
 
 def _strings(stored: NDArray[Any], name: str, wide: str) -> NDArray[Any]:
-    """Decodes strings, wide ones in a byte order; identical strings are decoded once."""
+    """Decodes strings, wide ones in a given byte order; identical strings are decoded once."""
     size, raw = stored.dtype.itemsize, stored.tobytes()
     parts = [raw[:size]]
     if raw != parts[0] * len(stored):
@@ -250,7 +250,7 @@ def _strings(stored: NDArray[Any], name: str, wide: str) -> NDArray[Any]:
     Tuple((boolean[::1], uint8[:, ::1]))(BYTES, INTEGERS, INTEGERS, int64, INTEGERS, BYTES)
 )
 def _pack(buffer, start, length, size, fixed, values):  # type: ignore[no-untyped-def]
-    """Copies the messages of one layout to rows; checks every position against the buffer's end.
+    """Copies messages of one layout to rows, checking every position against the buffer's end.
 
     Returns which they are, (N,) bool, and their bytes, (M, size).
     """

@@ -40,7 +40,7 @@ _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A value, or an array of values, within a message.
+    """Position and type of a value, or of an array of values, in a message's CDR bytes.
 
     Attributes:
         offset: of its first byte in the message [bytes].
@@ -57,7 +57,7 @@ class Leaf:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Positions of a message's values in its bytes.
+    """Positions of all values in the CDR bytes of a message.
 
     Attributes:
         message_type: e.g. 'slosh_msgs/msg/FreeSurface'.
@@ -76,7 +76,7 @@ class Layout:
 
     @cached_property
     def record(self) -> np.dtype[Any]:
-        """The whole message as a structured type with a field for each leaf."""
+        """The whole message as a NumPy structured type, with one field per value or array."""
         return np.dtype(
             {
                 "names": list(self.leaves),
@@ -91,7 +91,7 @@ class Layout:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of all columns; arrays longer than EXPANDED stay one column."""
+        """Names of all columns; a long array is a single column."""
         names: list[str] = []
         for name, leaf in self.leaves.items():
             if leaf.count is None or leaf.count > EXPANDED:
@@ -101,7 +101,7 @@ class Layout:
         return tuple(names)
 
     def find(self, name: str) -> tuple[str, int | None] | None:
-        """Returns the leaf of a column and the element's index; None: no such column."""
+        """Returns the value or array of a column and the element index, or None if unknown."""
         if name in self.leaves:
             return name, None
         match = _ELEMENT.fullmatch(name)
@@ -111,7 +111,7 @@ class Layout:
         return match[1], int(match[2])
 
     def fits(self, data: bytes) -> bool:
-        """Whether a message's values lie at this layout's positions."""
+        """Whether a message's bytes have this layout."""
         content = np.frombuffer(data, np.uint8)
         return len(data) == self.size and bool((content[self.fixed] == self.values).all())
 
@@ -146,7 +146,7 @@ def layout_of(typestore: Typestore, message_type: str, data: bytes) -> Layout:
 
 @dataclass(slots=True)
 class _Walk:
-    """Walks through a message's bytes by the definition of its type."""
+    """Traverses a message's bytes according to the definition of its type."""
 
     store: Typestore
     data: bytes
@@ -230,7 +230,7 @@ class _Walk:
 
 
 def wide_text(raw: bytes, order: str) -> str:
-    """Decodes a wide string; unpaired surrogates are kept.
+    """Decodes a wide string; keeps unpaired surrogates.
 
     >>> wide_text("cup".encode("utf-32-le"), "<")
     'cup'
@@ -244,7 +244,7 @@ def wide_text(raw: bytes, order: str) -> str:
 
 
 def kind_of(typestore: Typestore, message_type: str, name: str) -> str:
-    """Returns the kind of a column from its type's definition, for any length of sequences.
+    """Returns the ROS type of a column's values, from the definition of its message type.
 
     Args:
         typestore: a store that knows the type.

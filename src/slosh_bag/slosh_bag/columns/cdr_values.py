@@ -1,4 +1,4 @@
-"""Decodes CDR messages with wide strings, which rosbags does not decode."""
+"""Decodes CDR messages with wide strings, which rosbags cannot decode."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def has_wide_text(store: Typestore, message_type: str) -> bool:
 
 
 def decode_values(store: Typestore, message_type: str, data: bytes) -> SimpleNamespace:
-    """Decodes a message as an object with the field names that rosbags uses.
+    """Decodes a message to an object with the field names that rosbags uses.
 
     Raises:
         SloshBagError: the bytes are not those of such a message.
@@ -49,7 +49,7 @@ class _Values:
         self._store, self._data, self._order, self._at = store, data, order, HEADER
 
     def message(self, message_type: str) -> SimpleNamespace:
-        """Reads the values of the next message."""
+        """Decodes the next message or nested message of a type."""
         fields = self._store.fielddefs[message_type][1]
         return SimpleNamespace(
             **{normalize_fieldname(name): self._value(what) for name, what in fields}

@@ -1,4 +1,4 @@
-"""Lists a bag's contents, from the summary only where the file is finished."""
+"""Lists a bag's topics and message counts, if possible without reading all messages."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _DURABILITY = {1: "transient_local", 2: "volatile"}
 
 @dataclass(frozen=True, slots=True)
 class BagTopic:
-    """A topic of a bag, with its type and count.
+    """A topic of a bag, with its type and message count.
 
     Attributes:
         message_type: e.g. 'slosh_msgs/msg/FreeSurface'.
@@ -63,7 +63,7 @@ class BagContents:
 
 
 def bag_contents(path: Path) -> BagContents:
-    """Returns a bag's contents; of an unfinished or truncated file the readable part.
+    """Returns a bag's contents; for an unfinished or truncated file those of the readable part.
 
     Args:
         path: a folder with MCAP files, or one MCAP file.
@@ -79,7 +79,7 @@ def bag_contents(path: Path) -> BagContents:
 
 
 def _add_summary(contents: BagContents, file: Path) -> bool:
-    """Adds the summary of a finished file; returns False if no summary can be trusted."""
+    """Adds the contents in a file's summary; returns False if there is no reliable summary."""
     with file.open("rb") as stream:
         found = read_summary(stream, file.stat().st_size)
         if found is None or not found.trusted:
@@ -100,7 +100,7 @@ def _add_summary(contents: BagContents, file: Path) -> bool:
 
 
 def _add_whole(contents: BagContents, file: Path) -> None:
-    """Adds the contents of a file that must be read from its start up to a break."""
+    """Adds the contents of a file without a summary, by reading it to its end or first damage."""
     walk = McapWalk(file)
     for _ in walk.chunks():
         pass
@@ -138,7 +138,7 @@ def _add_channel(contents: BagContents, channel: Channel, schemas: Mapping[int, 
 
 
 def parse_offered(text: str) -> list[Qos]:
-    """Parses the QoS profiles that rosbag2 noted for a topic's publishers, as words or numbers."""
+    """Parses the QoS profiles of a topic's publishers in the form that rosbag2 stores."""
     try:
         document = parse_yaml(text, "QoS profiles").value
     except YamlError:

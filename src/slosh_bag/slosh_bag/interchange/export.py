@@ -1,4 +1,4 @@
-"""Topics of a bag as flat tables: one CSV or Parquet file per topic.
+"""Exports topics of a bag as flat tables, one CSV or Parquet file per topic.
 
 Every table starts with `log_ns` and `publish_ns`, when the message was received and sent, and
 `stamp_ns` where it has a header; all whole nanoseconds. Rows come in the order of the log times.
@@ -30,7 +30,7 @@ BATCH_BYTES: Final = 4 << 20
 
 
 class ExportTarget(NamedTuple):
-    """An exported topic: its type, its number of messages and the output file."""
+    """A topic to export: its type, its number of messages and the output file."""
 
     message_type: str
     messages: int
@@ -50,7 +50,7 @@ class ExportResult(NamedTuple):
 
 
 def is_table(path: Path) -> bool:
-    """Whether a path names a single table rather than a folder of tables."""
+    """Whether a path names a single table file rather than a folder of tables."""
     return path.name.endswith(SUFFIXES)
 
 
@@ -97,13 +97,13 @@ def export_targets(
 
 
 def _file_stem(topic: str) -> str:
-    """Converts a topic's name to a file name: dots for slashes, other characters as `%2e`."""
+    """Converts a topic name to a file name: slashes become dots, others as in `%2e`."""
     inner = _NO_TOPIC.sub(lambda found: f"%{ord(found[0]):02x}", topic.strip("/"))
     return inner.replace("/", ".")
 
 
 def _check_folder_name(output: Path) -> None:
-    """Refuses a new folder whose name looks like a file's, such as `out.xls`."""
+    """Raises an error for a new folder whose name looks like a file name, such as `out.xls`."""
     if output.suffix[1:].isalpha() and not output.is_dir():
         raise SloshBagError(
             f"{output}: a table must end in {', '.join(SUFFIXES)}; create the folder first if "
@@ -118,7 +118,7 @@ def export_topics(
     overwrite: bool = False,
     progress: Callable[[int], object] = lambda count: None,
 ) -> ExportResult:
-    """Writes topics of a bag as tables, one file per topic.
+    """Writes topics of a bag to tables, one file per topic.
 
     Args:
         reader: of the bag.
@@ -163,7 +163,7 @@ def export_topics(
 
 
 def check_targets(paths: Any, *, overwrite: bool) -> None:
-    """Refuses files that exist, and formats that cannot be written here.
+    """Raises an error for files that exist already or have an unsupported format.
 
     Raises:
         SloshBagError: a file exists, is a folder, or needs what is not installed.
@@ -182,7 +182,7 @@ def check_targets(paths: Any, *, overwrite: bool) -> None:
 
 
 class _Table:
-    """The table of a topic, with the messages still to be written."""
+    """A topic's table that is being written."""
 
     def __init__(self, reader: BagReader, path: Path, facts: dict[str, str]) -> None:
         self.rows = 0
@@ -195,11 +195,11 @@ class _Table:
 
     @property
     def notes(self) -> list[str]:
-        """Remarks about values that the file does not contain."""
+        """Notes about values that the exported file does not contain."""
         return self._sink.notes
 
     def add_block(self, block: MessageBlock) -> None:
-        """Adds a block of messages."""
+        """Adds the messages of a block to the table."""
         self._check(block.topic, block.message_type)
         # Slices: the rows of a chunk of small messages would take many times their bytes.
         for start in range(0, len(block), BATCH_ROWS):
@@ -208,7 +208,7 @@ class _Table:
         self.rows += len(block)
 
     def add(self, message: BagMessage) -> None:
-        """Adds a message."""
+        """Adds one message to the table."""
         self._check(message.topic, message.message_type)
         self._waiting.append(message)
         self._size += len(message.data)
@@ -221,11 +221,11 @@ class _Table:
         self._sink.close()
 
     def keep(self) -> None:
-        """Renames the temporary file to its final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
         self._sink.keep()
 
     def discard(self) -> None:
-        """Deletes the temporary file."""
+        """Deletes the unfinished temporary file."""
         self._sink.discard()
 
     def _check(self, topic: str, message_type: str) -> None:

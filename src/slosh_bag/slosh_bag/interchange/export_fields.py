@@ -27,7 +27,7 @@ Shape = Literal["value", "spread", "list"]
 
 
 class ValueType(NamedTuple):
-    """The type of a value: a base type, or the fields of a message.
+    """Type of a field's value: a primitive type, or the fields of a nested message.
 
     Attributes:
         base: e.g. 'float64', 'string'; empty: a message.
@@ -40,7 +40,7 @@ class ValueType(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ColumnField:
-    """A field that becomes one column, or several with shape 'spread'.
+    """A message field that is exported as one column, or as one column per array element.
 
     Attributes:
         name: dotted.
@@ -58,14 +58,14 @@ class ColumnField:
 
     @property
     def columns(self) -> list[str]:
-        """Names of the field's columns."""
+        """Names of the table columns for the message field."""
         if self.shape != "spread":
             return [self.name]
         return [f"{self.name}[{index}]" for index in range(self.length)]
 
     @property
     def is_flat(self) -> bool:
-        """Whether the field holds numbers or one text, and no lists of texts or messages."""
+        """Whether the field holds numbers or one string, but no list of strings or messages."""
         return self.node.base not in {"", *TEXTS} or self.shape == "value"
 
     @property
@@ -77,7 +77,7 @@ class ColumnField:
 def leaves(
     types: Typestore, message_type: str, prefix: str = "", path: str = ""
 ) -> list[ColumnField]:
-    """Returns the leaves of a message type, in the order of its fields."""
+    """Returns all value fields of a message type, nested ones included, in order."""
     found: list[ColumnField] = []
     for field, description in types.fielddefs[message_type][1]:
         name, attribute = prefix + field, path + normalize_fieldname(field)
@@ -112,13 +112,13 @@ def _node(types: Typestore, description: Any) -> ValueType:
 
 
 def row_getter(fields: Sequence[ColumnField]) -> Callable[[Any], tuple[Any, ...]]:
-    """Returns a function that reads all leaves of a decoded message at once."""
+    """Returns a function that reads all exported fields of a decoded message."""
     get = attrgetter(*(leaf.path for leaf in fields))
     return get if len(fields) > 1 else lambda message: (get(message),)
 
 
 def plain(node: ValueType, value: Any) -> Any:
-    """Converts a decoded value to Python's own numbers, texts, lists and dictionaries."""
+    """Converts a decoded value to built-in Python numbers, strings, lists and dictionaries."""
     if not node.base:
         return {
             name: ([plain(inner, item) for item in content] if several else plain(inner, content))
@@ -130,14 +130,14 @@ def plain(node: ValueType, value: Any) -> Any:
 
 
 def unsigned(node: ValueType, values: Any) -> Any:
-    """Converts byte values to ROS 2's range 0 … 255; rosbags decodes them as signed."""
+    """Converts byte values to the range 0 … 255 of ROS 2; rosbags decodes them as signed."""
     if node.base != "byte":
         return values
     return np.asarray(values).astype(np.uint8)  # -1 becomes 255
 
 
 def plain_list(node: ValueType, values: Any) -> list[Any]:
-    """Converts the elements of a decoded list to Python's own types."""
+    """Converts the elements of a decoded list to built-in Python types."""
     if hasattr(values, "tolist"):
         return list(unsigned(node, values).tolist())
     return [plain(node, value) for value in values]

@@ -1,4 +1,4 @@
-"""Converts messages to rows of leaf values, a block at a time."""
+"""Converts messages to table rows, one block of messages at a time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Values = list[Any]
 
 
 class RowReader:
-    """Reads one topic's messages as columns of times and leaves.
+    """Reads one topic's messages as columns of times and field values.
 
     Args:
         reader: of the bag.
@@ -48,7 +48,7 @@ class RowReader:
         self._flat = all(leaf.is_flat for leaf in self.fields)
 
     def block(self, block: MessageBlock) -> tuple[Times, Values]:
-        """Returns the times and the leaf values of a block.
+        """Returns the times and field values of a block of messages.
 
         Raises:
             SloshBagError: a message is not of its type.
@@ -66,7 +66,7 @@ class RowReader:
         return times_ns, values
 
     def messages(self, messages: Sequence[BagMessage]) -> tuple[Times, Values]:
-        """Returns the times and the leaf values of messages, decoded one by one.
+        """Returns the times and field values of messages that are decoded one by one.
 
         Raises:
             SloshBagError: a message is not of its type.
@@ -81,7 +81,7 @@ class RowReader:
 
 
 def _gathered(leaf: ColumnField, groups: Sequence[Group], rows: int) -> Any:
-    """Returns a leaf's values in the block's order: (N,), (N, n) or a list of arrays."""
+    """Returns a field's values in the block's order: (N,), (N, n) or a list of arrays."""
     # A sequence without elements has no place in its message, and no column.
     parts = [
         (group.rows, group.columns.get(leaf.name, np.empty((len(group.rows), 0))))

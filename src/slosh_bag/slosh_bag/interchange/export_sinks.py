@@ -1,4 +1,4 @@
-"""Writes exported rows to CSV and Parquet files, batch by batch."""
+"""Writes exported rows to CSV and Parquet files, in batches."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ _ARROW: Final = {
 
 
 class Sink(Protocol):
-    """A table that is being written."""
+    """Interface of a table file that is being written."""
 
     notes: list[str]
 
     def write(self, times: Times, values: Values) -> None:
-        """Appends rows.
+        """Appends rows to the table.
 
         Args:
             times: the columns of whole nanoseconds, (N,) each.
@@ -51,17 +51,17 @@ class Sink(Protocol):
         """
 
     def close(self) -> None:
-        """Writes the remaining rows."""
+        """Writes the remaining rows to the file."""
 
     def keep(self) -> None:
-        """Renames the temporary file to its final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
 
     def discard(self) -> None:
-        """Deletes the temporary file."""
+        """Deletes the unfinished temporary file."""
 
 
 class CsvSink:
-    """A CSV file: numbers at full precision, lists as JSON in a cell.
+    """Writes a CSV file: numbers at full precision, lists as JSON text.
 
     A text that a spreadsheet would take for a formula has an apostrophe before it.
 
@@ -90,7 +90,7 @@ class CsvSink:
         self._writer.writerow([*times, *(name for leaf in fields for name in leaf.columns)])
 
     def write(self, times: Times, values: Values) -> None:
-        """Appends rows; see `Sink`."""
+        """Appends rows to the CSV file."""
         columns: list[Any] = [column.tolist() for column in times]
         for leaf, column in zip(self._fields, values, strict=True):
             columns += self._cells(leaf, column)
@@ -105,7 +105,7 @@ class CsvSink:
         writer.writerows(zip(*columns, strict=True))
 
     def close(self) -> None:
-        """Writes the remaining rows."""
+        """Writes the remaining rows and adds notes about omitted or changed values."""
         self._open.close()
         for name, count in self._too_long.items():
             self.notes.append(
@@ -119,17 +119,17 @@ class CsvSink:
             )
 
     def keep(self) -> None:
-        """Renames the temporary file to its final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
         self._file.finish()
 
     def discard(self) -> None:
-        """Deletes the temporary file."""
+        """Deletes the unfinished temporary file."""
         with suppress(OSError):  # where the disk is full, nor does the rest go to it
             self._open.close()
         self._file.discard()
 
     def _cells(self, leaf: ColumnField, values: Any) -> list[Sequence[Any]]:
-        """Returns the cells of a leaf's columns."""
+        """Formats a field's values as CSV cells, by column."""
         if leaf.shape == "list":
             return [[self._list_cell(leaf, value) for value in values]]
         columns = [plain_list(leaf.node, column) for column in _columns(leaf, values)]
@@ -140,7 +140,7 @@ class CsvSink:
         return list(columns)
 
     def _texts(self, leaf: ColumnField, column: Sequence[str]) -> Sequence[str]:
-        """Marks texts that a spreadsheet would run as formulas, since messages are untrusted."""
+        """Marks strings that a spreadsheet would run as formulas."""
         marked = [f"'{text}" if _is_formula(text) else text for text in column]
         count = sum(map(str.__ne__, marked, column))
         if count:
@@ -155,7 +155,7 @@ class CsvSink:
 
 
 def _is_formula(text: str) -> bool:
-    """Whether a spreadsheet may run a cell as a formula: =HYPERLINK(…), +cmd|…, -2+3, @SUM(…)."""
+    """Whether a spreadsheet might run a cell as a formula, such as =HYPERLINK(…) or @SUM(…)."""
     inner = text.lstrip("\t\r\n")  # which spreadsheets may strip
     if not inner.startswith(_FORMULA):
         return False
@@ -167,14 +167,14 @@ def _is_formula(text: str) -> bool:
 
 
 def _columns(leaf: ColumnField, values: Any) -> list[Any]:
-    """Returns a leaf's values by column, with one column per element of an array."""
+    """Returns a field's values by column, with one column per array element."""
     if leaf.shape != "spread":
         return [unsigned(leaf.node, values)]
     return list(np.ascontiguousarray(unsigned(leaf.node, np.asarray(values)).T))
 
 
 class ParquetSink:
-    """A Parquet file: each type is kept; lists are lists, bytes are binary.
+    """Writes a Parquet file, which keeps the types of values, lists and bytes.
 
     Args:
         path: `.parquet`.
@@ -207,7 +207,7 @@ class ParquetSink:
         self._size = 0
 
     def write(self, times: Times, values: Values) -> None:
-        """Appends rows; see `Sink`."""
+        """Appends rows to the Parquet file."""
         columns: list[Any] = list(times)
         for leaf, column in zip(self._fields, values, strict=True):
             columns += self._cells(leaf, column)
@@ -228,11 +228,11 @@ class ParquetSink:
         self._stream.close()
 
     def keep(self) -> None:
-        """Renames the temporary file to its final name."""
+        """Renames the temporary file to its final name, when the export is complete."""
         self._file.finish()
 
     def discard(self) -> None:
-        """Deletes the temporary file."""
+        """Deletes the unfinished temporary file."""
         with suppress(OSError, ValueError):  # a full disk, or a writer that is in disorder
             self._writer.close()
         with suppress(OSError):
@@ -240,7 +240,7 @@ class ParquetSink:
         self._file.discard()
 
     def _cells(self, leaf: ColumnField, values: Any) -> list[Any]:
-        """Converts a leaf's columns to what pyarrow accepts."""
+        """Converts a field's values to columns that pyarrow accepts."""
         if leaf.is_bytes:
             return [[bytes(value) for value in values]]
         if leaf.shape != "list":
@@ -278,7 +278,7 @@ class ParquetSink:
 
 
 def load_pyarrow() -> tuple[Any, Any]:
-    """Imports pyarrow and pyarrow.parquet on first use.
+    """Imports pyarrow and pyarrow.parquet when they are first needed.
 
     Raises:
         SloshBagError: they are not installed.
@@ -292,7 +292,7 @@ def load_pyarrow() -> tuple[Any, Any]:
 def make_sink(
     path: Path, times: Sequence[str], fields: Sequence[ColumnField], facts: Mapping[str, str]
 ) -> Sink:
-    """Makes the sink for a file, chosen by its suffix."""
+    """Creates the table file writer for a path, chosen by the file suffix."""
     if path.suffix == ".parquet":
         return ParquetSink(path, times, fields, facts)
     return CsvSink(path, times, fields)

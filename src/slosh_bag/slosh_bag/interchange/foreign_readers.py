@@ -1,4 +1,4 @@
-"""Reads foreign bags with rosbags, with bounds on the unpacked size.
+"""Reads bags of other programs with rosbags, with limits on decompressed size.
 
 rosbags unpacks whatever a file holds. ROS 1's chunks and packed messages of rosbag2 are unpacked
 here within a bound; MCAP files are read by the reader of our own, which has its bounds.
@@ -34,7 +34,7 @@ _KINDS = {ROS1_SUFFIX: "a ROS 1 bag", ".db3": "an SQLite file", ".mcap": "an MCA
 
 
 def foreign_reader(source: Path) -> Any:
-    """Makes a reader of a foreign bag; it is not open yet.
+    """Creates a reader of another program's bag, without opening it.
 
     Args:
         source: a `.bag`, `.db3` or `.mcap` file, or a rosbag2 folder.
@@ -51,7 +51,7 @@ def foreign_reader(source: Path) -> Any:
 
 
 def _check_kind(source: Path) -> None:
-    """Refuses a file whose content does not match its suffix."""
+    """Raises an error for a file whose content does not match its suffix."""
     with source.open("rb") as file:
         is_ros1 = file.read(len(_ROS1_MAGIC)) == _ROS1_MAGIC
     if source.suffix == ROS1_SUFFIX and is_ros1:
@@ -68,29 +68,29 @@ def _check_kind(source: Path) -> None:
 
 
 def not_read(reader: Any) -> list[str]:
-    """Returns files in the bag's folder that its metadata.yaml does not name."""
+    """Returns the files in a bag's folder that its metadata.yaml does not list."""
     return list(getattr(getattr(reader, "storage", None), "beside", []))
 
 
 def told_by(reader: Any) -> list[str]:
-    """Returns the reader's warnings about the files that it has read."""
+    """Returns the warnings of a bag reader about the files that it has read."""
     storage = getattr(reader, "storage", None)
     files = getattr(storage, "storages", [])
     return [text for each in (storage, *files) for text in getattr(each, "warnings", [])]
 
 
 class _Ros1(Ros1Reader):
-    """Reads a ROS 1 bag."""
+    """Reader of ROS 1 bags with limits on decompressed size."""
 
     _left = 0
 
     def open(self) -> None:
-        """Reads the index."""
+        """Opens the bag and reads its index."""
         self._left = self.path.stat().st_size  # all indexes together lie in the file
         super().open()
 
     def read_chunk(self) -> Chunk:
-        """Reads a chunk's header, with a bounded decompressor."""
+        """Reads a chunk's header and sets a decompressor with a size limit."""
         chunk = super().read_chunk()
         for name in ("bz2", "lz4"):
             if chunk.decompressor is decompressors[name]:
@@ -98,7 +98,7 @@ class _Ros1(Ros1Reader):
         return chunk
 
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Reads one of a chunk's indexes; refuses many chunks that share one index."""
+        """Reads one of a chunk's indexes; raises an error if many chunks share an index."""
         assert self.bio is not None
         start = self.bio.tell()
         super().read_index_data(pos, indexes)
@@ -108,7 +108,7 @@ class _Ros1(Ros1Reader):
 
 
 class _Ros2(Ros2Reader):
-    """Reads a rosbag2 folder or file."""
+    """Reader of rosbag2 folders and files."""
 
     STORAGE_PLUGINS = {"dir": FolderStorage, ".mcap": McapStorage, ".db3": SqliteStorage}  # noqa: RUF012
 
@@ -124,7 +124,7 @@ def _unpacker(compression: str) -> Callable[[bytes], bytes]:
 
 
 def _check_folder(folder: Path) -> None:
-    """Bounds the size of a folder's YAML and packed files before any message is read.
+    """Limits the size of a bag folder's YAML and compressed files before they are read.
 
     Raises:
         SloshBagError: metadata.yaml stands for too much, or a file would be too large when it is

@@ -1,4 +1,4 @@
-"""Storage backends of foreign bags: MCAP, rosbag2's SQLite, rosbag2's folders."""
+"""Storage backends for bags of other programs: MCAP, rosbag2's SQLite and folders."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _FORMATS = {
 
 
 class McapStorage:
-    """Reads an MCAP file through the interface of rosbags' readers.
+    """Reads an MCAP file through the storage interface of rosbags.
 
     Attributes:
         connections: its topics.
@@ -60,7 +60,7 @@ class McapStorage:
         self._reader: BagReader
 
     def open(self) -> None:
-        """Reads the topics; reads the whole file where its summary lacks them.
+        """Reads the file's topics; reads the whole file if its summary lacks them.
 
         Raises:
             SloshBagError: the file is damaged, or would take too much memory.
@@ -78,11 +78,11 @@ class McapStorage:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the messages."""
+        """Warnings about messages that could not be read from the file."""
         return self._reader.warnings
 
     def close(self) -> None:
-        """Forgets the topics."""
+        """Clears the list of topics."""
         self.connections.clear()
 
     def messages(
@@ -91,7 +91,7 @@ class McapStorage:
         start: int | None = None,
         stop: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yields the messages of some topics in the order of their log times [ns]."""
+        """Yields the messages of the given topics in the order of their log times [ns]."""
         by_name = {(each.topic, each.msgtype): each for each in connections}
         for message in self._reader.messages({each.topic for each in connections}):
             kind = _ros2_name(message.message_type) or _NO_SCHEMA
@@ -120,7 +120,7 @@ class McapStorage:
 
 
 class FolderStorage:
-    """Reads a rosbag2 folder by its metadata.yaml, through the interface of rosbags' readers.
+    """Reads a rosbag2 folder with metadata.yaml through the storage interface of rosbags.
 
     Files, topics and messages count as they are: what metadata.yaml says of the storage, and of
     what publishers offered, decides nothing but that.
@@ -143,7 +143,7 @@ class FolderStorage:
         self._stack = ExitStack()
 
     def open(self) -> None:
-        """Opens the files of the folder.
+        """Opens all files of the folder.
 
         Raises:
             SloshBagError: metadata.yaml tells no files, or one is missing.
@@ -175,7 +175,7 @@ class FolderStorage:
         self.connections = list(self._topics(topics))
 
     def close(self) -> None:
-        """Closes the files."""
+        """Closes all files of the folder."""
         self.connections.clear()
         self._stack.close()
 
@@ -185,7 +185,7 @@ class FolderStorage:
         start: int | None = None,
         stop: int | None = None,
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yields the messages of some topics, file by file."""
+        """Yields the messages of the given topics, file by file."""
         wanted = {(each.topic, each.msgtype): each for each in connections}
         for storage in self.storages:
             mine = [each for each in storage.connections if (each.topic, each.msgtype) in wanted]
@@ -207,7 +207,7 @@ class FolderStorage:
             yield target
 
     def _topics(self, noted: list[Any]) -> Iterator[Connection]:
-        """Returns the files' topics, with the counts and QoS profiles of metadata.yaml."""
+        """Yields the files' topics with the counts and QoS profiles of metadata.yaml."""
         counts: dict[tuple[str, str], int] = {}
         profiles: dict[tuple[str, str], list[Qos]] = {}
         for entry in noted:
@@ -241,7 +241,7 @@ class FolderStorage:
 
 
 class SqliteStorage(Sqlite3Reader):
-    """Reads an SQLite file together with SQLite's write-ahead log.
+    """Reads an SQLite file together with its write-ahead log.
 
     The recorder that was killed leaves messages in a file `…-wal` that are not in the `.db3` yet.
 
@@ -257,7 +257,7 @@ class SqliteStorage(Sqlite3Reader):
         self._room: TemporaryDirectory[str] | None = None
 
     def open(self) -> None:
-        """Opens the file, or a copy if it has a log."""
+        """Opens the SQLite file, or a temporary copy if it has a write-ahead log."""
         logs = [Path(f"{self.path}{end}") for end in _LOGS]
         logs = [log for log in logs if log.is_file() and log.stat().st_size]
         if logs:
@@ -272,14 +272,14 @@ class SqliteStorage(Sqlite3Reader):
         super().open()
 
     def close(self) -> None:
-        """Closes the file and removes the copy."""
+        """Closes the SQLite file and deletes the temporary copy."""
         super().close()
         if self._room is not None:
             self._room.cleanup()
 
 
 def _by_suffix(path: Path) -> Any:
-    """Returns the reader for a file's suffix; metadata.yaml may leave the storage kind empty.
+    """Returns the storage reader for a file's suffix.
 
     Raises:
         SloshBagError: its name tells no kind.
@@ -290,7 +290,7 @@ def _by_suffix(path: Path) -> Any:
 
 
 def bag_information(folder: Path) -> Any:
-    """Reads the part of a bag's metadata.yaml about its files and topics.
+    """Reads the description of files and topics in a bag's metadata.yaml.
 
     Raises:
         SloshBagError: it cannot be read.
@@ -306,7 +306,7 @@ def bag_information(folder: Path) -> Any:
 
 
 def _qos(noted: Any) -> list[Qos]:
-    """Parses QoS profiles; returns none if they cannot be parsed, since they are optional."""
+    """Parses QoS profiles; returns an empty list if they cannot be parsed."""
     try:
         return list(parse_qos(noted or []))
     except (ReaderError, LookupError, TypeError, ValueError, AttributeError):
@@ -314,7 +314,7 @@ def _qos(noted: Any) -> list[Qos]:
 
 
 def _ros2_name(message_type: str) -> str:
-    """Converts a ROS 1 type name to ROS 2's: 'std_msgs/Header' to 'std_msgs/msg/Header'."""
+    """Converts a ROS 1 type name such as 'std_msgs/Header' to 'std_msgs/msg/Header'."""
     package, slash, name = message_type.partition("/")
     return f"{package}/msg/{name}" if slash and "/" not in name else message_type
 

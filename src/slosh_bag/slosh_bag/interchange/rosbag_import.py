@@ -1,4 +1,4 @@
-"""Imports foreign bags: ROS 1 bags, rosbag2's SQLite files, MCAP files of other writers.
+"""Imports bags of other programs: ROS 1 bags, rosbag2's SQLite files and MCAP files.
 
 Messages keep their time of recording; MCAP's second time, that of sending, does not come along.
 What cannot be converted is left out and told.
@@ -28,7 +28,7 @@ _TOPIC_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 
 class RosbagImport(NamedTuple):
-    """Result of importing a foreign bag.
+    """Result of importing another program's bag.
 
     Attributes:
         bag: the new bag's folder.
@@ -44,7 +44,7 @@ class RosbagImport(NamedTuple):
 
 
 class _Route(NamedTuple):
-    """Target of a connection's messages: topic, type and conversion."""
+    """Target topic, message type and conversion for the messages of one connection."""
 
     topic: str
     message_type: str
@@ -86,7 +86,7 @@ def import_rosbag(
     rename: Mapping[str, str] | None = None,
     progress: Callable[[int, int], object] = lambda done, total: None,
 ) -> RosbagImport:
-    """Converts a foreign bag to a bag of this project.
+    """Converts another program's bag to a slosh bag.
 
     Args:
         source: a `.bag`, `.db3` or `.mcap` file, or a rosbag2 folder.
@@ -139,7 +139,7 @@ def _copy(
     writer: BagWriter,
     progress: Callable[[int, int], object],
 ) -> tuple[list[str], list[str]]:
-    """Copies all messages; returns remarks on omitted topics and missing messages."""
+    """Copies all messages; returns notes about omitted topics and about missing messages."""
     wanted = [connection for connection in reader.connections if connection.id in routes]
     total = sum(connection.msgcount for connection in wanted)
     failed: Counter[str] = Counter()
@@ -165,7 +165,7 @@ def _copy(
 
 @contextmanager
 def _opened(source: Path) -> Iterator[Any]:
-    """Opens the reader of a foreign bag.
+    """Opens the reader of another program's bag in a `with` block.
 
     Raises:
         SloshBagError: it cannot be opened.
@@ -182,7 +182,7 @@ def _opened(source: Path) -> Iterator[Any]:
 
 
 def _guarded(source: Path, messages: Iterator[Any]) -> Iterator[Any]:
-    """Yields the messages; turns the library's errors on damaged bytes into one line."""
+    """Yields the messages; converts the library's exceptions for damaged data to SloshBagError."""
     while True:
         try:
             message = next(messages)
@@ -206,7 +206,7 @@ def _new_names(
     topics: Sequence[str],
     rename: Mapping[str, str],
 ) -> dict[str, str]:
-    """Returns the new names of the wanted topics, by their old names.
+    """Returns the new topic names of the requested topics by their old names.
 
     Raises:
         SloshBagError: there is no such topic, a new name is not one, or two become one.
@@ -229,7 +229,7 @@ def _new_names(
 def _routes(
     connections: Sequence[Connection], names: Mapping[str, str], definitions: Definitions
 ) -> tuple[dict[int, _Route], list[str]]:
-    """Returns routes by connection, and a note for each topic that is left out or changed."""
+    """Returns the routes by connection, and notes about omitted or changed topics."""
     routes: dict[int, _Route] = {}
     types: dict[str, str] = {}
     notes: dict[str, None] = {}
@@ -253,7 +253,7 @@ def _routes(
 
 
 def _check_encoding(connection: Connection) -> None:
-    """Refuses messages that are neither in ROS 1's encoding nor CDR."""
+    """Raises an error for messages in an encoding other than ROS 1 or CDR."""
     encoding = getattr(connection.ext, "serialization_format", "cdr")
     if encoding not in ("cdr", ""):
         raise SloshBagError(
@@ -262,7 +262,7 @@ def _check_encoding(connection: Connection) -> None:
 
 
 def _qos(connection: Connection) -> Qos:
-    """Returns the publisher's QoS profile as far as the foreign bag contains it."""
+    """Returns the recorded publisher's QoS profile, with defaults for missing values."""
     if isinstance(connection.ext, ConnectionExtRosbag1):
         return Qos(durability="transient_local", depth=1) if connection.ext.latching else Qos()
     offered = connection.ext.offered_qos_profiles
@@ -278,7 +278,7 @@ def _qos(connection: Connection) -> Qos:
 
 
 def _facts(reader: Any) -> dict[str, str]:
-    """Returns the facts about the whole bag in its metadata.yaml."""
+    """Returns the metadata of the whole bag from its metadata.yaml."""
     storage = getattr(reader, "storage", None)
     custom = getattr(getattr(storage, "metadata", None), "custom", None)
     return {str(key): str(value) for key, value in (custom or {}).items()}

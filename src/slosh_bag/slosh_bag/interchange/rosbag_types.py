@@ -1,4 +1,4 @@
-"""Converts message types of foreign bags.
+"""Converts message types of bags of other programs.
 
 A type that is known here (ROS 2 Jazzy's, and those of the installed packages) arrives as it is
 defined here: readers take a known type's definition for granted. Any other keeps the definition
@@ -52,7 +52,7 @@ def message_converter(
 
 
 def _as_it_is(connection: Connection, definitions: Definitions) -> Convert:
-    """Checks types of older files without definitions against the installed definitions."""
+    """Checks that a type recorded without its definition matches the installed definition."""
     known = definitions.hash(connection.msgtype)  # raises where there is none
     if connection.digest and connection.digest != known:
         raise SloshBagError(
@@ -63,7 +63,7 @@ def _as_it_is(connection: Connection, definitions: Definitions) -> Convert:
 
 
 def _source_types(connection: Connection) -> Typestore:
-    """Returns the definitions that the connection contains.
+    """Returns the message definitions that the connection contains.
 
     Each connection has a store of its own: what is wrong with one does not touch the others.
     """
@@ -75,7 +75,7 @@ def _source_types(connection: Connection) -> Typestore:
 
 
 def _make_known(kind: str, source_kind: str, source: Typestore, here: Definitions) -> None:
-    """Registers the bag's definitions of a type and its nested types if they are unknown here."""
+    """Registers the bag's definition of a message type if none is installed."""
     try:
         here.hash(kind)
     except SloshBagError:
@@ -117,7 +117,7 @@ def _conversion(
 
 
 def _changes(kind: str, source_kind: str, source: Typestore, here: Typestore) -> str:
-    """Describes in one line which fields differ between two definitions of a type."""
+    """Describes in one line which fields differ between two definitions of a message type."""
     before, after = _fields(source, source_kind), _fields(here, kind)
     gone = sorted(before.keys() - after.keys())
     new = sorted(after.keys() - before.keys())
@@ -135,7 +135,7 @@ def _changes(kind: str, source_kind: str, source: Typestore, here: Typestore) ->
 
 
 def _fields(store: Typestore, kind: str, prefix: str = "") -> dict[str, Any]:
-    """Returns types by dotted field name, in lower case and without ROS 1's Header.seq."""
+    """Returns the types of all fields by dotted lower-case name, without ROS 1's Header.seq."""
     found: dict[str, Any] = {}
     for name, description in store.fielddefs[kind][1]:
         several = description[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE)

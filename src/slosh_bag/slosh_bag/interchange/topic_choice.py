@@ -1,4 +1,4 @@
-"""Finds topics by the names that a user types."""
+"""Finds the topic of a bag that a user means by a name."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_bag.errors import SloshBagError
 
 
 def find_topic(bag: Path, topics: Iterable[str], name: str) -> str:
-    """Finds the topic of a name: the full name, or a unique ending of one.
+    """Finds a topic by its full name or by an ending that only one topic has.
 
     Args:
         bag: where the topics are; for what is said of it.

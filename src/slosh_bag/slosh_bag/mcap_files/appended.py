@@ -1,4 +1,4 @@
-"""Bytes after a record's known fields, which later MCAP versions may append.
+"""Checks bytes after a record's known fields, which later MCAP versions may append.
 
 Readers have to pass over them, in every record but messages and the footer, which never grow.
 Yet a damaged opcode or length looks much the same: what hides a chunk is damage, not a new field.
@@ -20,7 +20,7 @@ LONGEST_NAMES = 1 << 20
 
 
 def check_no_chunk(content: bytes) -> None:
-    """Refuses a record with another opcode whose content is a chunk's.
+    """Raises an error if a record of another type has the content of a chunk.
 
     Args:
         content: of the record.
@@ -33,7 +33,7 @@ def check_no_chunk(content: bytes) -> None:
 
 
 def check_appended(appended: bytes) -> None:
-    """Refuses bytes after a record's fields that hold a chunk.
+    """Raises an error if bytes after a record's fields contain a chunk.
 
     Raises:
         DamageError: the record's length is damaged, and swallows what follows it.
@@ -55,7 +55,7 @@ def _has_messages(content: bytes) -> bool:
 
 
 def check_message_index(content: bytes) -> None:
-    """Checks a message index's length against its record's length.
+    """Checks that a message index has the length of its record.
 
     Raises:
         DamageError: it does not fit.
@@ -69,7 +69,7 @@ def check_message_index(content: bytes) -> None:
 
 
 def attachment_size(start: bytes, length: int) -> int:
-    """Returns the size of an attachment's fields up to its checksum [bytes].
+    """Returns the size of an attachment's fields before its checksum [bytes].
 
     Args:
         start: the record's content, or its first `LONGEST_NAMES`.

@@ -1,4 +1,4 @@
-"""Facts about a whole bag, which its writer stores in each file.
+"""Metadata of a whole bag, which its recorder stores in each file.
 
 No checksum of MCAP covers a metadata record but that of the whole data section, for which the file
 has to be read from its start to its end. A record that carries its own is read at once.
@@ -25,7 +25,7 @@ _HEADER = struct.Struct("<BQ")
 
 
 def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
-    """Returns the facts in a file, and warnings.
+    """Returns the bag metadata in a file, and warnings about it.
 
     Raises:
         SloshBagError: they are damaged.
@@ -48,7 +48,7 @@ def read_facts(path: Path) -> tuple[dict[str, str], list[str]]:
 
 
 def _at(path: Path, stream: BinaryIO, place: MetadataIndex) -> dict[str, str]:
-    """Reads the metadata record at a position given by the summary."""
+    """Reads the metadata record at a position that the file's summary gives."""
     stream.seek(place.offset)
     content = stream.read(place.length)
     try:
@@ -77,7 +77,7 @@ def _opened(path: Path, records: list[dict[str, str]]) -> dict[str, str]:
 
 
 def _is_whole(path: Path, summary_start: int) -> bool:
-    """Checks the data's checksum; returns False if the file has none.
+    """Verifies the checksum of a file's data section; returns False if it has none.
 
     Raises:
         SloshBagError: it is wrong.
@@ -94,7 +94,7 @@ def _is_whole(path: Path, summary_start: int) -> bool:
 
 
 def _data_checksum(stream: RecordStream) -> int:
-    """Returns the checksum stored at the end of the data; `stream.crc` is then the actual one.
+    """Returns the checksum stored at the end of the data; `stream.crc` is the computed one.
 
     Raises:
         DamageError: the data have no end.

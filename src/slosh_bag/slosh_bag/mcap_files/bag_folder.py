@@ -1,4 +1,4 @@
-"""Lists the files of a bag in their order."""
+"""Lists the files of a bag in recording order."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST_METADATA = 20_000_000
 
 
 def bag_folder(path: Path) -> Path:
-    """Returns a bag's folder: the path, or the only subfolder that holds a bag.
+    """Returns a bag's folder: the given path, or its only subfolder that contains a bag.
 
     `slosh import -o DIR` makes such a folder, and so does an archive that was unpacked.
 
@@ -37,7 +37,7 @@ def bag_folder(path: Path) -> Path:
 
 
 def bag_files(path: Path) -> list[Path]:
-    """The MCAP files of a bag, in the order in which they were written.
+    """Returns the MCAP files of a bag in the order in which they were written.
 
     That is the order of metadata.yaml where it names just the files that are there, else that of
     their names, with numbers taken as numbers: bag_2 before bag_10.
@@ -49,7 +49,7 @@ def bag_files(path: Path) -> list[Path]:
 
 
 def import_hint(path: Path) -> str:
-    """Returns a hint on how to import a file or folder of a foreign bag; else empty."""
+    """Describes how to import a bag in another format; empty if it is not such a bag."""
     if path.is_dir():
         foreign = any(path.glob("*.db3*")) or any(path.glob("*.bag"))
         kind = "a bag of ROS 1 or of rosbag2's SQLite storage" if foreign else ""
@@ -60,7 +60,7 @@ def import_hint(path: Path) -> str:
 
 
 def check_no_other(path: Path) -> None:
-    """Refuses a file that is known to be of another kind.
+    """Raises an error, with advice, for a file of a known other format.
 
     Raises:
         SloshBagError: the line says what it is and what to do.
@@ -74,7 +74,7 @@ def check_no_other(path: Path) -> None:
 
 
 def files_of(path: Path) -> list[Path]:
-    """Returns all files of a bag, readable or not."""
+    """Returns all MCAP files of a bag, readable or not."""
     if not path.is_dir():
         return [path]
     folder = bag_folder(path)
@@ -82,7 +82,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def ordered_files(path: Path, *, damaged: bool = False) -> tuple[list[Path], list[str]]:
-    """Returns the files as `bag_files` does, and warnings about the folder.
+    """Returns the files of a bag in recording order, and warnings about the folder.
 
     Args:
         path: folder or file.
@@ -135,7 +135,7 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 
 
 def folder_facts(path: Path) -> dict[str, str]:
-    """Returns the bag's facts in its metadata.yaml, which have no checksum."""
+    """Returns the bag metadata stored in metadata.yaml."""
     try:
         custom = _information(path / METADATA)["custom_data"]
         return {str(key): str(value) for key, value in (custom or {}).items()}
@@ -148,7 +148,7 @@ def _information(noted: Path) -> Any:
 
 
 def _as_noted(folder: Path, files: list[Path], warnings: list[str]) -> list[Path]:
-    """Returns the files in metadata.yaml's order if it names exactly these."""
+    """Returns the files in the order of metadata.yaml, if that lists the same files."""
     noted = folder / METADATA
     if not noted.is_file():
         return files

@@ -1,4 +1,4 @@
-"""The metadata.yaml of a bag, version 9, as rosbag2 of Jazzy reads and writes it."""
+"""Reads and writes a bag's metadata.yaml, version 9, compatible with rosbag2 of Jazzy."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Qos:
     depth: int = 10
 
     def document(self) -> dict[str, Any]:
-        """The keys and values of rosbag2's offered_qos_profiles."""
+        """Returns the profile as a mapping for rosbag2's offered_qos_profiles."""
         return {
             "history": "keep_last",
             "depth": self.depth,
@@ -45,17 +45,17 @@ class Qos:
         }
 
     def documents(self) -> list[dict[str, Any]]:
-        """Returns the profile as a list of one document."""
+        """Returns the profile as a list with one mapping."""
         return [self.document()]
 
     def text(self) -> str:
-        """Returns the profiles as the text of an MCAP channel."""
+        """Returns the profile as YAML text for an MCAP channel."""
         return _text(self.documents())
 
 
 @dataclass(frozen=True, slots=True)
 class TopicFacts:
-    """A topic of a bag, with its type and count.
+    """A topic as listed in metadata.yaml, with its type and message count.
 
     Attributes:
         name: its name.
@@ -76,7 +76,7 @@ class TopicFacts:
 
 @dataclass(frozen=True, slots=True)
 class FileFacts:
-    """A file of a bag, with its times and count.
+    """A file as listed in metadata.yaml, with its times and message count.
 
     Attributes:
         name: its name in the bag's folder.

@@ -1,4 +1,4 @@
-"""Message types as the bag itself defines them."""
+"""Message types as defined in the bag itself."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_bag.errors import SloshBagError
 
 
 class BagTypes:
-    """The types of a bag; each definition is parsed on first use.
+    """The message types of a bag; each definition is parsed when it is first used.
 
     Only the bag's own definitions count: an installed package may be of another version.
     """
@@ -24,13 +24,13 @@ class BagTypes:
         self._known: set[str] = set()
 
     def add(self, schema: Schema) -> None:
-        """Adds the definition of a message type."""
+        """Adds the definition of a message type from an MCAP schema."""
         known = self._schemas.setdefault(schema.name, schema)
         if (known.data, known.encoding) != (schema.data, schema.encoding):
             self._ambiguous.add(schema.name)
 
     def schema(self, message_type: str) -> Schema:
-        """Returns the bag's definition of a type.
+        """Returns the bag's schema of a message type.
 
         Raises:
             SloshBagError: the bag has none, or several that differ.
@@ -43,11 +43,11 @@ class BagTypes:
 
     @property
     def learnt(self) -> Typestore:
-        """The types used so far."""
+        """Type store with all types used so far."""
         return self._typestore
 
     def typestore(self, message_type: str) -> Typestore:
-        """Returns a type store that contains the type and its nested types.
+        """Returns a type store that contains a message type and its nested types.
 
         Raises:
             SloshBagError: as `schema`, or the definition cannot be read.

@@ -1,4 +1,4 @@
-"""Finds records in an MCAP buffer with compiled code; checks each length before its use."""
+"""Finds records in an MCAP buffer with compiled code that checks every length."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def _u32(buffer, at):  # type: ignore[no-untyped-def]
 
 @compiled
 def _u64(buffer, at):  # type: ignore[no-untyped-def]
-    """Reads a uint64 as int64; values from 2⁶³ on are negative."""
+    """Reads a uint64 as int64; values of 2⁶³ and more become negative."""
     return _u32(buffer, at) | _u32(buffer, at + 4) << 32
 
 
 @compiled
 def _state(buffer, at, opcode, length):  # type: ignore[no-untyped-def]
-    """Returns the state of a record that fits into the buffer."""
+    """Checks the length and times of a record and returns its state."""
     if opcode == 5:
         if length < 22:
             return BAD_LENGTH
@@ -49,7 +49,7 @@ def _state(buffer, at, opcode, length):  # type: ignore[no-untyped-def]
 
 @compiled
 def _survey(buffer, loose):  # type: ignore[no-untyped-def]
-    """Counts the records; checks each length against the buffer's end.
+    """Counts the records in a buffer and checks each length against the buffer's end.
 
     Returns the numbers of messages and of definitions, where the walk ended, and how.
     """
@@ -110,7 +110,7 @@ def scan(buffer, loose):  # type: ignore[no-untyped-def]
 
 @entry_point(int64(BYTES, int64))
 def find_chunk(buffer, start):  # type: ignore[no-untyped-def]
-    """Returns the position of the next bytes that look like a chunk's header; -1: none.
+    """Returns the next position whose bytes look like a chunk's header, or -1.
 
     Args:
         buffer: uint8 array.

@@ -1,4 +1,4 @@
-"""The messages of an MCAP chunk as arrays: decompressed, checked, found by a compiled scan."""
+"""The messages of an MCAP chunk as arrays, decompressed and checked."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ _PROBLEMS = {
 
 
 class DamageError(SloshBagError):
-    """Bytes are damaged; the text describes the damage, without its position."""
+    """Error of damaged bytes; the message describes the damage, without its position."""
 
 
 class TooLargeError(DamageError):
-    """Bytes would need too much memory."""
+    """Error of data that would need too much memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,12 +80,12 @@ class MessageBlock:
         return len(self.start)
 
     def data(self, index: int) -> bytes:
-        """The CDR bytes of one message."""
+        """Returns the CDR bytes of one message."""
         start = int(self.start[index])
         return self.buffer[start : start + int(self.length[index])].tobytes()
 
     def take(self, rows: Any) -> MessageBlock:
-        """Selects some of the messages.
+        """Returns a block that contains only some of the messages.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -100,7 +100,7 @@ class MessageBlock:
 
 
 class ChunkHeader(NamedTuple):
-    """The header of a chunk: times, sizes, checksum.
+    """Header of an MCAP chunk: times, sizes and checksum.
 
     Attributes:
         start_ns, end_ns: least and greatest log time in it [ns]; 0 and 0 where it is empty.
@@ -122,7 +122,7 @@ class ChunkHeader(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chunk:
-    """The records of one chunk, or a run of records outside chunks.
+    """The records of one MCAP chunk, or consecutive records outside chunks.
 
     Attributes:
         position: where it begins in the file [bytes].
@@ -155,7 +155,7 @@ class Chunk:
         return np.frombuffer(self.raw, np.uint8)
 
     def take(self, rows: Any) -> Chunk:
-        """Returns the chunk with some of its messages.
+        """Returns a chunk that contains only some of the messages.
 
         Args:
             rows: indexes, a slice or a mask.
@@ -171,13 +171,13 @@ class Chunk:
 
 
 class StrictStream(ReadDataStream):
-    """A record's content as a stream that refuses to return fewer bytes than requested."""
+    """A stream over a record's content that never returns fewer bytes than requested."""
 
     def __init__(self, content: bytes) -> None:
         super().__init__(io.BytesIO(content))
 
     def read(self, length: int) -> bytes:
-        """Reads `length` bytes.
+        """Reads exactly `length` bytes.
 
         Raises:
             EndOfFile: there are fewer.
@@ -190,7 +190,7 @@ class StrictStream(ReadDataStream):
 
 
 def parse(kind: Any, content: bytes) -> Any:
-    """Parses a record as one of mcap's types.
+    """Parses a record's content to one of the mcap library's record classes.
 
     Args:
         kind: the type.
@@ -206,7 +206,7 @@ def parse(kind: Any, content: bytes) -> Any:
 
 
 def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
-    """Parses a chunk's header.
+    """Parses the header of a chunk.
 
     Args:
         start: the first 48 bytes of the record's content, or all where it is shorter.
@@ -235,7 +235,7 @@ def chunk_header(start: bytes, record_length: int) -> ChunkHeader:
 
 
 def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Chunk:
-    """Decompresses a chunk.
+    """Decompresses a chunk and finds its records.
 
     Args:
         position: of its record in the file.
@@ -262,7 +262,7 @@ def read_chunk(position: int, header: ChunkHeader, content: bytes) -> Chunk:
 
 
 def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Chunk:
-    """Parses a chunk's header and decompresses the chunk.
+    """Parses a chunk's header and decompresses its records.
 
     Args:
         position: of its record in the file.
@@ -280,7 +280,7 @@ def whole_chunk(position: int, content: bytes, *, agreeing: bool = False) -> Chu
 
 
 def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
-    """Makes the error for damage that is not at a file's end."""
+    """Creates the error for damage that is not at the end of a file."""
     return SloshBagError(
         f"{path}: damaged at byte {position}: {error}; `slosh recover` writes a new bag with "
         "all intact messages"
@@ -288,14 +288,14 @@ def damaged(path: Path, position: int, error: DamageError) -> SloshBagError:
 
 
 def agrees(header: ChunkHeader, chunk: Chunk) -> bool:
-    """Whether the first and last messages have the times of the chunk's header."""
+    """Whether a chunk's first and last message times equal those in its header."""
     if not len(chunk):
         return True
     return bool(header.start_ns == chunk.log_ns[0] and header.end_ns == chunk.log_ns[-1])
 
 
 def read_loose(position: int, window: bytes) -> Chunk:
-    """Reads records that are outside chunks.
+    """Reads consecutive records that are outside chunks.
 
     Args:
         position: of the first in the file.

@@ -1,4 +1,4 @@
-"""Results of reading an MCAP file: definitions, counts, times, unread bytes."""
+"""Results of reading an MCAP file: definitions, counts, times and unreadable bytes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_DEFINED = 50_000_000
 
 @dataclass(frozen=True, slots=True)
 class UnreadBytes:
-    """Bytes of a file that could not be read.
+    """A range of bytes in a file that could not be read.
 
     Attributes:
         start, end: where they are in the file.
@@ -33,7 +33,7 @@ class UnreadBytes:
 
 @dataclass(slots=True)
 class Found:
-    """Contents found by a walk so far.
+    """Contents of an MCAP file that were found so far.
 
     Attributes:
         schemas, channels: by their ids.
@@ -64,7 +64,7 @@ class Found:
     defined: int = 0
 
     def has_room(self, definitions: Sequence[Schema | Channel], *, kept: bool) -> bool:
-        """Counts definitions; returns False if there are too many.
+        """Counts schema and channel definitions; returns False if there are too many.
 
         Args:
             definitions: the next ones.
@@ -75,7 +75,7 @@ class Found:
         return self.definitions <= MOST_DEFINITIONS and self.defined <= MOST_DEFINED
 
     def add(self, chunk: Chunk) -> None:
-        """Counts the messages of a chunk."""
+        """Counts the messages of a chunk and updates the time range."""
         if not len(chunk):
             return
         counts = np.bincount(chunk.channel)
@@ -87,7 +87,7 @@ class Found:
         self.unchecked |= not chunk.checked
 
     def is_defined(self, channel: int) -> bool:
-        """Whether the channel and its schema, if any, are known."""
+        """Whether a channel, and its schema if it has one, are defined."""
         known = self.channels.get(channel)
         return known is not None and (not known.schema_id or known.schema_id in self.schemas)
 

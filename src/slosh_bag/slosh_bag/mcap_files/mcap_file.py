@@ -1,4 +1,4 @@
-"""Writes one MCAP file that is readable after an interruption at any byte.
+"""Writes one MCAP file that stays readable if writing is interrupted at any byte.
 
 `mcap`'s own writer forgets what it has counted, and where, when a write fails: its file cannot be
 finished any more. Here a write that fails leaves file and bookkeeping as they were before it.
@@ -52,7 +52,7 @@ _U64 = struct.Struct("<Q")
 
 @dataclass(slots=True)
 class _OpenChunk:
-    """The chunk being filled: its records and the offsets of its messages."""
+    """The chunk that is being filled: its records and the offsets of its messages."""
 
     parts: list[bytes] = field(default_factory=list)
     size: int = 0
@@ -104,26 +104,26 @@ class McapFile:
 
     @property
     def count(self) -> int:
-        """Number of messages in the file."""
+        """Number of messages written to the file."""
         return sum(self._counts.values())
 
     @property
     def pending(self) -> int:
-        """Number of messages that are not yet in the file."""
+        """Number of messages that are not yet written to the file."""
         return self._chunk.count
 
     @property
     def full(self) -> bool:
-        """Whether the chunk has reached its size."""
+        """Whether the current chunk has reached its target size."""
         return self._chunk.size >= CHUNK_BYTES
 
     @property
     def span(self) -> tuple[int, int]:
-        """First and last log time of the messages in the file [ns]; zeros without any."""
+        """First and last log time of the messages in the file [ns]; zeros if there are none."""
         return (0, 0) if self._start_ns is None else (self._start_ns, self._end_ns)
 
     def add_schema(self, name: str, data: bytes, encoding: str = "ros2msg") -> int:
-        """Adds a message type; returns its number."""
+        """Adds a message type and returns its schema id."""
         schema = Schema(id=len(self._schemas) + 1, name=name, encoding=encoding, data=data)
         self._schemas.append(schema)
         self._chunk.append(_record(schema))
@@ -132,7 +132,7 @@ class McapFile:
     def add_channel(
         self, topic: str, schema: int, metadata: dict[str, str], encoding: str = SERIALIZATION
     ) -> int:
-        """Adds a topic and returns its number; with schema 0 its messages have no type."""
+        """Adds a topic and returns its channel id; schema 0 means messages without a type."""
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
@@ -145,7 +145,7 @@ class McapFile:
         return len(self._channels)
 
     def add(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None:
-        """Adds a message to the chunk; the caller flushes a chunk that is `full`."""
+        """Adds a message to the current chunk; call `flush` when the chunk is `full`."""
         chunk = self._chunk
         length = _MESSAGE_HEADER + len(data)
         head = _MESSAGE.pack(Opcode.MESSAGE, length, channel, sequence, log_ns, publish_ns)
@@ -164,7 +164,7 @@ class McapFile:
         chunk.count += 1
 
     def flush(self) -> None:
-        """Passes all messages to the operating system; they survive a later kill of the process.
+        """Passes all messages to the operating system, so that they survive a killed process.
 
         A chunk without messages is kept back: Jazzy's reader rejects a file that begins with one.
         """
@@ -212,22 +212,22 @@ class McapFile:
 
     @property
     def counts(self) -> dict[int, int]:
-        """Number of messages in the file by channel."""
+        """Number of messages written to the file by channel."""
         return self._counts.copy()
 
     @property
     def waiting(self) -> dict[int, int]:
-        """Number of messages by channel that are not yet in the file."""
+        """Number of messages that are not yet written to the file by channel."""
         return {channel: len(entries) // 2 for channel, entries in self._chunk.entries.items()}
 
     def discard(self) -> dict[int, int]:
-        """Drops the messages that are not in the file; returns their number by channel."""
+        """Removes messages that are not yet written; returns their number by channel."""
         counts = self.waiting
         self._chunk = _OpenChunk()
         return counts
 
     def finish(self, metadata: Mapping[str, str]) -> None:
-        """Writes the remaining messages, the bag's facts and the summary, and closes the file."""
+        """Writes the remaining messages, the bag metadata and the summary; closes the file."""
         self.flush()
         facts, where = RecordBuilder(), list[MetadataIndex]()
         for key, value in metadata.items():
@@ -240,11 +240,11 @@ class McapFile:
         self._stream.close()
 
     def close(self) -> None:
-        """Closes the file without writing its end."""
+        """Closes the file without writing a summary."""
         self._stream.close()
 
     def remove(self) -> None:
-        """Deletes the file."""
+        """Deletes the MCAP file."""
         self._stream.close()
         self.path.unlink(missing_ok=True)
 
@@ -257,7 +257,7 @@ class McapFile:
         self._end_ns = max(self._end_ns, chunk.end_ns)
 
     def _append(self, content: bytes) -> None:
-        """Writes all bytes or, on failure, none."""
+        """Appends the bytes completely, or leaves the file unchanged if that fails."""
         left = memoryview(content)
         try:
             while left:
@@ -271,7 +271,7 @@ class McapFile:
         self.size += len(content)
 
     def _summary(self, start: int, metadata: list[MetadataIndex]) -> bytes:
-        """Returns the summary, footer and magic bytes for a summary that starts at `start`."""
+        """Returns the bytes of the summary and footer for a summary that starts at `start`."""
         first, last = self.span
         statistics = Statistics(
             message_count=self.count,
@@ -308,7 +308,7 @@ def _open_for_group(path: str, flags: int) -> int:
 
 
 def _record(record: Any) -> bytes:
-    """Encodes a record of one of mcap's types."""
+    """Encodes a record object of the mcap library."""
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())

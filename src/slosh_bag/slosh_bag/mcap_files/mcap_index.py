@@ -1,4 +1,4 @@
-"""Reads the index at the end of an MCAP file: each chunk's topics and times.
+"""Reads the chunk index at the end of an MCAP file.
 
 So that what stands in a few chunks, as a node's latched settings or one image, costs these chunks
 and not the whole file, which may be hours long.
@@ -52,7 +52,7 @@ class Index(NamedTuple):
 
 
 def read_index(path: Path) -> Index | None:
-    """Reads the index of a file; None: no complete and trusted index."""
+    """Reads a file's chunk index, or returns None if it is incomplete or unreliable."""
     size = path.stat().st_size
     with path.open("rb") as stream:
         summary = read_summary(stream, size)
@@ -73,7 +73,7 @@ def read_index(path: Path) -> Index | None:
 
 
 def _is_all(stream: BinaryIO, told: int, end: int) -> bool:
-    """Whether records of this total length are all of the data; loose messages have no entry."""
+    """Whether the indexed records make up the whole data section, without other messages."""
     _, header = _record_at(stream, len(MAGIC))
     start = len(MAGIC) + RECORD_HEADER + header + told
     if start >= end:
@@ -89,7 +89,7 @@ def _record_at(stream: BinaryIO, position: int) -> tuple[int, int]:
 
 
 def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, ...], int]:
-    """Returns the chunks' entries, and the total length of other indexed records."""
+    """Returns the chunks' index entries, and the total length of the other indexed records."""
     found, beside = [], 0
     for entry in summary_records(stream, start, end, _ENTRIES):
         if isinstance(entry, ChunkIndex):
@@ -102,7 +102,7 @@ def _entries(stream: BinaryIO, start: int, end: int) -> tuple[tuple[ChunkIndex, 
 def indexed_chunks(
     path: Path, index: Index, channels: Collection[int], windows: Collection[Window] | None
 ) -> Iterator[Chunk]:
-    """Yields the chunks of a file that hold one of the channels, in file order.
+    """Yields the chunks that contain messages of the given channels, in file order.
 
     Args:
         path: the file.

@@ -21,7 +21,7 @@ from slosh_bag.unpacking import MOST_UNPACKED
 
 
 class ChunkSpan(NamedTuple):
-    """Position and start time of a chunk.
+    """Position and start time of a chunk in a file.
 
     Attributes:
         start_ns: least log time in it [ns].
@@ -36,7 +36,7 @@ class ChunkSpan(NamedTuple):
 def in_log_order(
     path: Path, spans: list[ChunkSpan], select: Callable[[Chunk], Chunk]
 ) -> Iterator[tuple[Chunk, int]]:
-    """Yields the messages of a file by log time, then by position.
+    """Yields the messages of a file by log time, then by position in the file.
 
     A chunk is unpacked when its time has come, and forgotten after its last message: memory is
     that of the chunks that overlap.
@@ -80,7 +80,7 @@ def in_log_order(
 
 
 def gathered(rows: Sequence[tuple[Chunk, int]]) -> Chunk:
-    """Combines messages of several chunks in one chunk, in the given order.
+    """Combines messages of several chunks to one chunk, in the given order.
 
     Args:
         rows: chunks, and the index of a message in each; at least one.
@@ -103,7 +103,7 @@ def gathered(rows: Sequence[tuple[Chunk, int]]) -> Chunk:
 
 
 def _again(path: Path, span: ChunkSpan, content: bytes) -> Chunk:
-    """Reads a chunk again, and checks that it has not changed since the first pass."""
+    """Reads a chunk again and checks that it has not changed since it was first read."""
     try:
         if content[:1] != b"\x06":
             return read_loose(span.position, content)

@@ -1,4 +1,4 @@
-"""Reads the summary at the end of an MCAP file and checks whether it can be trusted."""
+"""Reads the summary at the end of an MCAP file and checks whether it is reliable."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST_TAKEN = 2 * MOST_DEFINITIONS
 
 @dataclass(slots=True)
 class FileSummary:
-    """The summary at the end of a file.
+    """The summary at the end of an MCAP file.
 
     Attributes:
         start: where the summary begins; 0: the file has none.
@@ -46,18 +46,18 @@ class FileSummary:
 
     @property
     def tells_topics(self) -> bool:
-        """Whether the summary holds topics, types and counts; writers may omit them."""
+        """Whether the summary contains topics, types and counts, which are optional."""
         return self.trusted and self.counts is not None and self.knows(self.counts)
 
     def knows(self, channels: Iterable[int]) -> bool:
-        """Whether the summary repeats the definitions of all these channels and their schemas."""
+        """Whether the summary defines all given channels and their schemas."""
         found = [self.channels.get(channel) for channel in channels]
         schemas = {0, *self.schemas}
         return all(one is not None and one.schema_id in schemas for one in found)
 
 
 def read_summary(stream: BinaryIO, size: int) -> FileSummary | None:
-    """Reads the summary of a file.
+    """Reads the summary of a file, or returns None if the file is unfinished or truncated.
 
     Args:
         stream: the file.
@@ -95,7 +95,7 @@ def read_summary(stream: BinaryIO, size: int) -> FileSummary | None:
 
 
 def _records(stream: BinaryIO, start: int, end: int) -> FileSummary | None:
-    """Reads the summary's records; None: they are not contiguous."""
+    """Reads the summary's records, or returns None if they are not contiguous."""
     summary = FileSummary(start, trusted=True)
     try:
         for count, record in enumerate(summary_records(stream, start, end, _TAKEN)):
@@ -110,7 +110,7 @@ def _records(stream: BinaryIO, start: int, end: int) -> FileSummary | None:
 def summary_records(
     stream: BinaryIO, start: int, end: int, kinds: Mapping[int, Any]
 ) -> Iterator[Any]:
-    """Yields the summary's records of some kinds.
+    """Yields the summary's records of the given types.
 
     Args:
         stream: the file.

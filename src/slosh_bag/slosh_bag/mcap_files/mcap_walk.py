@@ -1,4 +1,4 @@
-"""Walks through one MCAP file from start to end and reports damage and losses.
+"""Reads one MCAP file from start to end and reports damage and losses.
 
 Chunks carry a checksum each. Around them lie bytes that none of these covers: the lengths and
 kinds of the records, the definitions outside chunks. They are held against what else there is:
@@ -48,7 +48,7 @@ _WINDOW = 1 << 20
 
 
 class McapWalk:
-    """One walk through a file.
+    """Reads a file from start to end, and collects its definitions, counts and damage.
 
     Args:
         path: the file.
@@ -73,7 +73,7 @@ class McapWalk:
         self._stream: RecordStream
 
     def chunks(self) -> Iterator[Chunk]:
-        """Yields the messages chunk by chunk, in file order.
+        """Yields the chunks of messages in file order.
 
         Raises:
             SloshBagError: the file is damaged, other than by missing its end.
@@ -97,7 +97,7 @@ class McapWalk:
                     yield chunk
 
     def _step(self) -> tuple[Chunk | None, bool]:
-        """Reads one record or a run of loose records; returns True after the last one."""
+        """Reads one record, or successive messages outside chunks; detects the last record."""
         if not self._stream.position and self._stream.take(len(MAGIC)) != MAGIC:
             raise DamageError("not an MCAP file")
         first = self._stream.position == len(MAGIC)
@@ -119,7 +119,7 @@ class McapWalk:
         return None, False
 
     def _beyond(self, opcode: int, length: int) -> None:
-        """Makes the error for a record that exceeds the file's end."""
+        """Raises the error for a record that extends beyond the file's end."""
         start = self._stream.peek(CHUNK_START)
         if opcode == Opcode.CHUNK and len(start) == CHUNK_START:
             # Where the header is there it has to fit: else the length is wrong, not the end.
@@ -137,7 +137,7 @@ class McapWalk:
         return chunk
 
     def _check_no_chunk(self, length: int) -> None:
-        """Refuses a record that is a chunk with a damaged opcode."""
+        """Raises an error for a chunk whose record type is damaged."""
         try:
             chunk_header(self._stream.peek(CHUNK_START), length)
         except DamageError:
@@ -158,7 +158,7 @@ class McapWalk:
         return chunk
 
     def _other(self, opcode: int, length: int) -> None:
-        """Skips a record without messages, after checking that it is of its stated kind."""
+        """Checks and skips a record that contains no messages."""
         if opcode == Opcode.HEADER:
             parse(Header, self._stream.take(length))
         elif opcode == Opcode.METADATA:
@@ -174,7 +174,7 @@ class McapWalk:
             self._stream.skip(length)
 
     def _pass_attachment(self, length: int) -> None:
-        """Skips an attachment; its checksum shows that it is no chunk with a damaged opcode."""
+        """Skips an attachment after verifying its checksum."""
         size = attachment_size(self._stream.peek(min(length, LONGEST_NAMES)), length)
         actual = self._stream.skip(size)
         noted = int.from_bytes(self._stream.take(4), "little")
@@ -183,7 +183,7 @@ class McapWalk:
             raise DamageError("a damaged attachment")
 
     def _admit(self, chunk: Chunk) -> Chunk:
-        """Adds a chunk's definitions; refuses messages without a definition."""
+        """Adds a chunk's schemas and channels, and checks that its messages are defined."""
         if self.found.chunks and self.found.loose and not self._is_counted():
             raise DamageError("messages both inside and outside chunks")
         for schema in chunk.schemas:
@@ -203,7 +203,7 @@ class McapWalk:
         return chunk
 
     def _is_in_summary(self, chunk: Chunk) -> bool:
-        """Whether the summary, which has a checksum, also contains the chunk's definitions."""
+        """Whether the summary, which has a checksum, contains a chunk's schemas and channels."""
         schemas = self.summary.schemas if self.summary else {}
         channels = self.summary.channels if self.summary else {}
         return all(schema.id in schemas for schema in chunk.schemas) and all(
@@ -211,7 +211,7 @@ class McapWalk:
         )
 
     def _bound(self, *definitions: Schema | Channel, kept: bool) -> None:
-        """Refuses a file with too many definitions to keep or read."""
+        """Raises an error for a file with too many schemas or channels."""
         if not self.found.has_room(definitions, kept=kept):
             raise SloshBagError(
                 f"{self.path}: more than {MOST_DEFINITIONS} schemas and channels, or "
@@ -227,11 +227,11 @@ class McapWalk:
             raise DamageError(f"{kind} {record.id} is defined twice, differently")
 
     def _is_counted(self) -> bool:
-        """Whether the summary's counts can show a missing or an extra message."""
+        """Whether the summary has message counts, by which missing messages are noticed."""
         return self.summary is not None and self.summary.counts is not None
 
     def _end(self, length: int) -> None:
-        """Handles the end of the data: compares the content with the file's checksums."""
+        """Compares the contents with the file's checksums at the end of the data."""
         if length < 4:
             raise DamageError("a damaged end of the data")
         actual, crc = self._stream.crc, int.from_bytes(self._stream.take(4), "little")
@@ -256,14 +256,14 @@ class McapWalk:
             self._warn("its summary is damaged and was not used")
 
     def _check_last(self) -> None:
-        """Accepts an end of data with appended bytes only if no chunk follows."""
+        """Raises an error if another chunk follows the end of the data."""
         position = self._stream.position
         if self._next_chunk(position) is not None:
             raise DamageError("a damaged end of the data")
         self._stream.jump(position)
 
     def _goes_on(self) -> bool:
-        """Jumps to the next chunk after a doubtful end of data; returns whether there is one."""
+        """Moves to the next chunk if one follows a doubtful end of the data."""
         after = self._next_chunk(self._stream.position)
         if after is not None:
             self._stream.jump(after)
@@ -299,7 +299,7 @@ class McapWalk:
         return True
 
     def _lost_end(self, position: int, error: DamageError) -> str:
-        """Describes in one line what an unfinished file has lost."""
+        """Describes in one line which messages an unfinished file has lost."""
         cut = isinstance(error, CutOffError)
         text = f"unfinished ({'cut off' if cut else error}); "
         first, last = self.found.first_ns, self.found.last_ns
@@ -317,7 +317,7 @@ class McapWalk:
         return text
 
     def _leave_out(self, position: int, error: DamageError) -> bool:
-        """Skips damage: to the end of the record if another follows, else to the next chunk."""
+        """Skips damaged bytes up to the next readable record or chunk."""
         after = self._after_record(position)
         if after is None:
             after = self._next_chunk(position + 1)
@@ -339,7 +339,7 @@ class McapWalk:
         return (header.start_ns, header.end_ns) if opcode == Opcode.CHUNK else None
 
     def _after_record(self, position: int) -> int | None:
-        """Returns the end of the record at a position if another record begins there."""
+        """Returns the end of a record, or None if no other record begins there."""
         self._stream.jump(position)
         try:
             _, length = self._stream.begin()
@@ -352,7 +352,7 @@ class McapWalk:
         return after if fits else None
 
     def _next_chunk(self, start: int) -> int | None:
-        """Returns the position of the next intact chunk; None: none."""
+        """Returns the position of the next intact chunk, or None if there is none."""
         while start < self.size:
             self._stream.jump(start)
             window = self._stream.peek(_WINDOW)
@@ -382,7 +382,7 @@ class McapWalk:
 
 
 def is_in_order(path: Path) -> bool:
-    """Whether no chunk begins before an earlier one ends, by the chunks' headers.
+    """Whether the chunks' time ranges, as their headers give them, are in order.
 
     Whether they say the truth shows when they are read.
     """
@@ -401,7 +401,7 @@ def is_in_order(path: Path) -> bool:
 
 
 def _times(stream: RecordStream) -> tuple[int, int]:
-    """Skips a record; returns its least and greatest log time, or 0 and 0."""
+    """Skips a record and returns its first and last log time, or zeros if it has none."""
     opcode, length = stream.begin()
     if length > stream.left:
         raise CutOffError("a record is cut off")

@@ -1,4 +1,4 @@
-"""Bounds the work for reading one file, in proportion to its size."""
+"""Limits the work of reading one file in proportion to its size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNPACKED_PER_BYTE = 4000
 
 
 class ReadingBound:
-    """Counts the decompressed bytes of a file and refuses excessive ones.
+    """Counts the decompressed bytes of a file and rejects excessive amounts.
 
     Args:
         path: the file.
@@ -27,7 +27,7 @@ class ReadingBound:
         self._unpacked = self._messages = 0
 
     def unpack(self, content: bytes) -> None:
-        """Counts a chunk record before it is decompressed, even if it is damaged.
+        """Counts a chunk's decompressed size before the chunk is decompressed.
 
         Raises:
             SloshBagError: with it, it is too much.
@@ -40,7 +40,7 @@ class ReadingBound:
             raise self._error(f"{self._unpacked // 1_000_000} MB")
 
     def take(self, messages: int) -> None:
-        """Counts messages; each one takes more than a byte of the file, since their times differ.
+        """Counts messages and rejects more messages than the file can contain.
 
         Raises:
             SloshBagError: with them, there are too many.

@@ -1,4 +1,4 @@
-"""Reads an MCAP file record by record, never beyond the file's end."""
+"""Reads an MCAP file record by record, never beyond the original end of the file."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _WINDOW = 1 << 20
 
 
 class CutOffError(DamageError):
-    """A record exceeds the file's end."""
+    """Error of a record that extends beyond the file's end."""
 
 
 class RecordStream:
-    """Reads a file from its start and updates the checksum of the bytes read.
+    """Reads a file sequentially and computes the checksum of the bytes read.
 
     Args:
         stream: the file.
@@ -40,11 +40,11 @@ class RecordStream:
 
     @property
     def left(self) -> int:
-        """Number of bytes up to the file's end."""
+        """Number of bytes from the current position to the file's end."""
         return self._size - self.position
 
     def begin(self) -> tuple[int, int]:
-        """Returns the opcode and the length of the next record.
+        """Reads the header of the next record and returns its opcode and length.
 
         Raises:
             CutOffError: the file ends before.
@@ -54,7 +54,7 @@ class RecordStream:
         return opcode, length
 
     def take(self, length: int) -> bytes:
-        """Reads the next bytes of the record.
+        """Reads the next bytes of the current record.
 
         Raises:
             CutOffError: the file ends before.
@@ -76,7 +76,7 @@ class RecordStream:
         return content
 
     def skip(self, length: int) -> int:
-        """Skips bytes; returns their CRC-32, or 0 if none is computed.
+        """Skips bytes and returns their CRC-32, or 0 if checksums are disabled.
 
         Raises:
             CutOffError: the file ends before.
@@ -98,6 +98,6 @@ class RecordStream:
         self.jump(self.position - RECORD_HEADER)
 
     def jump(self, position: int) -> None:
-        """Moves to a position; the checksum is invalid afterwards, except after `back`."""
+        """Moves to a position in the file, which makes the checksum invalid."""
         self.position = position
         self._stream.seek(position)

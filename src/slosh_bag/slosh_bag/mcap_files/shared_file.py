@@ -1,4 +1,4 @@
-"""Opens each file of a bag once for all parts of a reader."""
+"""Opens each file of a bag once, for all parts of a reader."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _KEPT_OPEN = 8
 
 
 class SharedFile(type(Path())):  # type: ignore[misc]
-    """A path whose streams share one open file, each with its own position.
+    """A path whose streams share one open file but have their own positions.
 
     So all parts of a reader read the same file, even where its name is given to another one
     meanwhile.
@@ -26,7 +26,7 @@ class SharedFile(type(Path())):  # type: ignore[misc]
     _descriptor: weakref.ref[_Descriptor] | None = None
 
     def open(self, mode: str = "r", *others: Any, **named: Any) -> BinaryIO:
-        """Returns a shared stream for mode "rb"; other modes open the file as usual."""
+        """Returns a stream on the shared file in mode 'rb'; otherwise opens the file anew."""
         if mode != "rb" or others or named:
             return cast("BinaryIO", super().open(mode, *others, **named))
         descriptor = self._descriptor() if self._descriptor else None
@@ -39,7 +39,7 @@ class SharedFile(type(Path())):  # type: ignore[misc]
 
 
 def shared_files(paths: Iterable[Path]) -> Sequence[Path]:
-    """Returns shared files for one reader; they close with the reader and its streams."""
+    """Returns paths that share open files; they are closed with the last stream."""
     recent: deque[_Descriptor] = deque(maxlen=_KEPT_OPEN)
     files = [SharedFile(path) for path in paths]
     for file in files:
@@ -48,7 +48,7 @@ def shared_files(paths: Iterable[Path]) -> Sequence[Path]:
 
 
 class _Descriptor:
-    """An open file, closed when nothing refers to it."""
+    """An open file descriptor that is closed when nothing refers to it any more."""
 
     def __init__(self, path: Path) -> None:
         self.number = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -56,25 +56,25 @@ class _Descriptor:
 
 
 class _View(io.RawIOBase):
-    """Reads a shared open file at its own position."""
+    """A read-only stream over a shared open file, with its own position."""
 
     def __init__(self, descriptor: _Descriptor) -> None:
         self._descriptor, self._at = descriptor, 0
 
     def readable(self) -> bool:
-        """Always true."""
+        """Returns True, since the stream can always be read."""
         return True
 
     def seekable(self) -> bool:
-        """Always true."""
+        """Returns True, since the position can always be set."""
         return True
 
     def tell(self) -> int:
-        """Returns the position [bytes]."""
+        """Returns the stream's position [bytes]."""
         return self._at
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Sets the position and returns it."""
+        """Sets the stream's position and returns it."""
         start = {
             os.SEEK_SET: 0,
             os.SEEK_CUR: self._at,
@@ -86,7 +86,7 @@ class _View(io.RawIOBase):
         return self._at
 
     def readinto(self, buffer: Any) -> int:
-        """Fills a buffer and returns the number of bytes."""
+        """Fills a buffer from the stream and returns the number of bytes read."""
         count = os.preadv(self._descriptor.number, [buffer], self._at)
         self._at += count
         return count

@@ -1,4 +1,4 @@
-"""Order and arrival time of messages across all topics."""
+"""Determines order and arrival time of messages across all topics."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ AHEAD_NS = 10_000_000
 
 
 class Arrivals:
-    """Sorts messages that are taken topic by topic while others still arrive.
+    """Sorts messages by arrival while topics are polled one after the other.
 
     A message is held back until those that came before it on other topics must have been taken,
     and no longer than until the next call: a step of the clock holds nothing back for good.
@@ -21,7 +21,7 @@ class Arrivals:
         self._held: list[Received] = []
 
     def sort(self, taken: list[Received], settled: int) -> list[Received]:
-        """Adds messages; returns those whose order is final, in that order.
+        """Adds messages, and returns those whose order can no longer change, sorted.
 
         Args:
             taken: of all topics, since the last call.
@@ -34,13 +34,13 @@ class Arrivals:
         return waiting[: len(waiting) - len(self._held)]
 
     def rest(self) -> list[Received]:
-        """Returns the remaining messages."""
+        """Returns the messages that are still held back."""
         held, self._held = self._held, []
         return held
 
 
 class LogTimes:
-    """Receive times by the system clock, corrected so that they never decrease.
+    """Receive times of the system clock, corrected so that they never decrease.
 
     Bags are read by these times: of two stretches with the same ones nobody could tell which
     came first. Where the clock is set back they go on as if it had not been, until it is there
@@ -57,7 +57,7 @@ class LogTimes:
         self._last = 0
 
     def look(self, system_ns: int, steady_ns: int) -> None:
-        """Reads both clocks; call this before messages are taken."""
+        """Reads both clocks; call it before messages are polled."""
         step = system_ns - steady_ns - self._between
         self._now, self._between = system_ns, system_ns - steady_ns
         self._shift_before = self._shift
@@ -65,11 +65,11 @@ class LogTimes:
             self._shift = max(self._shift - step, 0)
 
     def of(self, received_ns: int) -> int:
-        """Returns the log time of a message received at a system time [ns]."""
+        """Returns the log time for a message received at a system time [ns]."""
         before_the_step = received_ns > self._now + AHEAD_NS
         return received_ns + (self._shift_before if before_the_step else self._shift)
 
     def in_order(self, time_ns: int) -> int:
-        """Returns the time, or the time of the previous message if that is later [ns]."""
+        """Returns the given time, or the previous message's time if that is later [ns]."""
         self._last = max(self._last, time_ns)
         return self._last

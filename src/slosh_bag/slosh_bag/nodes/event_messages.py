@@ -1,4 +1,4 @@
-"""The messages that a black box understands: events, and what holds until it is said anew."""
+"""Detects events in a cell's messages for the event recorder."""
 
 from __future__ import annotations
 
@@ -33,24 +33,28 @@ STANDS_ALONE: Final = Place(())
 BEFORE, AFTER, MEMORY = "event_before", "event_after", "event_memory"
 PER_CAUSE, QUOTA = "bags_per_cause", "event_quota"
 EVENT_PARAMETERS = (
-    ParameterSpec(BEFORE, 10.0, "of mode events: time before an event [s]", bounds=(0.5, 600.0)),
-    ParameterSpec(AFTER, 10.0, "of mode events: time after an event [s]", bounds=(0.0, 600.0)),
+    ParameterSpec(
+        BEFORE, 10.0, "in mode events: recorded time before an event [s]", bounds=(0.5, 600.0)
+    ),
+    ParameterSpec(
+        AFTER, 10.0, "in mode events: recorded time after an event [s]", bounds=(0.0, 600.0)
+    ),
     ParameterSpec(
         MEMORY,
         256_000_000,
-        "of mode events: memory of what came last [bytes]; at most a quarter of the quota",
+        "in mode events: memory for recent messages [bytes]; at most a quarter of the quota",
         bounds=(1_000_000, 10**11),
     ),
     ParameterSpec(
         PER_CAUSE,
         20,
-        "of mode events: bags that are kept of each cause; older ones are deleted",
+        "in mode events: number of bags kept for each cause; older ones are deleted",
         bounds=(1, 10**6),
     ),
     ParameterSpec(
         QUOTA,
         4_000_000_000,
-        "of mode events: size of all bags that are kept [bytes]; older ones are deleted",
+        "in mode events: total size of the bags kept [bytes]; older ones are deleted",
         bounds=(10_000_000, 10**15),
     ),
 )
@@ -60,7 +64,7 @@ EVENT_PARAMETERS = (
 def event_recorder(
     folder: Path, values: Mapping[str, Any], place: Callable[[str, bytes], Place | None]
 ) -> EventRecorder:
-    """The core of a recorder of events.
+    """Creates an event recorder from the node's parameters.
 
     Args:
         folder: of the bags.
@@ -77,7 +81,7 @@ def event_recorder(
 
 
 def event_facts(core: Recorder | EventRecorder) -> dict[str, Any]:
-    """What the diagnostics tell of a recorder of events; nothing of another."""
+    """Returns diagnostics values of an event recorder; empty for any other recorder."""
     if not isinstance(core, EventRecorder):
         return {}
     box = core.box
@@ -91,7 +95,7 @@ def event_facts(core: Recorder | EventRecorder) -> dict[str, Any]:
 
 
 class EventMessages:
-    """Reads the events out of a cell's messages.
+    """Detects events in a cell's messages.
 
     Args:
         node: the recorder; its remapping tells the names of the cell's topics.
@@ -111,7 +115,7 @@ class EventMessages:
         self._reads = {node.resolve_topic_name(name): read for name, read in reads.items()}
 
     def happenings(self, received: Received, message_type: Any) -> list[Happening]:
-        """The events of a message of a type; none in one that cannot be read."""
+        """Returns the events that a message reports; empty if it cannot be decoded."""
         wanted, read = self._reads.get(received.topic, (None, None))
         late = received.sent_ns and received.arrived_ns - received.sent_ns > self._late_ns
         if read is None or wanted is not message_type or late:
@@ -142,7 +146,7 @@ def _limit(message: LimitEvent, stamp_ns: int) -> list[Happening]:
 
 
 def place_of(entry: TopicInput, data: bytes) -> Place | None:
-    """What a message stands for until a later one of its topic replaces it; None: for nothing.
+    """Returns the key by which a latched message replaces earlier ones, or None.
 
     Args:
         entry: its topic.
@@ -165,7 +169,7 @@ def place_of(entry: TopicInput, data: bytes) -> Place | None:
 
 
 def _place_of_settings(settings: NodeSettings) -> Place:
-    """A node's start replaces all that it told before, a change of parameters earlier changes."""
+    """Returns the key by which a settings message replaces earlier ones of the same node."""
     try:
         document = parse_yaml(settings.document, "settings").value
         level = _CHANGE if document.get("changed") else _START

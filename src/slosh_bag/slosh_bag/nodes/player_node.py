@@ -1,4 +1,4 @@
-"""The player node: publishes a bag's messages and /clock on time, with unchanged bytes."""
+"""Player node: publishes a bag's messages and /clock at the recorded times."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ PARAMETERS = (
 
 
 class PlayerNode(GuardedNode):
-    """Creates the publishers, starts the thread and reports the progress.
+    """Node that publishes a bag from a separate thread and reports the progress.
 
     Args:
         plan: what is played; None: what the parameters say.
@@ -78,24 +78,24 @@ class PlayerNode(GuardedNode):
         self._thread.start(given["subscribers"], given["patience"])
 
     def close(self) -> None:
-        """Ends the thread and reports the result."""
+        """Stops the publishing thread and reports the result."""
         self._thread.stop()
         count, latest = self._thread.count, 1e-6 * self._thread.latest_ns
         self.get_logger().info(f"{count} messages played, up to {latest:.1f} ms late")
 
     @property
     def finished(self) -> bool:
-        """True once everything is played and delivered."""
+        """Whether all messages have been published and delivered."""
         return self._thread.finished
 
     @property
     def failure(self) -> str:
-        """Reason for which playback stopped; empty: no failure."""
+        """The reason why playback stopped; empty if it did not fail."""
         return self._thread.failure if self._thread.finished else ""
 
     @property
     def played(self) -> float:
-        """Played length of the bag [s]."""
+        """Time span of the bag that has been played so far [s]."""
         return (self._thread.bag_ns - self._plan.playback.first_ns) * 1e-9
 
     def _health(self) -> Health:
@@ -118,7 +118,7 @@ class PlayerNode(GuardedNode):
 
 
 def request(given: Mapping[str, Any]) -> PlayRequest:
-    """Makes the play request from the parameters.
+    """Creates the play request from the node's parameters.
 
     Raises:
         SloshBagError: a value does not fit.
@@ -133,7 +133,7 @@ def request(given: Mapping[str, Any]) -> PlayRequest:
 
 
 def playable(plan: PlayPlan) -> tuple[PlayPlan, dict[str, Any]]:
-    """Returns the part of a plan whose types are installed here, and the types by topic.
+    """Returns the plan without topics of uninstalled types, and the types by topic.
 
     Raises:
         SloshBagError: nothing is left.
@@ -146,7 +146,7 @@ def playable(plan: PlayPlan) -> tuple[PlayPlan, dict[str, Any]]:
 
 
 def profile(qos: Qos) -> QoSProfile:
-    """Converts a recorded publisher's QoS to an rclpy profile."""
+    """Converts a recorded publisher's QoS to an rclpy QoS profile."""
     reliable, latched = qos.reliability == "reliable", qos.durability == "transient_local"
     return QoSProfile(
         history=History.KEEP_LAST,
@@ -161,7 +161,7 @@ def play(
     arguments: Sequence[str] | None = None,
     watch: Callable[[PlayerNode], None] = lambda node: None,
 ) -> int:
-    """Runs the node until the bag's end or SIGINT.
+    """Runs the player node until the bag's end or SIGINT.
 
     Args:
         plan: what is played; None: what the parameters say.
@@ -180,7 +180,7 @@ def play(
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the player node."""
     return play()
 
 

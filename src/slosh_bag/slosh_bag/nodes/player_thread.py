@@ -1,4 +1,4 @@
-"""Publishes the messages of a plan on time, in its own thread."""
+"""Publishes the messages of a play plan at their times, in a separate thread."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Item = TypeVar("Item")
 
 
 class PlayerThread:
-    """Waits for subscribers, publishes the whole plan, waits for its delivery.
+    """Thread that waits for subscribers, publishes all messages and waits for delivery.
 
     Args:
         plan: what is played.
@@ -70,7 +70,7 @@ class PlayerThread:
         self._thread: threading.Thread | None = None
 
     def start(self, subscribers: int, patience: float) -> None:
-        """Starts the thread.
+        """Starts the publishing thread.
 
         Args:
             subscribers: how many there must be before the first message.
@@ -83,14 +83,14 @@ class PlayerThread:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread at once."""
+        """Stops the publishing thread at once."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
 
     @property
     def finished(self) -> bool:
-        """True once everything is delivered, or nothing more can be."""
+        """Whether playback has ended and all messages have been delivered as far as possible."""
         return self._finished.is_set()
 
     def _run(self, subscribers: int, patience: float) -> None:
@@ -108,7 +108,7 @@ class PlayerThread:
             self._finished.set()
 
     def _wait_for_subscribers(self, wanted: int, patience: float) -> None:
-        """Publishes the time until enough subscribers are present to receive the start."""
+        """Publishes /clock until the required number of subscribers is present."""
         began = settled = time.monotonic()
         before = 0
         while not self._stop.wait(ANNOUNCE_PERIOD):
@@ -126,7 +126,7 @@ class PlayerThread:
         return sum(publisher.get_subscription_count() for publisher in self._publishers.values())
 
     def _publish(self, steps: Iterable[Step]) -> None:
-        """Publishes each message, and /clock, when it is due."""
+        """Publishes each message, and /clock, at its time."""
         publish = {topic: publisher.publish for topic, publisher in self._publishers.items()}
         now = time.monotonic_ns
         self.began_ns = begin = now()
@@ -147,7 +147,7 @@ class PlayerThread:
                 self._wait_until_acknowledged(EASE)
 
     def _until(self, due_ns: int) -> bool:
-        """Sleeps until a steady-clock time; returns False if the thread is to end."""
+        """Sleeps until a monotonic time; returns False if the thread should end."""
         while (left := due_ns - time.monotonic_ns()) > 0 and not self._stop.is_set():
             time.sleep(min(left * 1e-9, NAP))
         return not self._stop.is_set()
@@ -158,7 +158,7 @@ class PlayerThread:
         self._clock_publisher.publish(self._clock)
 
     def _deliver(self) -> None:
-        """Waits until reliable readers have everything; best-effort ones get a short time."""
+        """Waits until reliable subscribers have acknowledged all messages, then a short time."""
         for warning in dict.fromkeys(self._plan.reader.warnings):
             if warning not in self._plan.warnings:
                 self._warn(warning)
@@ -174,12 +174,12 @@ class PlayerThread:
 
 
 def step_size(step: Step) -> int:
-    """Size of a step's message [bytes]."""
+    """Returns the size of the message in a playback step [bytes]."""
     return len(step.message.data) if step.message else 0
 
 
 class ReadAhead(Generic[Item]):
-    """Iterates over the same items in the same order, read ahead in a thread.
+    """Iterates over items that a background thread reads ahead.
 
     A thread of its own reads ahead: to read and decompress a chunk of a bag takes milliseconds.
 
@@ -228,7 +228,7 @@ class ReadAhead(Generic[Item]):
             self._put(end)
 
     def _put(self, batch: list[Item] | BaseException | None) -> bool:
-        """Adds a batch to the queue; returns False if reading has stopped."""
+        """Adds a batch of items to the queue; returns False if reading has been stopped."""
         while not self._stop.is_set():
             try:
                 self._queue.put(batch, timeout=_POLL)

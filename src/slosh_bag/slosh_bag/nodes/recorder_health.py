@@ -1,4 +1,4 @@
-"""The recorder's diagnostics."""
+"""Diagnostics of the recorder node."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ MOST_NAMED = 10
 
 
 class Traffic:
-    """Received bytes per topic."""
+    """Counts received bytes per topic."""
 
     def __init__(self) -> None:
         self._bytes: dict[str, int] = {}
         self._since: float | None = None
 
     def add(self, topic: str, size: int) -> None:
-        """Adds the size of a message [bytes]."""
+        """Adds the size of a received message [bytes]."""
         self._bytes[topic] = self._bytes.get(topic, 0) + size
 
     def text(self, topics: Iterable[str], now: float) -> str:
-        """Returns each topic's rate since the last call [kB/s], the largest first.
+        """Formats each topic's data rate since the last call [kB/s], largest first.
 
         Args:
             topics: all that are recorded.
@@ -65,7 +65,7 @@ def findings(
     shared: Collection[str] = (),
     other_types: Mapping[str, str] | None = None,
 ) -> Health:
-    """Returns the worst level of all findings, and their text in one line, the worst first.
+    """Returns the worst diagnostic level of the recorder and a line with all problems.
 
     Args:
         status: how the recording goes.

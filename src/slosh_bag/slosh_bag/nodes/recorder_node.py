@@ -1,4 +1,4 @@
-"""The recorder node: writes the cell's topics to a bag, with unchanged bytes."""
+"""Recorder node: records the cell's topics to a bag as serialised messages."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ PARAMETERS = (
     ParameterSpec(
         "mode",
         COMPLETE,
-        "complete: one bag of all; events: in the folder output a bag of the time round each",
+        "complete: one bag of everything; events: a bag in output for the time around each",
         choices=(COMPLETE, EVENTS),
     ),
     *EVENT_PARAMETERS,
@@ -91,7 +91,7 @@ _RCL_ERRORS = (RuntimeError, ValueError)
 
 
 class RecorderNode(GuardedNode):
-    """Discovers topics, takes their messages raw and passes the bytes to the core."""
+    """Node that subscribes to all topics of a cell and records their serialised messages."""
 
     def __init__(self) -> None:
         self.failure = ""
@@ -136,12 +136,12 @@ class RecorderNode(GuardedNode):
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """Subscriptions for the executor, without the recorded topics, which are polled."""
+        """Yields the subscriptions for the executor; recorded topics are polled instead."""
         taken = {topic.subscription for topic in self._inputs.values()}
         return (entry for entry in super().subscriptions if entry not in taken)
 
     def close(self) -> None:
-        """Finishes the bag."""
+        """Finishes the bag and stops the node."""
         self._take(final=True)
         for entry in self._inputs.values():
             entry.settle()
@@ -202,7 +202,7 @@ class RecorderNode(GuardedNode):
         self._traffic.add(received.topic, len(received.data))
 
     def _take(self, final: bool = False) -> None:
-        """Passes received messages to the core, in the order of arrival across topics."""
+        """Passes received messages to the recorder in order of arrival across topics."""
         now = time.time_ns()
         self._times.look(now, time.monotonic_ns())
         settled = self._times.of(now) - _SETTLED
@@ -237,7 +237,7 @@ class RecorderNode(GuardedNode):
         self.get_logger().info(f"{happening.cause}: {happening.text} ({where})")
 
     def _keep(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Writes a bag of now."""
+        """Handles the service request to write an event bag now."""
         if not isinstance(self._core, EventRecorder):
             response.message = f"everything is recorded already: {self._core.path.parent}"
             return response
@@ -255,7 +255,7 @@ class RecorderNode(GuardedNode):
         return place_of(entry, data)
 
     def _look_for_settings(self, taken: Sequence[Received]) -> None:
-        """Reports at once when a node's settings have arrived; the run begins only then."""
+        """Publishes diagnostics at once when another node's settings have arrived."""
         before = len(self._told)
         for received in taken:
             entry = self._inputs.get(received.topic)
@@ -277,7 +277,7 @@ class RecorderNode(GuardedNode):
         return findings(status, absent, newly_lost, left_out, silent, shared, self._other_types)
 
     def _look_for_shared(self) -> list[str]:
-        """Notes the topics of a single-publisher node on which several are publishing."""
+        """Returns topics that have several publishers but should have only one."""
         shared = [
             topic
             for topic, entry in self._inputs.items()
@@ -320,7 +320,7 @@ class RecorderNode(GuardedNode):
         )
 
     def _absent(self) -> dict[str, float]:
-        """Returns how long each topic without a publisher has had none [s]."""
+        """Returns how long each recorded topic has had no publisher [s]."""
         now = time.monotonic()
         return {
             topic: now - entry.silent_since
@@ -329,12 +329,12 @@ class RecorderNode(GuardedNode):
         }
 
     def _lost_on_the_way(self) -> Counter[str]:
-        """Number of messages by topic that were sent but not received."""
+        """Returns the number of messages that were sent but not received, by topic."""
         return self._missed + Counter({topic: entry.lost for topic, entry in self._inputs.items()})
 
 
 def _how_telling(nodes: list[str]) -> tuple[int, int]:
-    """Sort key: more known publishers first, then more with known names."""
+    """Sort key that ranks lists of publisher nodes by how much is known about them."""
     return len(nodes), -sum(node.startswith(UNKNOWN) for node in nodes)
 
 
@@ -351,7 +351,7 @@ def _why(status: RecorderStatus) -> str:
 
 
 def used_topics(node: Node) -> set[str]:
-    """Returns the topics used by the cell's nodes, found by their settings topic.
+    """Returns the topics that the cell's nodes publish or subscribe to.
 
     Args:
         node: one in the cell's namespace.
@@ -371,7 +371,7 @@ def used_topics(node: Node) -> set[str]:
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the recorder node."""
     return run_node(RecorderNode)
 
 

@@ -1,4 +1,4 @@
-"""One recorded topic: its subscription follows the publishers' QoS."""
+"""Subscription to one recorded topic, whose QoS follows that of the publishers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FORGIVEN = 1_000_000
 
 
 class Received(NamedTuple):
-    """A message as received.
+    """A received serialised message with its times.
 
     Attributes:
         arrived_ns: when it was received, by the system's clock [ns].
@@ -41,14 +41,14 @@ class Received(NamedTuple):
 
 
 class Publisher(NamedTuple):
-    """A publisher of a topic: its unique identity and its QoS profile."""
+    """A publisher of a topic: its globally unique id and its QoS profile."""
 
     identity: bytes
     profile: QoSProfile
 
 
 class TopicInput:
-    """Subscribes to a topic and polls its raw messages in batches.
+    """Subscribes to a topic and polls its serialised messages in batches.
 
     An executor would wake up for each message: at 1 kHz that costs twice what DDS itself takes.
     The middleware notes when each message came, so nothing is lost by asking a little later.
@@ -79,15 +79,15 @@ class TopicInput:
 
     @property
     def lost(self) -> int:
-        """Number of messages that were sent but did not arrive."""
+        """Number of messages that were sent but not received."""
         return self._gaps.lost
 
     def settle(self) -> None:
-        """Confirms the counted losses when the publishers are no longer watched."""
+        """Confirms the counted message losses at the end of the recording."""
         self._gaps.settle(new_publishers=False)
 
     def is_mixed(self) -> bool:
-        """Whether several publishers have sent alternately since the last call."""
+        """Whether messages of several publishers have alternated since the last call."""
         turns, self._turns = self._gaps.turns - self._turns, self._gaps.turns
         return turns > 1
 
@@ -97,7 +97,7 @@ class TopicInput:
         return sorted(node_of(info) for info in infos)
 
     def watch(self, now: float) -> str:
-        """Checks the topic's publishers; renews the subscription if their QoS has changed.
+        """Checks the topic's publishers and renews the subscription if their QoS has changed.
 
         Args:
             now: the steady time [s].
@@ -125,7 +125,7 @@ class TopicInput:
         return "has a publisher again" if back else ""
 
     def take(self, give: Callable[[Received], None]) -> None:
-        """Passes on the received messages."""
+        """Passes each received message to a function."""
         with self.subscription.handle:
             take = self.subscription.handle.take_message
             for _ in range(DEPTH):  # not for ever where they come faster than they are taken
@@ -152,11 +152,11 @@ class TopicInput:
 
 
 def _ignore(_: bytes) -> None:
-    """Unused callback: the messages are polled, not delivered by an executor."""
+    """Does nothing; placeholder callback, since messages are polled."""
 
 
 def matching(offered: Sequence[QoSProfile]) -> QoSProfile:
-    """The most demanding profile that every publisher of a topic still satisfies."""
+    """Returns the strictest QoS profile that is compatible with every publisher."""
     reliable = bool(offered) and all(p.reliability == Reliability.RELIABLE for p in offered)
     latched = bool(offered) and all(p.durability == Durability.TRANSIENT_LOCAL for p in offered)
     return _profile(reliable, latched)
@@ -165,7 +165,7 @@ def matching(offered: Sequence[QoSProfile]) -> QoSProfile:
 def wanted(
     present: QoSProfile, publishers: Sequence[Publisher], known: frozenset[bytes]
 ) -> QoSProfile | None:
-    """Returns the profile for a new subscription; None: the present one is right.
+    """Returns the QoS profile for a new subscription, or None if the present one is right.
 
     Publishers that offer less would not be heard; of those that offer more, large messages would
     get lost on the way, or the latched ones of before. A new subscription to latched messages
@@ -197,7 +197,7 @@ def _profile(reliable: bool, latched: bool) -> QoSProfile:
 
 
 def noted(profile: QoSProfile) -> Qos:
-    """Converts a profile to the bag's form."""
+    """Converts an rclpy QoS profile to the form that bags store."""
     return Qos(
         "reliable" if profile.reliability == Reliability.RELIABLE else "best_effort",
         "transient_local" if profile.durability == Durability.TRANSIENT_LOCAL else "volatile",
@@ -205,7 +205,7 @@ def noted(profile: QoSProfile) -> Qos:
 
 
 class SequenceGaps:
-    """Counts missing sequence numbers of a topic's messages.
+    """Counts missing messages by gaps in their sequence numbers.
 
     Each publisher counts its messages. The middleware hands the number over, though not whose it
     is: where several publish, a number belongs to the one whose next number it is, or else to the
@@ -225,7 +225,7 @@ class SequenceGaps:
         self._last: list[int] = []  # of each publisher
 
     def take(self, number: int | None, publishers: int = 1) -> None:
-        """Adds the sequence number of a received message.
+        """Processes the sequence number of a received message.
 
         Args:
             number: None: the middleware gives none.
@@ -249,7 +249,7 @@ class SequenceGaps:
         last[last.index(before)] = number
 
     def settle(self, *, new_publishers: bool) -> None:
-        """Confirms the losses counted since the last call, or drops them.
+        """Confirms the losses counted since the last call, or discards them.
 
         Args:
             new_publishers: whether publishers have come that were never there before. Numbers of

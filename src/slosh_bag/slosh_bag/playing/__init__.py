@@ -1,1 +1,1 @@
-"""Selects and schedules the messages that are published when a bag is played."""
+"""Selects and schedules the messages to publish when a bag is played."""

@@ -1,4 +1,4 @@
-"""Chooses the played topics of a bag, their names and their quality of service."""
+"""Chooses the topics of a bag to play, their names and their quality of service."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NAME = re.compile("(/[A-Za-z_][A-Za-z0-9_]*)+")
 
 @dataclass(frozen=True, slots=True)
 class PlayRequest:
-    """A user's request to play a bag.
+    """The user's request to play a bag.
 
     Attributes:
         bag: a folder with MCAP files, or one MCAP file.
@@ -52,7 +52,7 @@ class PlayRequest:
 
 @dataclass(frozen=True, slots=True)
 class PlayedTopic:
-    """A played topic: its type, its new name and its publisher's QoS."""
+    """A topic to play: its type, its new name and its publisher's QoS."""
 
     message_type: str
     name: str
@@ -61,7 +61,7 @@ class PlayedTopic:
 
 @dataclass(frozen=True, slots=True)
 class PlayPlan:
-    """A bag that is ready to be played.
+    """A bag that is ready to be played, with the topics to play.
 
     Attributes:
         reader: the bag.
@@ -85,7 +85,7 @@ class PlayPlan:
 
 
 def make_plan(request: PlayRequest) -> PlayPlan:
-    """Makes the plan of the topics that can be played.
+    """Creates the play plan with all topics that can be played.
 
     Raises:
         SloshBagError: there is nothing to play, or the request does not fit; one line.
@@ -125,7 +125,7 @@ def make_plan(request: PlayRequest) -> PlayPlan:
 
 
 def _choose(request: PlayRequest, contents: BagContents) -> list[str]:
-    """Returns the requested topics; /clock is always the player's own."""
+    """Returns the topics to play, without /clock, which the player publishes itself."""
     include = _pattern("topics", request.topics)
     exclude = _pattern("exclude", request.exclude) if request.exclude else None
     chosen = [
@@ -152,7 +152,7 @@ def _pattern(name: str, text: str) -> re.Pattern[str]:
 
 
 def renamed(topic: str, namespace: str, message_type: str = "") -> str:
-    """Returns the topic's name in another namespace; topics not of the cell are unchanged."""
+    """Returns a cell topic's name in another namespace; other topics keep their names."""
     found = names.cell_name(topic, message_type)
     if not namespace or found is None:
         return topic
@@ -160,7 +160,7 @@ def renamed(topic: str, namespace: str, message_type: str = "") -> str:
 
 
 def offered_qos(topic: BagTopic) -> Qos:
-    """Returns the player's QoS, which satisfies all subscribers of the recorded publishers.
+    """Returns a QoS profile that is compatible with all subscribers of the recorded topic.
 
     It satisfies whoever was satisfied by any of them.
     """
@@ -177,7 +177,7 @@ def offered_qos(topic: BagTopic) -> Qos:
 
 
 def refusal(name: str, topic: BagTopic) -> str:
-    """Returns why a topic cannot be played here; empty: it can.
+    """Returns why a topic cannot be played; empty if it can.
 
     The bytes go out as they are: whoever is built with another definition of the type would read
     wrong numbers out of them.
@@ -198,7 +198,7 @@ def refusal(name: str, topic: BagTopic) -> str:
 
 
 def definition_hash(message_type: str, definition: str) -> str:
-    """Returns the RIHS01 hash of a full definition.
+    """Returns the RIHS01 hash of a message type for a given definition.
 
     Raises:
         SloshBagError: it is none, or not full.
@@ -212,7 +212,7 @@ def definition_hash(message_type: str, definition: str) -> str:
 
 
 def without(plan: PlayPlan, missing: Sequence[str]) -> PlayPlan:
-    """Returns the plan without topics whose types are not installed.
+    """Returns the plan without topics whose message types are not installed.
 
     Raises:
         SloshBagError: nothing is left.

@@ -1,4 +1,4 @@
-"""Schedules a bag's messages and the /clock messages. Time is an argument.
+"""Schedules a bag's messages and the /clock messages, with time as an argument.
 
 Bag time is the messages' log time [ns], wall time counts from the start of the playing [ns].
 """
@@ -27,7 +27,7 @@ _SHORTEST_PASS = 100_000_000  # ns of wall time; a single message is not repeate
 
 @dataclass(frozen=True, slots=True)
 class PlaybackSettings:
-    """Settings for playing a bag.
+    """Settings for playing a bag: rate, range and loops.
 
     Attributes:
         rate: seconds of the bag per second.
@@ -63,7 +63,7 @@ class PlaybackSettings:
 
 
 class Step(NamedTuple):
-    """A message or a /clock time to publish, and when it is due.
+    """A message or a /clock time to publish, and the time when it is due.
 
     Attributes:
         wall_ns: when.
@@ -77,7 +77,7 @@ class Step(NamedTuple):
 
 
 class Playback:
-    """Maps the messages of a bag to wall time.
+    """Assigns publishing times to the messages of a bag.
 
     /clock never goes back within a pass and is never earlier than a message that is out. It says
     the time of the last message among those that follow it within `LEAD`, so that a node spends
@@ -119,11 +119,11 @@ class Playback:
 
     @property
     def length(self) -> float:
-        """Bag time of one loop [s]."""
+        """Duration of one loop in bag time [s]."""
         return (self.last_ns - self.first_ns) / SECOND
 
     def steps(self, messages: Callable[[], Iterable[BagMessage]]) -> Iterator[Step]:
-        """Yields all steps to publish, in order.
+        """Yields all messages and clock times to publish, in order.
 
         Args:
             messages: gives the bag's messages in the order of their log times, anew for each
@@ -157,7 +157,7 @@ class Playback:
             yield Step(wall(clock), clock)
 
     def _window(self, messages: Iterable[BagMessage]) -> Iterator[tuple[int, BagMessage]]:
-        """Yields the messages of the window, each with the bag time at which it is due."""
+        """Yields the messages in the played time range, each with its due bag time [ns]."""
         held: dict[str, deque[BagMessage]] = {
             topic: deque(maxlen=depth) for topic, depth in self._latched.items()
         }
@@ -181,7 +181,7 @@ class Playback:
     def _groups(
         self, messages: Iterable[tuple[int, BagMessage]]
     ) -> Iterator[list[tuple[int, BagMessage]]]:
-        """Groups messages that share one /clock message."""
+        """Groups successive messages that share one /clock message."""
         group: list[tuple[int, BagMessage]] = []
         for item in messages:
             if group and (item[0] - group[0][0] >= self._lead or len(group) >= _MOST_TOGETHER):

@@ -1,1 +1,1 @@
-"""Compiles functions once per machine; stores and checks the compiled code."""
+"""Compiles functions once per machine, stores the machine code and checks it."""

@@ -17,7 +17,7 @@ _SAMPLES = 257
 
 @cache
 def arithmetic_fingerprint() -> str:
-    """Returns a short digest of how this machine rounds elementary functions.
+    """Returns a short hash of how this machine rounds elementary functions.
 
     Returns:
         the machine's architecture and eight hexadecimal digits; equal on machines on which the

@@ -1,4 +1,4 @@
-"""Digest of everything that a compiled function's machine code depends on.
+"""Computes a hash of everything that a compiled function's machine code depends on.
 
 That is its own code, the constants that it reads, the compiled functions that it calls and their
 modules, the options and what compiles it. Comments, docstrings, places of files and the order of
@@ -41,7 +41,7 @@ _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.
 
 
 def digest(function: Any, options: Mapping[str, Any]) -> str:
-    """Returns the digest of a function.
+    """Returns the hash of a function's source and dependencies.
 
     Args:
         function: as it was written; the compiled functions that it calls have theirs already.
@@ -65,7 +65,7 @@ def digest(function: Any, options: Mapping[str, Any]) -> str:
 
 
 def paths(code: CodeType) -> Iterator[Path]:
-    """Returns the module names that code reads, with attributes: `np.pi` is ('np', 'pi')."""
+    """Yields the dotted names that code reads, as tuples: `np.pi` is ('np', 'pi')."""
     for one in _codes(code):
         path: list[str] = []
         for step in dis.get_instructions(one):
@@ -78,7 +78,7 @@ def paths(code: CodeType) -> Iterator[Path]:
 
 
 def called(function: Any) -> Iterator[Any]:
-    """Yields the compiled functions that a function calls directly, as Python functions."""
+    """Yields the compiled functions that a function calls directly."""
     for path in set(paths(function.__code__)):
         found = written(_value(function, path))
         if hasattr(found, DIGEST):
@@ -86,12 +86,12 @@ def called(function: Any) -> Iterator[Any]:
 
 
 def written(value: Any) -> Any:
-    """Returns the Python function behind a compiled one; other values unchanged."""
+    """Returns the Python function behind a compiled one; returns other values unchanged."""
     return getattr(value, "py_func", value)
 
 
 def _value(function: Any, path: Path) -> Any:
-    """Resolves a dotted path, through modules only."""
+    """Looks up a dotted name in a function's globals; follows attributes of modules only."""
     head, *rest = path
     if head not in function.__globals__:
         if not hasattr(builtins, head):
@@ -108,7 +108,7 @@ def _value(function: Any, path: Path) -> Any:
 
 
 def _fact(value: Any) -> str:
-    """Returns a value as text that is the same in every process."""
+    """Returns a text for a value that is the same in every process."""
     function = written(value)
     if hasattr(function, DIGEST):
         # Kept code imports the modules of the functions that it calls.

@@ -1,4 +1,4 @@
-"""Compiles functions with one signature each and stores them by a digest of their code.
+"""Compiles functions for one signature each and stores them by a hash of their code.
 
 Numba names what it compiles after the function's module and qualified name and a number that each
 process counts for itself; of two equal names the linker keeps the first, silently. So here every
@@ -62,7 +62,7 @@ os.register_at_fork(after_in_child=_number_anew)
 
 
 def compiled(function: Function) -> Any:
-    """Compiles a function as a part that is inlined wherever compiled code calls it.
+    """Decorator for a function that only other compiled functions call.
 
     Raises:
         TypeError: another function of the same qualified name was compiled before, or the
@@ -76,7 +76,7 @@ def compiled(function: Function) -> Any:
 
 
 class _Part(CPUDispatcher):
-    """A function that only compiled code may call; Python runs no machine code for it."""
+    """A compiled function that only compiled functions may call; Python code may not."""
 
     def __call__(self, *arguments: Any) -> Any:
         raise TypeError(
@@ -86,7 +86,7 @@ class _Part(CPUDispatcher):
 
 
 def entry_point(signature: Any, **options: Any) -> Callable[[Function], EntryPoint]:
-    """Makes a compiled function for Python to call; see `EntryPoint`.
+    """Decorator for a compiled function that Python code calls; see `EntryPoint`.
 
     Args:
         signature: the only one that it has, as Numba writes it or as a Numba signature.
@@ -103,7 +103,7 @@ def entry_point(signature: Any, **options: Any) -> Callable[[Function], EntryPoi
 
 
 def given(dtype: Any, axes: int, layout: str = "C") -> Any:
-    """Returns Numba's type of a read-only array.
+    """Returns Numba's type for a read-only array.
 
     Args:
         dtype: Numba's type of its numbers.
@@ -119,7 +119,7 @@ CHANGED_1, CHANGED_2, CHANGED_3 = (Array(float64, axes, "C") for axes in (1, 2, 
 
 
 class EntryPoint:
-    """A function that is compiled, or loaded from the cache, on first use.
+    """A function that is compiled, or loaded from the cache, when it is first called.
 
     It takes what its signature says. Arrays of another type are refused; numbers are converted
     as C converts them, so that a float given for an integer loses its fraction.
@@ -142,7 +142,7 @@ class EntryPoint:
         _ENTRY_POINTS[self.name] = self
 
     def __call__(self, *arguments: Any) -> Any:
-        """Calls the compiled function.
+        """Calls the compiled function; compiles or loads it first if necessary.
 
         Raises:
             TypeError: the arguments are not those of the signature.
@@ -151,16 +151,16 @@ class EntryPoint:
 
     @property
     def loaded(self) -> bool:
-        """Whether the function can be called without compiling."""
+        """Whether the function is in memory and can be called without compiling."""
         return self._call is not None
 
     @property
     def cached(self) -> bool:
-        """Whether the cache holds the function."""
+        """Whether the cache on disk contains the function."""
         return self._file().path.exists()
 
     def load(self) -> Function:
-        """Returns the function, compiled or loaded from the cache, and checked.
+        """Compiles the function, or loads it from the cache, and runs its check.
 
         Raises:
             TypeError: what it is compiled from was changed since it was defined.
@@ -172,7 +172,7 @@ class EntryPoint:
         return call
 
     def check_with(self, check: Callable[[], None]) -> None:
-        """Registers a check for the first load; `load` raises the check's exceptions."""
+        """Registers a function that checks the compiled code when it is first loaded."""
         self._checks.append(check)
 
     def _load_checked(self) -> Function:
@@ -216,7 +216,7 @@ def _described(value: Any) -> str:
 
 
 class CompileProgress(NamedTuple):
-    """Progress of compiling: the entry point that comes next.
+    """Progress of compiling: the function that comes next, and how many there are.
 
     Attributes:
         name: its name; empty at the end.
@@ -231,14 +231,14 @@ class CompileProgress(NamedTuple):
 
 
 def entry_points() -> tuple[EntryPoint, ...]:
-    """Returns all entry points of the modules imported in this process."""
+    """Returns all compiled functions of the modules imported in this process."""
     return tuple(_ENTRY_POINTS.values())
 
 
 def load_all(
     progress: Callable[[CompileProgress], None] | None = None, package: str = ""
 ) -> float:
-    """Compiles, or loads from the cache, all entry points imported in this process.
+    """Compiles or loads all compiled functions of the imported modules.
 
     Args:
         progress: told before each of them, and at the end.
@@ -259,7 +259,7 @@ def load_all(
 
 
 def load_telling(tell: Callable[[str], None], package: str) -> None:
-    """Runs `load_all` and reports each compiled function; silent if everything is cached.
+    """Runs `load_all` and reports each function that is compiled.
 
     Args:
         tell: is told before each function that has to be compiled.
@@ -275,7 +275,7 @@ def load_telling(tell: Callable[[str], None], package: str) -> None:
 
 @functools.cache
 def uncompiled(function: Any) -> Function:
-    """Returns the function and all that it calls as plain Python, for comparison.
+    """Returns a compiled function and all that it calls as plain Python functions.
 
     Args:
         function: what `compiled` or `entry_point` made.
@@ -304,7 +304,7 @@ def _plain(value: Any, known: dict[int, Any]) -> Any:
 
 
 def _plain_global(value: Any, path: list[str], known: dict[int, Any], begun: Any) -> Any:
-    """Returns a global as plain code may use it; of a module only the needed attributes."""
+    """Returns a global value as plain Python code may use it; copies modules if needed."""
     if not (isinstance(value, ModuleType) and path):
         return _plain(value, known)
     module = ModuleType(value.__name__) if begun is None else begun
@@ -315,7 +315,7 @@ def _plain_global(value: Any, path: list[str], known: dict[int, Any], begun: Any
 
 
 def _name(function: Function, options: Mapping[str, Any]) -> None:
-    """Appends the digest to the function's qualified name, which Numba uses for its code."""
+    """Appends the code's hash to the function's name, which Numba uses as its key."""
     full = f"{function.__module__}.{function.__qualname__}"
     own = digest(function, options)
     if _NAMES.setdefault(full, own) != own:
@@ -326,7 +326,7 @@ def _name(function: Function, options: Mapping[str, Any]) -> None:
 
 
 def _check_unchanged(function: Any) -> None:
-    """Checks that constants have not changed since the function was defined."""
+    """Raises an error if constants have changed since the function was defined."""
     if digest(function, getattr(function, _OPTIONS)) != getattr(function, DIGEST):
         raise TypeError(
             f"{function.__module__}.{function.__name__}: a constant that it reads was changed "

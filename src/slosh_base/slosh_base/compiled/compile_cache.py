@@ -1,4 +1,4 @@
-"""Stores compiled functions between processes, with keys that identify the code.
+"""Stores compiled functions on disk, with keys that identify their code.
 
 Numba's own cache keeps an index per function beside the machine code, with a stamp of the source
 file. Here the file's name alone says what is in it (`code_digest`), so that checkouts, branches
@@ -41,7 +41,7 @@ _KEPT = 8
 
 
 class CodeFile(_Cache):
-    """The cache file of one compiled function, with the interface that Numba expects.
+    """Cache file of one compiled function, with the interface that Numba expects.
 
     Damaged code is thrown away with a warning; a disk that takes no more costs a warning and the
     next process a compilation.
@@ -59,12 +59,12 @@ class CodeFile(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """Folder of the compiled code."""
+        """Folder that contains the cached code."""
         return str(self.path.parent)
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Locks the cache among processes, so that each function is compiled once.
+        """Locks the cache against other processes, so that a function is compiled only once.
 
         The lock goes with the process, however it ends; where none can be had, both compile.
         """
@@ -77,7 +77,7 @@ class CodeFile(_Cache):
             yield
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Loads the function with its machine code; None: no usable one."""
+        """Loads the function with its machine code, or returns None if there is no usable code."""
         # All that kept code needs. Numba would read in what it compiles with as well, two hundred
         # modules for a quarter of a second: it does so itself once it compiles.
         rtsys.initialize(target_context)
@@ -108,7 +108,7 @@ class CodeFile(_Cache):
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Stores a compiled function.
+        """Stores a compiled function in the cache.
 
         Raises:
             TypeError: the code is of no use to another process.
@@ -127,7 +127,7 @@ class CodeFile(_Cache):
             self._prune()
 
     def _prune(self) -> None:
-        """Removes the versions that were not used for the longest time."""
+        """Removes the cached versions that have not been used for the longest time."""
         versions = [*self.path.parent.glob(f"{self._name}_{'?' * 16}-*.code")]
         versions.sort(key=lambda path: path.stat().st_mtime)
         for path in versions[:-_KEPT]:
@@ -135,29 +135,29 @@ class CodeFile(_Cache):
             path.with_suffix(".lock").unlink(missing_ok=True)
 
     def enable(self) -> None:
-        """Does nothing: the cache is always on."""
+        """Does nothing, since the cache is always enabled."""
 
     def disable(self) -> None:
-        """Does nothing: the cache is always on."""
+        """Does nothing, since the cache is always enabled."""
 
     def flush(self) -> None:
-        """Does nothing: all writes are immediate."""
+        """Does nothing, since everything is written at once."""
 
 
 class _Unpickler(pickle.Unpickler):
-    """Unpickles Numba's data without the modules of Numba's own functions.
+    """Unpickles Numba's data without importing the modules of Numba's own functions.
 
     Only code that runs Python objects looks into these; they load SciPy's linear algebra.
     """
 
     def find_class(self, module: str, name: str) -> Any:
-        """Returns the object that a pickle names."""
+        """Returns the object that a pickle refers to by module and name."""
         found = super().find_class(module, name)
         return _environment if found is environment._rebuild_env else found
 
 
 def _environment(module: str, constants: Any, name: str) -> Any:
-    """Returns a function's constants, as Numba rebuilds them."""
+    """Rebuilds a function's constants as Numba does, without importing all of Numba."""
     if not module.startswith("numba."):
         return environment._rebuild_env(module, constants, name)
     known = environment.lookup_environment(name)
@@ -222,7 +222,7 @@ def _ours_alone(folder: Path) -> bool:
 
 
 def sources_digest(*packages: str) -> str:
-    """Returns a short hash of the sources of packages and of the compilers' versions.
+    """Returns a short hash of packages' sources and of the compilers' versions.
 
     Args:
         packages: names of packages that can be imported.
@@ -236,7 +236,7 @@ def sources_digest(*packages: str) -> str:
 
 
 def _folder(package: str) -> Path:
-    """The folder of a package's sources."""
+    """Returns the folder that contains a package's sources."""
     spec = find_spec(package)
     if spec is None or spec.origin is None:
         raise ModuleNotFoundError(f"no package {package}", name=package)

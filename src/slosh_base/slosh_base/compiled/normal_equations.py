@@ -13,7 +13,7 @@ from slosh_base.compiled.compilation import compiled
 
 @compiled
 def factorize(matrix, size):  # type: ignore[no-untyped-def]
-    """Computes the Cholesky factor L of A = L Lᵀ in place; NaN: A is not positive definite.
+    """Computes the Cholesky factor L of A = L Lᵀ in place; NaN if A is not positive definite.
 
     Args:
         matrix: at least (size, size); of A only the lower triangle is read.
@@ -29,7 +29,7 @@ def factorize(matrix, size):  # type: ignore[no-untyped-def]
 
 @compiled
 def substitute(factor, size, right):  # type: ignore[no-untyped-def]
-    """Solves L Lᵀ x = b in place.
+    """Solves L Lᵀ x = b in place, given the Cholesky factor L.
 
     Args:
         factor: what `factorize` left.

@@ -37,7 +37,7 @@ _Identity = tuple[int, int]
 
 
 def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
-    """Refuses an output file that is also an input, under any name, or another output.
+    """Raises an error if an output file is also an input or another output, under any name.
 
     A relative and an absolute path, a link and a hard link are names of one file.
 
@@ -68,7 +68,7 @@ def check_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -
 
 
 def check_outside(folder: Path, inputs: Iterable[Path]) -> None:
-    """Refuses an output folder that is an input folder or inside one.
+    """Raises an error if an output folder is an input folder or lies inside one.
 
     Raises:
         SloshFileError: it does.
@@ -83,7 +83,7 @@ def check_outside(folder: Path, inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> _Identity | None:
-    """Returns a key that all names of a file or folder share; None: missing or special."""
+    """Returns a file's identity, equal for all its names, or None if it is not a regular file."""
     try:
         facts = path.stat()
     except OSError:

@@ -1,4 +1,4 @@
-"""Reads text files of bounded size; tables may be compressed and are read in blocks.
+"""Reads text files of limited size, which may be compressed.
 
 A line of a gigabyte is as many times that in memory, and some megabytes of gzip are gigabytes of
 text. So text is counted as it is unpacked, before anything is made of it.
@@ -36,7 +36,7 @@ _ADVICE = "is it a table? If so, split it"
 
 @contextmanager
 def bounded_text(path: Path, what: str) -> Iterator[TextIO]:
-    """Opens a text file, decompressed if its name ends in .gz; line ends are unchanged.
+    """Opens a text file for reading; decompresses it if its name ends in .gz.
 
     It is UTF-8, UTF-16 as Excel's "Unicode text", or the Windows code page of western Europe, in
     which spreadsheets write '²', '°' and 'µ'.
@@ -91,7 +91,7 @@ def _unpacked(path: Path) -> BinaryIO:
 
 
 class _Counted(io.RawIOBase):
-    """A stream that counts the bytes read."""
+    """A binary stream that counts what is read from a file and enforces limits."""
 
     def __init__(self, path: Path, raw: BinaryIO) -> None:
         self._path = path
@@ -99,11 +99,11 @@ class _Counted(io.RawIOBase):
         self._size = self._cells = self._line = 0
 
     def readable(self) -> bool:
-        """Always true."""
+        """Returns True, since the stream can always be read."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Reads some bytes.
+        """Reads bytes into a buffer; raises an error if the file is too large.
 
         Raises:
             SloshFileError: there are too many of them.
@@ -130,7 +130,7 @@ class _Counted(io.RawIOBase):
 
 
 def read_text(path: str | Path, longest: int) -> str:
-    """Reads a text file.
+    """Reads a text file; raises an error if it is too large.
 
     Args:
         path: the file.
@@ -157,7 +157,7 @@ def read_text(path: str | Path, longest: int) -> str:
 
 
 def _content(path: str | Path, longest: int) -> bytes | None:
-    """Reads the first bytes of a regular file without blocking; None: not a regular file."""
+    """Reads the first bytes of a file without blocking, or returns None for other file types."""
     # A named pipe without a writer, or a terminal, would hold up an ordinary open().
     with open(path, "rb", opener=_open_at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):

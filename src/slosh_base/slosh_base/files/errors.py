@@ -1,17 +1,17 @@
-"""The package's exceptions."""
+"""Exceptions for files that cannot be read or written."""
 
 from __future__ import annotations
 
 
 class SloshFileError(ValueError):
-    """An output would overwrite existing data, or an input has another kind.
+    """Error of an output that would overwrite data, or of an input of the wrong kind.
 
     The text is one line with the path.
     """
 
 
 class TextFileError(SloshFileError):
-    """A text file cannot be read.
+    """Error of a text file that cannot be read.
 
     Attributes:
         reason: why, without the path.
@@ -27,4 +27,4 @@ class TextFileError(SloshFileError):
 
 
 class YamlError(SloshFileError):
-    """Invalid YAML, too large a document, or a duplicate key: `FILE:LINE: what`."""
+    """Error of invalid YAML; the message starts with file and line."""

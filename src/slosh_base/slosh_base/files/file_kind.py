@@ -1,4 +1,4 @@
-"""Identifies files that are not MCAP files, with a remedy."""
+"""Identifies files that are not MCAP files and suggests what to do with them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _TAR_PLACE, _TAR = 257, b"ustar"
 
 
 def foreign_kind(path: Path) -> tuple[str, str] | None:
-    """Describes a non-MCAP file's kind, with a remedy; None: unknown.
+    """Describes the format of a non-MCAP file and what to do, or returns None if unknown.
 
     A damaged MCAP file cannot be told from its first bytes, but its content is no text.
 

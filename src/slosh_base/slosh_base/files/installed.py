@@ -1,4 +1,4 @@
-"""Finds the packages' installed files that are not modules."""
+"""Finds installed files of the packages other than modules."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def shared_folder(package: str) -> Path | None:
-    """Returns a package's share folder, in a sourced workspace or below Python's prefix (wheels).
+    """Returns the installed folder with a package's shared files, or None if there is none.
 
     Returns:
         None where the package is not installed.

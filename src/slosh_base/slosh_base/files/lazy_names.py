@@ -1,4 +1,4 @@
-"""Loads a package's public names on first use.
+"""Imports a package's public names when they are first used.
 
 A node that imports one module of a package does not load what the others need.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 
 def lazy_names(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Makes a package's `__getattr__` (PEP 562).
+    """Creates the `__getattr__` function of a package that imports names on demand (PEP 562).
 
     Args:
         package: its `__name__`.

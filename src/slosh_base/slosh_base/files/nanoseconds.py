@@ -1,4 +1,4 @@
-"""Time stamps as whole nanoseconds, in every file and every core."""
+"""Constant for time stamps in whole nanoseconds."""
 
 from __future__ import annotations
 

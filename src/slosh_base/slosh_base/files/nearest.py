@@ -1,4 +1,4 @@
-"""Finds the known name that is closest to a mistyped one."""
+"""Suggests the known name that is most similar to a mistyped one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LONGEST = 200
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Returns the known name that is most similar to `name`; None: none is similar.
+    """Returns the known name that is most similar to `name`, or None if none is similar.
 
     Upper and lower case, `-` and `_` count as the same.
     """
@@ -22,7 +22,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Returns `; did you mean NAME?` for the end of an error text; empty: no similar name."""
+    """Returns `; did you mean NAME?` for an error message; empty if no name is similar."""
     found = nearest(name, known)
     return "" if found is None else f"; did you mean {found}?"
 

@@ -24,7 +24,7 @@ OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 class NewFile:
-    """A file that has a temporary name until it is complete.
+    """A file that is written under a temporary name until it is complete.
 
     Until `finish` the old file of that name is as it was; `discard` leaves it so. As a context
     manager it finishes, or discards where an error or Ctrl-C leaves the block.
@@ -74,7 +74,7 @@ class NewFile:
             self.discard()
 
     def open(self) -> BinaryIO:
-        """Opens the file for writing; write errors are OSErrors that name `path`."""
+        """Opens the temporary file for writing; OSErrors name the final path."""
         with naming(self.path):
             given = _DESCRIPTOR.fullmatch(str(self.path)) if self._target is None else None
             if given is None:
@@ -86,7 +86,7 @@ class NewFile:
             return io.BufferedWriter(_Stream(os.dup(number), self.path))
 
     def finish(self) -> None:
-        """Renames the temporary file to its final name.
+        """Completes the file and renames it to its final name.
 
         Raises:
             OSError: that is not possible; the old file is as it was.
@@ -104,14 +104,14 @@ class NewFile:
             raise
 
     def discard(self) -> None:
-        """Deletes the temporary file."""
+        """Deletes the unfinished temporary file."""
         if self._target is not None:
             self._target = None
             self.part.unlink(missing_ok=True)
 
 
 class _Stream(io.FileIO):
-    """A file whose errors name the path that the user gave."""
+    """A binary file whose errors name the path that the user gave."""
 
     def __init__(self, file: Path | int, path: Path) -> None:
         self._path = path
@@ -124,7 +124,7 @@ class _Stream(io.FileIO):
 
 @contextmanager
 def new_text(path: Path) -> Iterator[TextIO]:
-    """Opens a new UTF-8 text file under a temporary name; line ends are written unchanged.
+    """Opens a UTF-8 text file that appears under its name when it is complete.
 
     A file whose name ends in .gz is packed; the same text gives the same file.
 
@@ -140,7 +140,7 @@ def new_text(path: Path) -> Iterator[TextIO]:
 
 
 def write_bytes(path: Path, content: bytes, *, sync: bool = True) -> None:
-    """Writes a whole file or nothing; `sync` as for NewFile.
+    """Writes a binary file completely or not at all; `sync` waits for the disk.
 
     Raises:
         OSError: it cannot be written; it bears the path.
@@ -150,7 +150,7 @@ def write_bytes(path: Path, content: bytes, *, sync: bool = True) -> None:
 
 
 def write_text(path: Path, text: str, *, sync: bool = True) -> None:
-    """Writes a whole UTF-8 text file or nothing; `sync` as for NewFile.
+    """Writes a UTF-8 text file completely or not at all; `sync` waits for the disk.
 
     Raises:
         OSError: it cannot be written; it bears the path.
@@ -159,7 +159,7 @@ def write_text(path: Path, text: str, *, sync: bool = True) -> None:
 
 
 def new_link(path: Path, target: Path) -> None:
-    """Makes a symbolic link, or changes the target of an existing one atomically.
+    """Creates a symbolic link, or changes an existing one atomically.
 
     Raises:
         OSError: it cannot be made; it bears the path.
@@ -176,7 +176,7 @@ def new_link(path: Path, target: Path) -> None:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Makes system errors name the path that the user knows."""
+    """Replaces the file name in OSErrors by the path that the user knows."""
     try:
         yield
     except OSError as error:
@@ -191,7 +191,7 @@ def unfinished_name(suffix: str = "") -> str:
 
 
 def wait_for_disk(path: Path) -> None:
-    """Waits until a file or folder is stored on disk."""
+    """Waits until a file's or folder's data is stored on disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -207,7 +207,7 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 def _is_replaceable(old: os.stat_result) -> bool:
-    """Whether the old file is a regular file; refuses a folder.
+    """Whether an existing file is a regular file; raises an error for a folder.
 
     Raises:
         OSError: a folder.
@@ -218,7 +218,7 @@ def _is_replaceable(old: os.stat_result) -> bool:
 
 
 def _make(part: Path, old: os.stat_result | None) -> None:
-    """Creates an empty file with the owner and mode of the old one."""
+    """Creates an empty temporary file with owner and permissions of the existing file."""
     with part.open("xb") as file:
         if old is not None:
             with contextlib.suppress(OSError):  # only root can give a file away
@@ -227,7 +227,7 @@ def _make(part: Path, old: os.stat_result | None) -> None:
 
 
 def keep_others_from_writing() -> None:
-    """Sets the umask so that group and others cannot write new files or folders.
+    """Sets the umask so that other users cannot write to new files and folders.
 
     Holds for this process and those that it starts.
     """

@@ -1,4 +1,4 @@
-"""Fills folders under a temporary name, so that they hold everything or nothing."""
+"""Fills folders under a temporary name, so that they are complete or absent."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slosh_base.files.new_file import PREFIX, naming, unfinished_name, wait_for_
 
 @contextmanager
 def new_folder(folder: Path, *, replace: bool = False) -> Iterator[Path]:
-    """Fills a temporary folder and moves its contents to `folder` when the block ends.
+    """Yields a temporary folder whose contents are moved to `folder` when the block ends.
 
     Where an error or Ctrl-C leaves the block, nothing has happened. Of two runs into one folder
     one is refused.
@@ -50,7 +50,7 @@ def new_folder(folder: Path, *, replace: bool = False) -> Iterator[Path]:
 
 
 def check_free(folder: Path) -> None:
-    """Refuses a non-empty folder before the work whose results it is to hold.
+    """Raises an error if the output folder is not empty.
 
     Raises:
         SloshFileError: the folder holds something, or is none.
@@ -63,12 +63,12 @@ def check_free(folder: Path) -> None:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a file or folder has a temporary name of an unfinished write."""
+    """Whether a file or folder has the temporary name of an unfinished write."""
     return path.name.startswith(PREFIX)
 
 
 def remove_unfinished(folder: Path, suffixes: tuple[str, ...] = ("",)) -> None:
-    """Removes what killed writers have left in a folder; no writer may be active.
+    """Removes temporary files that killed processes have left in a folder.
 
     Args:
         folder: where they wrote.
@@ -96,7 +96,7 @@ def _check_empty(folder: Path, content: list[Path]) -> None:
 
 
 def _make(folder: Path) -> list[Path]:
-    """Creates a folder and its parents; returns the created ones, the innermost first."""
+    """Creates a folder with its parents; returns the new ones, innermost first."""
     made: list[Path] = []
     try:
         for path in [*reversed(folder.parents), folder]:
@@ -119,7 +119,7 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 def _move(room: Path, folder: Path, old: list[Path]) -> None:
-    """Moves the contents of the temporary folder to the final one, replacing the old contents."""
+    """Moves the temporary folder's contents to the final folder, replacing old contents."""
     new = sorted(room.iterdir())
     for path in room.rglob("*"):
         if path.is_file():
@@ -132,7 +132,7 @@ def _move(room: Path, folder: Path, old: list[Path]) -> None:
 
 @contextmanager
 def _naming_inside(folder: Path, aside: Path) -> Iterator[None]:
-    """Makes system errors name the folder instead of a temporary file or no file."""
+    """Replaces temporary file names in OSErrors by the final folder's name."""
     try:
         yield
     except OSError as error:

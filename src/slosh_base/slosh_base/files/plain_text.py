@@ -1,4 +1,4 @@
-r"""Makes untrusted texts safe for terminals, logs and reports.
+r"""Makes texts from untrusted sources safe for terminals, logs and reports.
 
 A terminal obeys control characters: an ESC in a file's name can repaint the screen, set its title
 or answer a question in the user's place. A newline forges a line of its own. Here such characters
@@ -22,7 +22,7 @@ _IN_LINES = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029{_DIRECTIONS}\u
 
 
 def plain_line(text: str | PathLike[str]) -> str:
-    """Returns a text or path as one line without control characters, at most LONGEST long.
+    """Returns a text or path as one short line without control characters.
 
     What is longer lacks its middle: what a line quotes stands there, and the reason at its end.
     """
@@ -34,7 +34,7 @@ def plain_line(text: str | PathLike[str]) -> str:
 
 
 def plain_lines(text: str) -> str:
-    """Escapes all control characters of a text except line ends and tabs."""
+    """Escapes all control characters in a text except line ends and tabs."""
     return _IN_LINES.sub(_written, text)
 
 
@@ -43,7 +43,7 @@ def _written(found: re.Match[str]) -> str:
 
 
 class PlainStream:
-    """Standard output or error that escapes control characters.
+    """A text stream for standard output or error that escapes control characters.
 
     A carriage return stays where a text begins or ends with it: so a progress bar draws itself.
 
@@ -55,7 +55,7 @@ class PlainStream:
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Writes a text; returns its number of characters."""
+        """Writes a text with escaped control characters; returns its number of characters."""
         inner = text.lstrip("\r").rstrip("\r") if "\r" in text else text
         begin = len(text) - len(text.lstrip("\r")) if inner else 0
         end = text[begin + len(inner) :]

@@ -1,4 +1,4 @@
-"""Reads and writes YAML for all packages: bounded, strict, with line numbers of keys.
+"""Reads and writes YAML with strict rules, size limits and line numbers in errors.
 
 PyYAML follows YAML 1.1, which takes 2e1 for a text, 010 for eight and 1:30 for ninety. Here the
 numbers are those of YAML 1.2, and what is written any reader of YAML 1.1 reads alike.
@@ -48,7 +48,7 @@ _FLOAT = (
 
 
 def read_numbers(loader: Any) -> None:
-    """Sets how a loader's class recognises numbers."""
+    """Makes a YAML loader class recognise numbers as YAML 1.2 defines them."""
     loader.yaml_implicit_resolvers = {
         first: [pair for pair in pairs if pair[0] not in (INT_TAG, FLOAT_TAG)]
         for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
@@ -58,14 +58,14 @@ def read_numbers(loader: Any) -> None:
 
 
 def quote_numbers(dumper: Any) -> None:
-    """Makes a dumper's class quote texts that YAML 1.1 or 1.2 would read as numbers."""
+    """Makes a YAML dumper class quote strings that YAML 1.1 or 1.2 would read as numbers."""
     dumper.add_implicit_resolver(*_INT)
     dumper.add_implicit_resolver(*_FLOAT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YamlDocument:
-    """A parsed YAML text with the position of each key.
+    """A parsed YAML document with the line number of each key.
 
     Attributes:
         source: how errors name the text.
@@ -78,7 +78,7 @@ class YamlDocument:
     root: yaml.Node | None
 
     def where(self, *keys: Key) -> str:
-        """Returns `FILE:LINE` of a key; if it is missing, of its parent, or `FILE` alone."""
+        """Returns `FILE:LINE` of a key, or of its parent if the key is missing."""
         line, node = None, self.root
         for key in keys:
             found = _child(node, key)
@@ -88,12 +88,12 @@ class YamlDocument:
         return self.source if line is None else f"{self.source}:{line}"
 
     def at(self, *keys: Key) -> str:
-        """Returns the position with the key's own name: `FILE:LINE: container.radius`."""
+        """Returns position and name of a key, such as `FILE:LINE: container.radius`."""
         return f"{self.where(*keys)}: {dotted(keys)}"
 
 
 def read_yaml(path: str | Path, longest: int = LONGEST) -> YamlDocument:
-    """Reads a YAML file.
+    """Reads and parses a YAML file.
 
     Raises:
         TextFileError: the file cannot be read.
@@ -106,7 +106,7 @@ def read_yaml(path: str | Path, longest: int = LONGEST) -> YamlDocument:
 
 
 def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
-    """Parses a YAML text.
+    """Parses a YAML text and records the line number of each key.
 
     >>> document = parse_yaml("container: {radius: 0.05}", "cup.yaml")
     >>> document.value["container"]["radius"], document.at("container", "radius")
@@ -141,7 +141,7 @@ def parse_yaml(text: str, source: str, longest: int = LONGEST) -> YamlDocument:
 
 
 def dotted(keys: KeyPath) -> str:
-    """Formats a path of keys for errors, in one line: `effects[0].alpha`.
+    """Formats a path of keys for error messages, such as `effects[0].alpha`.
 
     >>> dotted(["effects", 0, "alpha"])
     'effects[0].alpha'
@@ -151,7 +151,7 @@ def dotted(keys: KeyPath) -> str:
 
 
 def shown(value: object) -> str:
-    """Formats a value for errors; collections are named, not written out.
+    """Formats a value for error messages; describes collections instead of printing them.
 
     >>> shown([1, 2]), shown("abc")
     ('a list', "'abc'")
@@ -162,7 +162,7 @@ def shown(value: object) -> str:
 
 
 def brief(text: str) -> str:
-    """Shortens a text to one line of at most sixty characters, for errors.
+    """Shortens a text to one line of at most sixty characters, for error messages.
 
     >>> len(brief("a long text " * 20))
     61
@@ -172,10 +172,10 @@ def brief(text: str) -> str:
 
 
 class _Loader(SAFE_LOADER):
-    """A safe loader with the numbers of YAML 1.2 and with text keys."""
+    """Safe YAML loader with the numbers of YAML 1.2, which reads all keys as text."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        """Returns the value, or raises an error with its line."""
+        """Constructs a node's value; errors give the line number."""
         try:
             return super().construct_object(node, deep)
         except _MISFITS:
@@ -185,12 +185,12 @@ class _Loader(SAFE_LOADER):
             ) from None
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[str, Any]:
-        """Returns the mapping; each key is read as text, even if it looks like a number."""
+        """Constructs a mapping with all keys as text, even if they look like numbers."""
         self.flatten_mapping(node)
         return {key.value: self.construct_object(value, deep=deep) for key, value in node.value}
 
     def construct_whole(self, node: yaml.ScalarNode) -> int:
-        """Returns a decimal int; leading zeros are allowed."""
+        """Constructs a decimal integer, which may have leading zeros."""
         return int(node.value)
 
 
@@ -199,7 +199,7 @@ _Loader.add_constructor(INT_TAG, _Loader.construct_whole)
 
 
 def _check_keys(source: str, node: Any, keys: KeyPath, seen: set[int]) -> None:
-    """Refuses keys that are not text, and duplicate keys."""
+    """Raises an error for keys that are not text, and for duplicate keys."""
     if id(node) in seen:  # by a reference
         return
     seen.add(id(node))
@@ -220,7 +220,7 @@ def _check_keys(source: str, node: Any, keys: KeyPath, seen: set[int]) -> None:
 
 
 def _child(node: Any, key: Key) -> tuple[Any, Any] | None:
-    """Returns the position of a key in a node, and its value."""
+    """Returns the key node and the value node of a key, or None if it is missing."""
     if isinstance(node, yaml.SequenceNode):
         inside = isinstance(key, int) and 0 <= key < len(node.value)
         return (node.value[key], node.value[key]) if inside else None
@@ -235,7 +235,7 @@ def _line(node: Any) -> int:
 
 
 def _fault(text: str, error: Exception) -> tuple[int | None, str]:
-    """Describes a parse error with its line if known."""
+    """Describes a YAML parse error, with its line number if known."""
     if isinstance(error, yaml.MarkedYAMLError):
         mark: Any = error.problem_mark or error.context_mark
         problem = error.problem or "cannot be read"
@@ -256,7 +256,7 @@ def _fault(text: str, error: Exception) -> tuple[int | None, str]:
 
 
 def check_bounds(text: str, longest: int) -> None:
-    """Refuses a text that is too long or expands to too many values.
+    """Raises an error for a text that is too long or expands to too many values.
 
     References and merge keys let a page of text stand for more values than a machine can hold:
     values are counted first, references followed, from the parser's events alone.
@@ -279,7 +279,7 @@ def check_bounds(text: str, longest: int) -> None:
 
 
 class _Counter:
-    """Counts the values of a document, with references expanded."""
+    """Counts the values of a YAML document, including repeated references."""
 
     def __init__(self) -> None:
         self._total = 0
@@ -287,7 +287,7 @@ class _Counter:
         self._open: list[tuple[str | None, int]] = []
 
     def take(self, event: Any) -> str:
-        """Processes the next event; returns why the document is refused, or nothing."""
+        """Processes the next parser event; returns why the document is rejected, or ''."""
         if isinstance(event, yaml.AliasEvent) and event.anchor not in self._sizes:
             return f"*{event.anchor} refers to itself or to nothing"
         before = self._total
@@ -315,14 +315,14 @@ class _Counter:
 
 # In C where it is there, ten times as fast: metadata.yaml is written while messages wait.
 class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
-    """A safe dumper that quotes texts that look like numbers in YAML 1.1 or 1.2."""
+    """Safe YAML dumper that quotes strings that look like numbers in YAML 1.1 or 1.2."""
 
 
 quote_numbers(_Dumper)
 
 
 def format_yaml(document: Any, **style: Any) -> str:
-    """Formats a document as YAML.
+    """Formats a document as YAML text.
 
     >>> format_yaml({"radius": 0.05}).strip()
     'radius: 0.05'

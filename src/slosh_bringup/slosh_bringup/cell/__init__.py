@@ -1,1 +1,1 @@
-"""The simulated cell, which replaces the robot: motions, a reference liquid, camera images."""
+"""The simulated cell, which replaces the robot, the liquid and the camera."""

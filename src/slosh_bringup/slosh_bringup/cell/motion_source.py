@@ -1,4 +1,4 @@
-"""Loads motions by name or from a motion table, sampled at the cell's rate."""
+"""Loads a named motion or a motion table and samples it at the simulated cell's rate."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ CIRCLE = 0.25
 
 @dataclass(frozen=True, slots=True)
 class CellMotion:
-    """A motion of the container; its arrays are read-only copies.
+    """A sampled motion of the container; its arrays are read-only copies.
 
     Attributes:
         name: e.g. 'c-8.9'.
@@ -56,7 +56,7 @@ class CellMotion:
     angular_velocity: Array | None = None
 
     def __post_init__(self) -> None:
-        """Copies and freezes the arrays."""
+        """Copies the arrays and makes the copies read-only."""
         for name in ("t", "position", "acceleration", "attitude", "angular_velocity"):
             if getattr(self, name) is not None:
                 array = np.array(getattr(self, name), dtype=np.float64)
@@ -175,13 +175,13 @@ def make_motion(name: str, rate: float = 1000.0) -> CellMotion:
 
 
 def _duration(spec: MotionSpec) -> float:
-    """Computes the duration; accelerations scale with 1 / duration²."""
+    """Computes the duration of a motion [s]; its accelerations scale with 1 / duration²."""
     _, acceleration = _along(MotionSpec(spec.path, spec.planar), np.linspace(0.0, 1.0, 20001), 1.0)
     return math.sqrt(float(np.hypot(acceleration[:, 0], acceleration[:, 1]).max()) / spec.planar)
 
 
 def _along(spec: MotionSpec, u: Array, duration: float) -> tuple[Array, Array]:
-    """Returns position and acceleration (N, 3) at the relative times."""
+    """Returns the container's position [m] and acceleration [m/s²], (N, 3), at times u."""
     law = modified_trapezoid(u)
     x, y = PATHS[spec.path]
     columns = [_chain(path, law, duration) for path in (x, y, _VERTICAL)]
@@ -198,7 +198,7 @@ def _along(spec: MotionSpec, u: Array, duration: float) -> tuple[Array, Array]:
 
 
 def _chain(path: Path, law: tuple[Array, Array, Array], duration: float) -> tuple[Array, Array]:
-    """Applies the chain rule: S(σ(t)) and S̈ = S″σ̇² + S′σ̈."""
+    """Applies the chain rule to a path S(σ) and a time law σ(t): S̈ = S″σ̇² + S′σ̈."""
     sigma, rate, change = law
     place, slope, curvature = path(sigma)
     return place, (curvature * rate**2 + slope * change) / duration**2

@@ -38,7 +38,7 @@ PLACES = 41
 
 @dataclass(frozen=True, slots=True)
 class GreyLevels:
-    """Grey levels of the scene, 0 black … 255 white.
+    """Grey levels of the rendered scene, from 0 (black) to 255 (white).
 
     Attributes:
         background, liquid, surface: of the background, of the liquid seen through the wall, of its
@@ -67,7 +67,7 @@ class GreyLevels:
 
 
 class CupRenderer:
-    """Renders the cup of a calibrated view.
+    """Renders camera images of the cup as a calibrated camera sees it.
 
     Args:
         view: camera, pose and container; the lens must not distort.
@@ -106,7 +106,7 @@ class CupRenderer:
         return self._exposed(self._paint(sh_x, sh_y)[0])
 
     def render_colour(self, sh_x: float, sh_y: float) -> ColourImage:
-        """Renders the same view in colour; its grey levels are those of `render`.
+        """Renders the scene of `render` in colour, with the same grey levels.
 
         Returns:
             (height, width, 3) uint8, blue, green, red.
@@ -121,7 +121,7 @@ class CupRenderer:
         return colour
 
     def _paint(self, sh_x: float, sh_y: float) -> tuple[Layer, Layer]:
-        """Returns the image without noise, and the liquid's share of each pixel of the cup."""
+        """Returns the noise-free image and the fraction of each cup pixel that liquid covers."""
         edges = self._lines.edges(sh_x, sh_y)
         # The wall hides what lies below its front line; the surface has the rest of each pixel.
         wet = self._above_floor(edges.top)
@@ -134,7 +134,7 @@ class CupRenderer:
         return image, wet
 
     def _exposed(self, image: Layer) -> GrayImage:
-        """Adds sensor noise and rounds to grey levels."""
+        """Adds sensor noise to an image and rounds it to whole grey levels."""
         if self._look.noise > 0.0:
             down, right = self._random.integers(0, NOISE_SHIFT, 2)
             height, width = image.shape
@@ -142,14 +142,14 @@ class CupRenderer:
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0.0)), np.uint8)
 
     def _above_floor(self, edge: Array) -> Layer:
-        """Returns the share of each pixel below an edge, above the floor and inside the cup."""
+        """Returns the fraction of each cup pixel below an edge and above the cup's floor."""
         upper = np.nan_to_num(edge, nan=1e6).astype(np.float32)
         share: Layer = np.clip(self._rows + np.float32(0.5) - upper, 0.0, 1.0)
         share *= self._inside
         return share
 
     def _cup_region(self) -> tuple[slice, slice]:
-        """Returns the part of the image that changes: the cup, up to the frame's top."""
+        """Returns the image rows and columns that change: the cup, up to the top of the image."""
         camera, cup = self._view.camera, self._view.cup
         circle = np.linspace(-np.pi, np.pi, 73)
         levels = (-cup.fill_height, self._top)
@@ -159,7 +159,7 @@ class CupRenderer:
         return slice(0, min(bottom, camera.height)), slice(max(left, 0), min(right, camera.width))
 
     def _side_lines(self) -> tuple[Array, Array]:
-        """Returns the columns of the cup's left and right edge at each row of the region."""
+        """Returns the image columns of the cup's left and right edges in each region row."""
         levels = np.array([-self._view.cup.fill_height, self._top])
         rows = self._rows[:, 0].astype(np.float64)
         edges = []
@@ -169,7 +169,7 @@ class CupRenderer:
         return edges[0], edges[1]
 
     def _inside_cup(self) -> Layer:
-        """Returns the share of each pixel between the cup's side edges and above its floor."""
+        """Returns the fraction of each pixel between the cup's side edges and above its floor."""
         left, right = self._side_lines()
         inside = np.clip(self._columns + 0.5 - left[:, np.newaxis], 0.0, 1.0)
         inside *= np.clip(right[:, np.newaxis] + 0.5 - self._columns, 0.0, 1.0)
@@ -177,7 +177,7 @@ class CupRenderer:
         return np.asarray(inside, dtype=np.float32)
 
     def _across(self) -> Array:
-        """Returns the position across the cup: -1 at its left edge … 1 at its right edge."""
+        """Returns each pixel's position across the cup, from -1 (left edge) to 1 (right)."""
         left, right = (edge[:, np.newaxis] for edge in self._side_lines())
         place: Array = np.clip(2.0 * (self._columns - left) / (right - left) - 1.0, -1.0, 1.0)
         return place
@@ -196,7 +196,7 @@ class CupRenderer:
         return np.asarray(cv2.GaussianBlur(image, (0, 0), self._look.blur), np.float32)
 
     def _draw_backdrop(self) -> Layer:
-        """Draws the background: an unevenly lit wall, the plate and the cup's outline."""
+        """Draws the static background: an unevenly lit wall, the plate and the cup's outline."""
         look, camera, cup = self._look, self._view.camera, self._view.cup
         across = np.linspace(0.0, 1.0, camera.width)
         down = np.linspace(0.0, 1.0, camera.height)[:, np.newaxis]
@@ -221,7 +221,7 @@ class CupRenderer:
         return image.astype(np.float32)
 
     def _disc(self, azimuth: Array, radius: float, level: float) -> NDArray[np.int32]:
-        """Returns the outline of a horizontal disc about the cup's axis, for OpenCV."""
+        """Returns the image outline of a horizontal disc centred on the cup's axis, for OpenCV."""
         points = (radius * np.cos(azimuth), radius * np.sin(azimuth), np.full_like(azimuth, level))
         return _fixed_point(self._view.project(np.column_stack(points)))
 
@@ -232,13 +232,13 @@ class CupRenderer:
 
 
 def _fixed_point(pixels: Array) -> NDArray[np.int32]:
-    """Returns pixels with four binary places, as OpenCV's drawing functions expect."""
+    """Returns pixel coordinates as integers with four fractional bits, as OpenCV draws them."""
     return np.round(pixels * 16.0).astype(np.int32)
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceEdges:
-    """Image rows of the free surface in each column; NaN where there is no surface [px].
+    """Image rows [px] of the free surface in each column; NaN where no surface is visible.
 
     Attributes:
         front: (C,) line on the wall's half that faces the camera.
@@ -272,12 +272,12 @@ class SurfaceLines:
         self._rise_x, self._rise_y = slope * self._x, slope * self._y
 
     def edges(self, sh_x: float, sh_y: float) -> SurfaceEdges:
-        """Returns the edges for the given wall heights at the container's +x and +y [m]."""
+        """Returns the surface's image rows for wall heights at the container's +x and +y [m]."""
         lines = self._rows(self._x, self._y, sh_x * self._rise_x + sh_y * self._rise_y)
         return SurfaceEdges(lines[0], np.fmin.reduce(lines))
 
     def floor(self) -> Array:
-        """Returns the lower edge of the liquid, (C,); the floor appears narrower than the cup."""
+        """Returns the image row of the liquid's lower edge in each column, (C,) [px]."""
         level = np.full((1, CHORDS), -self._view.cup.fill_height)
         (line,) = self._rows(self._x[:1], self._y[:1], level)
         known = np.isfinite(line)
@@ -285,7 +285,7 @@ class SurfaceLines:
         return rows
 
     def _rows(self, x: Array, y: Array, z: Array) -> Array:
-        """Returns the image rows (L, C) of L curves of points (L, P)."""
+        """Projects L curves of points (L, P) [m] and returns their image rows (L, C) [px]."""
         pixels = self._view.project(np.column_stack((x.ravel(), y.ravel(), z.ravel())))
         u, v = pixels[:, 0].reshape(x.shape), pixels[:, 1].reshape(x.shape)
         columns = self._columns
@@ -298,7 +298,7 @@ class SurfaceLines:
 
 
 def _chord_points(view: CupView) -> tuple[Array, Array]:
-    """Returns points (PLACES, CHORDS) on horizontal rays through the cup, from front to rear wall.
+    """Returns points, (PLACES, CHORDS), on horizontal rays through the cup, front to rear wall.
 
     Each row runs from the cup's left edge in the image to its right edge, so that it has one image
     row at every column; the first is the front wall, the last the rear wall.

@@ -1,4 +1,4 @@
-"""The reference liquid of a simulated motion, and the simulated sensors."""
+"""Simulates the reference liquid and the sensors for a motion of the container."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PUSHED = 0.1
 
 @dataclass(frozen=True, slots=True)
 class TruthLiquid:
-    """The reference liquid's response to a motion.
+    """Wall heights of the reference liquid during a motion.
 
     Attributes:
         t: (N,) time [s].
@@ -44,7 +44,7 @@ class TruthLiquid:
 
 
 class Push(NamedTuple):
-    """A push by hand that the liquid feels and no sensor.
+    """A simulated push by hand that moves the liquid but that no sensor measures.
 
     Attributes:
         at: when it begins [s]; it lasts PUSHED.
@@ -55,7 +55,7 @@ class Push(NamedTuple):
     speed: float
 
     def acceleration(self, t: Array) -> Array:
-        """(N, 3) of the container that would push the liquid alike, at moments (N,) [m/s²]."""
+        """Returns the container acceleration with the same effect, (N, 3) [m/s²]."""
         part = (t - self.at) / PUSHED
         strength = 0.5 * np.pi * self.speed / PUSHED
         found = np.zeros((len(t), 3))
@@ -65,7 +65,7 @@ class Push(NamedTuple):
 
 
 def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) -> TruthLiquid:
-    """Integrates the reference liquid of a motion, from rest.
+    """Integrates the reference liquid's equations over a motion, starting at rest.
 
     A tilted container's liquid feels gravity from the side, a = Rᵀ(a + g ẑ) − g ẑ: the truth
     always does, whatever effects its model names.
@@ -121,5 +121,5 @@ def read_sensors(motion: CellMotion, noise: float, seed: int) -> SensorReadings:
 
 
 def _or_constant(values: Array | None, count: int, value: tuple[float, ...]) -> Array:
-    """Returns the values, or a constant if there are none."""
+    """Returns the given values, or rows of a constant if they are None."""
     return np.broadcast_to(value, (count, len(value))) if values is None else values

@@ -66,7 +66,7 @@ _AXES = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh calibrate` to the argument parser."""
     parser.add_argument("still", type=Path, help="image of the liquid at rest")
     camera = parser.add_mutually_exclusive_group()
     camera.add_argument(
@@ -131,7 +131,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--level", nargs=2, type=float, metavar=("U", "V"),
-        help="pixel on the front line of the still level; needed where printed rings look "
+        help="pixel on the liquid level at the front wall; needed where printed rings look "
         "like levels",
     )  # fmt: skip
     board = parser.add_argument_group("board of markers")
@@ -153,7 +153,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     scale = parser.add_argument_group("side view calibrated by its scale only, without a pose")
     scale.add_argument(
         "--scale", nargs=4, type=float, metavar=("U1", "V1", "U2", "V2"),
-        help="pixels of the left and the right end of the still level",
+        help="pixels of the left and the right end of the liquid level at rest",
     )  # fmt: skip
     scale.add_argument(
         "--length",
@@ -179,7 +179,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Finds the pose, writes camera.yaml and prints its accuracy."""
+    """Estimates the camera pose, writes camera.yaml and prints the accuracy."""
     take_model(arguments)
     if arguments.page is not None:
         return run_page(arguments)
@@ -214,7 +214,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _detection_warnings(fit: StillFit, known: KnownCamera, image: Image) -> list[str]:
-    """Returns warnings if the detector finds a tilted or no surface in the same image.
+    """Returns warnings if the detector finds no surface, or a tilted one, in the still image.
 
     Raises:
         SloshCameraError: it would take the liquid at rest for a wave: there is no zero.
@@ -248,7 +248,7 @@ def _exif_view(arguments: argparse.Namespace, image: Image) -> float:
 
 
 def _cup(arguments: argparse.Namespace, known: KnownCamera) -> Cup:
-    """Returns the container from the options, else from the file."""
+    """Returns the container from the command-line options, or else from the camera file."""
     values = {key: known.container[key] for key in _CUP_KEYS if key in known.container}
     given = {key: getattr(arguments, key) for key in _CUP_KEYS}
     values.update({key: value for key, value in given.items() if value is not None})
@@ -288,7 +288,7 @@ def _fitted(
 
 
 def _doubt(arguments: argparse.Namespace) -> ToldDeviations:
-    """Returns the uncertainties of the inputs; percentages become fractions."""
+    """Returns the standard deviations of the inputs from the options; converts percentages."""
     values = []
     for name, unit in (("focal_error", 0.01), ("wall_error", 1.0), ("fill_error", 1.0)):
         option = f"--{name.replace('_', '-')}"
@@ -319,7 +319,7 @@ def _finite(value: float, option: str) -> float:
 
 
 def _board_place(values: list[float]) -> Pose:
-    """Returns the transform board -> container, with roll, pitch, yaw about fixed axes."""
+    """Returns the transform from the board to the container from x, y, z, roll, pitch and yaw."""
     x, y, z, yaw, pitch, roll = (_finite(value, "--board-place") for value in values)
     turns = [
         np.deg2rad(angle) * axis for angle, axis in zip((yaw, pitch, roll), _AXES, strict=True)
@@ -329,7 +329,7 @@ def _board_place(values: list[float]) -> Pose:
 
 
 def _camera_yaml(arguments: argparse.Namespace, fit: StillFit, known: KnownCamera) -> str:
-    """Formats camera.yaml; the still image's path is relative to the file."""
+    """Formats the text of camera.yaml, with the still image's path relative to the file."""
     folder = arguments.output.resolve().parent
     still = Path(os.path.relpath(arguments.still.resolve(), folder))
     text = format_calibration(Calibration(fit.view, known.name, still_image=still))
@@ -404,7 +404,7 @@ def _as_text(
 
 
 def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFit) -> list[str]:
-    """Lists assumed values that were not given, each with the option that sets it."""
+    """Lists the values assumed by default, each with the option that sets it."""
     focal, wall, _ = fit.stddev[len(_NUMBERS) :]
     found = []
     if arguments.camera is None and not focal:
@@ -428,7 +428,7 @@ def _assumptions(arguments: argparse.Namespace, known: KnownCamera, fit: StillFi
 
 
 def _estimated(fit: StillFit) -> list[str]:
-    """Lists the uncertain inputs with their estimated values."""
+    """Lists the uncertain inputs with their estimated values, as text lines."""
     cup, camera = fit.view.cup, fit.view.camera
     focal, wall, fill = fit.stddev[len(_NUMBERS) :]
     rows = (

@@ -1,4 +1,4 @@
-"""`slosh calibrate --model`: takes the container's lengths from model.yaml."""
+"""`slosh calibrate --model`: takes the container's dimensions from model.yaml."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SAME = 1e-3
 
 
 def take_model(arguments: argparse.Namespace) -> None:
-    """Fills missing container options from --model; does nothing without it.
+    """Sets missing container options from the file given by --model, if there is one.
 
     Raises:
         SloshBringupError: an option says another length; a container without a radius and no
@@ -46,7 +46,7 @@ def take_model(arguments: argparse.Namespace) -> None:
 
 
 def _check_radius(arguments: argparse.Namespace, container: Container) -> None:
-    """Refuses a radius that is the diameter, or that of a container without one."""
+    """Raises an error if the radius is really the diameter, or the container has no radius."""
     given = arguments.radius
     if given is None:
         return

@@ -1,4 +1,4 @@
-"""`slosh calibrate --scale`: makes camera.yaml of a side view from the level's two ends."""
+"""`slosh calibrate --scale`: calibrates a side view from the two ends of the still surface."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _OF_BODIES = ("distance", "wall_thickness", "wall_refractive_index")
 
 
 def run_page(arguments: argparse.Namespace) -> int:
-    """Writes the page on which the user clicks the two ends."""
+    """Writes the HTML page on which the user clicks the two ends of the still surface."""
     from slosh_bringup.scale_page import render_clicks
 
     check_apart([arguments.page, arguments.output], [arguments.still, arguments.model])
@@ -50,7 +50,7 @@ def run_page(arguments: argparse.Namespace) -> int:
 
 
 def _words(arguments: argparse.Namespace, body: RoundBody | None, length: float) -> list[str]:
-    """The options of the command that the page shows, behind the two points."""
+    """Returns the `slosh calibrate` options that the page shows after the two clicked points."""
     if body is None:
         words = ["--length", f"{length:g}", "--fill-height", f"{arguments.fill_height:g}"]
         if arguments.rim_height is not None:
@@ -66,7 +66,7 @@ def _words(arguments: argparse.Namespace, body: RoundBody | None, length: float)
 
 
 def _body(arguments: argparse.Namespace) -> RoundBody | None:
-    """The body of revolution in the model; None: another container, or no model.
+    """Returns the model's container if it is a body of revolution, otherwise None.
 
     Raises:
         SloshBringupError: the container is none that can be seen from the side.
@@ -84,7 +84,7 @@ def _body(arguments: argparse.Namespace) -> RoundBody | None:
 
 
 def _length(arguments: argparse.Namespace, body: RoundBody | None) -> float:
-    """The distance of the two points [m].
+    """Returns the distance between the two clicked points [m].
 
     Raises:
         SloshBringupError: it or the fill height is not known; an option has no use here.
@@ -108,7 +108,7 @@ def _length(arguments: argparse.Namespace, body: RoundBody | None) -> float:
 
 
 def run_scale(arguments: argparse.Namespace) -> int:
-    """Writes camera.yaml; prints the scale and the uncertainty of heights."""
+    """Writes camera.yaml and prints the image scale and the uncertainty of heights."""
     check_apart([arguments.output], [arguments.still, arguments.model])
     body = _body(arguments)
     length = _length(arguments, body)

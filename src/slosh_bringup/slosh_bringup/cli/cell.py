@@ -1,4 +1,4 @@
-"""`slosh cell`: runs all nodes on a robot's topics until Ctrl-C."""
+"""`slosh cell`: runs all nodes on a robot's topics until Ctrl-C is pressed."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from slosh_bringup.live.run import LiveRun
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh cell` to the argument parser."""
     parser.add_argument("--config", type=Path, required=True, help="cell file; see docs/robot.md")
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("out/cell"),
         help="folder for results; each run gets a dated subfolder, and the link latest points "
         "to the newest one (default %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the nodes until stopped; prints the figures and the folder of the results."""
+    """Runs the nodes until stopped, then prints the main results and the results folder."""
     config: Path = arguments.config
     run = LiveRun(
         "cell", read_setup(config), arguments.output, f"Cell {config.stem}", watch=arguments.watch

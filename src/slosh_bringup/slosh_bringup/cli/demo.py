@@ -1,4 +1,4 @@
-"""`slosh demo`: runs the simulated cell with all nodes, records and reports."""
+"""`slosh demo`: runs the simulated cell with all nodes, records it and writes a report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh demo` to the argument parser."""
     parser.add_argument(
         "--motion", default="c3",
         help="motion to play: a motion table (.csv, .csv.gz), or one of "
@@ -45,23 +45,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--push", type=float, metavar="T",
-        help="a hand pushes the liquid after T seconds, which no sensor of the robot tells",
+        help="simulate a push by hand after T seconds, which no sensor of the robot measures",
     )  # fmt: skip
     parser.add_argument(
         "--camera-stop", type=float, nargs=2, metavar=("FROM", "TO"),
-        help="the camera sends no images from FROM to TO [s]",
+        help="simulate a camera failure: no images from FROM to TO [s]",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)
 
 
 def tell(line: str) -> None:
-    """Prints an assumption."""
+    """Prints an assumption that the program makes about the input, on standard error."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the demonstration; prints the figures and the folder of the results."""
+    """Runs the demonstration, then prints the main results and the results folder."""
     if not REPEATS[0] <= arguments.repeat <= REPEATS[1]:
         raise SloshBringupError(
             f"--repeat {arguments.repeat}: must be from {REPEATS[0]} to {REPEATS[1]}"

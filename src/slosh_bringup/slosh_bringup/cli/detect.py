@@ -1,4 +1,4 @@
-"""`slosh detect`: measures heights in a video, a folder of images or a bag."""
+"""`slosh detect`: measures liquid heights in a video, a folder of images or a bag."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _TOLD_PROBLEMS = 5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh detect` to the argument parser."""
     parser.add_argument(
         "source", nargs="+", help="video, folder of images, image(s), 'pattern*.png' or bag"
     )
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         required=True,
-        help="table of heights to write [s, m, rad, px]",
+        help="CSV table of heights to write, in s, m, rad and px",
     )
     parser.add_argument(
         "--still",
@@ -61,13 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--video",
         type=Path,
         metavar="OUT.mp4",
-        help="video to write: all images with the measured marks",
+        help="video to write: all images with the measured line",
     )
     parser.add_argument(
         "--strip",
         type=Path,
         metavar="OUT.png",
-        help="contact sheet to write: a selection of images with marks",
+        help="contact sheet to write: a selection of images with the measured line",
     )
     parser.add_argument(
         "--worst", nargs="+", metavar=("OUT.png", "N"),
@@ -89,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measures every image; prints the number of measured ones."""
+    """Measures the liquid height in every image and prints how many images were measured."""
     rate = arguments.rate
     if rate is not None and not (math.isfinite(rate) and 0.0 < rate <= 1e6):
         raise SloshBringupError(f"--rate {rate:g}: must be positive, at most 1e6 Hz")
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_outputs(arguments: argparse.Namespace, images: Sequence[Path | None]) -> None:
-    """Refuses outputs that would overwrite an input."""
+    """Raises an error if an output file would overwrite an input image."""
     inputs = [*images, arguments.camera, arguments.still]
     worst = Path(arguments.worst[0]) if arguments.worst else None
     check_apart([arguments.output, arguments.video, arguments.strip, worst], inputs)
@@ -128,7 +128,7 @@ def _check_outputs(arguments: argparse.Namespace, images: Sequence[Path | None])
 def _sinks(
     arguments: argparse.Namespace, calibration: AnyCalibration, source: FrameSource
 ) -> list[PictureSink]:
-    """Returns the picture outputs; refuses invalid names before the work begins."""
+    """Creates the requested picture outputs; raises an error for an invalid file name."""
     sinks: list[PictureSink] = []
     if arguments.video is not None:
         sinks.append(AnnotatedVideo(arguments.video, calibration, source.rate))
@@ -152,7 +152,7 @@ def _worst_length(words: Sequence[str]) -> int:
 
 
 def _jobs(wanted: int | None, total: int | None) -> int:
-    """Returns the number of processes; the default depends on the number of images."""
+    """Returns the number of worker processes; the default depends on the number of images."""
     if wanted is not None:
         if not 1 <= wanted <= _MOST_JOBS:
             raise SloshBringupError(f"--jobs {wanted}: must be from 1 to {_MOST_JOBS}")
@@ -164,7 +164,7 @@ def _jobs(wanted: int | None, total: int | None) -> int:
 def _write_table(
     output: Path, source: FrameSource, results: Iterator[Result], sinks: Sequence[PictureSink]
 ) -> DetectionSummary:
-    """Writes one line per image.
+    """Writes the table of measurements, one row per image.
 
     Raises:
         SloshBringupError: there are none; the old table stays.

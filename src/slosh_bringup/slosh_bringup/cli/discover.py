@@ -1,4 +1,4 @@
-"""`slosh discover`: finds the effect that explains the difference of model and measurement."""
+"""`slosh discover`: finds the effect that explains why model and measurement differ."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ GROUP_NAME = re.compile(r"[\w-]{1,40}")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh discover` to the argument parser."""
     parser.add_argument(
         "data", type=Path, nargs="+", metavar="DATA",
         help="bag, motion table with measured heights, or folder of these",
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True,
         help="folder for results, new or empty: model.yaml (and model_NAME.yaml for groups), "
-        "discovery.json, report.html, separating motions",
+        "discovery.json, report.html, motions that tell candidate effects apart",
     )  # fmt: skip
     parser.add_argument(
         "--json", action="store_true", help="print discovery.json instead of the text"
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the discovery, writes and prints the results; the exit code ignores the verdict.
+    """Runs the discovery, writes and prints the results and returns the exit code.
 
     It is 1 where an input is doubtful.
     """
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_request(arguments: argparse.Namespace) -> DiscoveryRequest:
-    """Makes the request from the options.
+    """Creates the discovery request from the command-line options.
 
     Raises:
         SloshBringupError: they do not fit together.
@@ -120,7 +120,7 @@ def make_request(arguments: argparse.Namespace) -> DiscoveryRequest:
 
 
 def groups_of(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Returns the file patterns of each group.
+    """Parses the group options and returns the file patterns by group name.
 
     Raises:
         SloshBringupError: an option is no NAME=PATTERN, or a name that a file cannot have.

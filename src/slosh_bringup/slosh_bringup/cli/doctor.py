@@ -1,4 +1,4 @@
-"""`slosh doctor`: checks the installation and suggests fixes."""
+"""`slosh doctor`: checks the installation and suggests how to fix problems."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from slosh_bringup.doctor import DoctorFinding, examine
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh doctor` to the argument parser."""
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the findings; returns 1 if something required is missing."""
+    """Prints the result of each check; returns 1 if a required component is missing."""
     findings = []
     for finding in examine():
         findings.append(finding)
@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def line(finding: DoctorFinding) -> str:
-    """Formats a finding for people."""
+    """Formats the result of one check as a line of text."""
     mark = "ok  " if finding.ok else ("FAIL" if finding.required else "note")
     remedy = f"; {finding.remedy}" if not finding.ok and finding.remedy else ""
     return f"{mark}  {finding.name:<18} {finding.found}{remedy}"

@@ -21,7 +21,7 @@ _NEAR, _ALIKE = 3, 0.6
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh explain` to the argument parser."""
     parser.add_argument(
         "name", nargs="*",
         help="name of an effect, a flag, a state, a column, a model or a unit, or a sum of flags "
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _facts(name: str) -> list[dict[str, str]]:
-    """Returns kind, name and meaning of one name or of all names."""
+    """Returns the kind, name and meaning of one term, or of all terms."""
     found = [
         *(
             {"kind": "effect", "name": one.name, "meaning": one.meaning}
@@ -81,7 +81,7 @@ def _all() -> str:
 
 
 def _told(name: str) -> list[str]:
-    """Returns all meanings of a name, one text each."""
+    """Returns all meanings of a term, one text each."""
     found = list(_meanings(name)) or list(_figure_of_model(name))
     if found:
         return found
@@ -114,14 +114,14 @@ def _meanings(name: str) -> Iterator[str]:
 
 
 def _figure_of_model(name: str) -> Iterator[str]:
-    """Explains a column such as `MAE 3D-NL`: the figure, and the model."""
+    """Explains a column name such as `MAE 3D-NL`: first the metric, then the model."""
     figure, _, model = name.rpartition(" ")
     if figure and terms.column(figure) and model_name(model):
         yield from (*_meanings(figure), *_meanings(model))
 
 
 def _nearest(name: str) -> str:
-    """Returns the known names that are similar to the word or contain it."""
+    """Suggests known terms that are similar to an unknown word, as part of a sentence."""
     word = name.lower().replace("-", "_")
     known = dict.fromkeys([*EFFECTS, *(flag.name for flag in flags()), *terms.columns()])
     near = heapq.nlargest(_NEAR, known, key=lambda one: _likeness(word, one.lower()))

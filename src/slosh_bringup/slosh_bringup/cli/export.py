@@ -23,7 +23,7 @@ from slosh_tables.motion_table import SUFFIXES, is_motion_table, write_motion_ta
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh export` to the argument parser."""
     parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
         "-o",
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Lists the topics or exports them."""
+    """Lists a bag's topics, or exports them to files."""
     if arguments.list:
         print(listing(BagReader(arguments.bag).topics(), as_json=arguments.json))
         return 0
@@ -91,7 +91,7 @@ def listing(topics: dict[str, TopicInfo], *, as_json: bool) -> str:
 
 
 def export_motion(arguments: argparse.Namespace) -> int:
-    """Writes the motion table."""
+    """Exports a bag's motion as a motion table."""
     output: Path = arguments.output
     if not is_motion_table(output):
         raise SloshBringupError(f"{output}: a motion table must be named {' or '.join(SUFFIXES)}")
@@ -115,7 +115,7 @@ def export_motion(arguments: argparse.Namespace) -> int:
 
 
 def export_tables(arguments: argparse.Namespace) -> int:
-    """Writes one file per topic."""
+    """Exports the selected topics of a bag, one file per topic."""
     if not is_table(arguments.output):
         check_outside(arguments.output, [arguments.bag])
     reader = BagReader(arguments.bag)
@@ -134,6 +134,6 @@ def export_tables(arguments: argparse.Namespace) -> int:
 
 
 def tell(notes: Iterable[str]) -> None:
-    """Prints remarks about data missing in the files."""
+    """Prints, on standard error, notes about data missing from the exported files."""
     for note in notes:
         print(plain_line(f"slosh export: {note}"), file=sys.stderr)

@@ -28,7 +28,7 @@ from slosh_discovery.identifying import (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh identify` to the argument parser."""
     parser.add_argument(
         "data", type=Path, nargs="+", metavar="DATA",
         help="bag, motion table with measured heights, or folder of these",
@@ -62,11 +62,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--tolerance", type=length(0.1), default=0.0005, metavar="M",
-        help="largest distance of a profile from a straight line [m] (default: 0.0005)",
+        help="largest mean distance of the surface from a straight line [m] (default: 0.0005)",
     )  # fmt: skip
     parser.add_argument(
         "--beside", type=Path, nargs="+", action="extend", metavar="DIR", default=[],
-        help="result folders of other containers, shown in the same report",
+        help="identification results of other containers, shown in the same report",
     )  # fmt: skip
     parser.add_argument(
         "-o", "--output", type=Path,
@@ -80,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the identification, writes and prints the results; 1 if an input is doubtful."""
+    """Runs the identification; returns 1 if an input looks faulty."""
     if arguments.force:
         return identify_force.run(arguments)
     request = make_request(arguments)
@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_request(arguments: argparse.Namespace) -> IdentificationRequest:
-    """Makes the request from the options.
+    """Creates the identification request from the command-line options.
 
     Raises:
         SloshBringupError: they do not fit together.

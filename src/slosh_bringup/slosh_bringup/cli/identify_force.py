@@ -1,4 +1,4 @@
-"""`slosh identify --force`: the first mode and its mass from the force under the container."""
+"""`slosh identify --force`: identifies the first mode and its mass from a measured force."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from slosh_model.model_text import format_model, read_model
 
 
 def add_arguments(parser: Any) -> None:
-    """Declares the options."""
+    """Adds the options of `slosh identify --force` to the argument parser."""
     group = parser.add_argument_group("force in place of heights")
     group.add_argument(
         "--force", action="store_true",
@@ -34,7 +34,7 @@ def add_arguments(parser: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identifies, writes what is asked for and prints it."""
+    """Identifies the first mode from the measured force; writes and prints the result."""
     if len(arguments.data) != 1:
         raise SloshBringupError("--force takes one bag or table")
     if arguments.model is None:

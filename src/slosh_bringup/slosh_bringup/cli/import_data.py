@@ -1,4 +1,4 @@
-"""`slosh import`: converts public data sets, motion tables and foreign bags to bags."""
+"""`slosh import`: converts public data sets, motion tables and other programs' bags to bags."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EXIT_LOST = 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the kinds of data and the options of each."""
+    """Adds one subparser per kind of data, with its options."""
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
 
     data_set = kinds.add_parser("antisloshing", help="the public AntiSloshing measurements")
@@ -73,13 +73,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the chosen kind of import."""
+    """Runs the import of the chosen kind of data."""
     read: Callable[[argparse.Namespace], int] = arguments.read
     return read(arguments)
 
 
 def import_runs(arguments: argparse.Namespace) -> int:
-    """Runs `slosh import antisloshing`."""
+    """Runs `slosh import antisloshing`, which imports runs of a public data set."""
     count = len(find_runs(arguments.folder))
     with Progress("import", count, Unit("runs")) as progress:
         bags = import_antisloshing(arguments.folder, arguments.output, lambda run: progress.add())
@@ -91,7 +91,7 @@ def import_runs(arguments: argparse.Namespace) -> int:
 
 
 def import_tables(arguments: argparse.Namespace) -> int:
-    """Runs `slosh import table`."""
+    """Runs `slosh import table`, which converts motion tables to bags."""
     options = table_options(arguments)
     facts = []
     for source, bag in bag_folders(arguments.sources, arguments.output).items():
@@ -108,7 +108,7 @@ def import_tables(arguments: argparse.Namespace) -> int:
 
 
 def import_rosbags(arguments: argparse.Namespace) -> int:
-    """Runs `slosh import rosbag`."""
+    """Runs `slosh import rosbag`, which converts bags of other programs."""
     rename = renamed(arguments.rename)
     sources = [bag for path in arguments.sources for bag in find_rosbags(path)]
     code = 0
@@ -135,7 +135,7 @@ def summary(told: RosbagImport) -> str:
 
 
 def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
-    """Chooses a bag folder for each source, named after the source.
+    """Chooses the output folder of each source bag, named after the source.
 
     Raises:
         SloshBringupError: two sources have one name.
@@ -156,7 +156,7 @@ def bag_folders(sources: Sequence[Path], output: Path) -> dict[Path, Path]:
 
 
 def renamed(pairs: Sequence[str]) -> Mapping[str, str]:
-    """Parses OLD=NEW pairs to new names by old names.
+    """Parses OLD=NEW arguments to a mapping from old to new topic names.
 
     Raises:
         SloshBringupError: a text without '='.

@@ -11,37 +11,37 @@ from slosh_estimator.robot import read_urdf
 
 
 def add_input_options(parser: Any) -> None:
-    """Declares the options.
+    """Adds the options that choose the input topic and describe the robot.
 
     Args:
         parser: or a group of one.
     """
     parser.add_argument(
         "--input", choices=list(MESSAGE_TYPES),
-        help="input of the models (default: as recorded, or the first of these in the bag)",
+        help="kind of input messages (default: as recorded, or the first of these in the bag)",
     )  # fmt: skip
     add_robot_options(parser)
 
 
 def add_robot_options(parser: Any) -> None:
-    """Declares those that say which robot it is.
+    """Adds the options that describe the robot: its URDF file and frames.
 
     Args:
         parser: or a group of one.
     """
     parser.add_argument(
         "--urdf", type=Path, metavar="FILE",
-        help="robot description for the input joints (default: recorded /robot_description)",
+        help="URDF file of the robot, for the input joints (default: recorded /robot_description)",
     )  # fmt: skip
     parser.add_argument(
         "--tool-frame",
         metavar="LINK",
-        help="link of the robot that is the container (default: container)",
+        help="link of the robot that holds the container (default: container)",
     )
 
 
 def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
-    """Returns the chosen input; None: no option is given.
+    """Returns the input chosen by the options, or None if no option is given.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.
@@ -53,7 +53,7 @@ def wanted_input(arguments: argparse.Namespace) -> WantedInput | None:
 
 
 def wanted_robot(arguments: argparse.Namespace) -> WantedInput | None:
-    """The input joints by a robot; None: the options say nothing of one.
+    """Returns the joint-state input with the robot's description, or None if none is given.
 
     Raises:
         SloshEstimatorError: the robot's description does not fit.

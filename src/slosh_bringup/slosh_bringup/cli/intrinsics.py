@@ -29,7 +29,7 @@ _PICTURES, _SHEETS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh intrinsics` to the argument parser."""
     parser.add_argument(
         "images", nargs="*", type=Path, help="pictures of the board, or folders of pictures"
     )
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the board, or the camera with its uncertainty."""
+    """Writes the printable board, or the estimated camera parameters with their uncertainty."""
     _check_asked(arguments)
     target = parse_target(arguments.board, arguments.square)
     files = _files(arguments.images)
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check_asked(arguments: argparse.Namespace) -> None:
-    """Refuses options that exclude each other."""
+    """Raises an error if options that exclude each other are given."""
     if arguments.images and arguments.output is None:
         raise SloshBringupError("-o: is required with pictures")
     if not arguments.images and (arguments.output is not None or arguments.print_board is None):
@@ -95,7 +95,7 @@ def _check_suffix(path: Path | None, suffixes: Sequence[str], what: str) -> None
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:
-    """Returns the image files; of a folder all images in it."""
+    """Returns the image files; a folder is replaced by all images in it."""
     files: list[Path] = []
     for path in paths:
         found = images_in(path) if path.is_dir() else [path]

@@ -1,4 +1,4 @@
-"""Runs a live cell for `slosh demo` and `slosh cell`: run, report, print."""
+"""Runs a live cell for `slosh demo` and `slosh cell`, writes the report and prints results."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STDERR = 2
 
 
 def add_watch(parser: argparse.ArgumentParser) -> None:
-    """Declares the option of the operator's page."""
+    """Adds the option that serves the operator's page."""
     parser.add_argument(
         "--watch", nargs="?", type=_port, const=PORT, metavar="PORT",
         help=f"serve the operator's page on this machine (default PORT: {PORT})",
@@ -42,7 +42,7 @@ def _port(text: str) -> int:
 
 
 class LiveScreen:
-    """The terminal output of a run; the terminal may be closed before the run ends.
+    """Terminal output of a live run; the terminal may be closed before the run ends.
 
     Args:
         progress: shows the elapsed time.
@@ -55,7 +55,7 @@ class LiveScreen:
         self._elapsed = 0.0
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
-        """Shows the elapsed time [s] and the state, in place of the previous line."""
+        """Replaces the previous status line with the elapsed time [s] and the current state."""
         self._elapsed = elapsed
         shown = (can_draw(sys.stderr) and status) or text
         self._try(lambda: self._progress(elapsed, shown))
@@ -65,7 +65,7 @@ class LiveScreen:
         self.show(self._elapsed, STOPPING)
 
     def tell(self, line: str) -> None:
-        """Prints a permanent line."""
+        """Prints a line that stays on the screen."""
         self._try(lambda: say(plain_line(line)))
 
     def _try(self, write: Callable[[], object]) -> None:
@@ -82,7 +82,7 @@ def run_live(
     *,
     as_json: bool = False,
 ) -> int:
-    """Runs a cell to its end, writes the report and prints the figures.
+    """Runs a cell to its end, writes the report and prints the main results.
 
     Args:
         run: what is run; its own folder is made below the one that it names.
@@ -122,7 +122,7 @@ def run_live(
 
 
 def _write(run: LiveRun, report: LiveReport) -> bool:
-    """Writes the report; returns True if that fails, and prints the reason."""
+    """Writes the report; if that fails, prints the reason and returns True."""
     try:
         report.write(run.folder)
     except OSError as error:
@@ -132,7 +132,7 @@ def _write(run: LiveRun, report: LiveReport) -> bool:
 
 
 def _check_port(port: int | None) -> None:
-    """Raises SloshBringupError if the page's port is in use, before any process starts."""
+    """Raises SloshBringupError if the web page's TCP port is already in use."""
     if port is not None:
         from slosh_bringup.watch.server import listen
 
@@ -140,7 +140,7 @@ def _check_port(port: int | None) -> None:
 
 
 def _leave(run: LiveRun) -> NoReturn:
-    """Ends the process without a report, before anything is written to the run's folder."""
+    """Ends the process at once, without a report."""
     line = (
         f"slosh {run.command}: report skipped; the recording is complete; to write the report: "
         f"slosh replay {run.folder / BAG} -o {run.folder}\n"
@@ -152,7 +152,7 @@ def _leave(run: LiveRun) -> NoReturn:
 
 
 def print_result(result: LiveResult, folder: Path) -> None:
-    """Prints the figures and the folder of the results."""
+    """Prints the main results of a live run and its folder."""
     if result.figures is not None:
         print(table(result.figures))
     if result.replayed is not None:
@@ -164,7 +164,7 @@ def print_result(result: LiveResult, folder: Path) -> None:
 
 
 def print_json(result: LiveResult, folder: Path) -> None:
-    """Prints the results as JSON."""
+    """Prints the results of a live run as JSON."""
     replay = json.loads(result.replayed.to_json()) if result.replayed else None
     print(json.dumps({"folder": str(folder), **result.document(), "replay": replay}))
 

@@ -86,7 +86,7 @@ OTHERS = ("model.yaml", "cell.yaml", "camera.yaml")
 
 
 def command() -> int:
-    """Runs `main` as the process `slosh`, with settings that its child processes inherit.
+    """Runs `main` as the `slosh` process, with settings that child processes inherit.
 
     None of them takes a module from the folder that it is started in, or writes what others could
     change.
@@ -116,7 +116,7 @@ def complete() -> None:
 
 
 def interrupt_again(unraisable: Any) -> None:
-    """Handles exceptions that Python cannot raise; raises a Ctrl-C again shortly after.
+    """Handles exceptions that Python cannot propagate; raises a lost Ctrl-C again.
 
     One that falls into a destructor or a callback, such as those of an import, would be shown as a
     traceback, and then forgotten.
@@ -130,13 +130,13 @@ def interrupt_again(unraisable: Any) -> None:
 
 
 def _of_ros(module: str) -> bool:
-    """Whether a module belongs to ROS 2 or its messages, which wheels do not contain."""
+    """Whether a module belongs to ROS 2 or to message packages that ROS wheels do not contain."""
     name = module.partition(".")[0]
     return name == "rclpy" or name.endswith(("_msgs", "_interfaces"))
 
 
 def _command_of(words: Sequence[str]) -> str | None:
-    """Returns the first word that is not an option."""
+    """Returns the first word that is not an option, or None if there is none."""
     return next((word for word in words if not word.startswith("-")), None)
 
 
@@ -151,7 +151,7 @@ def _run(words: list[str], name: str | None, stop: StopRequest | None) -> int:
 
 
 def build_parser(chosen: str | None) -> argparse.ArgumentParser:
-    """Makes the parser; imports only the chosen subcommand's module."""
+    """Creates the argument parser; imports only the chosen subcommand's module."""
     parser = _Slosh(prog="slosh")
     parser.add_argument(
         "-V", "--version", action=_Version, nargs=0, help="show the version and exit"
@@ -167,15 +167,15 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
 
 
 class _Slosh(SloshParser):
-    """The parser of `slosh` itself, whose help shows the commands by task."""
+    """Parser of the `slosh` command itself; its help groups the subcommands by task."""
 
     def format_help(self) -> str:
-        """Formats the commands in groups."""
+        """Formats the help, with the subcommands in groups."""
         return grouped_help(USAGE, GROUPS, END)
 
 
 class _Version(argparse.Action):
-    """Looks up the version only on demand, so that other commands start faster."""
+    """Action of --version, which looks up the version only when it is requested."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib.metadata import version
@@ -185,12 +185,12 @@ class _Version(argparse.Action):
 
 
 def module_name(command: str) -> str:
-    """Returns the module of a subcommand; `import` is a Python keyword."""
+    """Returns the name of a subcommand's module; `import` is a Python keyword."""
     return f"{command}_data" if command == "import" else command
 
 
 def run_guarded(parsed: argparse.Namespace) -> int:
-    """Runs the subcommand; wrong input gives one line and exit code 2."""
+    """Runs the subcommand; prints one line and returns exit code 2 for invalid input."""
     try:
         check_order(parsed)
         return int(parsed.run(parsed))
@@ -221,12 +221,12 @@ def _reason(error: OSError) -> str:
 
 
 def is_own(error: ValueError) -> bool:
-    """Whether an error is one of the packages' own; other ValueErrors are defects."""
+    """Whether a ValueError comes from slosh's own packages; any other is a programming error."""
     return type(error).__module__.startswith("slosh_")
 
 
 def check_order(arguments: argparse.Namespace) -> None:
-    """Refuses arguments in the wrong order, such as a table in the place of MODEL.
+    """Raises an error if positional arguments are in the wrong order, such as a table as MODEL.
 
     Raises:
         SloshBringupError: with the command as it is meant, where two are exchanged.
@@ -251,7 +251,7 @@ def check_order(arguments: argparse.Namespace) -> None:
 
 
 def _check_kinds(arguments: argparse.Namespace) -> None:
-    """Refuses folders in place of files, and a cell's files in each other's place."""
+    """Raises an error if a folder or a wrong kind of file is given for a file argument."""
     for model in filter(Path.is_dir, _paths(arguments, "model")):
         inside = model / "model.yaml"
         meant = f"; did you mean {inside}?" if inside.is_file() else ""
@@ -272,7 +272,7 @@ def _check_kinds(arguments: argparse.Namespace) -> None:
 
 
 def _paths(arguments: argparse.Namespace, name: str) -> list[Path]:
-    """Returns the paths of an argument."""
+    """Returns the paths given for an argument, as a list."""
     given = getattr(arguments, name, None)
     return [
         one for one in (given if isinstance(given, list) else [given]) if isinstance(one, Path)

@@ -41,10 +41,10 @@ columns:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh modes` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model.yaml")
+    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
     parser.add_argument(
         "--count", type=int, default=3, metavar="N", help="number of modes per axis (default: 3)"
     )
@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints the modes; writes the picture and the model file."""
+    """Prints the modes and writes the requested picture and model file."""
     check_apart([arguments.output, arguments.plot], [arguments.model])
     if not 1 <= arguments.count <= MAXIMUM_MODE:
         raise SloshBringupError(f"--count {arguments.count}: must be 1 … {MAXIMUM_MODE}")
@@ -97,7 +97,7 @@ def facts(model: Model, rows: tuple[ModeRow, ...]) -> dict[str, Any]:
 
 
 def _surface(model: Model, row: ModeRow) -> list[list[float]] | None:
-    """Returns positions along x [m] and heights per displacement; None: unknown for this mode."""
+    """Returns a mode's positions along x [m] and heights per unit amplitude, or None."""
     if row.axis != "x" or model.container.section == PRISMATIC:
         return None
     try:
@@ -114,7 +114,7 @@ def _known(value: Any) -> Any:
 
 
 def text(model: Model, rows: tuple[ModeRow, ...]) -> str:
-    """Formats the modes as a table."""
+    """Formats the modes of a container as a text table."""
     lines = [
         plain_line(model.container.described),
         "axis mode  frequency  damping     mass  share  height  static  pendulum  position"

@@ -1,4 +1,4 @@
-"""`slosh motion`: makes a machine's stroke-by-stroke motion as a motion table."""
+"""`slosh motion`: generates the step-by-step motion of a machine as a motion table."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ in the rest: motion time b * 60/n, cycle time 60/n [s]. For example TM20, Fig. 4
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh motion` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
     parser.add_argument("profile", metavar="PROFILE", help=f"motion law: {', '.join(LAWS)}")
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the table; prints times and peaks."""
+    """Writes the motion table and prints its durations and peak accelerations."""
     if not is_motion_table(arguments.output):
         raise SloshBringupError(f"{arguments.output}: a motion table must end in {SUFFIXES[0]}")
     cycle = Cycle(
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def motion_table(cycle: Cycle, rate: float, cycles: int, axis: str) -> MotionTable:
-    """Makes the table of some cycles, sampled uniformly from 0 to their end.
+    """Samples a number of machine cycles uniformly and returns them as a motion table.
 
     Args:
         cycle: what is repeated.
@@ -102,7 +102,7 @@ def motion_table(cycle: Cycle, rate: float, cycles: int, axis: str) -> MotionTab
 
 
 def summary(cycle: Cycle, table: MotionTable, output: Path, *, as_json: bool) -> str:
-    """Formats times and peak acceleration, in one line or as JSON."""
+    """Formats durations and peak acceleration of a cycle, in one line or as JSON."""
     peak = float(np.abs(table.acceleration).max())
     if as_json:
         facts = {

@@ -1,4 +1,4 @@
-"""`slosh mounting`: whether a sensor's axes, signs and units are right, by a recorded motion."""
+"""`slosh mounting`: checks a sensor's axes, signs and units against a recorded motion."""
 
 from __future__ import annotations
 
@@ -33,24 +33,26 @@ and the remedy. What the motion did not show is listed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh mounting` to the argument parser."""
     parser.epilog = EPILOG
     parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
-        "--sensor", choices=SENSORS, help="what is checked (default: the first of these)"
+        "--sensor",
+        choices=SENSORS,
+        help="sensor to check (default: the first of these in the bag)",
     )
     parser.add_argument(
         "--reference", choices=REFERENCES,
-        help="what tells the motion (default: the first of these)",
+        help="source of the true motion (default: the first of these in the bag)",
     )  # fmt: skip
     add_robot_options(parser)
     parser.add_argument(
         "--sensor-rotation", type=RADIANS, nargs=3, metavar=("ROLL", "PITCH", "YAW"),
-        help="sensor_rotation to check, roll, pitch, yaw (default: recorded, or /tf_static's)",
+        help="sensor_rotation to check [rad] (default: as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--sensor-to-origin", type=length(5.0), nargs=3, metavar=("X", "Y", "Z"),
-        help="sensor_to_origin to check (default: likewise)",
+        help="sensor_to_origin to check [m] (default: as recorded, or from /tf_static)",
     )  # fmt: skip
     parser.add_argument(
         "--namespace", metavar="NAMESPACE", help="namespace of the cell, for a bag with several"
@@ -59,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints what was found; 1 where something is wrong."""
+    """Prints the result of the mounting check; returns 1 if something is wrong."""
     wanted = MountingWanted(
         arguments.sensor, arguments.reference, wanted_robot(arguments),
         _three(arguments.sensor_rotation), _three(arguments.sensor_to_origin), arguments.namespace,
@@ -81,7 +83,7 @@ def _reference_wrong(found: MountingCheck) -> list[str]:
 
 
 def lines(found: MountingCheck) -> list[str]:
-    """What was compared, what was measured, and what follows."""
+    """Formats the compared topics, the measured values and the conclusion as text lines."""
     frame = f", frame {found.frame!r}" if found.frame else ""
     rows = [("sensor", f"{found.topic} ({found.kind}), {found.messages} messages{frame}")]
     if found.reference[0]:
@@ -106,7 +108,7 @@ def lines(found: MountingCheck) -> list[str]:
 
 
 def measured(verdict: MountingVerdict, motions: int) -> list[tuple[str, str]]:
-    """Rows of what was measured, with standard errors."""
+    """Returns rows (name, value) of the measured quantities with their standard errors."""
     fit = verdict.fit
     angles = ", ".join(f"{angle + 0.0:.4f}" for angle in verdict.sensor_rotation)
     count = f"{motions} motion{'s' if motions > 1 else ''}"
@@ -124,7 +126,7 @@ def measured(verdict: MountingVerdict, motions: int) -> list[tuple[str, str]]:
 
 
 def document(found: MountingCheck) -> dict[str, Any]:
-    """The result for programs, in SI units; what is not known is None."""
+    """Returns the mounting check's result for JSON in SI units; unknown values are None."""
     told: dict[str, Any] = {
         "sensor": {"kind": found.kind, "topic": found.topic, "messages": found.messages},
         "reference": {"kind": found.reference[0], "topic": found.reference[1]},

@@ -28,7 +28,7 @@ _LIQUID = "water"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh new` to the argument parser."""
     parser.add_argument(
         "folder", type=Path, metavar="DIR", help="folder for the files, new or empty"
     )
@@ -43,12 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             old_name(parser, action, "--wall-thickness")
     cup.add_argument(
         "--shape", metavar="NAME",
-        help="another shape by lengths, such as frustum or beaker: slosh modes shows its waves; "
+        help="another container shape, such as frustum or beaker, with dimensions as --length; "
         "the cell then has no camera",
     )  # fmt: skip
     cup.add_argument(
         "--length", action="append", default=[], metavar="NAME=M",
-        help="a length of that shape, such as top_radius=40mm [m]; repeatable",
+        help="a dimension of the --shape [m], such as top_radius=40mm; repeatable",
     )  # fmt: skip
     add_outline_arguments(parser)
     liquid = parser.add_argument_group("liquid")
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="describe a cell without a camera; only the estimate is monitored",
     )  # fmt: skip
     robot = parser.add_argument_group("robot whose joint states drive the models")
-    robot.add_argument("--urdf", type=Path, metavar="FILE", help="robot description")
+    robot.add_argument("--urdf", type=Path, metavar="FILE", help="URDF file of the robot")
     robot.add_argument(
         "--tool-frame", metavar="LINK", help="link of the robot that holds the container"
     )
@@ -82,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the files and says what comes next."""
+    """Writes the first files of a new cup and prints the next steps."""
     if arguments.page is not None:
         return write_page(arguments)
     folder: Path = arguments.folder
@@ -138,7 +138,7 @@ def _cup(arguments: argparse.Namespace) -> NewCup:
 
 
 def _check_liquid(given: dict[str, float], named: str | None) -> None:
-    """Asks for the viscosity if only the density of a liquid is given.
+    """Raises an error if a liquid's density is given without its viscosity.
 
     Raises:
         SloshBringupError: it is not given.
@@ -155,7 +155,7 @@ def _check_liquid(given: dict[str, float], named: str | None) -> None:
 
 
 def _check_shape(given: dict[str, float]) -> None:
-    """Refuses a cup with contradictory dimensions."""
+    """Raises an error if the cup's dimensions contradict each other."""
     if {"radius", "diameter"} <= given.keys():
         raise SloshBringupError("--radius and --diameter: give one of them")
     cylinder, rectangle = {"radius", "diameter"} & given.keys(), {"width", "depth"} & given.keys()
@@ -167,7 +167,7 @@ def _check_shape(given: dict[str, float]) -> None:
 
 
 def _of_shape(shape: str, words: list[str], given: dict[str, float]) -> dict[str, float]:
-    """Returns the lengths of a contour shape, from options and questions; empty without one.
+    """Returns the dimensions of a --shape container, from options and prompts.
 
     Raises:
         SloshBringupError: a length that it does not have, or that is missing.
@@ -198,7 +198,7 @@ def _of_shape(shape: str, words: list[str], given: dict[str, float]) -> dict[str
 
 
 def _missing(given: dict[str, float], shape: str) -> list[str]:
-    """Returns the options that are required but missing."""
+    """Returns the required options that were not given."""
     missing = []
     if given.keys() & {"width", "depth"}:
         missing += [f"--{name}" for name in ("width", "depth") if name not in given]
@@ -239,7 +239,7 @@ def _answer(question: str, answers: tuple[str, ...]) -> str:
 
 
 def _ask(given: dict[str, float], name: str, *, optional: bool = False) -> None:
-    """Asks for one quantity until the answer is valid."""
+    """Prompts for one quantity until the answer is valid."""
     if name in given:
         return
     quantity = QUANTITIES[name]

@@ -1,4 +1,4 @@
-"""`slosh new --outline`: a body of revolution by points clicked on a photograph."""
+"""`slosh new --outline`: makes a body of revolution from points clicked on a photograph."""
 
 from __future__ import annotations
 
@@ -25,9 +25,11 @@ _MICROMETRE = 6
 
 
 def add_outline_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the options."""
+    """Adds the options for an outline from a photograph to the argument parser."""
     group = parser.add_argument_group("container by a photograph of its outline, from the side")
-    group.add_argument("--outline", type=Path, metavar="IMAGE", help="the photograph")
+    group.add_argument(
+        "--outline", type=Path, metavar="IMAGE", help="photograph of the container from the side"
+    )
     group.add_argument(
         "--across", type=length(), metavar="M",
         help="outer width between the first two points, the ends of the rim [m]",
@@ -44,7 +46,7 @@ def add_outline_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def write_page(arguments: argparse.Namespace) -> int:
-    """Writes the page on which the points are clicked."""
+    """Writes the HTML page on which the user clicks the outline's points."""
     from slosh_bringup.scale_page import OUTLINE, render_clicks
 
     if arguments.outline is None:
@@ -73,7 +75,7 @@ def write_page(arguments: argparse.Namespace) -> int:
 
 
 def outline_profile(arguments: argparse.Namespace) -> Profile:
-    """The inner profile [m], from the floor's centre to the rim; empty without --outline.
+    """Returns the inner wall profile that --outline gives, from floor centre to rim [m].
 
     Raises:
         SloshBringupError: what is missing, or points that are no outline.
@@ -105,7 +107,7 @@ def outline_profile(arguments: argparse.Namespace) -> Profile:
 
 
 def profile_of(points: Array, across: float, wall: float) -> Profile:
-    """A profile from points of an outline.
+    """Computes a wall profile [m] from points of an outline in a photograph.
 
     The photograph is taken to be without perspective, which is right to the share that the
     container's width is of the camera's distance, squared.
@@ -151,7 +153,7 @@ def profile_of(points: Array, across: float, wall: float) -> Profile:
 
 
 def _inwards(outer: Array) -> Array:
-    """(N, 2) unit vectors to the inside of a wall that is followed upwards."""
+    """Returns unit vectors, (N, 2), that point from an outer wall profile to its inside."""
     way = np.gradient(outer, axis=0)
     normal = np.column_stack([-way[:, 1], way[:, 0]])
     found: Array = normal / np.maximum(np.hypot(*normal.T), 1e-12)[:, np.newaxis]

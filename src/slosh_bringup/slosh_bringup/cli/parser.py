@@ -28,7 +28,7 @@ class SloshParser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """Parses as argparse does, but reports the first unknown option before other errors."""
+        """Parses as argparse does, but reports an unknown option before other errors."""
         if args is not None:
             self._refuse_unknown(args)
         found, extras = super().parse_known_args(args, namespace)
@@ -39,7 +39,7 @@ class SloshParser(argparse.ArgumentParser):
         return found, extras
 
     def _late(self, found: argparse.Namespace, extras: list[str]) -> list[str]:
-        """Assigns the word after the options to an optional argument; argparse does not."""
+        """Assigns a word that follows options to an optional positional argument."""
         for action in self._get_positional_actions():
             missing = action.nargs == argparse.OPTIONAL and getattr(found, action.dest) is None
             if missing and extras and not extras[0].startswith("-"):
@@ -51,12 +51,12 @@ class SloshParser(argparse.ArgumentParser):
         return extras
 
     def error(self, message: str) -> NoReturn:
-        """Prints one line and ends the process."""
+        """Prints the error in one line and ends the process with exit code 2."""
         self.exit(EXIT_WRONG_INPUT, plain_line(f"{self._name}: {self._worded(message)}") + "\n")
 
     @property
     def _name(self) -> str:
-        """Name of the command, such as `slosh predict`, without the rest of the usage."""
+        """Name of the command, such as `slosh predict`, for error messages."""
         return " ".join(word for word in self.prog.split() if word.replace("-", "").isalnum())
 
     @property
@@ -83,7 +83,7 @@ class SloshParser(argparse.ArgumentParser):
         self.error(f"{kind} {words:.120}; {self._help} lists the arguments")
 
     def _worded(self, message: str) -> str:
-        """Rewords an error message of argparse."""
+        """Rewords an error message of argparse in plain English."""
         if message.startswith(_MISSING):
             return self._missing(message.removeprefix(_MISSING))
         choice, number = _CHOICE.fullmatch(message), _NOT_A.fullmatch(message)
@@ -107,7 +107,7 @@ class SloshParser(argparse.ArgumentParser):
         return f"{option}: {given!r:.60} is not one of {', '.join(known)}{meant}"
 
     def _missing(self, names: str) -> str:
-        """Names missing arguments, and options with many values that may have taken them."""
+        """Describes missing arguments, and names multi-value options that may have taken them."""
         greedy = [
             one.option_strings[0] for one in self._actions
             if one.option_strings and one.nargs == "+"
@@ -123,7 +123,7 @@ class SloshParser(argparse.ArgumentParser):
         return f"missing: {names}{taken}; {self._help} shows how"
 
     def _seen(self, options: list[str]) -> str:
-        """Returns which of the options were typed."""
+        """Returns which of the given options were typed on the command line."""
         return ", ".join(option for option in options if option in self._typed)
 
     _typed: frozenset[str] = frozenset()
@@ -140,7 +140,7 @@ def old_name(parser: argparse.ArgumentParser, action: argparse.Action, *names: s
 
 
 def grouped_help(usage: str, groups: Mapping[str, Mapping[str, str]], end: str) -> str:
-    """Formats the help of a command with many subcommands, grouped by task.
+    """Formats the help text of a command whose subcommands are grouped by task.
 
     Args:
         usage: the first lines.

@@ -1,4 +1,4 @@
-"""Checks picture files that a command writes."""
+"""Checks the names of picture files that a command writes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PICTURES = (".png", ".svg")
 
 
 def check_picture(path: Path | None) -> None:
-    """Refuses a picture file of an unknown format; None is accepted.
+    """Raises an error if a picture file has an unknown format; accepts None.
 
     Raises:
         SloshBringupError: its name has another ending.

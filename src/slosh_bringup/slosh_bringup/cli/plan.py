@@ -6,8 +6,12 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -25,6 +29,7 @@ from slosh_bringup.model_error import read_model_error
 from slosh_model import Model
 from slosh_model.tray import TrayContainer, read_tray
 from slosh_plan import HeightLimits, ModelError
+from slosh_plan.planning.checked import LooseContainer
 from slosh_plan.planning.limits import (
     ACCELERATION,
     JERK,
@@ -35,6 +40,7 @@ from slosh_plan.planning.limits import (
 )
 from slosh_plan.planning.plan import TIME_LIMIT, NoSafeMotionError, Plan, plan, tilting
 from slosh_plan.planning.plan_tray import TrayPlan, plan_tray
+from slosh_plan.planning.robust import LikelyHeights, plan_robust
 from slosh_plan.planning.tolerance import ERRORS, USUAL, Tolerance, frequency_tolerance
 from slosh_plan.tables.joint_table import write_joint_table
 from slosh_plan.tables.path_table import write_plan_table
@@ -46,14 +52,17 @@ the same columns and ax,ay,az, at 1 kHz, from rest to rest. The motion passes al
 0.1 mm; it stops where the line between them turns by more than 60 degrees. Exit code 1: no motion
 keeps the limits, or units or attitude of the path look wrong."""
 EXIT_NONE = 1
+P = TypeVar("P")
 PAGE, DOCUMENT = "report.html", "plan.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh plan` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
+    parser.add_argument(
+        "model", type=Path, help="model of the liquid (model.yaml), or a tray file"
+    )
     add_path_arguments(parser)
     parser.add_argument(
         "--limit",
@@ -113,6 +122,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "largest values are used",
     )  # fmt: skip
     parser.add_argument(
+        "--robust", action="store_true",
+        help="keep the limits for all likely values (95 %%) of the model's parameters, by the "
+        "covariance in model.yaml",
+    )  # fmt: skip
+    parser.add_argument(
         "--time-limit", type=time(3600.0), default=TIME_LIMIT, metavar="S",
         help="time after which the search stops and returns the best motion so far [s] "
         f"(default: {TIME_LIMIT:g})",
@@ -128,7 +142,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plans and writes the motion; prints the result."""
+    """Plans the motion, writes it and prints the result."""
     if arguments.output is not None:
         if arguments.output.suffix != ".csv":
             raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
@@ -142,23 +156,32 @@ def run(arguments: argparse.Namespace) -> int:
     asked = asked_path(arguments, tray.first.model, tell)
     name, attitude = asked.name, asked.waypoints.attitude
 
-    def make(one: TrayContainer, kept: PlanLimits) -> Plan:
-        return plan(
+    if arguments.robust and tray.is_tray:
+        raise SloshBringupError("--robust: plans for one container, not for a tray")
+
+    def make(one: TrayContainer, kept: PlanLimits, make_plan: Callable[..., P]) -> P:
+        return make_plan(
             one.placed, asked.path, kept, attitude=attitude, margin=arguments.margin,
             error=model_error(arguments, one.model.name), time_limit=arguments.time_limit,
         )  # fmt: skip
 
-    others: list[str] = []
+    def make_loose(one: TrayContainer, kept: PlanLimits) -> Plan:
+        return make(one, kept, partial(plan, loose=LooseContainer.of(one)))
+
+    others, likely = list[str](), None
     try:
         if tray.is_tray:
             error = model_error(arguments, tray.first.model.name)
             planned = plan_tray(
-                tray, limits, make, attitude=attitude, margin=arguments.margin, error=error
+                tray, limits, make_loose, attitude=attitude, margin=arguments.margin, error=error
             )
             answer, of = planned.plan, planned.of
             others = tray_lines(planned)
+        elif arguments.robust:
+            of, (answer, likely) = "", make(tray.first, limits, plan_robust)
+            others = [likely_words(answer, likely)]
         else:
-            answer, of = make(tray.first, limits), ""
+            answer, of = make(tray.first, limits, plan), ""
     except NoSafeMotionError as error:
         print(plain_line(f"slosh plan: {name}: {error}"), file=sys.stderr)
         return EXIT_NONE
@@ -167,7 +190,11 @@ def run(arguments: argparse.Namespace) -> int:
     felt = tilting(model, limits, answer.path)
     borne = frequency_tolerance(felt, answer.found.motion, answer.limits, attitude)
     text = (
-        json.dumps(facts(answer, borne) | ({"container": of} if of else {}))
+        json.dumps(
+            facts(answer, borne)
+            | ({"container": of} if of else {})
+            | ({"likely": asdict(likely)} if likely else {})
+        )
         if arguments.json
         else "\n".join([*others, summary(answer, arguments.output, borne)])
     )
@@ -175,17 +202,32 @@ def run(arguments: argparse.Namespace) -> int:
     return tell.exit_code
 
 
+def likely_words(answer: Plan, likely: LikelyHeights) -> str:
+    """Describes the heights for all likely parameters and what they cost in time."""
+    duration, limits = answer.found.motion.duration, answer.limits
+    return (
+        f"with {likely.count} likely models ({', '.join(likely.parameters)}; 95 %) up to "
+        f"{1e3 * likely.peak:.2f} of {1e3 * limits.height:.4g} mm, after the end "
+        f"{1e3 * likely.residual:.2f} of {1e3 * limits.residual:.4g} mm; "
+        f"{likely.nominal_duration:.3f} s would do for the model's own parameters "
+        f"({100.0 * (duration / likely.nominal_duration - 1.0):+.1f} %)"
+    )
+
+
 def tray_lines(planned: TrayPlan) -> list[str]:
-    """The container that determines the plan, and what each other one does."""
+    """Describes which container limits the plan, and the heights in the tray's others."""
     heights = [
         f"{name} {1e3 * each.nonlinear.peak:.2f} of {1e3 * each.limits.height:g} mm"
         for name, each in planned.found.containers.items()
     ]
-    return [f"planned for container {planned.of}: {', '.join(heights)}"]
+    return [
+        f"planned for container {planned.of}: {', '.join(heights)}",
+        *planned.found.loose_words,
+    ]
 
 
 def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
-    """What the motion must keep."""
+    """Returns the limits that the planned motion must satisfy."""
     limit, distance = arguments.limit, arguments.rim_distance
     if limit is None:
         if distance == 0.0:
@@ -208,7 +250,7 @@ def plan_limits(arguments: argparse.Namespace, model: Model) -> PlanLimits:
 
 
 def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
-    """Returns the model error that is subtracted from the limits; None: none is given."""
+    """Returns the model error to subtract from the limits, or None if none is given."""
     given = arguments.sigma, arguments.epsilon
     if arguments.error:
         if given != (None, None):
@@ -222,7 +264,7 @@ def model_error(arguments: argparse.Namespace, model: str) -> ModelError | None:
 def write_results(
     arguments: argparse.Namespace, model: Model, answer: Plan, asked: AskedPath
 ) -> None:
-    """Writes the requested files, motion and page: both or neither."""
+    """Writes the requested motion file and page: both, or neither if one fails."""
     with ExitStack() as stack:
         if arguments.report is not None:
             # It loads the templates: a plan without a page does without.
@@ -244,7 +286,7 @@ def write_results(
 
 
 def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
-    """Returns the plan as a dictionary in SI units."""
+    """Returns the planned motion's results as a dictionary in SI units."""
     found, scaled = answer.found, answer.scaled
     return {
         "duration": found.motion.duration,
@@ -280,7 +322,7 @@ def facts(answer: Plan, borne: Tolerance) -> dict[str, object]:
 
 
 def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
-    """Formats the plan in a few lines."""
+    """Formats the planned motion's results in a few lines of text."""
     found, limits = answer.found, answer.limits
     duration = found.motion.duration
     count = len(found.motion.t)
@@ -309,7 +351,7 @@ def summary(answer: Plan, output: Path | None, borne: Tolerance) -> str:
 
 
 def tilted(answer: Plan) -> list[str]:
-    """Describes the container's tilt if tilting is allowed."""
+    """Describes the container's tilt, as text lines; empty if tilting is not allowed."""
     found, limits = answer.found, answer.limits
     if limits.tilt == 0.0:
         return []
@@ -323,7 +365,7 @@ def tilted(answer: Plan) -> list[str]:
 
 
 def joints_used(answer: Plan) -> list[str]:
-    """Describes how much of the robot's joint limits a joint motion uses."""
+    """Describes how close a joint motion comes to the robot's joint limits."""
     used = answer.found.joints
     if not used:
         return []
@@ -333,7 +375,7 @@ def joints_used(answer: Plan) -> list[str]:
 
 
 def path_words(answer: Plan) -> str:
-    """Describes the path: length, stops and distance from straight lines."""
+    """Describes the path: its length, its stops and its distance from straight lines."""
     path, motion = answer.path, answer.found.motion
     length, unit = path.length, "mm"
     if motion.joints is not None:
@@ -346,7 +388,7 @@ def path_words(answer: Plan) -> str:
 
 
 def interval(answer: Plan) -> str:
-    """Describes the heights' interval due to the model error and the parameter covariance."""
+    """Describes the interval of peak heights due to model error and parameter covariance."""
     if answer.upper is None:
         return "the model has no covariance of its parameters: no interval"
     (peak, residual), found, error = answer.upper, answer.found, answer.error
@@ -370,7 +412,7 @@ def interval(answer: Plan) -> str:
 
 
 def tolerance(borne: Tolerance) -> str:
-    """Describes which frequency error would break the plan."""
+    """Describes how large a natural-frequency error would make the plan exceed its limit."""
     usual = f"with a frequency {100.0 * USUAL:g} % off up to {1e3 * borne.peak:.2f} mm"
     after = f"after the end {1e3 * borne.residual:.2f} mm"
     if borne.error == 0.0:

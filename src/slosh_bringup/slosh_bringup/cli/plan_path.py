@@ -1,4 +1,4 @@
-"""The path options of `slosh plan`: of the container, straight, or of a robot's joints."""
+"""Path options of `slosh plan`: a path of the container or of a robot's joints."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from slosh_plan.tables.path_table import read_path_table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AskedPath:
-    """The path to plan.
+    """The path to be planned, from the command line.
 
     Attributes:
         name: where it comes from.
@@ -41,7 +41,7 @@ class AskedPath:
 
 
 def add_path_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the options that give the path."""
+    """Adds the options that describe the path to the argument parser."""
     parser.add_argument(
         "path", type=Path, nargs="?",
         help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv); with --urdf t and the robot's joints",
@@ -74,7 +74,7 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def asked_path(arguments: argparse.Namespace, model: Model, tell: Teller) -> AskedPath:
-    """Returns the path of the command line; prints warnings about it."""
+    """Reads the path given on the command line and prints warnings about it."""
     if (arguments.path is None) == (arguments.straight is None):
         raise SloshBringupError("give either a PATH or --straight with its length in metres")
     if (arguments.urdf is None) != (arguments.tool_frame is None):

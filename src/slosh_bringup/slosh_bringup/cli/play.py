@@ -17,7 +17,7 @@ from slosh_msgs_py.topics import TOPICS, TopicRole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh play` to the argument parser."""
     parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
         "--rate",
@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plays the bag to its end or Ctrl-C."""
+    """Plays the bag until its end or until Ctrl-C is pressed."""
     if not 0.0 <= arguments.wait <= 3600.0:
         raise SloshBringupError(f"--wait {arguments.wait:g}: must be from 0 to 3600 s")
     if not 0 <= arguments.subscribers <= 1000:

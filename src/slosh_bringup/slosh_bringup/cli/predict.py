@@ -1,4 +1,4 @@
-"""`slosh predict`: predicts peak heights of candidate motions and safe time scales."""
+"""`slosh predict`: predicts peak heights of planned motions, and time scales that are safe."""
 
 from __future__ import annotations
 
@@ -58,15 +58,17 @@ limits.
 If model.yaml gives rim_height, the rim limits the height, too, or the distance to it by
 --rim-distance: the lower limit applies.
 
-exit code: 0, 1 where a limit or the rim is exceeded or units or axes look wrong, 2 for wrong
-input"""
+exit code: 0, 1 where a limit or the rim is exceeded, a container slides or tips, or units or axes
+look wrong, 2 for wrong input"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh predict` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("model", type=Path, help="model of the liquid (model.yaml), or a tray")
+    parser.add_argument(
+        "model", type=Path, help="model of the liquid (model.yaml), or a tray file"
+    )
     parser.add_argument(
         "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
         help="trajectory: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw] (.csv, "
@@ -118,7 +120,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Predicts, prints and writes the results; 1 above a limit or for a doubtful input."""
+    """Predicts the motions and prints the results; returns 1 if a limit is exceeded."""
     outputs = [arguments.output, arguments.plot, arguments.page]
     check_apart(outputs, [arguments.model, *arguments.trajectories])
     check_picture(arguments.plot)
@@ -156,11 +158,12 @@ def run(arguments: argparse.Namespace) -> int:
     write_shown(arguments, model, motions, found, scales)
     show = as_json if arguments.json else as_text
     print(show(found, scales, each if tray.is_tray else None))
-    return tell.exit_code if all(one.kept for one in found) else EXIT_EXCEEDED
+    kept = all(one.of_worst.kept and one.stands for one in each)
+    return tell.exit_code if kept else EXIT_EXCEEDED
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:
-    """Reads the motions: of the container, or of a robot's joints with --urdf."""
+    """Reads motions of the container, or of a robot's joints if --urdf is given."""
     if (arguments.urdf is None) != (arguments.tool_frame is None):
         raise SloshBringupError("--urdf and --tool-frame must be given together")
     options = table_options(arguments)
@@ -177,7 +180,7 @@ def write_shown(
     found: Sequence[Prediction],
     scales: Sequence[SafeScales | None],
 ) -> None:
-    """Writes the requested picture and page."""
+    """Writes the requested picture and HTML page of the predicted motions."""
     if arguments.plot is None and arguments.page is None:
         return
     # They load matplotlib, which is slow.
@@ -193,7 +196,7 @@ def write_shown(
 def write_table(
     path: Path, found: Sequence[Prediction], scales: Sequence[SafeScales | None]
 ) -> None:
-    """Writes COLUMNS [s, m, rad], one row per motion."""
+    """Writes the predictions as a CSV file, one row per motion, in SI units."""
     with new_text(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -206,14 +209,15 @@ def as_json(
     scales: Sequence[SafeScales | None],
     tray: Sequence[TrayPrediction] | None = None,
 ) -> str:
-    """The answers as a list of objects with COLUMNS and more; what is unknown is null.
+    """Formats the predictions as a JSON list with one object per motion; unknown values are null.
 
     Of a tray they are of the worst container, whose name and the peaks of all they hold, too.
     """
     facts = list(_facts(found, scales))
     for row, each in zip(facts, tray or (), strict=False):
         peaks = {name: one.nonlinear.peak for name, one in each.containers.items()}
-        row |= {"container": each.worst, "containers": peaks}
+        loose = {name: use._asdict() for name, use in each.standing.items()}
+        row |= {"container": each.worst, "containers": peaks, "standing": loose}
     return json.dumps(plain(facts), indent=1)
 
 
@@ -222,7 +226,7 @@ def as_text(
     scales: Sequence[SafeScales | None],
     tray: Sequence[TrayPrediction] | None = None,
 ) -> str:
-    """The answers as a table for people; of a tray the worst container's, and its name."""
+    """Formats the predictions as a text table; a tray shows its worst container."""
     rows = [list(HEADING)]
     for place, (one, scale) in enumerate(zip(found, scales, strict=True)):
         remarks = [*_of_tray(tray[place])] if tray else []
@@ -245,13 +249,16 @@ def as_text(
 
 
 def _of_tray(each: TrayPrediction) -> Iterator[str]:
-    """The worst container and the heights of the others."""
+    """Yields text lines with a tray's worst container and the heights in the others."""
     others = ", ".join(
         f"{name} {1e3 * one.nonlinear.peak:.1f} mm"
         for name, one in each.containers.items()
         if name != each.worst
     )
     yield f"worst container {each.worst}" + (f" ({others})" if others else "")
+    yield from each.loose_words
+    if each.standing:
+        yield "time scales do not count sliding and tipping"
 
 
 def _interval(one: Prediction) -> str:

@@ -1,4 +1,4 @@
-"""Shows the progress of long work on standard error.
+"""Shows the progress of long operations on standard error.
 
 A terminal gets a bar, whose numbers and unit stay whole on narrow ones. A pipe, a file and a dumb
 terminal get a plain line now and then: they keep all that they are told.
@@ -35,7 +35,7 @@ Tell = Callable[[float, str], None]
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """The unit in which an amount is shown.
+    """Unit in which the amount of work is shown.
 
     Attributes:
         name: e.g. 's'; empty: only the share is told.
@@ -61,7 +61,7 @@ MESSAGES = Unit("messages")
 
 
 class Progress:
-    """The progress of some work; use it as a context manager.
+    """Progress of an operation, used as a context manager.
 
     Args:
         title: what is done.
@@ -99,35 +99,35 @@ class Progress:
             self._view.end(failed=kind is not None)
 
     def add(self, amount: float = 1.0) -> None:
-        """Adds an amount of work done."""
+        """Adds to the amount of work that is done."""
         self.reach(self.done + amount)
 
     def reach(self, done: float, text: str = "") -> None:
-        """Sets the total amount done and the current activity."""
+        """Sets the amount of work done and describes the current activity."""
         changed, self.done, self.text = text != self.text, done, text
         if self._view is not None:
             self._view.show(at_once=changed)
 
     def of(self, done: float, total: float) -> None:
-        """Sets the amount done and the total."""
+        """Sets both the amount of work done and the total amount of work."""
         self.total = total
         self.reach(done)
 
     @property
     def share(self) -> float | None:
-        """Share of the total that is done, at most 1; None: unknown."""
+        """Fraction of the total work that is done, at most 1, or None if the total is unknown."""
         if self.total is None:
             return None
         return min(max(self.done / self.total, 0.0), 1.0) if self.total else 1.0
 
     @property
     def head(self) -> str:
-        """The title and the current activity."""
+        """Title of the operation and the current activity."""
         return f"{self.title}: {self.text}" if self.text else self.title
 
     @property
     def numbers(self) -> list[str]:
-        """Known share and amount as text."""
+        """Fraction done and amount done, as text; unknown values are left out."""
         # Rounded down: what says 100% is done.
         share = [] if self.share is None else [f"{math.floor(100.0 * self.share + 1e-9):3}%"]
         amount = self.unit.amount(self.done, self.total)
@@ -140,12 +140,12 @@ def can_draw(stream: TextIO) -> bool:
 
 
 def say(line: str) -> None:
-    """Prints a line on standard error without breaking a progress bar."""
+    """Prints a line on standard error without disturbing a progress bar."""
     tqdm.write(line, file=sys.stderr)
 
 
 class _Bar(tqdm):
-    """Redraws a bar in one line with tqdm."""
+    """Draws a progress bar in one line, using tqdm."""
 
     def __init__(self, progress: Progress, delay: float) -> None:
         self._progress = progress
@@ -171,7 +171,7 @@ class _Bar(tqdm):
 def bar_line(
     head: str, share: float | None, numbers: list[str], columns: int, charset: str = Bar.UTF
 ) -> str:
-    """Formats a line of limited width; drops the bar first, then the head.
+    """Formats a progress line of limited width; drops the bar first, then the title.
 
     Args:
         head: what is done.
@@ -193,7 +193,7 @@ def bar_line(
 
 
 class _Lines:
-    """Prints a plain line at the start, at the end and occasionally in between."""
+    """Prints progress as plain lines: at the start, at the end and sometimes in between."""
 
     def __init__(self, progress: Progress, stream: TextIO, delay: float) -> None:
         self._progress, self._stream = progress, stream
@@ -236,7 +236,7 @@ def _columns(stream: Any) -> int:
 
 @contextmanager
 def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[Tell]:
-    """Shows progress over an expected duration [s]; a normal end completes the bar."""
+    """Shows progress over an expected duration [s]; completes the bar at a normal end."""
     stopped = False
     with Progress(title, length, IN_SECONDS, delay=0.0, quiet=quiet) as progress:
 
@@ -252,18 +252,18 @@ def progress_bar(title: str, length: float, *, quiet: bool = False) -> Iterator[
 
 @contextmanager
 def clock(title: str) -> Iterator[Tell]:
-    """Shows the elapsed time of work without a known end."""
+    """Shows the elapsed time of an operation of unknown duration."""
     with Progress(title, None, Unit("s"), delay=0.0) as progress:
         yield lambda elapsed, text: progress.reach(elapsed, "" if text == STOPPING else text)
 
 
 @contextmanager
 def share_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """Shows progress over a share in [0, 1], with the current activity."""
+    """Shows progress given as a fraction from 0 to 1, with the current activity."""
     with Progress(title, 1.0, SHARE, delay=0.0) as progress:
         yield lambda text, share: progress.reach(share, text)
 
 
 def item_progress(title: str, count: int, unit: str) -> Progress:
-    """Shows progress over a number of items; nothing for a single one."""
+    """Shows progress over a number of items; shows nothing for a single item."""
     return Progress(title, count, Unit(unit), quiet=count <= 1)

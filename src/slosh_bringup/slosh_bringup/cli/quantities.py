@@ -13,7 +13,7 @@ _VALUE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quantity:
-    """An argparse type: a number, with an optional unit.
+    """An argparse type for a number with an optional unit.
 
     Attributes:
         unit: of a bare number, and of what is returned.
@@ -30,7 +30,7 @@ class Quantity:
     most: float = math.inf
 
     def __call__(self, text: str) -> float:
-        """Returns the value in the option's unit.
+        """Parses a number with an optional unit and converts it to this type's unit.
 
         Raises:
             argparse.ArgumentTypeError: no number, an unknown unit, or a bare number that cannot
@@ -51,11 +51,11 @@ class Quantity:
         return value / round(1.0 / factor) if _whole(1.0 / factor) else value * factor
 
     def meaning(self, unit: str) -> str:
-        """Describes a unit by the option's own unit."""
+        """Describes how another unit converts to this type's unit."""
         return f"1 {unit} = {self.units[unit]:.6g} {self.unit}"
 
     def _special(self, text: str) -> float:
-        """Parses infinity and NaN, which the command itself checks."""
+        """Parses infinity and NaN, whose validity the command itself checks."""
         try:
             value = float(text)
         except ValueError:
@@ -90,17 +90,17 @@ _G = 9.80665
 
 
 def length(most: float = math.inf) -> Quantity:
-    """Makes a type for lengths [m]; refuses values above `most` as a mistaken unit."""
+    """Creates an argparse type for lengths [m]; rejects values above `most` as a wrong unit."""
     return Quantity("m", LENGTHS, "mm", most=most)
 
 
 def time(most: float = math.inf) -> Quantity:
-    """Makes a type for times [s]; refuses values above `most` as a mistaken unit."""
+    """Creates an argparse type for times [s]; rejects values above `most` as a wrong unit."""
     return Quantity("s", TIMES, "ms", most=most)
 
 
 def angle(least: float = -math.inf, most: float = math.inf) -> Quantity:
-    """Makes a type for angles [deg]; refuses values out of range as a mistaken unit."""
+    """Creates an argparse type for angles [deg]; rejects values out of range as a wrong unit."""
     return Quantity("deg", ANGLES, "rad", least, most)
 
 

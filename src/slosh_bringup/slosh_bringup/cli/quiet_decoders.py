@@ -15,7 +15,7 @@ _STDERR = 2
 
 @contextmanager
 def quiet_decoders() -> Iterator[None]:
-    """Suppresses output to standard error other than Python's own while it is open.
+    """Suppresses native libraries' output to standard error inside a `with` block.
 
     Decoders write there, one line and more for every damaged image, which gets its own line here.
     """

@@ -18,7 +18,7 @@ from slosh_report.text_table import aligned
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh recover` to the argument parser."""
     parser.add_argument("bag", type=Path, metavar="BAG", help="folder of the bag, or MCAP file")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, help="folder of the new bag, new or empty"
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the new bag; prints what could not be recovered on standard error."""
+    """Writes the recovered bag and reports on standard error what was lost."""
     if arguments.split:
         return _split(arguments)
     files, _ = ordered_files(arguments.bag, damaged=True)
@@ -62,7 +62,7 @@ def _split(arguments: argparse.Namespace) -> int:
 
 
 def as_json(recovery: Recovery) -> str:
-    """Returns the result as JSON."""
+    """Formats the result of a recovery as JSON."""
     return json.dumps(
         {"bag": str(recovery.bag), "messages": recovery.counts, "notes": list(recovery.notes)},
         indent=2,
@@ -70,6 +70,6 @@ def as_json(recovery: Recovery) -> str:
 
 
 def as_text(recovery: Recovery) -> str:
-    """Formats the result for people."""
+    """Formats the result of a recovery as text."""
     rows = [(topic, str(count)) for topic, count in sorted(recovery.counts.items())]
     return "\n".join([*aligned(rows, "<>"), plain_line(recovery.bag)])

@@ -1,4 +1,4 @@
-"""`slosh replay`: runs the estimator's and the monitor's cores over bags, without DDS."""
+"""`slosh replay`: runs the estimator and the monitor over recorded bags, without DDS."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ HEADS = ("bag", "images", "dropped", "events", "estimates", "verdict")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh replay` to the argument parser."""
     parser.add_argument(
         "bags", type=Path, nargs="+", metavar="BAG",
         help="bag or folder of bags; if the folder has a manifest.yaml, only the bags that it "
@@ -60,15 +60,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     old_name(parser, cell, "--cell")
     parser.add_argument(
         "--estimator", type=int, default=1, metavar="N",
-        help="number of the estimator to replay, for a topic with several; 1: the first",
+        help="which estimator to replay if several published the topic (default 1: the first)",
     )  # fmt: skip
     add_input_options(parser)
     parser.add_argument(
         "-o", "--output", type=Path,
-        help="folder for results: a page, the figures and a bag of outputs for each bag, and "
+        help="folder for results: for each bag an HTML page, a JSON file and a bag of outputs; "
         "index.html for all",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    parser.add_argument("--json", action="store_true", help="print the results as JSON")
     aim = parser.add_mutually_exclusive_group()
     aim.add_argument(
         "--check", action="store_true",
@@ -95,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replays the bags; a bag that fails is reported and does not stop the others."""
+    """Replays the bags; reports a bag that fails and continues with the others."""
     stated = find_bags(arguments.bags, arguments.output)
     if arguments.model:
         read_model(arguments.model)  # a mistake in it is told once, not once per bag
@@ -124,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> list[Task]:
-    """Makes the tasks: bags, options and expected results."""
+    """Creates one replay task per bag, with its options and expected results."""
     tasks = []
     given = wanted_input(arguments)
     for bag, name in zip(stated, unique_names([bag.path for bag in stated]), strict=True):
@@ -145,7 +145,7 @@ def make_tasks(stated: Sequence[StatedBag], arguments: argparse.Namespace) -> li
 
 
 def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Path | None) -> None:
-    """Refuses outputs that would overwrite a bag, a model or a manifest.
+    """Raises an error if an output would overwrite a bag, a model or a manifest.
 
     Raises:
         SloshFileError: one would.
@@ -165,7 +165,7 @@ def check_outputs(stated: Sequence[StatedBag], tasks: Sequence[Task], junit: Pat
 def replay_all(
     tasks: Sequence[Task], arguments: argparse.Namespace
 ) -> list[ItemOutcome[Task, Replayed]]:
-    """Runs the tasks; returns the outcomes in the same order."""
+    """Runs the replay tasks and returns their outcomes in the same order."""
     outcomes: list[ItemOutcome[Task, Replayed]] = []
     jobs = arguments.jobs
     if jobs is None and arguments.scheduler is None and _size(tasks) < WORTH_PROCESSES:
@@ -184,13 +184,13 @@ def replay_all(
 
 
 def _size(tasks: Sequence[Task]) -> int:
-    """Returns the total size of all readable bags [bytes]."""
+    """Returns the total size of the bags that can be read [bytes]."""
     files = [path for task in tasks for path in (task.bag, *task.bag.glob("*.mcap"))]
     return sum(path.stat().st_size for path in files if path.is_file())
 
 
 def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
-    """Prints errors, warnings and failed checks, one line each."""
+    """Prints errors, warnings and failed checks of the replays, one line each."""
     for outcome in outcomes:
         item, expected = outcome.value, outcome.item.expected
         if item is None:
@@ -204,7 +204,7 @@ def tell(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
 
 
 def print_tables(outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
-    """Prints the result of each bag, MAE and ε by model, and differing estimates."""
+    """Prints each bag's result, its MAE and ε by model, and estimates that were not reproduced."""
     rows = [HEADS, *(_row(outcome) for outcome in outcomes)]
     if not any(_passed(outcome) is not None for outcome in outcomes):
         rows = [row[:-1] for row in rows]
@@ -231,7 +231,7 @@ def _row(outcome: ItemOutcome[Task, Replayed]) -> tuple[str, ...]:
 
 
 def _passed(outcome: ItemOutcome[Task, Replayed]) -> bool | None:
-    """Whether a bag meets its expectation; None: it has none."""
+    """Whether a bag meets its expected results, or None if it has none."""
     if outcome.item.expected is None:
         return None
     item = outcome.value
@@ -256,7 +256,7 @@ def _suite(outcome: ItemOutcome[Task, Replayed]) -> Suite:
 def _write_manifests(
     stated: Sequence[StatedBag], outcomes: Sequence[ItemOutcome[Task, Replayed]]
 ) -> int:
-    """Writes the results of the replays to the manifests of the bags."""
+    """Writes the replay results as new expected results to the bags' manifests."""
     manifests: dict[Path, dict[str, Expectation]] = {}
     for bag, outcome in zip(stated, outcomes, strict=True):
         if outcome.value is not None:
@@ -268,7 +268,7 @@ def _write_manifests(
 
 
 def accuracy_lines(results: Sequence[Judged]) -> list[str]:
-    """Formats MAE and ε by bag and model, with means for several bags.
+    """Formats MAE and ε by bag and model; adds mean values if there are several bags.
 
     Args:
         results: at least one; all with the same models.
@@ -310,7 +310,7 @@ def _mm(metres: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class StatedBag:
-    """A bag and its place in a manifest.
+    """A bag to replay and its entry in a manifest.
 
     Attributes:
         path: folder or file.
@@ -328,7 +328,7 @@ class StatedBag:
 
 
 def find_bags(paths: Sequence[Path], output: Path | None = None) -> list[StatedBag]:
-    """Returns the given bags, each once.
+    """Finds the bags in the given paths and returns each of them once.
 
     Args:
         paths: bags, and folders of bags with or without a manifest.
@@ -348,12 +348,12 @@ def find_bags(paths: Sequence[Path], output: Path | None = None) -> list[StatedB
 
 
 def _is_collection(path: Path) -> bool:
-    """Whether a folder is a collection of bags: it has a manifest or no MCAP files."""
+    """Whether a folder is a collection of bags, rather than a single bag."""
     return path.is_dir() and ((path / NAME).is_file() or not any(path.glob("*.mcap")))
 
 
 def _single(path: Path) -> StatedBag:
-    """Returns a bag with its entry in the manifest of its folder."""
+    """Returns a single bag with its entry in the manifest of the parent folder."""
     manifest = path.resolve().parent / NAME
     stated = read_manifest(manifest) if manifest.is_file() else {}
     return StatedBag(path, manifest, path.resolve().name, stated.get(path.resolve().name))

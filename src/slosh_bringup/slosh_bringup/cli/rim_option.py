@@ -1,4 +1,4 @@
-"""The option that limits a height by its distance to the rim, and that distance in words."""
+"""Option that limits the liquid height by its distance to the rim."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from slosh_bringup.cli.quantities import HEIGHT
 
 
 def add_rim_distance(parser: argparse.ArgumentParser) -> None:
-    """Declares `--rim-distance`."""
+    """Adds the option `--rim-distance` to the argument parser."""
     parser.add_argument(
         "--rim-distance", type=HEIGHT, default=0.0, metavar="M",
-        help="least vertical distance of the liquid to the rim [m], another way to give --limit; "
-        "the model must tell the rim (default 0: the rim itself)",
+        help="least vertical distance of the liquid to the rim [m], an alternative to --limit; "
+        "the model must define the rim (default 0: the rim itself)",
     )  # fmt: skip
 
 
 def rim_words(distance: float) -> str:
-    """How far the liquid stays below the rim [m], as the rest of a sentence; empty: not known."""
+    """Describes how far the liquid stays below the rim; empty if the distance is unknown."""
     if math.isnan(distance):
         return ""
     return f", {1e3 * abs(distance):.1f} mm {'below' if distance >= 0.0 else 'above'} the rim"

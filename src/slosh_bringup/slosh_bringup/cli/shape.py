@@ -44,7 +44,7 @@ it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh shape` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
     parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Shapes and writes the motion; prints the results before and after."""
+    """Shapes the motion, writes it and prints the results before and after shaping."""
     if arguments.output.suffix != ".csv":
         raise SloshBringupError(f"{arguments.output}: a motion table must end in .csv")
     if arguments.per_axis and arguments.filter == POLYNOMIAL:
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 def shape(
     arguments: argparse.Namespace, model: Model, course: PathCourse, yaw: float
 ) -> PlannedMotion:
-    """Returns the shaped motion.
+    """Returns the motion after applying the filter that the options choose.
 
     Raises:
         SloshBringupError: a rectangle's two frequencies, for which there is no polynomial.
@@ -121,7 +121,7 @@ def shape(
 
 
 def kept_attitude(trajectory: Trajectory) -> Array | None:
-    """Returns the constant attitude of a motion, (4,); None: upright.
+    """Returns a motion's constant orientation as a quaternion (4,), or None if it is upright.
 
     Raises:
         SloshBringupError: the container turns.
@@ -151,7 +151,7 @@ def as_facts(found: CheckedMotion, linear: CheckedMotion) -> dict[str, float]:
 
 
 def summary(facts: list[dict[str, float]], bent: float, rows: int, output: Path) -> str:
-    """Formats the results before and after in a few lines."""
+    """Formats the results before and after shaping in a few lines of text."""
     before, after = facts
 
     def change(name: str, scale: float, digits: int) -> str:

@@ -1,4 +1,4 @@
-"""`slosh simulate`: simulates a motion table in open loop."""
+"""`slosh simulate`: simulates the liquid's response to a motion table, without measurements."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ STANDARD_OUTPUT = Path("/dev/stdout")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh simulate` to the argument parser."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
     parser.add_argument("model", type=Path, help="model of the liquid (model.yaml)")
@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulates, writes table and picture, prints the result; 1 if it is doubtful."""
+    """Simulates the motion; writes files and prints the result; returns 1 if doubtful."""
     plot = arguments.plot
     check_apart([arguments.output, plot], [arguments.model, arguments.motion])
     output = output_path(arguments.output)
@@ -118,14 +118,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def summary(answer: SimulationAnswer, output: str, *, as_json: bool) -> str:
-    """Formats the result in one line or as JSON."""
+    """Formats the result of a simulation, in one line or as JSON."""
     if as_json:
         return json.dumps({**answer.facts(), "output": output})
     return f"{answer.text()}, {answer.samples} rows in {plain_line(output)}"
 
 
 def output_path(given: Path) -> Path:
-    """Returns the output of a table; `-` is standard output.
+    """Returns the path of the output table; `-` means standard output.
 
     Raises:
         SloshBringupError: its name tells no format.
@@ -139,7 +139,7 @@ def output_path(given: Path) -> Path:
 
 
 def write_response(path: Path, response: Response, msh: NDArray[np.float64]) -> None:
-    """Writes COLUMNS [s, m, rad], one row per input sample.
+    """Writes the simulated heights as a table, one row per input sample, in SI units.
 
     Args:
         path: where to; its suffix tells the format, CSV where it has none.

@@ -12,7 +12,7 @@ from slosh_tables.text_table.units import TIME
 
 
 def add_table_options(parser: argparse.ArgumentParser) -> None:
-    """Declares --columns, --time-unit, --decimal and --separator."""
+    """Adds the options --columns, --time-unit, --decimal and --separator."""
     group = parser.add_argument_group("format of the tables (default: detected)")
     group.add_argument(
         "--columns", action="append", default=[], metavar="NAME=COLUMN,…",
@@ -27,7 +27,7 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
 
 
 def table_options(arguments: argparse.Namespace) -> TableOptions:
-    """Makes the table options; later assumptions are printed on standard error.
+    """Returns the table format set by the options; prints assumptions about it on standard error.
 
     Raises:
         SloshBringupError: --columns is no NAME=COLUMN.

@@ -1,4 +1,4 @@
-"""Prints remarks about the data and remembers whether an input is doubtful."""
+"""Prints notes about input data and records whether an input is doubtful."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EXIT_DOUBTFUL = 1
 
 
 class Teller:
-    """Prints remarks on standard error.
+    """Prints notes on standard error and determines the exit code.
 
     Args:
         command: that speaks.
@@ -27,17 +27,17 @@ class Teller:
         self._command = command
 
     def __call__(self, line: str) -> None:
-        """Prints a line."""
+        """Prints one line on standard error."""
         self.doubtful |= isinstance(line, InputDoubt) and line.wrong
         kind = "warning" if isinstance(line, InputDoubt) else "note"
         print(plain_line(f"slosh {self._command}: {kind}: {line}"), file=sys.stderr)
 
     def warn(self, path: object, doubts: Iterable[InputDoubt]) -> None:
-        """Prints the doubts about a file."""
+        """Prints why an input file is doubtful and records that it is."""
         for doubt in doubts:
             self(doubt.about(path))
 
     @property
     def exit_code(self) -> int:
-        """Returns EXIT_DOUBTFUL, or 0."""
+        """Returns the exit code: EXIT_DOUBTFUL if an input was doubtful, otherwise 0."""
         return EXIT_DOUBTFUL if self.doubtful else 0

@@ -15,7 +15,7 @@ from slosh_bringup.watch import HOST, PORT
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares the subcommand's options."""
+    """Adds the options of `slosh watch` to the argument parser."""
     parser.add_argument(
         "bag", nargs="?", type=Path, help="recording to show (default: a running cell)"
     )
@@ -36,14 +36,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Serves the page until Ctrl-C."""
+    """Serves the operator's page until Ctrl-C is pressed."""
     if arguments.bag is None:
         return _watch_cell(arguments)
     return _watch_recording(arguments)
 
 
 def _watch_cell(arguments: argparse.Namespace) -> int:
-    """Starts the node and waits for its end; on a robot the same node is launched."""
+    """Starts the watch node as a process and waits until it ends."""
     given = {"host": arguments.host, "port": str(arguments.port)}
     words = NodeProcess("watch", parameters=given).command(arguments.namespace)
     with subprocess.Popen(words, env=node_environment()) as node:

@@ -1,1 +1,1 @@
-"""Offline detection: from images to a table and pictures."""
+"""Measurement of recorded images: reads them and writes a table and pictures."""

@@ -1,4 +1,4 @@
-"""An undecoded image of a folder, a video or a bag, small enough to send to a process."""
+"""An undecoded image from a folder, a video or a bag, small enough to send to a process."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class CompressedMessage:
 
 @dataclass(frozen=True, slots=True)
 class NoImage:
-    """Reason why a frame has no image."""
+    """The reason why a source frame contains no image."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SourceFrame:
-    """An image of a source.
+    """An undecoded image and its stamp, from a folder, a video or a bag.
 
     Attributes:
         stamp_ns: when it was taken [ns].
@@ -53,7 +53,7 @@ class SourceFrame:
     content: Path | RawMessage | CompressedMessage | NoImage | Image
 
     def image(self) -> Image:
-        """Decodes the pixels: (height, width) grey or (height, width, 3) blue, green, red.
+        """Decodes the pixels to (height, width) grey or (height, width, 3) BGR values.
 
         Raises:
             SloshCameraError: they cannot be read; the text names the image.

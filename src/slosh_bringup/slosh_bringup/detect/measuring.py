@@ -1,4 +1,4 @@
-"""Measures images in order on several processor cores.
+"""Measures images in parallel processes and returns the results in order.
 
 Most of the work is to look at an image by itself, whatever the others are. What the images before
 tell of it, and whether it repeats the one before, is decided here, in order: the numbers do not
@@ -50,7 +50,7 @@ class Detection:
     still_image: Path | None = None
 
     def detector(self) -> SurfaceDetector:
-        """Makes a detector initialised with the still image.
+        """Creates a detector and initialises it with the still image.
 
         Raises:
             SloshCameraError: the calibration or the still image cannot be used.
@@ -59,7 +59,7 @@ class Detection:
 
 
 class Result(NamedTuple):
-    """An image and its measurement, or the reason why there is none."""
+    """An image with its measurement, or with the reason why it was not measured."""
 
     frame: SourceFrame
     measurement: Measurement
@@ -67,7 +67,7 @@ class Result(NamedTuple):
 
 
 class _Look(NamedTuple):
-    """An image's appearance, its digest, and the reason why it shows nothing."""
+    """An image prepared for measuring, its hash, and the reason if it cannot show a surface."""
 
     sighting: Any
     mark: Digest | None
@@ -77,7 +77,7 @@ class _Look(NamedTuple):
 def measure_all(
     detection: Detection, detector: SurfaceDetector, frames: Iterable[SourceFrame], jobs: int = 1
 ) -> Generator[Result]:
-    """Measures images.
+    """Measures the images in order and yields one result per image.
 
     Args:
         detection: how.
@@ -150,7 +150,7 @@ def _in_processes(
 
 @contextmanager
 def _interrupts_later() -> Iterator[None]:
-    """Blocks Ctrl-C in processes started inside the block; this process handles it."""
+    """Blocks Ctrl-C in child processes that are started inside a `with` block."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -162,7 +162,7 @@ _detector: SurfaceDetector | None = None
 
 
 def _begin(detection: Detection) -> None:
-    """Prepares a process: its detector, one thread, and an exit with its parent."""
+    """Prepares a worker process: creates its detector and makes it exit with its parent."""
     global _detector
     cv2.setNumThreads(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()

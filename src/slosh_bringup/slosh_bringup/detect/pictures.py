@@ -1,4 +1,4 @@
-"""Pictures of measured images: a video of all, a sheet of some or of the worst."""
+"""Pictures of measured images: an annotated video, or a sheet of selected images."""
 
 from __future__ import annotations
 
@@ -43,28 +43,28 @@ _UNKNOWN_RATE = 30.0
 
 
 class ImageDoubt(NamedTuple):
-    """Rank and reason of a doubtful image; a larger rank is worse."""
+    """Rank and reason of a doubtful measurement; a higher rank is more doubtful."""
 
     rank: tuple[int, int, float]
     reason: str
 
 
 class PictureSink(Protocol):
-    """Receives results one by one and writes a picture at the end."""
+    """Interface of a picture output that takes results one by one and then writes a file."""
 
     def add(self, result: Result) -> None:
-        """Adds the next result."""
+        """Adds the next measured image."""
 
     def finish(self) -> str:
-        """Writes the remaining data; returns a sentence about the picture."""
+        """Writes the remaining data and returns a sentence that describes the picture."""
 
     def discard(self) -> None:
-        """Removes an unfinished picture; most have written nothing before."""
+        """Deletes an unfinished picture file, if there is one."""
         return
 
 
 def judge(measurement: Measurement) -> ImageDoubt:
-    """Ranks a measurement's doubt: not measured, then flagged, then uncertain."""
+    """Ranks how doubtful a measurement is: missing, then flagged, then uncertain."""
     names = flag_names(measurement.flags)
     sigma = measurement.msh_stddev
     apart = disagreement(measurement)
@@ -82,14 +82,14 @@ def judge(measurement: Measurement) -> ImageDoubt:
 
 
 def disagreement(measurement: Measurement) -> float:
-    """Returns the difference of observed and fitted peak in standard deviations; NaN: unknown."""
+    """Returns observed minus fitted peak in standard deviations; NaN if unknown."""
     spread = math.hypot(measurement.msh_stddev, measurement.fitted_msh_stddev)
     apart = abs(measurement.msh - measurement.fitted_msh)
     return apart / spread if spread > 0.0 else math.nan
 
 
 class PictureSheet:
-    """A sheet of single images in rows and columns, in one file.
+    """A picture file that shows single images in rows and columns.
 
     Args:
         path: the file, .png or .jpg.
@@ -101,7 +101,7 @@ class PictureSheet:
         self._path, self._calibration = path, calibration
 
     def write(self, results: Sequence[tuple[Result, str]]) -> str:
-        """Writes a sheet of results, each with a remark; returns a sentence about it."""
+        """Writes a sheet of images with captions; returns a sentence that describes it."""
         if not results:
             return f"no images for {self._path}"
         tiles = [self._tile(result, remark) for result, remark in results]
@@ -132,7 +132,7 @@ class PictureSheet:
 
 
 class PictureStrip(PictureSink):
-    """A sheet of a few images, spaced evenly over a source of any length.
+    """A sheet with a few images, evenly spaced over a source of unknown length.
 
     Args:
         path: the file, .png or .jpg.
@@ -148,7 +148,7 @@ class PictureStrip(PictureSink):
         self._step, self._count = 1, 0
 
     def add(self, result: Result) -> None:
-        """Adds the next result; keeps every n-th, and doubles n when there are too many."""
+        """Adds the next image if it is due: every n-th, where n doubles as the sheet fills up."""
         if self._count % self._step == 0:
             self._kept.append(result)
         self._count += 1
@@ -156,14 +156,14 @@ class PictureStrip(PictureSink):
             self._kept, self._step = self._kept[::2], 2 * self._step
 
     def finish(self) -> str:
-        """Writes the sheet; returns a sentence about it."""
+        """Writes the sheet and returns a sentence that describes it."""
         count = min(self._length, len(self._kept))
         places = np.linspace(0, len(self._kept) - 1, count).round().astype(int)
         return self._sheet.write([(self._kept[place], "") for place in places])
 
 
 class Worst(PictureSink):
-    """A sheet of the most doubtful images, the worst first, each with the reason.
+    """A sheet of the most doubtful images, worst first, each with the reason.
 
     Args:
         path: the file, .png or .jpg.
@@ -179,7 +179,7 @@ class Worst(PictureSink):
         self._count = 0
 
     def add(self, result: Result) -> None:
-        """Adds the next result; among equals the earlier ones are kept."""
+        """Adds the next image; among equally doubtful images the earlier ones are kept."""
         rank, reason = judge(result.measurement)
         entry = (rank, -self._count, result, result.problem or reason)
         self._count += 1
@@ -189,7 +189,7 @@ class Worst(PictureSink):
             heapq.heappushpop(self._heap, entry)
 
     def finish(self) -> str:
-        """Writes the sheet; returns a sentence about it."""
+        """Writes the sheet and returns a sentence that describes it."""
         ordered = sorted(self._heap, reverse=True)
         return self._sheet.write(
             [(result, f"{place}. {why}") for place, (_, _, result, why) in enumerate(ordered, 1)]
@@ -197,7 +197,7 @@ class Worst(PictureSink):
 
 
 class AnnotatedVideo(PictureSink):
-    """A video of all images with annotations; a picture strip if no codec works.
+    """A video of all images with annotations; a sheet of images if no codec works.
 
     Args:
         path: the file, .mp4, .avi or .mkv.
@@ -216,7 +216,7 @@ class AnnotatedVideo(PictureSink):
         self._count = 0
 
     def add(self, result: Result) -> None:
-        """Adds the next result."""
+        """Adds the next image to the video."""
         if self._writer is None and self._strip is None:
             self._early.append(result)
             if self._rate is None and len(self._early) < _LEARNT:
@@ -226,7 +226,7 @@ class AnnotatedVideo(PictureSink):
             self._put(result)
 
     def finish(self) -> str:
-        """Closes the video; returns a sentence about it."""
+        """Closes the video and returns a sentence that describes it."""
         if self._early:
             self._open()
         if self._strip is not None:
@@ -241,14 +241,14 @@ class AnnotatedVideo(PictureSink):
         return f"{self._count} images in {self._path}"
 
     def discard(self) -> None:
-        """Removes an unfinished video."""
+        """Deletes an unfinished video."""
         if self._writer is not None:
             self._writer.release()
         if self._file is not None:
             self._file.discard()
 
     def _open(self) -> None:
-        """Opens the file when the frame rate is known, and writes the waiting images."""
+        """Opens the video file once the frame rate is known, and writes the buffered images."""
         rate = self._rate or _rate_of([result.frame for result in self._early])
         codec = _VIDEO_CODECS.get(self._path.suffix.lower(), _USUAL_CODEC)
         self._file = NewFile(self._path)
@@ -279,7 +279,7 @@ class AnnotatedVideo(PictureSink):
 
 
 def check_picture(path: Path) -> None:
-    """Refuses a suffix that OpenCV cannot write.
+    """Raises an error for a picture file type that OpenCV cannot write.
 
     Raises:
         SloshBringupError: another ending.
@@ -289,7 +289,7 @@ def check_picture(path: Path) -> None:
 
 
 def shortened(words: str) -> str:
-    """Shortens a remark to fit a tile; keeps its beginning and its end."""
+    """Shortens a caption to fit its image; keeps the beginning and the end."""
     if len(words) <= _LONGEST:
         return words
     return f"{words[: _LONGEST // 3]} ... {words[-2 * _LONGEST // 3 + 5 :]}"
@@ -303,7 +303,7 @@ def _decoded(result: Result) -> Image | None:
 
 
 def _card(width: int, height: int, words: str) -> Image:
-    """Makes a dark picture in place of a missing image."""
+    """Creates a dark placeholder for a missing image, with the reason as text."""
     card = np.full((height, width, 3), 25, np.uint8)
     put_text(card, shortened(words), (2 * _RIM, height // 2))
     return card
@@ -324,7 +324,7 @@ def _write(path: Path, picture: Image) -> None:
 
 
 def _is_whole(video: Path, count: int) -> bool:
-    """Whether all images of a video can be read; OpenCV reports no write errors."""
+    """Whether all images of a written video can be read, since OpenCV reports no write errors."""
     if not video.is_file():
         return True  # a pipe
     capture = cv2.VideoCapture(str(video))

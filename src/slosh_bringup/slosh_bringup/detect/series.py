@@ -1,4 +1,4 @@
-"""Finds the image sequence among the files of a folder, and its order."""
+"""Finds and orders the image sequence among the files of a folder."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _USUAL = re.compile(r"(frame|image|img)", re.IGNORECASE)
 
 
 def natural_order(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Sort key that puts frame_2 before frame_10."""
+    """Returns a sort key that puts frame_2 before frame_10."""
     parts = re.split(r"(\d+)", path.name)
     key = [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
     return key, path.name
 
 
 def images_in(folder: Path) -> list[Path]:
-    """Returns the image files of a folder in natural order, without hidden ones."""
+    """Returns the image files of a folder in natural order, without hidden files."""
     files = (
         file
         for file in folder.iterdir()
@@ -29,7 +29,7 @@ def images_in(folder: Path) -> list[Path]:
 
 
 def longest_series(files: Sequence[Path]) -> tuple[list[Path], str]:
-    """Returns the files of the longest numbered series.
+    """Finds the longest numbered sequence among image files, and describes ignored files.
 
     Files belong together whose names differ in one number alone: frame_000.jpg, frame_001.jpg, …
     are one series, mask_000.png, … another. Of equally long ones that wins whose name begins with
@@ -58,7 +58,7 @@ def _told(key: str, files: Sequence[Path]) -> str:
 
 
 def _keys(files: Iterable[Path]) -> list[str]:
-    """Returns the series of each file: its name with # for the image number.
+    """Returns the sequence name of each file: its name with # in place of the image number.
 
     Names of one shape may hold several numbers. The one with the most values counts; of the
     others, those that end a word (cam2_) name a series, and the rest (dates, seconds) count too.
@@ -76,7 +76,7 @@ def _shape(name: str) -> str:
 
 
 def _most_values(names: Sequence[str]) -> int:
-    """Returns the index of the number in the names that takes the most values."""
+    """Returns the index of the number in the file names that takes the most different values."""
     columns = list(zip(*(_NUMBER.findall(name) for name in names), strict=True))
     return max(range(len(columns)), key=lambda k: (len(set(columns[k])), k), default=0)
 

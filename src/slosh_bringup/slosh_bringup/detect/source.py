@@ -1,4 +1,4 @@
-"""Reads images with stamps from a folder, a pattern, a video or a bag."""
+"""Reads images with time stamps from a folder, a file pattern, a video or a bag."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BEFORE, _AFTER = 100_000_000, 2_000_000_000
 
 @dataclass(slots=True)
 class FrameSource:
-    """A source of images to measure, in order.
+    """An ordered source of images to measure.
 
     Attributes:
         name: what people call the source.
@@ -55,7 +55,7 @@ class FrameSource:
 def open_source(
     sources: Sequence[str], rate: float | None = None, topic: str | None = None
 ) -> FrameSource:
-    """Opens a source of images.
+    """Opens a folder, a file pattern, a video or a bag as a source of images.
 
     Args:
         sources: one folder, video, bag, image or pattern such as 'run/img_*.png', or several
@@ -93,7 +93,7 @@ def open_source(
 
 
 def frames_at(reader: BagReader, stamps: Collection[int]) -> dict[int, SourceFrame]:
-    """Returns images of a bag's first image topic at the given stamps.
+    """Returns the images with the given stamps [ns] from a bag's first image topic.
 
     Args:
         reader: of the bag.
@@ -130,7 +130,7 @@ def _existing(sources: Sequence[str]) -> list[Path]:
 
 
 def _matching(pattern: str) -> list[Path]:
-    """Returns the files that match a pattern, as in a shell."""
+    """Returns the files that match a shell-style pattern."""
     if not glob.has_magic(pattern):
         raise SloshBringupError(f"{pattern}: no such file or folder")
     paths = [Path(match) for match in glob.glob(pattern, recursive=True)]
@@ -181,7 +181,7 @@ def _video_source(path: Path, asked: float | None) -> FrameSource:
 def _captured(
     capture: cv2.VideoCapture, source: FrameSource, *, timed: bool
 ) -> Iterator[SourceFrame]:
-    """Yields the images of a video; skips the last one of a truncated video.
+    """Yields the images of a video; skips the last image of a truncated file.
 
     Args:
         capture: the video.
@@ -229,7 +229,7 @@ def _bag_source(path: Path, topic: str | None) -> FrameSource:
 def _image_topic(
     path: Path, reader: BagReader, asked: str | None = None
 ) -> tuple[str, list[str], int | None]:
-    """Returns the image topic to use, the other image topics, and its number of images."""
+    """Returns the image topic to use, the other image topics, and the number of images."""
     topics = {
         topic: info for topic, info in reader.topics().items()
         if info.message_type in (RAW, COMPRESSED) and info.count != 0
@@ -255,7 +255,7 @@ def _image_topic(
 
 
 def _recorded(reader: BagReader, topic: str, source: FrameSource) -> Iterator[SourceFrame]:
-    """Yields the images of a topic; damage ends them with a warning."""
+    """Yields the images of a topic; stops with a warning where the bag is damaged."""
     records, unstamped = reader.messages([topic]), 0
     try:
         first = next(records, None)

@@ -1,4 +1,4 @@
-"""The table and the summary of `slosh detect`."""
+"""Table and summary written by `slosh detect`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLUMNS = (
 
 
 def row(measurement: Measurement, name: str, first_ns: int) -> list[str]:
-    """Formats one line of the table; NaN is unknown, flags are joined by '|'."""
+    """Formats one table row; NaN means unknown, flag names are joined by '|'."""
     numbers = (
         measurement.msh, measurement.msh_stddev, measurement.azimuth, measurement.sh_left,
         measurement.sh_right, *measurement.peak_pixel,
@@ -39,13 +39,13 @@ def row(measurement: Measurement, name: str, first_ns: int) -> list[str]:
 
 
 def flag_names(flags: Flag) -> list[str]:
-    """Returns the names of the set flags."""
+    """Returns the names of the flags that are set."""
     return [str(flag.name) for flag in flags]
 
 
 @dataclass(slots=True)
 class DetectionSummary:
-    """Summary of all measured images, updated with each."""
+    """Running summary of all measured images."""
 
     frames: int = 0
     problems: int = 0
@@ -55,16 +55,16 @@ class DetectionSummary:
 
     @property
     def measured(self) -> int:
-        """Number of images with a measured height."""
+        """Number of images in which the liquid height was measured."""
         return len(self.heights)
 
     @property
     def mostly_unseen(self) -> bool:
-        """Whether the surface was not found in most images."""
+        """Whether the surface was not found in more than half of the images."""
         return 2 * self.flags[str(Flag.NOT_FOUND.name)] > self.frames
 
     def add(self, measurement: Measurement, problem: str = "") -> None:
-        """Adds an image, with the reason if it could not be measured."""
+        """Adds an image's measurement, with the reason if it could not be measured."""
         self.frames += 1
         self.problems += bool(problem)
         self.flags.update(flag_names(measurement.flags))
@@ -74,7 +74,7 @@ class DetectionSummary:
                 self.sigmas.append(measurement.msh_stddev)
 
     def facts(self) -> Mapping[str, Any]:
-        """Returns the numbers for JSON in metres; unknown values are null."""
+        """Returns the summary as a dictionary for JSON, in metres; unknown values are None."""
         return {
             "frames": self.frames,
             "measured": self.measured,
@@ -85,7 +85,7 @@ class DetectionSummary:
         }
 
     def text(self) -> str:
-        """Formats the numbers for people in millimetres."""
+        """Formats the summary as text, in millimetres."""
         words = f"{self.measured} of {self.frames} images measured"
         if self.heights:
             low, high = 1e3 * min(self.heights), 1e3 * max(self.heights)

@@ -1,1 +1,1 @@
-"""Explains the product's terms on the terminal: effects, flags and others."""
+"""Explains slosh's terms on the terminal: effects, flags, columns and units."""

@@ -40,7 +40,7 @@ _LOWERED = dict(zip("0123456789+-=()aehklmnoprstx", "₀₁₂₃₄₅₆₇₈
 
 
 def explain_effect(effect: Effect) -> str:
-    """Explains an effect: meaning, equation, parameters, source, containers, page."""
+    """Explains an effect: its meaning, equation, parameters, source and containers."""
     rows = [
         ("acts on", ", ".join(stage.value for stage in effect.stages)),
         ("equation", plain_equation(effect.equation)),
@@ -67,7 +67,7 @@ def in_unicode(text: str) -> str:
 
 
 def parameter_words(parameter: Parameter) -> str:
-    """Formats name, meaning, unit, bounds and values of a parameter."""
+    """Describes a parameter: name, meaning, unit, bounds and values."""
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     words = [f"{bounds(parameter)}{unit}"]
     if parameter.default is None:
@@ -89,7 +89,7 @@ def bounds(parameter: Parameter) -> str:
 
 
 def usually(parameter: Parameter) -> str:
-    """Describes a parameter's typical error or else its typical value; empty: unknown."""
+    """Describes a parameter's typical error or value; empty if neither is known."""
     expected = parameter.neutral if parameter.expected is None else parameter.expected
     if parameter.spread is not None and expected is not None:
         return f"{expected:g} ± {parameter.spread:g}"
@@ -104,7 +104,7 @@ def _owner(effect: Effect) -> str:
 
 
 def _use(effect: Effect) -> str:
-    """Formats the effect's entry for `effects:` of a model.yaml."""
+    """Formats an effect as an entry of the `effects:` list in model.yaml."""
     given = [parameter.name for parameter in effect.parameters if parameter.default is None]
     values = ", ".join([f"name: {effect.name}", *(f"{name}: …" for name in given)])
     return f"effects: [{{{values}}}]"
@@ -117,7 +117,7 @@ def _containers(effect: Effect) -> str:
 
 
 def model_name(name: str) -> list[str]:
-    """Explains a model name, one line per part; empty: it is not a model name."""
+    """Explains a model name, one line per part; empty if it is not a model name."""
     match = _NAME.fullmatch(name.strip())
     if match is None or not (match["space"] or match["surface"]):
         return []
@@ -129,21 +129,21 @@ def model_name(name: str) -> list[str]:
 
 
 def plain_equation(latex: str) -> str:
-    """Converts an equation to one line of Unicode; unknown commands become their names."""
+    """Converts a LaTeX equation to one line of Unicode; unknown commands become plain names."""
     text = "".join(_Reader(latex).all())
     text = re.sub(r"(?<=[(\[]) +", "", re.sub(r" {2,}", " ", text))
     return unicodedata.normalize("NFC", re.sub(rf" *{_GAP} *", "   ", text)).strip()
 
 
 class _Reader:
-    """Parses LaTeX from left to right."""
+    """Parser of LaTeX formulae, which produces Unicode text."""
 
     def __init__(self, latex: str) -> None:
         self._tokens = _TOKEN.findall(latex)
         self._at = 0
 
     def all(self) -> list[str]:
-        """Parses up to the end of the group or of the text."""
+        """Parses LaTeX up to the end of the current group or of the text."""
         pieces: list[str] = []
         while self._at < len(self._tokens) and self._next() != "}":
             pieces.append(self._piece())
@@ -189,7 +189,7 @@ class _Reader:
         return _SIGNS.get(name, name)
 
     def _fraction(self, text: str) -> str:
-        """Puts a fraction in brackets if a factor follows."""
+        """Encloses a LaTeX fraction in brackets if another factor follows."""
         rest = (token for token in self._tokens[self._at :] if token not in (" ", "\\,"))
         return text if next(rest, "") in _ENDS_A_FACTOR else f"({text})"
 
@@ -201,13 +201,13 @@ class _Reader:
 
 
 def _factor(text: str) -> str:
-    """Puts a text in brackets if it is more than one factor."""
+    """Encloses a text in brackets if it consists of more than one factor."""
     one = text.startswith("√(") or not re.search(r"[\s/·]", text.strip())
     return text if one else f"({text})"
 
 
 def _shifted(text: str, sign: str) -> str:
-    """Raises or lowers a text; keeps the sign if Unicode lacks a letter."""
+    """Converts a text to superscript or subscript letters, or keeps ^ or _ in front of it."""
     letters: Mapping[str, str] = _RAISED if sign == "^" else _LOWERED
     if all(letter in letters for letter in text):
         return "".join(letters[letter] for letter in text)

@@ -1,4 +1,4 @@
-"""Meanings of columns, figures, units, flags and message fields."""
+"""Meanings of columns, metrics, units, flags and message fields."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ _NUMBER = re.compile(r"0x[0-9a-f]+|\d+", re.I)
 
 
 def plain(name: str) -> str:
-    """Normalises a column's name for look-up: `MAE [mm]` and `mae` are the same."""
+    """Normalises a column name for look-up, so that `MAE [mm]` and `mae` are equal."""
     bare = re.sub(r"\s*\[[^\]]*\]\s*$", "", name.strip().lower())
     bare = re.sub(r"^eta_?\d{3}$", "eta", bare)
     return _SPLIT.sub("_", bare).strip("_")
@@ -200,7 +200,7 @@ def plain(name: str) -> str:
 
 @cache
 def columns() -> Mapping[str, str]:
-    """Returns the meaning of each column and figure by its normalised name."""
+    """Returns the meanings of all table columns and metrics by normalised name."""
     found = {}
     for names, meaning in COLUMNS.items():
         for name in names.split(" | ") if " | " in names else names.split():
@@ -209,18 +209,18 @@ def columns() -> Mapping[str, str]:
 
 
 def column(name: str) -> str:
-    """Returns the meaning of a column or figure; empty: unknown."""
+    """Returns the meaning of a table column or metric; empty if unknown."""
     return columns().get(plain(name), "")
 
 
 def unit(name: str) -> str:
-    """Returns the meaning of a unit; empty: unknown."""
+    """Returns the meaning of a unit; empty if unknown."""
     spelt = re.sub(r"(?<=[a-z])[23]", lambda found: "²³"[int(found[0]) - 2], name)
     return UNITS.get(name) or UNITS.get(spelt, "")
 
 
 class ExplainedFlag(NamedTuple):
-    """A flag or a state: its name, its message, its meaning and its value."""
+    """A flag or state constant: its name, message, meaning and value."""
 
     name: str
     message: str
@@ -229,18 +229,18 @@ class ExplainedFlag(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """Kind of the flag, with its message."""
+        """Kind of the constant (flag or state) and the message it belongs to."""
         return f"{OWNERS[self.message]} ({self.message})"
 
     @property
     def is_state(self) -> bool:
-        """Whether it is one of several exclusive states rather than a bit."""
+        """Whether the constant is one of several exclusive states rather than a bit."""
         return self.message == "SloshComparison"
 
 
 @cache
 def flags() -> tuple[ExplainedFlag, ...]:
-    """Returns all flags by message and value; empty if the messages are not installed."""
+    """Returns all flags by message and value; empty if the message package is not installed."""
     share = shared_folder("slosh_msgs")
     if share is None:
         return ()
@@ -256,7 +256,7 @@ def flags() -> tuple[ExplainedFlag, ...]:
 
 
 def by_number(text: str) -> list[str]:
-    """Explains a number such as 3, 0x3 or 0x0003 in each message; empty: not a number.
+    """Explains a flag value such as 3, 0x3 or 0x0003 for each message; empty if not a number.
 
     Flags are bits: their sum is split.
     """
@@ -277,7 +277,7 @@ def by_number(text: str) -> list[str]:
 
 @cache
 def fields() -> Mapping[str, tuple[str, ...]]:
-    """Returns the meaning of each message field by name, which are also export columns."""
+    """Returns the meanings of all message fields by field name."""
     share = shared_folder("slosh_msgs")
     found: dict[str, tuple[str, ...]] = {}
     for path in sorted(share.glob("msg/*.msg")) if share else ():
@@ -287,7 +287,7 @@ def fields() -> Mapping[str, tuple[str, ...]]:
 
 
 def _fields(path: Path) -> Iterator[tuple[str, str]]:
-    """Yields names and meanings from the comments beside or above the fields."""
+    """Yields field names and meanings from the comments of a message definition file."""
     above: list[str] = []
     used = False
     for line in path.read_text(encoding="utf-8").splitlines():

@@ -31,7 +31,7 @@ RECORD = ("complete", EVENTS)
 
 @dataclass(frozen=True, slots=True)
 class CellSetup:
-    """Files and topics of a cell from its cell.yaml.
+    """Files, topics and node settings of a cell, as cell.yaml gives them.
 
     Attributes:
         model: model file of the container and its liquid.
@@ -52,7 +52,7 @@ class CellSetup:
     record: str = ""
 
     def processes(self, bag: Path) -> list[NodeProcess]:
-        """Returns the processes of NODES_OF_A_CELL; no camera node without a calibration."""
+        """Returns the cell's node processes, without a camera node if there is no calibration."""
         own: dict[str, dict[str, str]] = {
             "recorder": {"output": str(bag)},
             "estimator": {"model": str(self.model), **self.reading},
@@ -78,7 +78,7 @@ def default_setup() -> CellSetup:
 
 
 def read_setup(path: Path) -> CellSetup:
-    """Reads a set-up; its paths are relative to the file.
+    """Reads a cell's set-up from a YAML file; paths in it are relative to the file.
 
     Raises:
         SloshBringupError: no such file, no YAML, an unknown key, a missing file; one line with
@@ -121,7 +121,7 @@ def read_setup(path: Path) -> CellSetup:
 
 
 def _record(source: YamlDocument) -> str:
-    """What is recorded, if the file says."""
+    """Returns the file's setting of what to record; empty if it has none."""
     value = source.value.get("record", "")
     if "record" in source.value and value not in RECORD:
         raise SloshBringupError(
@@ -131,7 +131,7 @@ def _record(source: YamlDocument) -> str:
 
 
 def _reading(source: YamlDocument) -> dict[str, str]:
-    """Returns the estimator's input settings in the file."""
+    """Returns the file's settings of the estimator's input."""
     found = {}
     for key in READING:
         if key not in source.value:
@@ -148,7 +148,7 @@ def _reading(source: YamlDocument) -> dict[str, str]:
 
 
 def _has_camera(source: YamlDocument) -> bool:
-    """Whether the cell has a calibrated camera and no `camera: none`."""
+    """Whether the cell file names a calibrated camera and does not say `camera: none`."""
     camera = source.value.get("camera", "")
     if "camera" in source.value and camera not in ("none", None, False):
         raise SloshBringupError(
@@ -173,7 +173,7 @@ def _file(source: YamlDocument, key: str, default: Path | None = None) -> Path:
 
 
 def read_namespace(source: YamlDocument, value: Any) -> str:
-    """Checks the namespace of a cell.
+    """Checks and returns the namespace of a cell.
 
     Raises:
         SloshBringupError: it is none; one line with its place.
@@ -185,7 +185,7 @@ def read_namespace(source: YamlDocument, value: Any) -> str:
 
 
 def read_remap(source: YamlDocument, namespace: str, value: Any) -> dict[str, str]:
-    """Checks the mapping from the cell's topics to the robot's.
+    """Checks and returns the mapping from the cell's topics to the robot's topics.
 
     Raises:
         SloshBringupError: it is no mapping, or no node has such a topic; one line with its place.

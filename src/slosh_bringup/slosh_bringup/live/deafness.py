@@ -1,4 +1,4 @@
-"""Finds out whether a topic is silent or a node fails to receive its messages.
+"""Distinguishes a topic without messages from a node that fails to receive them.
 
 The middleware cannot tell: to both of them all is well connected. So what a node does not hear is
 listened to for a moment by somebody else.
@@ -22,19 +22,19 @@ AGAIN = 300.0
 
 
 class Probe(Protocol):
-    """A test subscription to a topic."""
+    """Interface of a temporary subscription that counts a topic's messages."""
 
     @property
     def count(self) -> int:
         """Number of messages received so far."""
 
     def close(self) -> None:
-        """Removes the subscription."""
+        """Removes the temporary subscription."""
 
 
 @dataclass(slots=True)
 class _Doubt:
-    """A topic that a node does not receive.
+    """A node and a topic whose messages it may fail to receive.
 
     Attributes:
         topic: and its type.
@@ -49,14 +49,14 @@ class _Doubt:
     heard: float = math.inf
 
     def end_trial(self, now: float) -> None:
-        """Ends the test subscription."""
+        """Ends the temporary subscription to the topic."""
         if self.probe is not None:
             self.probe.close()
         self.probe, self.since, self.heard = None, now, math.inf
 
 
 class Deafness:
-    """Tests topics that nodes do not receive.
+    """Finds nodes that fail to receive a topic, by means of temporary subscriptions.
 
     Args:
         listen: begins to listen to a topic of a type; None: it cannot.
@@ -68,7 +68,7 @@ class Deafness:
         self._found: dict[str, float] = {}
 
     def look(self, unheard: Mapping[str, str], now: float) -> dict[str, str]:
-        """Returns by node the topics that others receive but it does not; call it once a second.
+        """Returns, by node, the topic that it fails to receive while other subscribers do.
 
         Args:
             unheard: topic and type that nodes say they hear nothing on, by node.
@@ -88,7 +88,7 @@ class Deafness:
         return deaf
 
     def _is_deaf(self, doubt: _Doubt, now: float) -> bool:
-        """Starts, checks or ends a trial; returns whether the node fails to receive."""
+        """Starts, checks or ends a test of one node; returns whether it fails to receive."""
         if doubt.probe is None:
             if now - doubt.since >= TRIAL:
                 topic, _, type_name = doubt.topic.partition(" ")

@@ -1,4 +1,4 @@
-"""Detects a second cell in the same namespace, whose messages would be mixed in.
+"""Detects another cell in the same namespace, whose messages would be mixed in.
 
 The graph tells: each name of a node that is there once more than this cell has started it. It may
 tell late on a busy machine, and the other cell may come later, so it is asked as long as the cell
@@ -17,7 +17,7 @@ PERIOD = 1.0
 
 
 class OtherCells:
-    """Compares the running nodes with those started here."""
+    """Compares the nodes found in the namespace with the nodes of this cell."""
 
     def __init__(self) -> None:
         self._starts: dict[str, deque[float]] = {}
@@ -25,11 +25,11 @@ class OtherCells:
         self._told: frozenset[str] = frozenset()
 
     def started(self, name: str, now: float) -> None:
-        """Notes the start or restart of a node of this cell at a steady time [s]."""
+        """Records the monotonic time [s] at which a node of this cell was started."""
         self._starts.setdefault(name, deque()).append(now)
 
     def look(self, running: Mapping[str, int], now: float) -> list[str]:
-        """Returns newly found names of foreign nodes in this namespace.
+        """Returns names of newly found nodes in this namespace that are not of this cell.
 
         Two looks in a row have to agree: nodes appear one after the other, and are told together.
 
@@ -47,7 +47,7 @@ class OtherCells:
         return sorted(foreign) if news else []
 
     def _own(self, name: str, now: float) -> int:
-        """Returns how often this cell may show a name; a killed node stays visible for a while."""
+        """Returns how many nodes of a name belong to this cell, counting recently killed ones."""
         starts = self._starts.get(name)
         if not starts:
             return 0

@@ -1,4 +1,4 @@
-"""The report of a live run, which is always written."""
+"""The report of a live run, written however the run ended."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ NOTHING = "nothing was measured, because "
 
 @dataclass(frozen=True, slots=True)
 class LiveResult:
-    """Result of a live run.
+    """Results of a live run.
 
     Attributes:
         figures: of what was recorded; None: the bag cannot be read.
@@ -65,11 +65,11 @@ class LiveResult:
 
     @property
     def nothing(self) -> str:
-        """Reasons for missing results in one sentence; empty: none."""
+        """The reasons why there are no results, in one sentence; empty if there are results."""
         return NOTHING + "; ".join(self.reasons) if self.reasons else ""
 
     def document(self) -> dict[str, Any]:
-        """Returns the result for JSON."""
+        """Returns the results of the live run for JSON."""
         figures = self.figures.document() if self.figures else {}
         return {
             **figures,
@@ -81,7 +81,7 @@ class LiveResult:
 
 @dataclass(frozen=True, slots=True)
 class LiveReport:
-    """The page and the figures of a live run.
+    """HTML page and numeric results of a live run.
 
     Attributes:
         result: the figures.
@@ -94,7 +94,7 @@ class LiveReport:
     text: str
 
     def write(self, folder: Path) -> None:
-        """Writes the page and the figures; recreates a deleted folder.
+        """Writes the report's page and JSON file; recreates the folder if it was deleted.
 
         Raises:
             OSError: that is not possible; it bears the file's path.
@@ -112,7 +112,7 @@ def make_live_report(
     began: bool = True,
     events: bool = False,
 ) -> LiveReport:
-    """Makes the report from the bag by reading and replaying it; writes nothing.
+    """Creates the report of a live run by reading and replaying its bag.
 
     Args:
         bag: what was recorded, if anything was.
@@ -133,7 +133,7 @@ def make_live_report(
 
 
 def _events_line(folder: Path, bags: Sequence[Path]) -> str:
-    """Which events were recorded, and how to see them."""
+    """Describes which limit events were recorded and how to view them."""
     if not bags:
         return "no event was recorded"
     names = ", ".join(bag.name for bag in bags[-MOST_NAMED:])
@@ -142,7 +142,7 @@ def _events_line(folder: Path, bags: Sequence[Path]) -> str:
 
 
 def latency_figure(run: RunResult) -> KeyFigure:
-    """Returns the latency from an image's exposure to its comparison, known only live."""
+    """Returns the latency from an image's exposure to the published comparison."""
     median, greatest = run.latency.get("monitor", (math.nan, math.nan))
     note = "image to comparison, median"
     if math.isfinite(greatest):
@@ -180,7 +180,7 @@ def _evaluated(
 def _replayed_report(
     title: str, run: RecordedRun, result: LiveResult, replayed: ReplayResult
 ) -> RunReport:
-    """Makes the replay's page with the additional facts of the live run."""
+    """Creates the report from a replay of the recorded run, with data of the live run."""
     around = Surroundings(title=title, facts=_facts(result))
     if result.figures is not None:
         figures = (latency_figure(result.figures),)
@@ -192,7 +192,7 @@ def _replayed_report(
 
 
 def _recorded_report(title: str, data: RunData | None, result: LiveResult) -> RunReport:
-    """Makes a page from the recorded comparisons, if there are any."""
+    """Creates the report from the recorded comparisons, without a replay."""
     stamps = data.stamps if data else np.empty(0, dtype=np.int64)
     columns = data.columns if data else dict.fromkeys(HEIGHTS, np.empty(0))
     order = np.argsort(stamps)

@@ -38,7 +38,7 @@ BAG, LOGS, SETTINGS = "bag", "logs", "settings.yaml"
 
 
 def check_files(setup: CellSetup) -> None:
-    """Reads the cell's files once, to report mistakes before any process starts.
+    """Reads the cell's files once, so that errors are reported before any process starts.
 
     Raises:
         ValueError: of the package that reads the file; one line.
@@ -56,7 +56,7 @@ def check_files(setup: CellSetup) -> None:
 
 @dataclass(frozen=True, slots=True)
 class LiveRun:
-    """Nodes, folder and options of a live run.
+    """Settings of a live run: its nodes, its folder and its options.
 
     Attributes:
         command: the subcommand.
@@ -77,7 +77,7 @@ class LiveRun:
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """Errors and exit code of a run.
+    """Errors and exit code of a live run.
 
     Attributes:
         problem: what went wrong, or ended the run before its time; empty: nothing did.
@@ -91,7 +91,7 @@ class RunOutcome:
 
 
 def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
-    """Runs the nodes until the simulated cell is done or a stop is requested.
+    """Runs the nodes until the simulated motion is over or a stop is requested.
 
     Args:
         run: the cell, and where the bag, the logs and what is in force go.
@@ -153,7 +153,7 @@ def run_nodes(run: LiveRun, screen: Screen, stop: StopRequest) -> RunOutcome:
 
 
 def _domain(run: LiveRun, stack: ExitStack, tell: Callable[[str], None]) -> dict[str, str]:
-    """Returns the nodes' DDS domain: the user's, or a free one for a demonstration.
+    """Chooses the nodes' DDS domain: the user's, or an unused one for a demonstration.
 
     A demonstration keeps to itself: it takes the user's domain only where one is set and no other
     run on this machine has the same namespace in it. A cell talks to the robot on the user's.
@@ -180,7 +180,7 @@ def _domain(run: LiveRun, stack: ExitStack, tell: Callable[[str], None]) -> dict
 
 
 def _tell_of_another(running: Sequence[str], namespace: str, watch: LiveWatch) -> None:
-    """Reports another cell whose messages are mixed with those of this one."""
+    """Warns of another running cell whose messages are mixed with those of this one."""
     if running:
         watch.tell(
             f"another cell's {', '.join(running)} run in {namespace}, too: their messages are "

@@ -1,4 +1,4 @@
-"""Contents of a recorded run: comparisons, truth, events, counts, latencies."""
+"""Contents of a recorded run: comparisons, exact heights, limit events and latencies."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _COLUMNS = (*HEIGHTS, *FLAGS)
 
 @dataclass(frozen=True, slots=True)
 class RecordedEvent:
-    """A limit event of the bag; see LimitEvent.msg."""
+    """A recorded limit event; see LimitEvent.msg for the fields."""
 
     stamp_ns: int
     id: int
@@ -43,7 +43,7 @@ class RecordedEvent:
 
 @dataclass(frozen=True, slots=True)
 class RunData:
-    """A recorded run.
+    """The recorded data of one run.
 
     Attributes:
         run: the recording.
@@ -77,15 +77,15 @@ class RunData:
 
     @property
     def seconds(self) -> Array:
-        """(N,) time of the compared images since the first [s]."""
+        """Time (N,) of the compared images since the first of them [s]."""
         return np.asarray((self.stamps - self.stamps[:1]) * 1e-9, dtype=np.float64)
 
     def flags(self, side: str) -> NDArray[np.int64]:
-        """(N,) flags of the compared measurements or estimates: 'measured' or 'estimate'."""
+        """Returns the flags (N,) of the compared measurements or of the estimates."""
         return self.columns[f"{side}_flags"].astype(np.int64)
 
     def lost(self) -> dict[str, int]:
-        """Number of published messages missing in the bag, by topic.
+        """Number of published messages that the bag does not contain, by topic.
 
         The one count that is told everywhere: what the recorder noted and, where the simulated
         cell tells what it published, no less than what the bag lacks of that.
@@ -98,7 +98,7 @@ class RunData:
         return lost
 
     def truth_at_images(self) -> Array:
-        """(N,) exact height at the compared images [m]; NaN: no truth."""
+        """Exact height (N,) at the compared images [m]; NaN if it was not recorded."""
         if not len(self.truth):
             return np.full(len(self.stamps), np.nan)
         origin = self.truth_stamps[0]
@@ -118,7 +118,7 @@ class _Gathered:
 
 
 def read_run(run: RecordedRun) -> RunData:
-    """Reads a recorded run.
+    """Reads the data of a recorded run from its bag.
 
     Raises:
         SloshBagError: there is no readable bag.
@@ -152,7 +152,7 @@ def read_run(run: RecordedRun) -> RunData:
 
 
 def facts_of(data: RunData, node: str) -> Mapping[str, str]:
-    """Returns a node's last diagnostics; empty: none.
+    """Returns the values of a node's last recorded diagnostics; empty if there are none.
 
     Args:
         data: the run.

@@ -14,7 +14,7 @@ LATEST = "latest"
 
 
 def new_run(output: Path, now: datetime, tell: Callable[[str], object]) -> Path:
-    """Makes the folder of a run in the output folder and updates the link to the latest.
+    """Creates a new folder for a run and points the link to the latest run at it.
 
     Args:
         output: where the runs lie; made where it is missing.

@@ -1,4 +1,4 @@
-"""The figures of a recorded run, as text and as JSON."""
+"""Metrics of a recorded run, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from slosh_report.json_values import plain
 
 @dataclass(frozen=True, slots=True)
 class SeriesAgreement:
-    """Agreement of one height series with another.
+    """Metrics of the agreement between one height series and another.
 
     Attributes:
         name: what is compared with what.
@@ -38,7 +38,7 @@ class SeriesAgreement:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """The figures of a run.
+    """All metrics of a recorded run.
 
     Attributes:
         agreements: models against camera and, in the simulated cell, all against the truth.
@@ -56,7 +56,7 @@ class RunResult:
 
     @property
     def lost_line(self) -> str:
-        """Describes lost messages in one line; empty: none is lost."""
+        """Describes lost messages in one line; empty if none is lost."""
         total = sum(self.lost.values())
         return (
             f"{total} messages are lost and missing in the bag{_which(self.lost)}" if total else ""
@@ -64,11 +64,11 @@ class RunResult:
 
     @property
     def compared(self) -> int:
-        """Number of images for which both the model's and the camera's height are known."""
+        """Number of images for which both the modelled and the measured height are known."""
         return self.agreements[0].count
 
     def document(self) -> dict[str, Any]:
-        """Returns the figures for JSON; unknown numbers are null."""
+        """Returns the metrics for JSON; unknown values are None."""
         latency = {
             node: plain({"median": median, "maximum": greatest})
             for node, (median, greatest) in self.latency.items()
@@ -77,7 +77,7 @@ class RunResult:
 
 
 def evaluate(data: RunData) -> RunResult:
-    """Computes the figures of a recorded run."""
+    """Computes the metrics of a recorded run."""
     measured = data.columns["measured"]
     linear, nonlinear = data.columns["estimated_linear"], data.columns["estimated_nonlinear"]
     sound = (data.flags("estimate") & UNSOUND) == 0
@@ -109,7 +109,7 @@ def evaluate(data: RunData) -> RunResult:
 
 
 def agreement(name: str, reference: Array, series: Array) -> SeriesAgreement:
-    """Compares a series with its reference where both are known; NaN: never."""
+    """Compares a height series with its reference at the samples where both are known."""
     count = int(np.count_nonzero(np.isfinite(reference) & np.isfinite(series)))
     if not count:
         return SeriesAgreement(name, math.nan, math.nan, math.nan, 0)
@@ -123,7 +123,7 @@ def agreement(name: str, reference: Array, series: Array) -> SeriesAgreement:
 
 
 def table(result: RunResult) -> str:
-    """Formats the figures as a table."""
+    """Formats the metrics of a run as a text table."""
     lines = [
         f"{row.name:<18}{1e3 * row.sigma:8.2f}{1e2 * row.epsilon:8.1f}{1e3 * row.rms:10.2f}"
         f"{row.count:8d}"
@@ -144,7 +144,7 @@ def table(result: RunResult) -> str:
 
 
 def print_replay(replayed: ReplayResult) -> None:
-    """Prints whether the replay reproduces the recorded estimates and comparisons."""
+    """Prints whether a replay reproduced the recorded estimates and comparisons."""
     parts = [
         f"{found.identical} of {found.recorded + found.missing} {name}s"
         for name, found in replayed.verified.items()
@@ -181,7 +181,7 @@ def _dropped(data: RunData) -> dict[str, int]:
 
 
 def _images_without_measurement(data: RunData) -> int | None:
-    """Number of images that the camera node did not measure; None: images were not counted."""
+    """Returns the number of images that the camera node did not measure, or None if unknown."""
     images = next((n for topic, n in data.published.items() if topic.endswith("/image_raw")), None)
     measured = next(
         (info.count for topic, info in data.topics.items() if topic.endswith("/free_surface")),

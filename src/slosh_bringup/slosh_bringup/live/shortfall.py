@@ -1,4 +1,4 @@
-"""Explains why a recorded run has no comparable heights or the machine was too slow."""
+"""Explains why a recorded run has no heights to compare, or why the machine was too slow."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LATE_SAMPLES = 0.25
 
 
 class Seen(NamedTuple):
-    """Messages of a topic in a bag: count and time span.
+    """Stamps and delay of the recorded messages of one topic.
 
     Attributes:
         stamps: (N,) theirs [ns].
@@ -44,7 +44,7 @@ class Seen(NamedTuple):
 
 
 def shortfall(data: RunData, starts: Starts) -> tuple[str, ...]:
-    """Lists missing data, one line each, root causes first.
+    """Lists the data missing from a run, one line each, root causes first.
 
     Without a camera, by choice, estimates are all that there can be.
 
@@ -62,7 +62,7 @@ def shortfall(data: RunData, starts: Starts) -> tuple[str, ...]:
 
 
 def _input(data: RunData, starts: Starts) -> str:
-    """Describes faults of the estimator's input."""
+    """Describes what is wrong with the estimator's recorded input; empty if nothing is."""
     facts = facts_of(data, "estimator")
     topic = input_topic(starts.get("estimator"))
     recorded = _count(data.topics, topic)
@@ -82,7 +82,7 @@ def _input(data: RunData, starts: Starts) -> str:
 
 
 def _images(data: RunData, starts: Starts) -> str:
-    """Describes faults of the camera's images."""
+    """Describes what is wrong with the camera's recorded images; empty if nothing is."""
     facts = facts_of(data, "camera")
     topic = image_topic(starts.get("camera"))
     came = max(int(facts.get("image total", 0)), _count(data.topics, topic))
@@ -103,7 +103,7 @@ def _images(data: RunData, starts: Starts) -> str:
 
 
 def _apart(data: RunData) -> str:
-    """Reports measurements and estimates that do not overlap in time."""
+    """Describes measurements and estimates that do not overlap in time."""
     measured, estimated = (
         _seen(data.run.reader, _own(data, name, kind))
         for name, kind in (("free_surface", SURFACE), ("estimate", ESTIMATE))
@@ -124,7 +124,7 @@ def _apart(data: RunData) -> str:
 
 
 def _named(facts: Mapping[str, str], prefix: str) -> str:
-    """Formats the largest counters with a prefix, e.g. 'stale 120, repeated 3'."""
+    """Formats the largest counters whose names have a prefix, e.g. 'stale 120, repeated 3'."""
     counts = {
         key.removeprefix(prefix): int(value)
         for key, value in facts.items()
@@ -135,7 +135,7 @@ def _named(facts: Mapping[str, str], prefix: str) -> str:
 
 
 def _own(data: RunData, name: str, kind: str) -> str:
-    """Returns the cell's topic with that last name; empty: none has messages."""
+    """Returns the cell's topic whose name ends with `name`; empty if it has no messages."""
     return CellTopics(data.topics).topic(name, kind) or ""
 
 
@@ -154,7 +154,7 @@ def _seen(reader: BagReader, topic: str) -> Seen:
 
 
 def _surfaces(reader: BagReader, topic: str) -> tuple[int, NDArray[np.int64]]:
-    """Returns the number of measured images, and their flags."""
+    """Returns the number of recorded surface measurements, and their flags."""
     flags = [
         reader.columns(block, ("flags",))["flags"].astype(np.int64)
         for block in (reader.blocks([topic]) if topic else ())
@@ -164,7 +164,7 @@ def _surfaces(reader: BagReader, topic: str) -> tuple[int, NDArray[np.int64]]:
 
 
 def slowness(data: RunData) -> str:
-    """Describes signs that the machine is too slow, with figures; empty: none.
+    """Describes signs that the machine was too slow, with figures; empty if there are none.
 
     On a robot nobody counts what was sent: the answer is empty.
     """

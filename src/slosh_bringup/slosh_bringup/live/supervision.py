@@ -1,4 +1,4 @@
-"""Restarts nodes of a run that end or hang while the others continue."""
+"""Restarts nodes of a live run that have ended or hang, while the others continue."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ third of that to start one.
 
 
 class Supervision:
-    """Supervises the nodes of a run.
+    """Monitors the node processes of a live run and restarts them.
 
     Args:
         group: the nodes.
@@ -56,7 +56,7 @@ class Supervision:
         self.problems: list[str] = []
 
     def look(self, *, began: bool, silences: Mapping[str, float]) -> NodeEnd | None:
-        """Restarts a node that has ended, and kills one that hangs.
+        """Restarts a node that has ended and kills one that hangs; call it regularly.
 
         Args:
             began: whether all were at work before; if not, what keeps one from it keeps it again.
@@ -88,7 +88,7 @@ class Supervision:
         return None
 
     def end_deaf(self, deaf: Mapping[str, str]) -> None:
-        """Kills nodes that do not receive a topic that others do; the next call restarts them.
+        """Kills nodes that fail to receive a topic that other subscribers receive.
 
         Args:
             deaf: the topic, by node.
@@ -101,7 +101,7 @@ class Supervision:
                 )
 
     def _end_hanging(self, silences: Mapping[str, float], now: float) -> None:
-        """Kills hanging nodes; if all are silent, the fault is in this listener."""
+        """Kills nodes without recent diagnostics, unless none are received from any node."""
         if all(silence > SILENT for silence in silences.values()):
             return
         for name, silence in silences.items():

@@ -1,4 +1,4 @@
-"""Shows the diagnostics of a live run's nodes."""
+"""Processes and shows the diagnostics of a live run's nodes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RATES = {"camera": "measurement [Hz]", "estimator": "output [Hz]"}
 
 
 class Screen(Protocol):
-    """Interface of the display of a run."""
+    """Interface of a live run's display."""
 
     def show(self, elapsed: float, text: str, status: str = "") -> None:
         """Shows the elapsed time [s] and the state; called ten times a second.
@@ -37,11 +37,11 @@ class Screen(Protocol):
         """
 
     def tell(self, line: str) -> None:
-        """Shows a line about an event."""
+        """Shows a permanent line of text."""
 
 
 class LiveWatch:
-    """Processes the messages of the nodes.
+    """Processes the messages of a live run's nodes and updates the display.
 
     Before all are ready it tells who is waited for; from then on how their health changes.
 
@@ -64,31 +64,31 @@ class LiveWatch:
 
     @property
     def began(self) -> bool:
-        """Whether all nodes are ready."""
+        """Whether all nodes have been ready, so that the run has begun."""
         return self._health is not None
 
     @property
     def waits_for(self) -> str:
-        """Describes the nodes that are not ready, and why."""
+        """Describes which nodes are not ready, and why."""
         return f"waiting for {sentence(self._wait.missing()) or 'the settings of the nodes'}"
 
     @property
     def given_up(self) -> str:
-        """Returns why waiting has been given up; empty: still waiting."""
+        """The reason why the run stopped waiting for its nodes; empty while it waits."""
         return "" if self.began else self._wait.given_up(time.monotonic())
 
     @property
     def silences(self) -> dict[str, float]:
-        """Returns the time since each node's last report once all are ready [s]."""
+        """Returns the time since each node's last diagnostics [s]; empty before all are ready."""
         return {} if self._health is None else self._health.silences(time.monotonic())
 
     @property
     def unheard(self) -> dict[str, str]:
-        """Returns `CellWatch.unheard`; empty before all are ready."""
+        """Returns the topics that nodes do not receive, by node; empty before all are ready."""
         return {} if self._health is None else self._health.unheard()
 
     def take_settings(self, start: NodeStart) -> None:
-        """Stores a node's settings, at its start or later; other nodes are ignored."""
+        """Stores the settings that a node of this run publishes."""
         if start.node not in self._nodes:
             return
         self._starts[start.node] = after(self._starts.get(start.node), start)
@@ -103,7 +103,7 @@ class LiveWatch:
         self._begin()
 
     def take_report(self, report: NodeReport) -> None:
-        """Processes a node's diagnostics."""
+        """Processes the diagnostics of one node."""
         now = time.monotonic()
         self._status.take_report(report)
         if self._health is not None:
@@ -114,7 +114,7 @@ class LiveWatch:
         self._begin()
 
     def take_comparison(self, comparison: Any) -> None:
-        """Stores the newest SloshComparison."""
+        """Stores the newest comparison message, for display."""
         heights = comparison.measured, comparison.estimated_nonlinear
         self._status.take_comparison(
             *heights, comparison.state, time.monotonic(),
@@ -122,7 +122,7 @@ class LiveWatch:
         )  # fmt: skip
 
     def look(self) -> None:
-        """Checks the time; call it several times a second."""
+        """Updates everything that depends on the time; call it several times a second."""
         now = time.monotonic()
         if self._health is None:
             self._screen.show(0.0, self._waits_for_in_short(now), self.waits_for)
@@ -131,11 +131,11 @@ class LiveWatch:
         self._screen.show(now - self._began, "", self._status.line(now))
 
     def tell(self, line: str) -> None:
-        """Shows a line from another part."""
+        """Shows a line of text that stays on the screen, given by another part of the program."""
         self._tell([line])
 
     def _tell_readiness(self, report: NodeReport) -> None:
-        """Shows which nodes take long to get ready, and when they are ready."""
+        """Shows which nodes take long to become ready, and when they are ready."""
         state = report.facts.get(STATE, READY)
         text = "compiling, once on this machine" if state == COMPILING else ""
         text = report.sentence if state == WAITING else text
@@ -144,13 +144,13 @@ class LiveWatch:
             self._tell([f"{report.node}: {text or 'ready'}"])
 
     def _waits_for_in_short(self, now: float) -> str:
-        """Returns a short form for logs; compiling nodes have a line of their own."""
+        """Returns a short description of the nodes that are not ready."""
         missing = self._wait.missing() if now - self._started > LATE else {}
         silent = {node: why for node, why in missing.items() if why == UNHEARD}
         return f"waiting for {sentence(silent) or 'the nodes'}"
 
     def _begin(self) -> None:
-        """Shows the effective settings once all nodes are ready."""
+        """Shows the settings in effect once all nodes are ready."""
         if (
             self.began
             or self._wait.missing()
@@ -178,7 +178,7 @@ class LiveWatch:
 
 
 class CellStatus:
-    """Formats the state of a cell in one line from the nodes' messages."""
+    """Formats the state of a cell in one line, from its nodes' messages."""
 
     def __init__(self) -> None:
         self._state: int | None = None
@@ -198,7 +198,7 @@ class CellStatus:
         alone: bool = False,
         disagree: bool = False,
     ) -> None:
-        """Stores the newest heights [m] and the monitor's state, at a steady time [s].
+        """Stores the newest measured and estimated heights [m] and the monitor's state.
 
         Args:
             measured, estimated, state, now: see above.
@@ -210,19 +210,19 @@ class CellStatus:
         self._alone, self._disagree = alone, disagree
 
     def take_report(self, report: NodeReport) -> None:
-        """Stores a node's message rates."""
+        """Stores the message rates in a node's diagnostics."""
         if report.node in RATES:
             # Whoever speaks on that topic may say anything.
             with contextlib.suppress(KeyError, ValueError):
                 self._rates[report.node] = float(report.facts[RATES[report.node]])
 
     def take_parameters(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Stores the monitor's limits."""
+        """Stores the limits if the parameters are those of the monitor."""
         if node == "monitor":
             self._settings = MonitorSettings.from_told(parameters)
 
     def line(self, now: float) -> str:
-        """Formats state, heights, limit and rates at a steady time [s]."""
+        """Formats state, heights, limit and message rates in one line."""
         verdict, reason = judge(
             self._state, now - self._at, alone=self._alone, disagree=self._disagree
         )
@@ -239,7 +239,7 @@ class CellStatus:
         return " · ".join([*words, *rates])
 
     def _limit(self, source: Source) -> str:
-        """The limit that holds."""
+        """Formats the limit in effect for heights of the given source."""
         rim = f" ({self._settings.limit_name(source)})" * self._settings.at_rim(source)
         return f"{_shown(self._settings.limits[source])} mm{rim}"
 

@@ -1,4 +1,4 @@
-"""Receives the settings and diagnostics of a cell's nodes in an outside process."""
+"""Receives the settings and diagnostics of a cell's nodes in another process."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ _READ = ("geometry_msgs", "sensor_msgs", "slosh_msgs")
 
 
 class Hearer(Protocol):
-    """Interface of the receiver of a cell's messages."""
+    """Interface of an object that processes a cell's messages."""
 
     def take_settings(self, start: NodeStart) -> None:
-        """Receives a node's settings."""
+        """Processes a node's settings."""
 
     def take_report(self, report: NodeReport) -> None:
-        """Receives a node's diagnostics."""
+        """Processes a node's diagnostics."""
 
     def take_comparison(self, comparison: SloshComparison) -> None:
-        """Receives the newest comparison."""
+        """Processes a comparison of measured and estimated heights."""
 
 
 class TopicProbe:
-    """Counts the messages of a topic of any type.
+    """Temporary subscription to a topic of any type, which counts messages.
 
     Args:
         node: that listens.
@@ -68,7 +68,7 @@ class TopicProbe:
 
 
 class CellListener:
-    """Listens to a cell on request; use it as a context manager.
+    """Subscriptions to a cell's diagnostics, settings and comparisons; a context manager.
 
     The process must have the nodes' environment when it is made: domain, discovery, profiles.
 
@@ -104,18 +104,18 @@ class CellListener:
         rclpy.try_shutdown()
 
     def listen(self, seconds: float) -> None:
-        """Processes messages for a time [s]."""
+        """Processes received messages for a given time [s]."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def running(self, names: Collection[str]) -> Counter[str]:
-        """Counts the nodes of each name in the namespace that are known by now."""
+        """Counts the discovered nodes of each given name in the namespace."""
         found = self._node.get_node_names_and_namespaces()
         return Counter(name for name, space in found if space == self._namespace and name in names)
 
     def probe(self, topic: str, type_name: str) -> TopicProbe | None:
-        """Subscribes to a topic until the probe is closed; None: the type is not supported."""
+        """Subscribes to a topic and counts its messages, or returns None for an unknown type."""
         package, _, _ = type_name.partition("/")
         if package not in _READ:  # a name from the network: nothing else is imported for it
             return None

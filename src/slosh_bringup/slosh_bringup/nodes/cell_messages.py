@@ -1,4 +1,4 @@
-"""The simulated cell's messages, filled as the drivers of a robot and a camera would."""
+"""Fills the simulated cell's messages as robot and camera drivers would."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PUBLISHED = (
 
 
 def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
-    """Makes an AccelStamped: acceleration in world axes, gravity excluded [m/s²]."""
+    """Returns an AccelStamped with an acceleration in world axes, gravity excluded [m/s²]."""
     message = AccelStamped()
     message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
     linear = message.accel.linear
@@ -41,7 +41,7 @@ def accel_message(stamp: Any, acceleration: Array) -> AccelStamped:
 
 
 def imu_message(stamp: Any, force: Array, turning: Array) -> Imu:
-    """Makes an Imu: specific force [m/s²], angular velocity [rad/s], sensor axes (REP-145)."""
+    """Returns an Imu with specific force [m/s²] and angular velocity [rad/s] in sensor axes."""
     message = Imu()
     message.header.stamp, message.header.frame_id = stamp, IMU_FRAME
     linear, angular = message.linear_acceleration, message.angular_velocity
@@ -52,7 +52,7 @@ def imu_message(stamp: Any, force: Array, turning: Array) -> Imu:
 
 
 def pose_message(stamp: Any, position: Array, attitude: Array) -> PoseStamped:
-    """Makes a PoseStamped of the container: position [m], quaternion x, y, z, w."""
+    """Returns a PoseStamped of the container from a position [m] and a quaternion x, y, z, w."""
     message = PoseStamped()
     message.header.stamp, message.header.frame_id = stamp, WORLD_FRAME
     place, turn = message.pose.position, message.pose.orientation
@@ -62,7 +62,7 @@ def pose_message(stamp: Any, position: Array, attitude: Array) -> PoseStamped:
 
 
 def camera_info(calibration: Calibration) -> CameraInfo:
-    """Makes the CameraInfo of a calibration."""
+    """Returns the CameraInfo message of a camera calibration."""
     camera = calibration.view.camera
     k = camera.matrix
     info = CameraInfo(
@@ -79,7 +79,7 @@ def camera_info(calibration: Calibration) -> CameraInfo:
 
 
 def truth_message(stamp_ns: int, sh_x: float, sh_y: float) -> FreeSurface:
-    """Makes a FreeSurface of the exact heights."""
+    """Returns a FreeSurface message with the exact simulated heights."""
     azimuth = float(np.arctan2(sh_y, sh_x))
     height = float(np.hypot(sh_x, sh_y))
     return filled(

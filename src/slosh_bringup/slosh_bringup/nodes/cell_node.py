@@ -1,4 +1,4 @@
-"""The simulated cell: publishes the messages of a robot and its camera."""
+"""Simulated cell node: publishes the messages of a robot and its camera."""
 
 from __future__ import annotations
 
@@ -65,14 +65,14 @@ PARAMETERS = (
     ParameterSpec(
         "push_at",
         -1.0,
-        "when a hand pushes the liquid, which no sensor of the robot tells [s]; negative: never",
+        "time of a push by hand, which no sensor of the robot measures [s]; negative: never",
         (-1.0, 1e6),
     ),
     ParameterSpec("push", 0.1, "speed that the push gives the liquid along x [m/s]", (-1.0, 1.0)),
     ParameterSpec(
         "camera_stop",
         [0.0, 0.0],
-        "from when to when the camera sends no images [s]",
+        "start and end of a camera failure without images [s]",
         (0.0, 1e6),
         length=2,
     ),
@@ -99,7 +99,7 @@ PARAMETERS = (
 
 
 class CellNode(PreparedNode):
-    """Plays a motion in real time: samples in one thread, images in another.
+    """Node that plays a motion in real time and publishes sensor samples and images.
 
     Args:
         later: it gets ready by `run_node`.
@@ -140,7 +140,7 @@ class CellNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the liquid's equations and integrates them."""
+        """Compiles or loads the liquid's equations and integrates the reference liquid."""
         load_telling(progress, "slosh_model.kernel")
         at, speed = self._given["push_at"], self._given["push"]
         push = Push(at, speed) if at >= 0.0 else None
@@ -151,14 +151,14 @@ class CellNode(PreparedNode):
         self._player.start()
 
     def close(self) -> None:
-        """Ends the threads."""
+        """Stops the publishing threads."""
         self._stop.set()
         if self._player.is_alive():
             self._player.join(timeout=5.0)
 
     @property
     def finished(self) -> bool:
-        """True when the motion is over and its last messages are delivered."""
+        """Whether the motion is over and its last messages have been delivered."""
         return self._finished.is_set()
 
     def _health(self) -> Health:
@@ -181,7 +181,7 @@ class CellNode(PreparedNode):
         self._counts[topic] += 1
 
     def _play(self) -> None:
-        """Plays the motion; the node ends afterwards, even after a failure."""
+        """Plays the motion and then ends the node, even if playing fails."""
         try:
             given_up = self._others.wait(self._stop)
             if given_up:
@@ -192,7 +192,7 @@ class CellNode(PreparedNode):
             self._finished.set()
 
     def _perform(self) -> None:
-        """Runs both threads to the end of the motion and logs the numbers of messages."""
+        """Runs both publishing threads until the motion ends; logs the number of messages."""
         start_ns = int(self.get_clock().now().nanoseconds)
         self._start = time.monotonic()
         self._playing = True
@@ -211,12 +211,12 @@ class CellNode(PreparedNode):
         return {"motion": self._motion.name, "published": published}
 
     def _wait_until(self, t: float) -> bool:
-        """Sleeps until a time of the motion; returns False if the node is to end."""
+        """Sleeps until a time of the motion; returns False if the node should end."""
         remaining = self._start + t - time.monotonic()
         return not (self._stop.wait(remaining) if remaining > 0.0 else self._stop.is_set())
 
     def _move(self, start_ns: int) -> None:
-        """Publishes samples when they are due, a few per tick."""
+        """Publishes the sensor samples when they are due, a few at a time."""
         t, readings, due = self._motion.t, self._readings, 0
         stamps = start_ns + np.round(t * 1e9).astype(np.int64)
         every = self._given["imu_every"]
@@ -234,7 +234,7 @@ class CellNode(PreparedNode):
                 due += 1
 
     def _film(self, start_ns: int) -> None:
-        """Renders and publishes images, or only the truth, at the camera's rate.
+        """Renders and publishes camera images and exact heights at the camera's rate.
 
         A late image is drawn all the same, up to BEHIND: a slow machine's demo has all of them. A
         camera that is always too fast for the machine would fall behind for ever: it leaves out
@@ -269,7 +269,7 @@ class CellNode(PreparedNode):
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the simulated cell node."""
     cv2.setNumThreads(1)  # small images; the other core belongs to the nodes
     return run_node(lambda: CellNode(later=True), finished=lambda node: node.finished)
 

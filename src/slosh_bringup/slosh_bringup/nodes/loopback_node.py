@@ -1,4 +1,4 @@
-"""Sends one message to itself over the middleware; used by `slosh doctor`."""
+"""Sends one message to itself over the ROS middleware; used by `slosh doctor`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TIMEOUT = 15.0  # discovery alone takes a second or two on a busy machine
 
 
 def main() -> int:
-    """Returns 0 when the message is received, NOTHING_BACK on timeout, 2 without ROS."""
+    """Returns 0 if the message is received, NOTHING_BACK after a timeout, 2 without ROS."""
     try:
         initialise([])
     except SloshMessageError as error:

@@ -1,4 +1,4 @@
-"""Waits until the other nodes of a cell are ready before a motion begins."""
+"""Waits until the other nodes of a cell are ready before the simulated motion begins."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ POLL = 0.05
 
 
 class ReadyCell:
-    """Follows the readiness of the other nodes and their subscriptions.
+    """Tracks whether the other nodes of a cell are ready and subscribed.
 
     Args:
         node: of the simulated cell.
@@ -55,7 +55,7 @@ class ReadyCell:
         return sentence(self._wait.missing()) or self._unread or "readers"
 
     def wait(self, stop: Event) -> str:
-        """Waits until all nodes are ready and have subscribed.
+        """Waits until all nodes are ready and have subscribed to their topics.
 
         Args:
             stop: ends the waiting.
@@ -92,7 +92,7 @@ class ReadyCell:
         return ""
 
     def _reading(self, kind: str) -> set[str]:
-        """Returns the names of the nodes that subscribe to a kind of topics."""
+        """Returns the names of the nodes that subscribe to the given kind of topics."""
         return {
             node_of(info)
             for topic in GROUPS[kind]

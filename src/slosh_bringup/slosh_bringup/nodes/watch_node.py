@@ -1,4 +1,4 @@
-"""The watch node: serves the operator's page with little load on the cell.
+"""Watch node: serves the operator's page with little load on the cell.
 
 It takes messages in batches, ten times a second, as the recorder does: an executor that woke up
 for each of them would cost more than everything else here. What comes a thousand times a second
@@ -60,7 +60,7 @@ PARAMETERS = (
 
 
 class WatchNode(GuardedNode):
-    """Subscribes to a cell and publishes its state to browsers."""
+    """Node that subscribes to a cell's topics and sends its state to web browsers."""
 
     def __init__(self) -> None:
         self._batched: set[Subscription] = set()
@@ -92,11 +92,11 @@ class WatchNode(GuardedNode):
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """Subscriptions for the executor, without those that are polled in batches."""
+        """Yields the subscriptions for the executor, without those that are polled in batches."""
         return (entry for entry in super().subscriptions if entry not in self._batched)
 
     def close(self) -> None:
-        """Stops the page's server."""
+        """Stops the web server."""
         self._server.stop()
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile, use: Callable[[Any], None]) -> None:
@@ -126,7 +126,7 @@ class WatchNode(GuardedNode):
         self._server.call(self._hub.put_frame, self._state.frame(now))
 
     def _look_at_estimate(self, now: float) -> None:
-        """Subscribes to estimates (a thousand a second) only without comparisons."""
+        """Subscribes to estimates, about 1000 per second, only while there are no comparisons."""
         if not self._state.is_alone(now):
             self._drop(self._estimates)
             self._estimates = None
@@ -137,7 +137,7 @@ class WatchNode(GuardedNode):
             hearing.hear_estimate(self._state, message, now)
 
     def _look_at_camera(self) -> None:
-        """Shows the previous image, which has been measured by now, and takes a new one."""
+        """Shows the previous camera image with its measurement and takes the next image."""
         if self._image is not None:
             self._show(self._image)
             self._image = None
@@ -152,7 +152,7 @@ class WatchNode(GuardedNode):
         self._image = next(_take(self._images[0], kind, 1), None)
 
     def _best_images(self) -> tuple[str, Any]:
-        """Returns the compressed image topic, or the raw one (10 × larger) if only that exists.
+        """Returns the compressed image topic, or the raw one if only that has a publisher.
 
         Right after its start a node has heard of no publisher.
         """
@@ -164,7 +164,7 @@ class WatchNode(GuardedNode):
         return bool(self.count_publishers(self.resolve_topic_name(topic)))
 
     def _stop_images(self) -> None:
-        """Unsubscribes from images when there is no viewer."""
+        """Unsubscribes from images while no browser is connected."""
         if self._images is not None:
             self._drop(self._images[0])
             self._images = None
@@ -232,7 +232,7 @@ def _decoded(message: Image | CompressedImage) -> Pixels | bytes:
 
 
 def _take(subscription: Subscription, kind: Any, most: int) -> Iterator[Any]:
-    """Yields the messages of a subscription that no executor serves."""
+    """Yields the waiting messages of a subscription that is not served by an executor."""
     with subscription.handle:
         for _ in range(most):
             taken = subscription.handle.take_message(kind, False)
@@ -242,7 +242,7 @@ def _take(subscription: Subscription, kind: Any, most: int) -> Iterator[Any]:
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the watch node."""
     return run_node(WatchNode)
 
 

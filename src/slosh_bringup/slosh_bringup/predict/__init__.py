@@ -1,1 +1,1 @@
-"""The picture and the page of `slosh predict`."""
+"""Picture and HTML page of `slosh predict`."""

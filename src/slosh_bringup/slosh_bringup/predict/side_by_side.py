@@ -34,7 +34,7 @@ HEADROOM = 1.15
 
 
 class Palette(NamedTuple):
-    """Colours of a panel's lines."""
+    """Colours of the lines in one diagram."""
 
     nonlinear: str
     linear: str
@@ -48,7 +48,7 @@ PICTURE_COLOURS = Palette("tab:blue", "tab:orange", "tab:red", "dimgray")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedProfile:
-    """A motion over time with its predicted heights.
+    """A motion and its predicted heights over time.
 
     Attributes:
         t: (N,) with the time after the motion's end [s].
@@ -65,12 +65,12 @@ class PredictedProfile:
 
     @property
     def highest(self) -> float:
-        """Greatest height of both models within their range [m]."""
+        """Greatest height that either model predicts within its limits of validity [m]."""
         heights = np.concatenate((self.linear, self.nonlinear))
         return float(np.max(heights, where=np.isfinite(heights), initial=0.0))
 
     def words(self) -> list[str]:
-        """Describes the prediction in full."""
+        """Describes the prediction in sentences."""
         one = self.answer
         found = one.nonlinear
         return [
@@ -87,7 +87,7 @@ def profiles(
     found: Sequence[Prediction],
     horizon: float | None = None,
 ) -> list[PredictedProfile]:
-    """Returns the time courses of the first MOST motions.
+    """Returns the predicted heights over time of the first MOST motions.
 
     Args:
         model, motions, horizon: as `slosh_plan.predict` had them.
@@ -110,7 +110,7 @@ def _profile(
 
 
 def scales(shown: Sequence[PredictedProfile]) -> tuple[float, float]:
-    """Returns the upper ends of the height and acceleration axes [mm], [m/s²]."""
+    """Returns the upper ends of the axes: heights [mm] and acceleration [m/s²]."""
     highest = 1e3 * max((one.highest for one in shown), default=0.0)
     limits = [1e3 * one.answer.limits.height for one in shown]
     near = [limit for limit in limits if limit < FAR * highest]
@@ -119,7 +119,7 @@ def scales(shown: Sequence[PredictedProfile]) -> tuple[float, float]:
 
 
 def draw_heights(axes: Any, one: PredictedProfile, colours: Palette, top: float) -> None:
-    """Draws the heights of both models, the limit or rim, and the motion's end."""
+    """Draws the heights of both models, the limit or rim, and the end of the motion."""
     axes.plot(*envelope(one.t, 1e3 * one.linear), color=colours.linear, linestyle=(0, (4, 2)))
     axes.plot(*envelope(one.t, 1e3 * one.nonlinear), color=colours.nonlinear)
     limits = one.answer.limits
@@ -134,14 +134,14 @@ def draw_heights(axes: Any, one: PredictedProfile, colours: Palette, top: float)
 
 
 def draw_acceleration(axes: Any, one: PredictedProfile, colours: Palette, top: float) -> None:
-    """Draws the magnitude of the acceleration."""
+    """Draws the magnitude of the container's acceleration over time."""
     axes.plot(*envelope(one.t, one.acceleration), color=colours.ink)
     axes.axvline(one.answer.duration, color=colours.ink, linewidth=0.8, linestyle=(0, (1, 3)))
     axes.set_ylim(0.0, top)
 
 
 def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[PredictedProfile]) -> str:
-    """Renders the page as HTML; every text in it is escaped.
+    """Renders the page of predicted motions as HTML; all texts are escaped.
 
     Args:
         facts: of all motions, as `slosh predict --json` gives them.
@@ -163,7 +163,7 @@ def render_page(facts: Sequence[Mapping[str, Any]], shown: Sequence[PredictedPro
 def _charts(
     one: PredictedProfile, number: int, height: float, acceleration: float
 ) -> tuple[Markup, Markup]:
-    """Draws heights and acceleration of a motion as SVG."""
+    """Draws a motion's heights and acceleration as two SVG charts."""
 
     def heights(axes: Any) -> None:
         draw_heights(axes, one, COLOURS, height)
@@ -181,7 +181,7 @@ def _charts(
 
 
 def write_picture(path: Path, shown: Sequence[PredictedProfile]) -> None:
-    """Draws each motion's heights and acceleration with common scales.
+    """Draws heights and acceleration of each motion, with common axis scales, to a file.
 
     Args:
         path: the `.png` or `.svg` file.

@@ -1,1 +1,1 @@
-"""Parts of `slosh replay`: bags with manifests, pages, tables, results for CI."""
+"""Parts of `slosh replay`: tasks, HTML pages, index and results for CI."""

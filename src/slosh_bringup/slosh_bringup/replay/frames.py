@@ -1,4 +1,4 @@
-"""Camera frames and topics of a bag for its replay's page."""
+"""Images and topics of a bag for the page of its replay."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ JPEG_QUALITY = 85
 
 
 def bag_topics(run: RecordedRun, seconds: float) -> tuple[TopicRow, ...]:
-    """Returns the topics of a bag with their mean rates.
+    """Returns the topics of a bag with their message counts and mean rates.
 
     Args:
         run: the recording.
@@ -46,7 +46,7 @@ def bag_topics(run: RecordedRun, seconds: float) -> tuple[TopicRow, ...]:
 
 
 def bag_calibration(run: RecordedRun) -> AnyCalibration | None:
-    """Returns the calibration of the recorded camera node; None: not recorded."""
+    """Returns the calibration that the camera node recorded, or None."""
     started = settings.latest(run.starts, "camera")
     text = started.files.get("calibration") if started else None
     if started is None or text is None:
@@ -64,7 +64,7 @@ def bag_calibration(run: RecordedRun) -> AnyCalibration | None:
 
 
 def bag_pictures(run: RecordedRun, result: ReplayResult) -> tuple[Frame, ...]:
-    """Returns images with the detected line: first, highest, and largest residual.
+    """Returns the first image, the highest and that of the largest residual, with the fitted line.
 
     None where the bag holds no images or does not say how its camera looks at the container.
     """
@@ -78,7 +78,7 @@ def bag_pictures(run: RecordedRun, result: ReplayResult) -> tuple[Frame, ...]:
 
 
 def pictures_at(run: RecordedRun, wanted: Mapping[str, int]) -> dict[str, tuple[bytes, float]]:
-    """Returns images with the detected line as JPEG, and their heights [m], by label.
+    """Returns annotated images as JPEG and their measured heights [m], by label.
 
     Args:
         run: where they are.
@@ -107,7 +107,7 @@ def pictures_at(run: RecordedRun, wanted: Mapping[str, int]) -> dict[str, tuple[
 
 
 def moments(result: ReplayResult) -> dict[str, int]:
-    """Returns the stamps of the images to show, by label."""
+    """Returns the stamps [ns] of the images to show, by label."""
     known = np.isfinite(result.measured)
     if not known.any():
         return {}
@@ -125,7 +125,7 @@ def moments(result: ReplayResult) -> dict[str, int]:
 def _picture(
     detector: object, calibration: AnyCalibration, stamp: int, frame: SourceFrame
 ) -> tuple[bytes, float] | None:
-    """Draws the line in an image; returns the JPEG and the height [m]."""
+    """Draws the measured line in an image; returns it as JPEG with the height [m]."""
     try:
         image = frame.image()
         measurement = detector.measure(stamp, image)  # type: ignore[attr-defined]

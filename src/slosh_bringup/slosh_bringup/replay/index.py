@@ -1,4 +1,4 @@
-"""The index page of all replayed bags."""
+"""Index page of all replayed bags."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _HEAD = 4096
 
 
 def check_index(folder: Path, tasks: Sequence[Task]) -> None:
-    """Refuses to overwrite a page that is not an index.
+    """Raises an error if the index would overwrite a page that is not an index.
 
     Raises:
         SloshBringupError: one would be, an earlier one or a bag's of this replay.
@@ -34,7 +34,7 @@ def check_index(folder: Path, tasks: Sequence[Task]) -> None:
 
 
 def write_index(folder: Path, outcomes: Sequence[ItemOutcome[Task, Replayed]]) -> None:
-    """Writes FOLDER/index.html.
+    """Writes the index page FOLDER/index.html with a row per bag.
 
     Raises:
         OSError: it cannot be written; it bears the path.

@@ -1,4 +1,4 @@
-"""Writes results of checks as JUnit XML, which CI systems read."""
+"""Writes check results as JUnit XML, which CI systems read."""
 
 from __future__ import annotations
 

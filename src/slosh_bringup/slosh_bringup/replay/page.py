@@ -1,4 +1,4 @@
-"""The page of a replay and its figures."""
+"""HTML page and JSON file with the results of a replay."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MESSAGE_TYPE: Final = "slosh_msgs/msg/PredictionOutcome"
 def write_page(
     folder: Path, run: RecordedRun, result: ReplayResult, checked: CheckedReplay | None
 ) -> None:
-    """Writes FOLDER/<name>.html and FOLDER/<name>.json.
+    """Writes the replay's page FOLDER/<name>.html and its results FOLDER/<name>.json.
 
     Args:
         folder: of the results.
@@ -51,7 +51,7 @@ def write_page(
 
 
 def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
-    """Returns date, settings, model and program version of a replay; reproducible."""
+    """Returns date, settings, model and program version of a replay; all are reproducible."""
     start = datetime.fromtimestamp(1e-9 * report_start(result), UTC)
     facts = {"recorded": f"{start:%Y-%m-%d %H:%M:%S} UTC", **in_force(last_starts(run))}
     if result.model is not None:
@@ -61,13 +61,13 @@ def _facts(run: RecordedRun, result: ReplayResult) -> tuple[Fact, ...]:
 
 
 def figures(report: RunReport, result: ReplayResult) -> str:
-    """Returns the numbers of a page as JSON at full precision, with the replay under `replay`."""
+    """Returns the numbers of a replay's page as JSON, at full precision."""
     document = {**report_document(report), "replay": json.loads(result.to_json(series=True))}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) -> RunReport:
-    """Makes the report of a replay, with the bag's images, predictions and topics.
+    """Creates the report of a replay, with the bag's images, predictions and topics.
 
     Args:
         run: where these are.
@@ -86,7 +86,7 @@ def make_report(run: RecordedRun, result: ReplayResult, around: Surroundings) ->
 
 
 class PredictedMotion(NamedTuple):
-    """A planned motion: its id, its predicted, estimated and measured peak [m].
+    """A planned motion with its predicted, estimated and measured peak heights [m].
 
     Attributes:
         id: counts the planned trajectories.
@@ -102,7 +102,7 @@ class PredictedMotion(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Describes the three heights."""
+        """Describes the predicted, estimated and measured peak heights in one sentence."""
         heights = (
             f"highest {1e3 * self.predicted:.1f} mm predicted, {1e3 * self.estimated:.1f} mm "
             f"estimated, {1e3 * self.measured:.1f} mm measured"
@@ -111,7 +111,7 @@ class PredictedMotion(NamedTuple):
 
 
 def predicted_motions(reader: BagReader) -> tuple[PredictedMotion, ...]:
-    """Returns the planned motions of a recording's first cell, in order.
+    """Returns the planned motions that were recorded for the bag's first cell, in order.
 
     Raises:
         SloshBagError: the bag cannot be read.

@@ -76,7 +76,7 @@ class Task:
     given: WantedInput | None = None
 
     def absolute(self) -> Task:
-        """Returns the task with absolute paths."""
+        """Returns a copy of the task with absolute paths."""
         model, output = self.model, self.output
         return replace(
             self,
@@ -120,7 +120,7 @@ class Replayed:
 
 
 def replay_task(task: Task) -> Replayed:
-    """Replays a recorded bag: selects its topics and runs the cores.
+    """Replays one bag and writes the requested outputs.
 
     Raises:
         SloshBagError: it cannot be replayed.
@@ -201,7 +201,7 @@ def _in_short(found: Verification | None) -> str:
 
 
 def _document(result: ReplayResult, checked: CheckedReplay | None) -> dict[str, Any]:
-    """Returns all figures, and the results of the checks."""
+    """Returns all results of a replay, and of its checks, for JSON."""
     points = None
     if checked is not None:
         points = [{"name": point.name, "failure": point.failure} for point in checked.points]
@@ -209,7 +209,7 @@ def _document(result: ReplayResult, checked: CheckedReplay | None) -> dict[str, 
 
 
 def unique_names(bags: Sequence[Path]) -> list[str]:
-    """Returns a unique name for each bag, extended by its parents' names if needed."""
+    """Returns a unique name for each bag; adds parent folder names where needed."""
     paths = [path.resolve() for path in bags]
     stems = [path.with_name(path.name.removesuffix(".mcap")) for path in paths]
     alike = Counter(stems)
@@ -236,7 +236,7 @@ def unique_names(bags: Sequence[Path]) -> list[str]:
 
 @contextmanager
 def new_bag(folder: Path) -> Iterator[OutputBag]:
-    """Writes a bag of outputs that appears when complete; replaces that of an earlier replay.
+    """Writes the replay's output bag, which replaces an earlier one when it is complete.
 
     Raises:
         SloshBringupError: the folder holds something else; nothing of it is touched.
@@ -263,7 +263,7 @@ def remove_unfinished(tasks: Sequence[Task]) -> None:
 
 
 def _check_pages(bag: Path) -> None:
-    """Refuses to overwrite a page and figures that do not belong to an earlier replay.
+    """Raises an error if a page would be overwritten that no earlier replay wrote.
 
     Raises:
         SloshBringupError: they would be replaced.
@@ -278,7 +278,7 @@ def _check_pages(bag: Path) -> None:
 
 
 def _may_replace(folder: Path) -> bool:
-    """Whether the folder holds nothing but a bag of outputs."""
+    """Whether the folder contains nothing but an earlier replay's output bag."""
     if not folder.exists() and not folder.is_symlink():
         return True
     if not folder.is_dir() or folder.is_symlink():

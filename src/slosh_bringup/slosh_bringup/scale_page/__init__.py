@@ -1,4 +1,4 @@
-"""The page on which clicks give `slosh calibrate` and `slosh new` their points."""
+"""HTML page on which the user clicks points for `slosh calibrate` and `slosh new`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def render_clicks(
     advice: str = SCALE,
     counts: tuple[int, int] = (2, 2),
 ) -> str:
-    """The page as HTML text.
+    """Returns the page that collects clicked image points, as HTML text.
 
     Args:
         image: as `slosh calibrate` reads it, whose pixels are counted.

@@ -1,4 +1,4 @@
-"""Result of a simulated motion: limit, rim, and doubts about its table."""
+"""Result of a simulated motion: peak, limit, rim, and doubts about the input table."""
 
 from __future__ import annotations
 
@@ -61,27 +61,27 @@ class SimulationAnswer:
 
     @property
     def doubtful(self) -> bool:
-        """Whether the table looks wrong, so that the result is unreliable."""
+        """Whether the input table looks faulty, so that the result is unreliable."""
         return any(doubt.wrong for doubt in self.doubts)
 
     @property
     def over_limit(self) -> bool | None:
-        """Whether the peak exceeds the limit; None: no limit."""
+        """Whether the peak height exceeds the limit, or None if no limit is given."""
         return None if self.limit is None else self.peak > self.limit
 
     @property
     def place(self) -> WallPlace:
-        """Where the liquid stands at its greatest height."""
+        """Place on the wall where the liquid reaches its greatest height."""
         return self.wall.place(self.liquid_peak)
 
     @property
     def over_rim(self) -> bool | None:
-        """Whether the liquid rises above the rim; None: the model does not tell its height."""
+        """Whether the liquid rises above the rim, or None if the rim's height is unknown."""
         return None if self.freeboard is None else self.place.distance_to_rim < 0.0
 
     @property
     def too_near(self) -> bool | None:
-        """Whether it rises above the distance to the rim that is to be kept; None: as above."""
+        """Whether the liquid comes closer to the rim than allowed, or None if that is unknown."""
         return None if self.freeboard is None else self.place.distance_to_rim < self.rim_distance
 
     def facts(self) -> dict[str, Any]:
@@ -135,7 +135,7 @@ class SimulationAnswer:
         return found
 
     def _wall_facts(self) -> dict[str, float | None]:
-        """The place on the wall for programs; what is unknown is None."""
+        """Returns the place on the wall for JSON; unknown values are None."""
         facts = {**self.place._asdict()}
         if self.wall.crest_inside:
             facts |= {"crest_ratio": self.wall.crest_ratio, "crest_place": self.wall.crest_place}
@@ -149,7 +149,7 @@ def make_answer(
     limits: HeightLimits,
     doubts: tuple[InputDoubt, ...],
 ) -> SimulationAnswer:
-    """Makes the result of a motion.
+    """Computes the result of a simulated motion.
 
     Args:
         model: what was simulated.
@@ -179,7 +179,7 @@ def make_answer(
 
 
 def _outside(model: Model, acceleration: float, jerk: float, peak: float) -> tuple[str, ...]:
-    """Describes which limits of validity are exceeded; linear models have tighter ones."""
+    """Lists the model's limits of validity that the motion exceeds."""
     limits = model.limits
     failing = model.container.linear_height
     bounds = (limits.acceleration, limits.jerk)
@@ -200,7 +200,7 @@ def _beside(excess: float, name: str, bound: float) -> str:
 
 
 def check_possible(path: Path, motion: MotionTable) -> None:
-    """Refuses a table with physically impossible accelerations.
+    """Raises an error if a motion table has physically impossible accelerations.
 
     Raises:
         SloshBringupError: one does; the text names the file, the time and the value.
@@ -216,7 +216,7 @@ def check_possible(path: Path, motion: MotionTable) -> None:
 
 
 def doubts(model: Model, motion: MotionTable) -> tuple[InputDoubt, ...]:
-    """Returns what looks wrong in a table, one text each; empty: nothing."""
+    """Lists what looks wrong in a motion table; empty if nothing does."""
     period = 2.0 * math.pi / model.mode_frequency(1)
     step = float(np.median(np.diff(motion.t))) if len(motion.t) > 1 else 0.0
     if step > MOST_OF_A_PERIOD * period:

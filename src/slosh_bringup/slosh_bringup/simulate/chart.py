@@ -1,4 +1,4 @@
-"""Draws simulated heights: the curve, its peak, limit and rim, and the motion."""
+"""Draws simulated heights over time with peak, limit and rim, and the motion below."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STYLE = {"svg.hashsalt": "simulate", "svg.fonttype": "none", "text.parse_math": 
 def write_chart(
     path: Path, inputs: Inputs, msh: Array, answer: SimulationAnswer, allowed: float
 ) -> None:
-    """Draws a prediction into a `.png` or `.svg` file.
+    """Draws simulated heights to a `.png` or `.svg` file.
 
     Args:
         path: the file.
@@ -53,7 +53,7 @@ def write_chart(
 
 @contextmanager
 def new_picture(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Yields an empty figure of a size [in]; writes it as `.png` or `.svg` at the end.
+    """Yields an empty figure of a given size [in] and writes it as `.png` or `.svg` on exit.
 
     Raises:
         OSError: the file cannot be written; what was there is as it was.
@@ -79,7 +79,7 @@ def _draw_heights(axes: Any, t: Array, msh: Array, answer: SimulationAnswer) -> 
 
 
 def _draw_bound(axes: Any, bound: float, name: str, peak: float) -> None:
-    """Draws a dotted bound; leaves it out if it is far above the curve."""
+    """Draws a dotted limit line, unless it lies far above the curve."""
     if bound < FAR * peak:
         axes.axhline(bound, color="tab:red", linestyle=":")
         axes.annotate(name, (0.995, bound), xycoords=axes.get_yaxis_transform(), ha="right",

@@ -1,4 +1,4 @@
-"""The operator's page: a cell's state at a glance, in a browser.
+"""The operator's web page, which shows a cell's state.
 
 state       what has been heard, as frames ten times a second → verdict
 hearing     a message, live or recorded → state

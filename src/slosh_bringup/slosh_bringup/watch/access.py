@@ -1,4 +1,4 @@
-"""Access rules of a cell's page, since browsers run scripts of other sites.
+"""Access rules of the operator's page, which keep other web sites' scripts out.
 
 A page of a stranger must get nothing, whatever name its server has taken on: a request names the
 host that its sender believes to speak to (against DNS rebinding) and, from within a page, that
@@ -33,7 +33,7 @@ HEADERS = {
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """The access rules of one server.
+    """Access rules of one web server.
 
     Attributes:
         host: the address on which it listens.
@@ -47,13 +47,13 @@ class Access:
 
     @property
     def url(self) -> str:
-        """The page's address."""
+        """Address of the page, with the access token if there is one."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         name = socket.gethostname() if self.host in ("0.0.0.0", "::") else host
         return f"http://{name}:{self.port}/" + (f"?{TOKEN}={self.token}" if self.token else "")
 
     def refusal(self, headers: Mapping[str, str], query: str, *, data: bool) -> str:
-        """Returns why a request is refused; empty: it is allowed.
+        """Returns why a request is refused, or an empty text if it is allowed.
 
         Args:
             headers: of the request, their names in lower case.
@@ -87,7 +87,7 @@ class Access:
 
 
 def new_access(host: str, port: int) -> Access:
-    """Makes the rules of a server, with a new token if other hosts can reach it."""
+    """Creates the access rules, with a new token if other hosts can reach the server."""
     return Access(host, port, "" if host in LOOPBACK else secrets.token_urlsafe(16))
 
 

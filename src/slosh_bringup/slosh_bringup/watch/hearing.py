@@ -1,4 +1,4 @@
-"""Passes messages of a live or recorded cell to the state of its page."""
+"""Passes the messages of a live or recorded cell to its page's state."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CAMERA, MODEL = "the camera", "the estimator"
 
 
 def hear_comparison(state: WatchState, message: Any, now: float) -> None:
-    """Passes on a SloshComparison received at a time [s]."""
+    """Adds a SloshComparison, received at a monotonic time [s], to the page's state."""
     silent = ((CAMERA, message.measured_stale), (MODEL, message.estimate_stale))
     compared = Compared(
         stamp_ns(message),
@@ -44,7 +44,7 @@ def hear_comparison(state: WatchState, message: Any, now: float) -> None:
 
 
 def hear_surface(state: WatchState, message: Any) -> None:
-    """Passes on a FreeSurface."""
+    """Adds a FreeSurface message to the page's state."""
     state.take_surface(
         Surface(
             stamp_ns(message),
@@ -58,18 +58,18 @@ def hear_surface(state: WatchState, message: Any) -> None:
 
 
 def hear_estimate(state: WatchState, message: Any, now: float) -> None:
-    """Passes on a SloshEstimate received at a time [s]."""
+    """Adds a SloshEstimate, received at a monotonic time [s], to the page's state."""
     highest = message.nonlinear
     state.take_estimate(Estimated(stamp_ns(message), highest.msh, highest.azimuth), now)
 
 
 def hear_fused(state: WatchState, message: Any) -> None:
-    """Passes on a FusedEstimate."""
+    """Adds a FusedEstimate message to the page's state."""
     state.take_fused(Fused(stamp_ns(message), message.msh, message.msh_stddev))
 
 
 def hear_calm(state: WatchState, message: Any, now: float) -> None:
-    """Passes on a Calm with its time of arrival [s]."""
+    """Adds a Calm message, received at a monotonic time [s], to the page's state."""
     state.take_calm(
         CalmNews(
             message.calm,
@@ -83,7 +83,7 @@ def hear_calm(state: WatchState, message: Any, now: float) -> None:
 
 
 def hear_event(state: WatchState, message: Any) -> None:
-    """Passes on a LimitEvent."""
+    """Adds a LimitEvent message to the page's state."""
     state.take_event(
         LimitNews(
             stamp_ns(message),
@@ -97,7 +97,7 @@ def hear_event(state: WatchState, message: Any) -> None:
 
 
 def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
-    """Gives what a node works with: limits, the container's wall, the camera's calibration."""
+    """Adds a node's settings to the page: limits, container or camera calibration."""
     state.take_parameters(start.node, start.parameters, goes_on=bool(start.changed))
     if start.node == "estimator":
         # Whoever speaks on that topic may say anything.
@@ -109,6 +109,6 @@ def hear_start(state: WatchState, camera: Camera, start: NodeStart) -> None:
 
 
 def stamp_ns(message: Any) -> int:
-    """Returns a message's stamp [ns]."""
+    """Returns the stamp in a message's header [ns]."""
     stamp = message.header.stamp
     return int(stamp.sec) * SECOND + int(stamp.nanosec)

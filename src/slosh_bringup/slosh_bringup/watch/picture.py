@@ -1,4 +1,4 @@
-"""The camera's image for the page: a small JPEG with the liquid's line."""
+"""Camera image for the operator's page: a small JPEG and the measured line."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ AT_ONCE = 50_000_000
 
 
 class Camera:
-    """Converts a camera's images to pictures, with the line once a calibration is known."""
+    """Converts camera images to small JPEG pictures with the measured line."""
 
     def __init__(self) -> None:
         self._calibration: AnyCalibration | None = None
 
     def take_calibration(self, text: str, folder: Path) -> None:
-        """Sets the camera node's camera.yaml; without a valid one no line is drawn."""
+        """Sets the calibration from the camera node's camera.yaml; invalid text removes it."""
         try:
             self._calibration = parse_any_calibration(text, "the camera's calibration", folder)
         except SloshCameraError:
             self._calibration = None
 
     def picture(self, image: NDArray[np.uint8] | bytes, stamp_ns: int, surface: Any) -> bytes:
-        """Makes a picture with its header; see `pack`.
+        """Creates a picture with its header; see `pack` for the format.
 
         Args:
             image: (height, width) grey or (height, width, 3) blue-green-red, or a JPEG as it is.
@@ -59,18 +59,18 @@ class Camera:
 
 
 def is_small_jpeg(data: bytes) -> bool:
-    """Whether a compressed image can be passed on unchanged."""
+    """Whether an image is a JPEG small enough to be sent unchanged."""
     return len(data) <= SMALL and data.startswith(b"\xff\xd8\xff")
 
 
 def pack(jpeg: bytes, heading: dict[str, Any]) -> bytes:
-    """Packs header and JPEG: four bytes with the header's length, JSON, the image."""
+    """Packs header and JPEG into bytes: length of the header, header as JSON, image."""
     text = json.dumps(heading, allow_nan=False, separators=(",", ":")).encode()
     return struct.pack("<I", len(text)) + text + jpeg
 
 
 def small_jpeg(image: NDArray[np.uint8]) -> tuple[bytes, float]:
-    """Encodes an image as JPEG, at most WIDTH pixels wide.
+    """Encodes an image as a JPEG that is at most WIDTH pixels wide.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red.
@@ -89,7 +89,7 @@ def small_jpeg(image: NDArray[np.uint8]) -> tuple[bytes, float]:
 def line_in_image(
     calibration: AnyCalibration, azimuth: Sequence[float], height: Sequence[float]
 ) -> list[list[float]]:
-    """Projects a measured line into the image.
+    """Projects a measured surface line into the image [px].
 
     Args:
         calibration: of the camera that measured it.

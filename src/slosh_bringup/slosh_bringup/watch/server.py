@@ -1,4 +1,4 @@
-"""Serves the page over HTTP and its frames over a WebSocket; ignores viewers' data."""
+"""Serves the operator's page over HTTP and its updates over a WebSocket."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ KEPT = 300
 
 
 class Guard:
-    """Applies the access rules and adds security headers to each response.
+    """Web middleware that applies the access rules and adds security headers.
 
     Args:
         app: what is guarded.
@@ -55,7 +55,7 @@ class Guard:
         self._app, self._access = app, access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answers a request (ASGI interface)."""
+        """Handles one request or connection (ASGI interface)."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -78,7 +78,7 @@ class Guard:
 
 
 def live_app(hub: Hub, access: Access) -> Guard:
-    """Makes the web application of a running cell."""
+    """Creates the web application for a running cell."""
 
     async def watch(socket: WebSocket) -> None:
         if hub.viewers >= VIEWERS:
@@ -95,7 +95,7 @@ def live_app(hub: Hub, access: Access) -> Guard:
 
 
 def recording_app(recording: RecordedFrames, access: Access) -> Guard:
-    """Makes the web application of a recording."""
+    """Creates the web application for a recording."""
 
     def about(request: Request) -> Response:
         return JSONResponse(recording.about())
@@ -138,7 +138,7 @@ def _number(request: Request, name: str) -> int:
 
 
 async def _show(socket: WebSocket, hub: Hub) -> None:
-    """Sends new frames until cancelled; a slow viewer delays only itself."""
+    """Sends new page updates to one viewer until cancelled."""
     seen = (0, 0)
     while True:
         news = await hub.after(seen)
@@ -150,7 +150,7 @@ async def _show(socket: WebSocket, hub: Hub) -> None:
 
 
 async def _until_it_leaves(socket: WebSocket, work: Any) -> None:
-    """Runs until the viewer has left; ignores its messages."""
+    """Runs a task until the viewer disconnects; ignores data that the viewer sends."""
     task = asyncio.ensure_future(work)
     try:
         while not task.done():
@@ -168,7 +168,7 @@ async def _until_it_leaves(socket: WebSocket, work: Any) -> None:
 
 
 class WatchServer:
-    """Serves a page in its own thread.
+    """Web server that runs in its own thread.
 
     Args:
         listener: a listening socket; see `listen`.
@@ -183,12 +183,12 @@ class WatchServer:
         self._thread = threading.Thread(target=self._serve, name="watch server", daemon=True)
 
     def start(self) -> None:
-        """Starts serving."""
+        """Starts the web server's thread."""
         self._thread.start()
         self._started.wait()
 
     def call(self, function: Callable[..., None], *arguments: Any) -> None:
-        """Calls a function in the server's event loop soon."""
+        """Schedules a function call in the server's event loop."""
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(function, *arguments)
@@ -200,7 +200,7 @@ class WatchServer:
         self._thread.join(timeout=5.0)
 
     def wait(self) -> None:
-        """Waits until the server has ended."""
+        """Waits until the server's thread has ended."""
         while self._thread.is_alive():
             self._thread.join(timeout=0.2)
 
@@ -220,7 +220,7 @@ class WatchServer:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Opens a listening socket.
+    """Opens a TCP socket on which the web server listens.
 
     Raises:
         SloshBringupError: the address is none of this machine's, or the port is taken.
@@ -237,7 +237,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 class News(NamedTuple):
-    """Frames and picture that a viewer has not received.
+    """Page updates and picture that a viewer has not received yet.
 
     Attributes:
         frames: as JSON, in their order.
@@ -251,7 +251,7 @@ class News(NamedTuple):
 
 
 class Hub:
-    """Distributes frames and pictures to the viewers, in the server's loop.
+    """Distributes page updates and pictures to the viewers.
 
     What is new is put once; each viewer takes what has come since it took last. A slow viewer
     gets more at once and at last misses what is older than the drawing; it holds nobody up.
@@ -268,19 +268,19 @@ class Hub:
         self._news = asyncio.Event()
 
     def put_frame(self, frame: str) -> None:
-        """Adds the next frame."""
+        """Adds the next page update."""
         self._frames.append(frame)
         self._last = (self._last[0] + 1, self._last[1])
         self._tell()
 
     def put_picture(self, picture: bytes) -> None:
-        """Sets the newest picture."""
+        """Sets the newest camera picture."""
         self._picture = picture
         self._last = (self._last[0], self._last[1] + 1)
         self._tell()
 
     async def after(self, seen: tuple[int, int] = (0, 0)) -> News:
-        """Waits for news that a viewer has not received."""
+        """Waits for page updates or a picture that a viewer has not received; returns them."""
         while seen == self._last:
             await self._news.wait()
         missed = min(self._last[0] - seen[0], len(self._frames))

@@ -1,4 +1,4 @@
-"""Collects the messages of a cell's topics and makes frames for its page.
+"""Collects the messages of a cell's topics and makes updates for its page.
 
 A frame holds what is new since the one before it, and what is true now. Heights are in metres,
 azimuths in radians, times in seconds from the first stamp; NaN is null. Time is an argument: live
@@ -41,7 +41,7 @@ START = 0
 
 
 class Compared(NamedTuple):
-    """The shown part of a SloshComparison; heights of the nonlinear model."""
+    """Displayed fields of a SloshComparison, with heights of the nonlinear model."""
 
     stamp_ns: int
     measured: float
@@ -57,7 +57,7 @@ class Compared(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """The shown part of a FreeSurface: the highest point and the line on the wall."""
+    """Displayed fields of a FreeSurface: the highest point and the line on the wall."""
 
     stamp_ns: int
     height: float
@@ -68,7 +68,7 @@ class Surface(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """The shown part of a SloshEstimate: the nonlinear model's highest point."""
+    """Displayed fields of a SloshEstimate: the nonlinear model's highest point."""
 
     stamp_ns: int
     height: float
@@ -94,7 +94,7 @@ class CalmNews(NamedTuple):
 
 
 class LimitNews(NamedTuple):
-    """The shown part of a LimitEvent."""
+    """Displayed fields of a LimitEvent."""
 
     stamp_ns: int
     id: int
@@ -105,7 +105,7 @@ class LimitNews(NamedTuple):
 
 
 class WatchState:
-    """Collects messages and makes frames.
+    """Collects a cell's messages and makes updates for its page.
 
     Args:
         command: the command that finds why the two sides disagree; empty: none fits.
@@ -132,13 +132,13 @@ class WatchState:
         self._rows: list[tuple[float, ...]] = []
 
     def is_alone(self, now: float) -> bool:
-        """Whether the estimate is drawn by itself, because no comparison contains it."""
+        """Whether the estimate is drawn on its own, because there are no comparisons."""
         compared = self._compared
         silent = compared is None or compared.alone or not math.isfinite(compared.estimated)
         return silent or now - self._compared_at > ALONE
 
     def take_comparison(self, compared: Compared, now: float) -> None:
-        """Stores a comparison received at a time [s]."""
+        """Stores a comparison that was received at a monotonic time [s]."""
         self._compared, self._compared_at = compared, now
         if math.isfinite(compared.measured) or math.isfinite(compared.estimated):
             self._add(compared.stamp_ns, compared.measured, compared.estimated)
@@ -148,17 +148,17 @@ class WatchState:
         self._surface = surface
 
     def take_estimate(self, estimated: Estimated, now: float) -> None:
-        """Stores the newest estimate; it is drawn if no comparison contains it."""
+        """Stores the newest estimate, to be drawn if there are no comparisons."""
         self._estimated, self._estimated_at = estimated, now
         if self.is_alone(now):
             self._add(estimated.stamp_ns, math.nan, estimated.height)
 
     def take_fused(self, fused: Fused) -> None:
-        """Stores a fused state, which is drawn at the times of the other heights."""
+        """Stores a fused estimate, to be drawn at the times of the other heights."""
         self._fused.append(fused)
 
     def take_calm(self, calm: CalmNews, now: float) -> None:
-        """Stores a calm state with its time of arrival [s]."""
+        """Stores a calm state that was received at a monotonic time [s]."""
         self._calm = calm, now
 
     def take_event(self, event: LimitNews) -> None:
@@ -172,7 +172,7 @@ class WatchState:
     def take_parameters(
         self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
     ) -> None:
-        """Stores the monitor's limits; at its start no limit is exceeded.
+        """Stores the monitor's limits; a restarted monitor has no exceeded limits.
 
         Args:
             node: its name.
@@ -186,20 +186,20 @@ class WatchState:
         self._settings = MonitorSettings.from_told(parameters)
 
     def take_container(self, container: Container) -> None:
-        """Takes the estimator's container: its wall from the side, and how far the rim is."""
+        """Stores the container's side view and the height of its rim, for drawing."""
         self._wall = container.wall
         outline = np.round(container.silhouette, 5).tolist()
         self._container = {"outline": outline, "rim": container.freeboard}
 
     def take_report(self, report: NodeReport, now: float) -> None:
-        """Stores a node's diagnostics; limits the number of unknown nodes."""
+        """Stores a node's diagnostics; the number of unknown nodes is limited."""
         known = report.node in self._nodes or report.node in NODES
         if not known and len(self._nodes) >= MOST_NODES:
             return
         self._nodes[report.node] = (report, now)
 
     def frame(self, now: float) -> str:
-        """Returns the next frame as JSON; call it every PERIOD."""
+        """Returns the next page update as JSON; call it every PERIOD."""
         compared = self._compared
         exceeded = "; ".join(event.description for event in self._open.values())
         judgement = judge(
@@ -241,7 +241,7 @@ class WatchState:
         self._rows.append((self._seconds(stamp_ns), measured, estimated, *band))
 
     def _fused_at(self, stamp_ns: int) -> tuple[float, float]:
-        """Returns the fused height at a stamp and its standard deviation [m]; NaN: none near."""
+        """Returns the fused height at a stamp and its standard deviation [m], or NaN."""
         near = min(self._fused, key=lambda one: abs(one.stamp_ns - stamp_ns), default=None)
         if near is None or abs(near.stamp_ns - stamp_ns) > NEAR_NS:
             return math.nan, math.nan
@@ -270,11 +270,11 @@ class WatchState:
         return shown
 
     def is_fresh(self, now: float) -> bool:
-        """Whether the newest estimate is recent."""
+        """Whether the newest estimate is recent enough to be shown."""
         return now - self._estimated_at <= ALONE
 
     def _shown_calm(self, now: float) -> dict[str, Any]:
-        """Returns the newest calm state; empty: none was received recently."""
+        """Returns the newest calm state for display; empty if none was received recently."""
         if self._calm is None or now - self._calm[1] > ALONE:
             return {}
         return self._calm[0]._asdict()
@@ -293,7 +293,7 @@ class WatchState:
         return shown
 
     def _shown_limits(self) -> dict[str, dict[str, Any]]:
-        """Returns the effective limit of each monitored quantity, with its name."""
+        """Returns the limit in effect for each monitored quantity, for display."""
         settings = self._settings
         return {
             source.name.lower(): {"height": limit, "name": settings.limit_name(source)}
@@ -325,7 +325,7 @@ class WatchState:
         ]
 
     def _advice(self) -> str:
-        """Returns the command to run if model and camera disagree."""
+        """Returns the command to run if model and camera disagree; empty if they agree."""
         limit, compared = self._settings.disagreement_limit, self._compared
         facts = self._nodes["monitor"][0].facts if "monitor" in self._nodes else {}
         disagreeing = facts.get("motions that disagree", "0") not in ("0", "")

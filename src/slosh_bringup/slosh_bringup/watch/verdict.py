@@ -1,4 +1,4 @@
-"""Summarises whether a cell is safe, in one word and one sentence."""
+"""Summarises in one word and one sentence whether a cell is safe."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class CellVerdict(Enum):
 
 
 class CellJudgement(NamedTuple):
-    """Verdict on a cell's safety, and the reason for it."""
+    """Safety state of a cell, with the reason for it."""
 
     verdict: CellVerdict
     reason: str
@@ -37,7 +37,7 @@ def judge(
     alone: bool = False,
     disagree: bool = False,
 ) -> CellJudgement:
-    """Judges whether a cell is safe by its newest messages.
+    """Determines from its newest messages whether a cell is safe.
 
     Silence is never safe: what is not compared is not known.
 

@@ -1,1 +1,1 @@
-"""Camera calibration: its file, and the pose from a still image of a cup or a board."""
+"""Camera calibration: the file, and the pose from an image of a container or a board."""

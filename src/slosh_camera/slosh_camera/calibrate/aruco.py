@@ -1,4 +1,4 @@
-"""Wraps OpenCV's marker boards, for the interfaces of 4.6 and of 4.7 and later.
+"""Wraps OpenCV's ArUco marker boards, for OpenCV 4.6 and for 4.7 and later.
 
 Ubuntu 24.04 has 4.6. Both draw the same boards and number their corners in the same frame.
 """
@@ -21,7 +21,7 @@ _aruco: Any = getattr(cv2, "aruco", None)
 
 
 def dictionary_of(name: str) -> Any:
-    """Returns OpenCV's dictionary of a name such as 4X4_50.
+    """Returns OpenCV's marker dictionary for a name such as 4X4_50.
 
     Raises:
         SloshCameraError: this OpenCV has no markers at all, or no such dictionary.
@@ -37,7 +37,7 @@ def dictionary_of(name: str) -> Any:
 def board_of(
     charuco: bool, fields: tuple[int, int], size: float, inner: float, dictionary: Any
 ) -> Any:
-    """Makes OpenCV's board of columns and rows; lengths in m."""
+    """Creates OpenCV's board object from its columns and rows; lengths in metres."""
     name = "CharucoBoard" if charuco else "GridBoard"
     if _is_recent():
         return getattr(_aruco, name)(fields, size, inner, dictionary)
@@ -47,7 +47,7 @@ def board_of(
 def find_corners(
     image: Image, charuco: bool, board: Any, dictionary: Any
 ) -> tuple[FloatArray, FloatArray]:
-    """Finds the corners of a board: positions on it (N, 3) [m] and in the image (N, 2) [px]."""
+    """Detects a board's corners; returns board (N, 3) [m] and image positions (N, 2) [px]."""
     find = _find_recent if _is_recent() else _find_by_functions
     points, corners = find(image, charuco, board, dictionary)
     if points is None or corners is None or len(points) != len(corners):
@@ -59,7 +59,7 @@ def find_corners(
 def markers_of(
     board: Any, dictionary: Any
 ) -> list[tuple[tuple[float, float], float, NDArray[np.bool_]]]:
-    """Returns each marker's top left corner (x, y), side [m] and white cells."""
+    """Returns the top left corner (x, y), side length [m] and white cells of each marker."""
     places = board.getObjPoints() if _is_recent() else board.objPoints
     numbers = np.ravel(board.getIds() if _is_recent() else board.ids)
     draw = _aruco.generateImageMarker if _is_recent() else _aruco.drawMarker

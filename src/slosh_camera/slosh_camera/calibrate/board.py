@@ -1,4 +1,4 @@
-"""Pose of an ArUco or ChArUco board in a still image, and the container's pose from it."""
+"""Pose of an ArUco or ChArUco board in an image, and the container pose that follows from it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _STEP = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A printed board of markers, and its dimensions.
+    """A printed board of markers and its dimensions.
 
     Attributes:
         charuco: a chessboard with markers in its white squares; otherwise a grid of markers.
@@ -53,7 +53,7 @@ class Board:
     dictionary: str = _DEFAULT_DICTIONARY
 
     def __post_init__(self) -> None:
-        """Refuse a board with impossible dimensions."""
+        """Raises SloshCameraError for impossible board dimensions."""
         least = 2 if self.charuco else 1
         if not (least <= self.columns <= _MAX_SIDE and least <= self.rows <= _MAX_SIDE):
             raise SloshCameraError(
@@ -69,7 +69,7 @@ class Board:
             )
 
     def opencv(self) -> tuple[Any, Any]:
-        """Returns OpenCV's objects of the board and its dictionary.
+        """Returns OpenCV's objects for the board and for its marker dictionary.
 
         Raises:
             SloshCameraError: there is no such dictionary, or it has too few markers.
@@ -86,7 +86,7 @@ class Board:
 
 
 def parse_board(text: str) -> Board:
-    """Parses a board from a text such as charuco:7x5:0.02:0.015:4X4_50.
+    """Parses the description of a board, such as charuco:7x5:0.02:0.015:4X4_50.
 
     Raises:
         SloshCameraError: the text is none of a board's.
@@ -106,7 +106,7 @@ def parse_board(text: str) -> Board:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardFit:
-    """Pose of a detected board.
+    """Pose of a board that was detected in an image.
 
     Attributes:
         pose: transform board -> camera. The board's frame is OpenCV's: origin in its top left
@@ -125,7 +125,7 @@ class BoardFit:
 
 
 def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
-    """Find a board in an image.
+    """Detects a board in an image and estimates its pose.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red.
@@ -167,7 +167,7 @@ def find_board(image: Image, camera: PinholeCamera, board: Board) -> BoardFit:
 def _for_opencv(
     camera: PinholeCamera, points: FloatArray, corners: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns points, corners and distortion for OpenCV's pose solvers.
+    """Returns points, corners and distortion in the form that OpenCV's pose solvers need.
 
     They know no fisheye lens: its corners are moved to where a pinhole sees them.
     """
@@ -182,7 +182,7 @@ def _for_opencv(
 def _solved(
     points: FloatArray, corners: FloatArray, matrix: FloatArray, lens: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Solves for the better of a plane's two poses: vector (6,) and residual [px]."""
+    """Returns the better of the two possible poses of a plane, (6,), and its residual [px]."""
     try:
         _, turns, shifts, _ = cv2.solvePnPGeneric(
             points, corners, matrix, lens, flags=cv2.SOLVEPNP_IPPE
@@ -214,7 +214,7 @@ def _pose(vector: FloatArray) -> Pose:
 
 
 def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:
-    """Returns the hint from a board that lies face up on the container's support plane.
+    """Returns prior pose information from a board that lies face up beside the container.
 
     Args:
         fit: where the board is.
@@ -250,7 +250,7 @@ def hint_of_flat_board(fit: BoardFit, cup: Cup, base_thickness: float) -> Hint:
 
 
 def check_hint(hint: Hint, numbers: FloatArray) -> None:
-    """Refuse a container whose edges contradict the board on its support plane."""
+    """Raises SloshCameraError if the container's fitted pose contradicts the board below it."""
     shift = np.abs(numbers - hint.numbers)[[1, 3, 4]]
     if np.any(shift > _CONTRADICTION):
         height, pitch, roll = 1e3 * shift[0], *np.rad2deg(shift[1:])
@@ -261,7 +261,7 @@ def check_hint(hint: Hint, numbers: FloatArray) -> None:
 
 
 def pose_by_board(fit: BoardFit, board_in_container: Pose) -> tuple[Pose, FloatArray]:
-    """Computes the pose of a container relative to which the board's pose is known.
+    """Computes the pose of a container from a board whose pose relative to it is known.
 
     Args:
         fit: where the board is.
@@ -287,7 +287,7 @@ def pose_by_board(fit: BoardFit, board_in_container: Pose) -> tuple[Pose, FloatA
 
 
 def _carried(function: Callable[[FloatArray], FloatArray], fit: BoardFit) -> FloatArray:
-    """Propagates the board's covariance through a function."""
+    """Propagates the covariance of a board's pose through a function."""
     here = function(fit.vector)
     columns = []
     for index in range(6):

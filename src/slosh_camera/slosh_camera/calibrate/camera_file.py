@@ -1,4 +1,4 @@
-"""The file `camera.yaml` of a calibration: camera, container, pose, region and settings.
+"""Reads and writes camera.yaml: camera, container, pose, image region and detection settings.
 
 The camera's part has the keys of ROS camera_calibration files.
 """
@@ -68,7 +68,7 @@ _T = TypeVar("_T")
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Read the calibration file of a cylindrical container.
+    """Reads the calibration file of a camera that views a cylindrical container.
 
     Args:
         path: the file, usually camera.yaml.
@@ -84,7 +84,7 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def read_any_calibration(path: str | Path) -> AnyCalibration:
-    """Read a calibration file, of a cylinder or of a side view of a rectangular container.
+    """Reads the calibration file of a cylinder or of a side view of another container.
 
     Args:
         path: the file, usually camera.yaml.
@@ -102,7 +102,7 @@ def read_any_calibration(path: str | Path) -> AnyCalibration:
 def parse_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> Calibration:
-    """Parses the calibration of a cylindrical container.
+    """Parses the calibration of a camera that views a cylindrical container.
 
     Args:
         text: YAML.
@@ -121,7 +121,7 @@ def parse_calibration(
 def parse_any_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> AnyCalibration:
-    """Parses a calibration, of a cylinder or of a side view.
+    """Parses the calibration of a cylinder or of a side view of another container.
 
     Args:
         text: YAML.
@@ -139,7 +139,7 @@ def parse_any_calibration(
 
 
 def format_calibration(calibration: AnyCalibration) -> str:
-    """Formats a calibration file; parse_any_calibration restores the same calibration."""
+    """Formats a calibration as YAML text, which parse_any_calibration reads without loss."""
     camera, pose = calibration.view.camera, calibration.view.pose
     container = _container_block(calibration)
     document: dict[str, Any] = {
@@ -173,7 +173,7 @@ def format_calibration(calibration: AnyCalibration) -> str:
 
 
 def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
-    """The container's keys, without what is unknown."""
+    """Returns the container's entries of the calibration file, without unknown values."""
     view = calibration.view
     if isinstance(view, RoundView):
         box = view.box
@@ -211,7 +211,7 @@ def _calibration(
 
 
 def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
-    """Refuse a file without a pose, and say how to obtain one."""
+    """Raises SloshCameraError for a file without a pose; the message says how to obtain one."""
     if "pose" not in root and "container" in root and "camera_matrix" in root:
         raise SloshCameraError(
             f"{place(source, 'pose')}: is missing: the camera is not calibrated yet; run "
@@ -239,7 +239,7 @@ def _container(root: Mapping[str, Any], source: YamlDocument, folder: Path | Non
 
 
 def _body(block: Mapping[str, Any], source: YamlDocument, folder: Path | None) -> RoundBody:
-    """A container by its contour, as a model has it, with its wall."""
+    """Reads a body of revolution and its wall from the calibration file."""
     wall = {
         key: number(block[key], source, f"container.{key}")
         for key in WALL
@@ -317,7 +317,7 @@ def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
 
 
 def _built(source: YamlDocument, prefix: str, build: Callable[[], _T]) -> _T:
-    """Build an object; its errors get the file's name and the key's position."""
+    """Builds an object; adds file name and key to the messages of its errors."""
     try:
         return build()
     except SloshCameraError as error:

@@ -1,4 +1,4 @@
-"""The visible curves of a round container in a still image, and their edges.
+"""The visible curves of a round container in an image, and the image edges along them.
 
 They are the two sides of the container (planes through the camera that touch the outer wall), the
 still level on the front and, seen from above, on the rear wall, and the floor's front edge.
@@ -25,7 +25,7 @@ AZIMUTH = -0.5 * np.pi
 
 
 class Curve(Enum):
-    """A curve of the container that is visible in the image."""
+    """A curve of a round container that is visible in the image."""
 
     LEFT = "left side"
     RIGHT = "right side"
@@ -46,7 +46,7 @@ OUTLINE = (*WETTED, Curve.FRONT, Curve.REAR)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenCurve:
-    """The edges detected along a predicted curve.
+    """Image edges detected along a predicted curve of the container.
 
     Attributes:
         curve: which one.
@@ -63,7 +63,7 @@ class SeenCurve:
     samples: int
 
     def only(self, kept: NDArray[np.bool_]) -> SeenCurve:
-        """Returns the curve with some of its edges (N,)."""
+        """Returns the curve with only those edges that a mask (N,) selects."""
         return replace(
             self, pixels=self.pixels[kept], normals=self.normals[kept], slopes=self.slopes[kept]
         )
@@ -72,12 +72,12 @@ class SeenCurve:
 def view_at(
     camera: PinholeCamera, cup: Cup, place: CameraPlace, azimuth: float = AZIMUTH
 ) -> CupView:
-    """Returns the view of the container from a camera place."""
+    """Returns the projection model of the container for a camera position."""
     return CupView(camera, pose_of(place, azimuth), cup)
 
 
 def curve_points(view: CupView, curve: Curve, count: int) -> FloatArray:
-    """Returns points (count, 2) along a curve in the image [px], left to right or bottom up."""
+    """Returns points (count, 2) along a curve [px], from left to right or from bottom to top."""
     cup = view.cup
     if curve in SIDES:
         top = cup.rim_level if cup.rim_level is not None else 0.5 * cup.fill_height
@@ -94,7 +94,7 @@ def curve_points(view: CupView, curve: Curve, count: int) -> FloatArray:
 
 
 def _side_points(view: CupView, curve: Curve, z: FloatArray) -> FloatArray:
-    """Returns the points of the outer wall where planes through the camera touch it."""
+    """Returns points of the outer wall on its silhouette, as seen from the camera."""
     outer = view.cup.radius + view.cup.wall_thickness
     centre = view.pose.camera_centre
     half = np.arccos(outer / np.hypot(centre[0], centre[1]))
@@ -106,13 +106,13 @@ def _side_points(view: CupView, curve: Curve, z: FloatArray) -> FloatArray:
 
 
 def sides_of(view: CupView) -> tuple[FloatArray, FloatArray]:
-    """Returns the left and right side at the still level in the image, (2,) each [px]."""
+    """Returns the image points (2,) of the left and right edge at the liquid's level [px]."""
     left, right = (_side_points(view, curve, np.zeros(1))[0] for curve in WETTED)
     return left, right
 
 
 def width_of(view: CupView) -> float:
-    """Returns the distance of the two sides at the still level in the image [px]."""
+    """Returns the image width of the container at the level of the liquid at rest [px]."""
     left, right = sides_of(view)
     return float(np.hypot(*(right - left)))
 
@@ -120,7 +120,7 @@ def width_of(view: CupView) -> float:
 def look_for_curves(
     edges: EdgeImage, view: CupView, reach: float, level_reach: float = np.inf
 ) -> tuple[SeenCurve, ...]:
-    """Finds edges along every visible curve, without unusable ones.
+    """Detects edges along each visible curve of the container; skips unusable curves.
 
     They are looked for so far to both sides, the still level's front line no farther than
     `level_reach` [px].
@@ -143,7 +143,7 @@ def look_for_curves(
 
 
 def separation(view: CupView) -> float:
-    """Returns the rows between the centres of the still level's front and rear line [px]."""
+    """Returns the image rows between front and rear contact line of the liquid at rest [px]."""
     front = curve_points(view, Curve.FRONT, 3)[1]
     rear = curve_points(view, Curve.REAR, 3)[1]
     return float(np.hypot(*(front - rear)))
@@ -168,7 +168,7 @@ def _look(edges: EdgeImage, view: CupView, curve: Curve, reach: float) -> SeenCu
 
 
 def distances(view: CupView, seen: SeenCurve) -> FloatArray:
-    """Returns the signed distance of the edges from a curve (N,) [px]; positive along normals."""
+    """Returns signed distances (N,) of edges from a predicted curve [px], along its normals."""
     if seen.curve in SIDES:
         return _side_distances(view, seen)
     line = curve_points(view, seen.curve, 81)
@@ -189,5 +189,5 @@ def _side_distances(view: CupView, seen: SeenCurve) -> FloatArray:
 
 
 def axis_distance(view: CupView) -> float:
-    """Returns the horizontal distance of the camera's centre from the container's axis [m]."""
+    """Returns the horizontal distance from the camera to the container's axis [m]."""
     return float(np.hypot(*view.pose.camera_centre[:2]))

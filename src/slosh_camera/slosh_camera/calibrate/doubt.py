@@ -1,4 +1,4 @@
-"""Uncertainty of the given lens and container dimensions, and their corrections by a fit."""
+"""Uncertainty of the given lens and container dimensions, and their estimated corrections."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUANTITIES = 3
 
 @dataclass(frozen=True, slots=True)
 class ToldDeviations:
-    """1 σ uncertainties of the given dimensions; 0: exact.
+    """Standard deviations of the given focal length and container dimensions; 0 means exact.
 
     Attributes:
         focal_length: relative.
@@ -32,12 +32,12 @@ class ToldDeviations:
 
     @property
     def stddev(self) -> FloatArray:
-        """The three standard deviations (QUANTITIES,) in the order above."""
+        """Returns the standard deviations as an array (QUANTITIES,)."""
         return np.array([self.focal_length, self.wall_thickness, self.fill_height])
 
     @property
     def open(self) -> NDArray[np.bool_]:
-        """Which of the three are to be estimated (QUANTITIES,)."""
+        """Mask (QUANTITIES,) of the quantities that are uncertain and therefore estimated."""
         return self.stddev > 0.0
 
 
@@ -46,7 +46,7 @@ KNOWN = ToldDeviations()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Told:
-    """The nominal lens and container.
+    """The given camera and container, with their uncertainties.
 
     Attributes:
         camera: the camera.
@@ -59,7 +59,7 @@ class Told:
     doubt: ToldDeviations = KNOWN
 
     def off_by(self, change: FloatArray) -> tuple[PinholeCamera, Cup]:
-        """Returns camera and container with the nominal values changed.
+        """Returns camera and container with their given values changed.
 
         Args:
             change: (QUANTITIES,) of the focal length's logarithm, the wall's thickness [m] and

@@ -1,4 +1,4 @@
-"""Edges of a still image: strength maps for the coarse search, sub-pixel positions on curves."""
+"""Edges of an image: maps of edge strength, and sub-pixel edge positions along curves."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ class EdgeImage:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Number of rows and columns of the image."""
         return int(self.smooth.shape[0]), int(self.smooth.shape[1])
 
     def support(self, slope: NDArray[np.floating]) -> FloatArray:
-        """Returns the support of an edge with a slope [levels/px]: 0 none to 1 strong."""
+        """Converts image slopes [grey levels/px] to edge strengths from 0 (no edge) to 1."""
         size = np.abs(np.asarray(slope, dtype=np.float64))
         return size / (size + self.reference)
 
 
 def edge_image(image: Image) -> EdgeImage:
-    """Computes the derivatives of an 8-bit image, grey or blue-green-red."""
+    """Smooths and differentiates an 8-bit image, grey or blue-green-red."""
     levels = image.astype(np.float32)
     blurred = cv2.GaussianBlur(levels, (0, 0), TUNING.smoothing).reshape(*image.shape[:2], -1)
     smooth = np.asarray(blurred, np.float32)
@@ -63,7 +63,7 @@ def edge_image(image: Image) -> EdgeImage:
 
 
 def _strongest(slopes: Float32Array) -> Float32Array:
-    """Returns the largest derivative of several channels by magnitude, with its sign."""
+    """Returns, per pixel, the derivative of the channel where it is largest, with its sign."""
     if slopes.ndim == 2 or slopes.shape[2] == 1:
         return slopes.reshape(slopes.shape[:2])
     index = np.argmax(np.abs(slopes), axis=2)[..., np.newaxis]
@@ -73,7 +73,7 @@ def _strongest(slopes: Float32Array) -> Float32Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundEdges:
-    """Edges detected near the samples of a curve, one per sample.
+    """Edges detected near the sample points of a curve, one per point.
 
     Attributes:
         pixels: (N, 2) sub-pixel positions; NaN where no edge stands out.
@@ -87,7 +87,7 @@ class FoundEdges:
 def find_edges(
     edges: EdgeImage, points: FloatArray, normals: FloatArray, reach: float, *, outermost: bool
 ) -> FoundEdges:
-    """Finds sub-pixel edges along normals.
+    """Detects edges with sub-pixel precision along normals of a curve.
 
     Args:
         edges: the image.
@@ -129,7 +129,7 @@ def find_edges(
 
 
 def _slopes(edges: EdgeImage, along: FloatArray) -> FloatArray:
-    """Returns the derivative along the lines (N, M, 2), over all channels; 0 outside."""
+    """Returns the image derivative along lines of points (N, M, 2); 0 outside the image."""
     rows, columns = edges.shape
     inside = np.all(np.isfinite(along), axis=2)
     inside &= (along[..., 0] >= 1.0) & (along[..., 0] <= columns - 2.0)

@@ -1,4 +1,4 @@
-"""Fine fit of a camera's pose to the curves of a round container in a still image."""
+"""Least-squares fit of the camera's pose to the edges of a round container."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _DIFFERENCE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hint:
-    """Prior information on the pose from other sources than the container's edges.
+    """Prior information on the camera's pose from sources other than the container's edges.
 
     Attributes:
         numbers: (5,) in the order of CameraPlace; NaN where nothing is known.
@@ -58,7 +58,7 @@ class Hint:
     level: tuple[float, float] | None = None
 
     def with_distance(self, distance: float, stddev: float) -> Hint:
-        """Returns the hint with a distance and its standard deviation [m]."""
+        """Returns the prior with a camera distance and its standard deviation [m] added."""
         numbers, spread = self.numbers.copy(), self.stddev.copy()
         numbers[0], spread[0] = distance, stddev
         return replace(self, numbers=numbers, stddev=spread)
@@ -69,7 +69,7 @@ NO_HINT = Hint(np.full(_PLACE, np.nan), np.ones(_PLACE))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaceFit:
-    """Pose of the camera from a fit, with its covariance and residuals.
+    """Fitted pose of the camera, with covariance and residuals.
 
     Attributes:
         camera: the camera, with the focal length that fits.
@@ -96,14 +96,14 @@ class PlaceFit:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the inliers' residuals [px] along the liquid's outline."""
+        """Root mean square residual of the container's edges, without outliers [px]."""
         pairs = zip(self.seen, self.residuals, strict=True)
         every = np.concatenate([r for seen, r in pairs if seen.curve in OUTLINE])
         near = every[np.abs(every) < TUNING.inlier]
         return float(np.sqrt(np.mean(near**2))) if near.size else float("nan")
 
     def share(self, curve: Curve) -> float:
-        """Returns the share of a curve's samples on an edge; NaN: outside the image."""
+        """Returns the fraction of a curve's samples that lie on an edge; NaN outside the image."""
         for seen, residual in zip(self.seen, self.residuals, strict=True):
             if seen.curve is curve:
                 return float(
@@ -121,7 +121,7 @@ def fit_place(
     rough: bool = False,
     found: tuple[SeenCurve, ...] = (),
 ) -> PlaceFit | None:
-    """Fit the camera's pose to the edges, with a decreasing search distance.
+    """Fits the camera's pose to image edges, with a decreasing edge search distance.
 
     Args:
         edges: the image, without distortion.
@@ -177,18 +177,18 @@ def fit_place(
 
 
 def _level_reach(hint: Hint, reach: float) -> float:
-    """Returns the search distance for the front line; near a click it is small."""
+    """Returns the edge search distance for the contact line [px], small if the user clicked it."""
     return reach if hint.level is None else min(reach, TUNING.click_reach)
 
 
 def _clicked(hint: Hint) -> SeenCurve:
-    """Returns the user's pixel on the still level, as an edge of its front line."""
+    """Returns the user's click on the liquid level as an edge of the front contact line."""
     pixel = np.array([hint.level if hint.level is not None else (np.nan, np.nan)])
     return SeenCurve(Curve.FRONT, pixel, np.array([[0.0, -1.0]]), np.ones(1), 1)
 
 
 def _is_certain(view: CupView, seen: SeenCurve) -> bool:
-    """Whether a curve is a side, or is visible on enough of its length."""
+    """Whether edges are found on enough of a curve; always true for the container's sides."""
     if seen.curve in SIDES:
         return True
     near = np.count_nonzero(np.abs(distances(view, seen)) < TUNING.inlier)
@@ -196,7 +196,7 @@ def _is_certain(view: CupView, seen: SeenCurve) -> bool:
 
 
 def _enough(seen: Sequence[SeenCurve]) -> bool:
-    """Whether both sides and a line of the level have edges."""
+    """Whether edges are found on both container sides and on a contact line."""
     sizes = {curve.curve: len(curve.pixels) for curve in seen}
     level = max(sizes.get(Curve.FRONT, 0), sizes.get(Curve.REAR, 0))
     return level >= 8 and min(sizes.get(curve, 0) for curve in WETTED) >= 8
@@ -204,7 +204,7 @@ def _enough(seen: Sequence[SeenCurve]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaceSolution:
-    """Least-squares solution: place, corrections, covariance and tension."""
+    """Least-squares solution of the pose: parameters, corrections and covariance."""
 
     place: CameraPlace
     change: FloatArray
@@ -213,7 +213,7 @@ class PlaceSolution:
 
 
 class _Problem:
-    """Least squares over the place, the uncertain dimensions, and each curve's own error.
+    """Least-squares problem for pose, uncertain dimensions and the systematic error of each curve.
 
     A curve's own error (an offset, for a side a turn, too) is an unknown with an expected size,
     so that the covariance holds what no number of samples averages out.
@@ -251,7 +251,7 @@ class _Problem:
         self._own_slope: FloatArray = np.vstack((-own, np.eye(self._own_size), rest))
 
     def solved(self) -> PlaceSolution:
-        """Returns the place, the corrections, their covariance and the curves' tension."""
+        """Solves for the pose, the corrections, their covariance and the curves' disagreement."""
         begin = np.concatenate((self._start.place.numbers, self._start.change[self._open]))
         first = np.concatenate((begin / self._scale, np.zeros(self._own_size)))
         result = least_squares(
@@ -300,7 +300,7 @@ class _Problem:
         return cost
 
     def _off_click(self, view: CupView) -> FloatArray:
-        """Distance of the front line from the click in standard deviations; (0,): no click."""
+        """Distance of the contact line from the user's click in standard deviations."""
         away = distances(view, self._clicked) / TUNING.click_error
         return np.clip(away[np.isfinite(self._clicked.pixels[:, 1])], -_FAR, _FAR)
 
@@ -316,7 +316,7 @@ class _Problem:
 
 
 def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
-    """Returns systematic errors of a whole curve at its samples (N, K) [px], one column each."""
+    """Returns the modelled systematic errors of a curve at its samples, (N, K) [px]."""
     count = len(seen.pixels)
     flat = np.ones((count, 1))
     if seen.curve is Curve.BASE:
@@ -333,7 +333,7 @@ def _own_errors(view: CupView, seen: SeenCurve) -> FloatArray:
 
 
 def _weight(seen: SeenCurve, residual: FloatArray) -> float:
-    """Returns 1 / error of a sample, from the samples' scatter about a smooth curve."""
+    """Returns the weight of a sample [1/px]: the inverse scatter of its curve's residuals."""
     scatter = TUNING.most_error
     if residual.size > 8 and seen.curve is not Curve.BASE:
         place = np.linspace(-1.0, 1.0, residual.size)
@@ -346,7 +346,7 @@ def _weight(seen: SeenCurve, residual: FloatArray) -> float:
 
 
 def _score(edges: EdgeImage, seen: Sequence[SeenCurve], residuals: Sequence[FloatArray]) -> float:
-    """Returns the mean support of the curves; an absent curve counts as zero."""
+    """Scores a pose by its mean edge strength along all curves; missing edges count as zero."""
     parts = []
     pairs = zip(seen, residuals, strict=True)
     for curve, residual in ((c, r) for c, r in pairs if c.curve not in EMPTY):

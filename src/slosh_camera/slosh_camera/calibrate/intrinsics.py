@@ -1,4 +1,4 @@
-"""Reads intrinsic parameters from a ROS camera_calibration file or a camera.yaml."""
+"""Reads intrinsic camera parameters from a ROS camera_calibration file or a camera.yaml."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NEEDED = ("image_width", "image_height", "camera_matrix", "distortion_coefficie
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownCamera:
-    """Camera and container known before a calibration.
+    """Camera and container that are known before the pose is calibrated.
 
     Attributes:
         camera: intrinsic parameters.
@@ -43,7 +43,7 @@ class KnownCamera:
 
 
 def read_known_camera(path: str | Path) -> KnownCamera:
-    """Read the camera's keys, and the container's if present; ignore others.
+    """Reads the camera's keys, and the container's if present, from a file; ignores others.
 
     Args:
         path: file of ROS camera_calibration, or a camera.yaml.
@@ -65,7 +65,7 @@ def read_known_camera(path: str | Path) -> KnownCamera:
 
 
 def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCamera:
-    """Makes a camera without distortion from its horizontal field of view.
+    """Creates a distortion-free camera from its horizontal field of view.
 
     Args:
         width: image width [px].
@@ -87,7 +87,7 @@ def camera_of_view(width: int, height: int, field_of_view: float) -> PinholeCame
 
 
 def camera_of(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
-    """Makes the camera of a file with the keys of ROS camera_calibration.
+    """Creates the camera from a YAML mapping with the keys of ROS camera_calibration.
 
     Args:
         root: the file's keys.
@@ -109,7 +109,7 @@ def camera_of(root: Mapping[str, Any], source: YamlDocument) -> PinholeCamera:
 
 
 def lens_block(camera: PinholeCamera) -> dict[str, Any]:
-    """Returns the file's keys of a camera's lens."""
+    """Returns the lens distortion of a camera as keys of its YAML file."""
     lens = [float(value) for value in camera.distortion]
     return {
         "distortion_model": camera.distortion_model,
@@ -118,14 +118,14 @@ def lens_block(camera: PinholeCamera) -> dict[str, Any]:
 
 
 def _placed(source: YamlDocument, error: SloshCameraError) -> SloshCameraError:
-    """Returns the error with the file's name and the key's position."""
+    """Returns a copy of the error whose message starts with file name and key."""
     if str(error).startswith(f"{source.source}:"):
         return error
     return SloshCameraError(f"{source.where(str(error).partition(':')[0])}: {error}")
 
 
 def _lens_model(root: Mapping[str, Any], source: YamlDocument, lens: list[float]) -> str:
-    """Returns the lens model from `distortion_model`, or from `camera_model` of a fisheye lens."""
+    """Returns the name of the lens model in a camera file."""
     named = [root[key] for key in ("distortion_model", "camera_model") if root.get(key)]
     models = {
         lens_parameters(str(model), lens)[0]

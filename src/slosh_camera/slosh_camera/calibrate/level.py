@@ -1,4 +1,4 @@
-"""Decides whether a line across a container is the liquid's level.
+"""Decides whether a line across a container is the liquid's level or, e.g., a printed ring.
 
 Printed rings, scales and seams lie where a level could. They differ from it: liquid changes what
 is below the line, a ring looks the same below and above; a level runs from side to side, a scale
@@ -27,7 +27,7 @@ from slosh_camera.calibrate.tuning import TUNING
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A candidate line for the level.
+    """A line on the container that may be the liquid's level.
 
     Attributes:
         height: above the level of the pose [m].
@@ -42,7 +42,7 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class LevelLines:
-    """The candidate lines for the level on a container's front wall.
+    """Lines on the container's front wall that may be the liquid's level.
 
     Attributes:
         own: the one of the pose.
@@ -54,12 +54,12 @@ class LevelLines:
 
     @property
     def shows(self) -> bool:
-        """Whether the level runs from side to side with another colour below, without a rival."""
+        """Whether the pose's liquid level is clearly visible and no other line could be it."""
         return self.rival is None and self.own.strength >= TUNING.shows
 
 
 def levels_of(edges: EdgeImage, fit: PlaceFit) -> LevelLines:
-    """Returns the level of a pose in the image, and the strongest rival line.
+    """Returns the liquid level that a pose predicts, and the strongest alternative line.
 
     Args:
         edges: the image, without distortion.

@@ -1,4 +1,4 @@
-"""Finds long, nearly vertical lines in an image: candidates for a container's sides."""
+"""Detects long, nearly vertical lines in an image, which may be a container's sides."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAX_PIXELS = 30_000
 
 @dataclass(frozen=True, slots=True)
 class UprightLine:
-    """The line u = column + lean (v - middle row), and its edge support.
+    """The nearly vertical line u = column + lean (v - middle row), and its strength.
 
     Attributes:
         column: u in the image's middle row [px].
@@ -36,7 +36,7 @@ class UprightLine:
 
 
 def upright_lines(edges: EdgeImage, count: int, least: float) -> list[UprightLine]:
-    """Finds the strongest near-vertical lines of an image by a Hough transform.
+    """Detects the strongest nearly vertical lines of an image by a Hough transform.
 
     Each line found takes its pixels with it, so that one thick edge gives one line.
 
@@ -78,7 +78,7 @@ def upright_lines(edges: EdgeImage, count: int, least: float) -> list[UprightLin
 
 
 def _edge_pixels(edges: EdgeImage) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Returns columns, rows from the middle, supports and leans of near-vertical edge pixels."""
+    """Returns position, edge strength and inclination of all nearly vertical edge pixels."""
     across = edges.across.astype(np.float64)
     size = np.abs(across)
     steep = np.abs(edges.down) < (TUNING.most_lean + TUNING.lean_error) * size
@@ -114,7 +114,7 @@ def _vote(
 def _refine(
     u: FloatArray, v: FloatArray, weight: FloatArray, start: tuple[float, float]
 ) -> tuple[float, float]:
-    """Fits a weighted straight line to the pixels near the start: column and lean."""
+    """Refines a line by a weighted fit to nearby edge pixels; returns column and inclination."""
     column, lean = start
     for reach in (2.0, 1.2):
         near = np.abs(u - column - lean * v) < reach

@@ -1,4 +1,4 @@
-"""Finds a container by its two sides, which give its axis; then the level on its wall.
+"""Finds a container by its two sides, which determine its axis; then finds the liquid level.
 
 Made for photographs of tall glass, where print, reflections and a meniscus have more edges than
 the level has. What is on the wall is compared at all heights before one of them is the level.
@@ -41,7 +41,7 @@ _STEPS = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Pose of a container and its level.
+    """Approximate pose of a container and its liquid level in an image.
 
     Attributes:
         place: of the camera.
@@ -55,7 +55,7 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """A candidate line for the level.
+    """A line on the wall that may be the liquid's level, with its features.
 
     Attributes:
         height: where it is [m].
@@ -79,7 +79,7 @@ class _Line:
 def find_outline(
     edges: EdgeImage, camera: PinholeCamera, cup: Cup, level: tuple[float, float] | None = None
 ) -> Outline | None:
-    """Finds the container with the best pair of sides, and its level.
+    """Finds the best pair of container sides in an image, and the liquid level between them.
 
     Args:
         edges: the image, without distortion.
@@ -129,7 +129,7 @@ def find_outline(
 def _sides(
     edges: EdgeImage, camera: PinholeCamera, cup: Cup
 ) -> tuple[Axis, tuple[SeenCurve, SeenCurve]] | None:
-    """Returns the two near-vertical lines with most common rows, and the axis between them."""
+    """Returns the two lines that are most likely the container's sides, and their axis."""
     rows, columns = edges.shape
     lines = upright_lines(edges, TUNING.lines, TUNING.least_line * rows)
     support = edges.support(edges.across).astype(np.float32)
@@ -152,7 +152,7 @@ def _sides(
 
 
 def _side(edges: EdgeImage, line: UprightLine, v: FloatArray, curve: Curve) -> SeenCurve:
-    """Finds the edges on a side in some rows (N,)."""
+    """Detects edges along a container side in the given image rows (N,)."""
     u = line.column + line.lean * (v - 0.5 * (edges.shape[0] - 1))
     outwards = np.array([1.0, -line.lean]) / np.hypot(1.0, line.lean)
     normals = np.tile(outwards if curve is Curve.RIGHT else -outwards, (v.size, 1))
@@ -162,7 +162,7 @@ def _side(edges: EdgeImage, line: UprightLine, v: FloatArray, curve: Curve) -> S
 
 
 def _along(support: NDArray[np.float32], line: UprightLine) -> FloatArray:
-    """Returns the support at a line's pixel in each row (rows,); 0 outside the image."""
+    """Returns the edge strength along a line in each image row, (rows,); 0 outside the image."""
     rows, columns = support.shape
     v = np.arange(rows)
     u = np.rint(line.column + line.lean * (v - 0.5 * (rows - 1))).astype(int)
@@ -171,7 +171,7 @@ def _along(support: NDArray[np.float32], line: UprightLine) -> FloatArray:
 
 
 def _extent(view: CupView, camera: PinholeCamera) -> tuple[float, float]:
-    """Returns the lowest and highest visible point of the front wall's centre line [m]."""
+    """Returns the lowest and highest height of the front wall inside the image [m]."""
     distance = float(np.hypot(*view.pose.camera_centre[:2]))
     heights = np.linspace(-TUNING.outline_reach, TUNING.outline_reach, 1201) * distance
     azimuth = view.camera_azimuth
@@ -184,7 +184,7 @@ def _extent(view: CupView, camera: PinholeCamera) -> tuple[float, float]:
 
 
 def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) -> FloatArray:
-    """Finds the height of the level (1,) [m]; (0,): no line looks like a level.
+    """Finds the height of the liquid level, (1,) [m], or (0,) if no line looks like a level.
 
     Raises:
         SloshCameraError: two do.
@@ -232,7 +232,7 @@ def _level(edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace) ->
 
 
 def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
-    """Returns the height of the nearest line of a level [m], not of its clearer rear line.
+    """Returns the height of the front contact line [m], even if the rear one is clearer.
 
     From below the nearest line is the highest: the top of the meniscus and not the level.
     """
@@ -245,7 +245,7 @@ def _foremost(one: _Line, lines: list[_Line], reach: float) -> float:
 def _strengths(
     edges: EdgeImage, view: CupView, strip: Strip, place: CameraPlace
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Returns features of the wall at each height, (N,) each, 0 to 1.
+    """Returns features of the wall at each height: line strength, likeness to a liquid level.
 
     Returns:
         How much of a line is there; how much it looks like the level, where that can be; the same
@@ -289,7 +289,7 @@ def _strengths(
 
 
 def _peaks(strength: FloatArray, heights: FloatArray, apart: float) -> list[int]:
-    """Returns the strongest heights above the threshold, with a minimum distance."""
+    """Returns indices of the strongest maxima that are at least a given distance apart."""
     left, peaks = strength.copy(), []
     while left.max() >= TUNING.least_level:
         peaks.append(int(np.argmax(left)))
@@ -300,7 +300,7 @@ def _peaks(strength: FloatArray, heights: FloatArray, apart: float) -> list[int]
 def _middle(
     strength: FloatArray, heights: FloatArray, middle: float, cup: Cup, place: CameraPlace
 ) -> float:
-    """Returns the middle of the lines about a height, without the surface's rear edge [m]."""
+    """Returns the mean height of the lines around a height, without the rear contact line [m]."""
     rear = float(rear_above(cup, place, middle))
     reach = TUNING.band * cup.radius
     up, down = (TUNING.upwards if rear > 0.0 else TUNING.from_below) * reach, reach
@@ -315,7 +315,7 @@ def _middle(
 
 
 def _front(edges: EdgeImage, strip: Strip, height: float, cup: Cup) -> SeenCurve | None:
-    """Finds the level's front line: the middle of the edges in each column."""
+    """Detects the front contact line as the mean position of the edges in each column."""
     near = np.flatnonzero(np.abs(strip.heights - height) <= TUNING.band * cup.radius)
     if near.size < 3:
         return None
@@ -340,6 +340,6 @@ def _front(edges: EdgeImage, strip: Strip, height: float, cup: Cup) -> SeenCurve
 
 
 def _steady(values: FloatArray) -> FloatArray:
-    """Applies a running median of five to the values (N,), against bubbles and rings."""
+    """Applies a running median over five values (N,), which removes outliers."""
     padded = np.pad(values, 2, "edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))

@@ -1,4 +1,4 @@
-"""Draws a calibration's predicted edges over the still image, for visual inspection."""
+"""Draws a calibration's predicted edges over the image, for visual inspection."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _COUNT = 181
 
 
 def draw_calibration(image: Image, fit: StillFit, board: BoardFit | None = None) -> Image:
-    """Draws the container's predicted edges and still level over the image.
+    """Draws the container's predicted edges and liquid level over the image.
 
     Green is the still level on the front wall, blue on the rear wall, yellow the outer sides and
     the rim, violet the floor; where they lie on what they name, the pose is right.

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class CameraPlace:
-    """Position and orientation of a camera relative to an upright container.
+    """Position and orientation of a camera relative to an upright round container.
 
     Attributes:
         distance: of the camera's centre from the container's axis [m].
@@ -36,12 +36,12 @@ class CameraPlace:
 
     @property
     def numbers(self) -> FloatArray:
-        """The five parameters in the order above."""
+        """The five pose parameters as an array, in the order of the attributes."""
         return np.array(astuple(self))
 
 
 def pose_of(place: CameraPlace, azimuth: float) -> Pose:
-    """Returns the transform container -> camera.
+    """Returns the transform from the container's frame to the camera's frame.
 
     Args:
         place: the camera's place.
@@ -61,7 +61,7 @@ def pose_of(place: CameraPlace, azimuth: float) -> Pose:
 
 
 def place_of(pose: Pose) -> tuple[CameraPlace, float]:
-    """Inverse of pose_of: returns place and azimuth of the camera [rad].
+    """Computes pose parameters and camera azimuth [rad] from a transform; inverse of pose_of.
 
     Raises:
         SloshCameraError: the camera stands on the container's axis.
@@ -85,14 +85,14 @@ def place_of(pose: Pose) -> tuple[CameraPlace, float]:
 
 
 def _upright(azimuth: float) -> FloatArray:
-    """Returns the rotation container -> an upright camera that looks at the axis."""
+    """Returns the rotation from the container to a level camera that looks at its axis."""
     c, s = np.cos(azimuth), np.sin(azimuth)
     return np.array([[-s, c, 0.0], [0.0, 0.0, -1.0], [-c, -s, 0.0]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axis:
-    """The container's axis in the camera frame from its two sides, without its ends.
+    """A container's axis in the camera frame, as a line of unknown extent.
 
     Attributes:
         up: (3,) unit vector along the axis.
@@ -106,22 +106,22 @@ class Axis:
 
     @property
     def rotation(self) -> FloatArray:
-        """Rotation container -> camera at azimuth -90 deg; columns right, forward, up."""
+        """Rotation matrix from the container to the camera, at a camera azimuth of -90 deg."""
         return np.column_stack((np.cross(self.forward, self.up), self.forward, self.up))
 
     def pitched(self, angle: float) -> Axis:
-        """Returns the axis seen from a camera pitched down further [rad]; sides hardly move."""
+        """Returns the axis after pitching the camera down by an angle [rad]."""
         c, s = np.cos(angle), np.sin(angle)
         return Axis(c * self.up + s * self.forward, c * self.forward - s * self.up, self.distance)
 
     def place(self, height: float) -> CameraPlace:
-        """Returns the camera's place for a height above the still level [m]."""
+        """Returns the camera's pose parameters for a height above the liquid level [m]."""
         translation = self.distance * self.forward - height * self.up
         return place_of(Pose(self.rotation, translation))[0]
 
 
 def axis_from_sides(left: FloatArray, right: FloatArray, radius: float) -> Axis | None:
-    """Computes a cylinder's axis from its two sides: both planes through the camera touch it.
+    """Computes the axis of a cylinder from the two image lines of its sides.
 
     Args:
         left: (2, 3) two rays of the left side, in the camera frame.

@@ -1,4 +1,4 @@
-"""Reasons to refuse a pose: too little is visible, or another pose fits as well."""
+"""Reasons to reject a pose: too little is visible, or another pose fits equally well."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from slosh_camera.optics.cup import CupView, Wall
 
 
 def find_fault(fit: PlaceFit, answer: StillFit, sure: bool, level_shows: bool) -> str:
-    """Returns why a fit is unusable; empty: it is usable.
+    """Returns the reason why a fitted pose is unusable; empty if it is usable.
 
     Args:
         fit: of the container's curves.
@@ -81,7 +81,7 @@ def find_fault(fit: PlaceFit, answer: StillFit, sure: bool, level_shows: bool) -
 
 
 def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | None) -> str:
-    """Returns why the still level is uncertain; empty: it is certain, or was given.
+    """Returns the reason why the liquid level is uncertain; empty if it is certain or given.
 
     Args:
         fit: of the container's curves.
@@ -115,7 +115,7 @@ def level_fault(fit: PlaceFit, levels: LevelLines, told: tuple[float, float] | N
 
 
 def is_corroborated(fit: PlaceFit) -> bool:
-    """Whether a curve not used by the fit is at its predicted position, if visible.
+    """Whether a curve that the fit did not use is found where the pose predicts it.
 
     A wall of no thickness shows no glass. Where one line of the level is all that is seen, more of
     it must show: two sides and a line are soon found in other things.
@@ -133,7 +133,7 @@ def is_corroborated(fit: PlaceFit) -> bool:
 
 
 def _speaks_against(fit: PlaceFit, answer: StillFit, level_shows: bool) -> list[str]:
-    """Lists contradictions each of which alone gives only a warning."""
+    """Lists contradictions between pose and image, each of which alone is only a warning."""
     level = [fit.share(curve) for curve in (Curve.FRONT, Curve.REAR)]
     reasons = {
         "the floor is not where it should be": fit.share(Curve.BASE) < TUNING.least_share,
@@ -146,7 +146,7 @@ def _speaks_against(fit: PlaceFit, answer: StillFit, level_shows: bool) -> list[
 
 
 def check_rival(view: CupView, best: PlaceFit, rival: PlaceFit) -> None:
-    """Refuse if two different poses explain the image equally well.
+    """Raises SloshCameraError if two different poses explain the image equally well.
 
     Raises:
         SloshCameraError: `rival` moves heights that `view`, the view of `best`, would tell.
@@ -175,7 +175,7 @@ def check_rival(view: CupView, best: PlaceFit, rival: PlaceFit) -> None:
 
 
 def check_enclosed(best: PlaceFit, fits: list[PlaceFit]) -> None:
-    """Refuse a fit between the sides of another container: a part of it, or behind it.
+    """Raises SloshCameraError if the fit may be only a part of a larger container.
 
     The other one need not be good enough to be used: of clear glass with droplets little is seen.
 
@@ -194,7 +194,7 @@ def check_enclosed(best: PlaceFit, fits: list[PlaceFit]) -> None:
 
 
 def _encloses(wide: PlaceFit, narrow: PlaceFit) -> bool:
-    """Whether a fit is clearly wider than another one and encloses its middle."""
+    """Whether one fitted container is clearly wider than another and encloses its centre."""
     outer, inner = (view_at(fit.camera, fit.cup, fit.place) for fit in (wide, narrow))
     if width_of(outer) < TUNING.wider * width_of(inner):
         return False

@@ -1,4 +1,4 @@
-"""Calibrates a side view by a known length in the image: heights in the image's plane."""
+"""Calibrates a side view from a known length in the image plane."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def calibrate_by_scale(
     body: RoundBody | None = None,
     distance: float | None = None,
 ) -> SideCalibration:
-    """Calibrates a camera with a horizontal side view by the two ends of the still level.
+    """Calibrates a level side view from the two image points at the ends of the liquid level.
 
     Args:
         size: width and height of the image [px].
@@ -91,7 +91,7 @@ def calibrate_by_scale(
 
 
 def _checked(distance: float | None, body: RoundBody) -> float:
-    """The distance of the camera.
+    """Checks the camera's distance from a body of revolution; returns the distance [m].
 
     Raises:
         SloshCameraError: it is not known, or too short to see both sides.

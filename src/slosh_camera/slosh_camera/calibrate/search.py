@@ -1,4 +1,4 @@
-"""Coarse search for a round container in a still image: candidates for the fine fit.
+"""Coarse search for a round container in an image; yields initial poses for the fit.
 
 Two upright lines give the container's axis, a row gives the still level; what the rest of the
 picture then should show is looked up in the derivatives. Light goes straight here.
@@ -31,7 +31,7 @@ _WEIGHTS = {"level": 3.0, "liquid": 2.0, "glass": 0.5, "base": 0.7}
 
 @dataclass(frozen=True, slots=True)
 class CandidatePlace:
-    """A candidate place of the camera.
+    """An initial camera pose for the fit, with its score.
 
     Attributes:
         place: the place.
@@ -46,7 +46,7 @@ class CandidatePlace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Maps:
-    """Supports of horizontal and vertical edges, each dilated by the tolerance."""
+    """Strength maps of horizontal and of vertical edges, widened by the search tolerance."""
 
     level: Float32Array
     upright: Float32Array
@@ -59,7 +59,7 @@ def find_candidates(
     count: int,
     level: tuple[float, float] | None = None,
 ) -> list[CandidatePlace]:
-    """Finds places of the camera that fit the image roughly.
+    """Finds camera poses that roughly agree with the edges of an image.
 
     Args:
         edges: the image, without distortion.
@@ -98,7 +98,7 @@ def _support_maps(edges: EdgeImage) -> _Maps:
 def _axes(
     lines: list[UprightLine], camera: PinholeCamera, cup: Cup, shape: tuple[int, int]
 ) -> list[tuple[Axis, float]]:
-    """Yields axes of pairs of lines that may be a container's sides, with widths [px]."""
+    """Yields axes of line pairs that may be a container's sides, with their distances [px]."""
     axes = []
     for first, second in combinations(lines, 2):
         left, right = sorted((first, second), key=lambda line: line.column)
@@ -115,7 +115,7 @@ def _axes(
 def axis_of_lines(
     left: UprightLine, right: UprightLine, camera: PinholeCamera, cup: Cup
 ) -> Axis | None:
-    """Returns the axis of a container with two lines as sides; None: impossible."""
+    """Returns the axis of a container whose sides are two lines, or None if impossible."""
     rays = [_line_rays(line, camera) for line in (left, right)]
     axis = axis_from_sides(rays[0], rays[1], cup.radius + cup.wall_thickness)
     if axis is None or axis.distance < 1.5 * cup.radius:
@@ -140,7 +140,7 @@ def _best_level(
     width: float,
     level: tuple[float, float] | None,
 ) -> CandidatePlace | None:
-    """Returns the level with most support on an axis, or the one through a pixel."""
+    """Returns the best liquid level on an axis, or the level through a clicked pixel."""
     rows = maps.level.shape[0]
     v = np.arange(0.03 * rows, 0.99 * rows, TUNING.row_step)
     slope = (v - camera.cy) / camera.fy
@@ -162,7 +162,7 @@ def _best_level(
 def height_through(
     camera: PinholeCamera, cup: Cup, axis: Axis, pixel: tuple[float, float]
 ) -> FloatArray:
-    """Returns the camera's height (1,) above a level through a pixel, else (0,)."""
+    """Returns the camera's height (1,) above the level through a pixel [m], or (0,)."""
     (ray,) = camera.rays(np.array([pixel]))
     # As components to the right, away from the camera and up; the origin is on the axis.
     right, away, up = (float(value) for value in ray @ axis.rotation)
@@ -176,7 +176,7 @@ def height_through(
 def _scores(
     maps: _Maps, camera: PinholeCamera, cup: Cup, axis: Axis, heights: FloatArray
 ) -> FloatArray:
-    """Computes the support of each camera height (N,)."""
+    """Scores each camera height (N,) above the liquid level by edge strength."""
     arc = np.deg2rad(np.linspace(-62.0, 62.0, 21))
     outer = cup.radius + cup.wall_thickness
     side = np.arccos(min(outer / axis.distance, 1.0))
@@ -224,7 +224,7 @@ def _pixels(
     radius: float,
     z: ArrayOrFloat,
 ) -> FloatArray:
-    """Returns pixels (N heights, M, 2) of points given by relative azimuth, radius, height."""
+    """Projects points, given by azimuth, radius and height, for N camera heights [px]."""
     angle, level = np.broadcast_arrays(np.atleast_1d(azimuth), np.atleast_1d(z))
     points = np.column_stack(
         (radius * np.sin(angle), -radius * np.cos(angle), np.asarray(level, dtype=np.float64))
@@ -237,7 +237,7 @@ def _pixels(
 
 
 def _lookup(chart: Float32Array, pixels: FloatArray) -> FloatArray:
-    """Returns the values at the pixels; NaN outside the image."""
+    """Returns the map's values at the given image pixels; NaN outside the image."""
     rows, columns = chart.shape
     place = np.rint(np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0))
     u, v = place[..., 0], place[..., 1]
@@ -247,7 +247,7 @@ def _lookup(chart: Float32Array, pixels: FloatArray) -> FloatArray:
 
 
 def _mean(values: FloatArray, least: float = 0.3) -> FloatArray:
-    """Returns the mean over visible samples (axis 1); NaN if too few are visible."""
+    """Returns the mean over samples inside the image (axis 1), NaN if there are too few."""
     seen = np.isfinite(values)
     count = seen.sum(axis=1)
     total = np.where(seen, values, 0.0).sum(axis=1)
@@ -255,7 +255,7 @@ def _mean(values: FloatArray, least: float = 0.3) -> FloatArray:
 
 
 def _distinct(found: list[CandidatePlace], count: int) -> list[CandidatePlace]:
-    """Returns the best candidates, without those that would converge to a better one."""
+    """Returns the best initial poses, without those that would converge to a better one."""
     kept: list[CandidatePlace] = []
     for candidate in found:
         if len(kept) == count:
@@ -269,7 +269,7 @@ def _distinct(found: list[CandidatePlace], count: int) -> list[CandidatePlace]:
 
 
 def _is_one(first: CameraPlace, second: CameraPlace) -> bool:
-    """Whether two places have the container's sides in nearly the same columns."""
+    """Whether two camera poses place the container's sides in nearly the same columns."""
     apart = abs(first.distance - second.distance)
     near = apart < TUNING.one_distance * min(first.distance, second.distance)
     return near and abs(first.yaw - second.yaw) < TUNING.one_yaw

@@ -1,4 +1,4 @@
-"""Calibrates from a still image of a round container: pose, uncertainty, or a refusal."""
+"""Calibrates the camera's pose from an image of a round container with liquid at rest."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def calibrate_by_edges(
     distance: float | None = None,
     level: tuple[float, float] | None = None,
 ) -> StillFit:
-    """Finds the pose of a container by its edges and its still level in an image.
+    """Estimates the camera's pose from the edges of a container and its liquid at rest.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red, liquid at rest.
@@ -84,7 +84,7 @@ def calibrate_by_edges(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    """An undistorted image, and the prior information on its pose."""
+    """An undistorted image and the prior information on its pose."""
 
     image: Image
     camera: PinholeCamera
@@ -95,12 +95,12 @@ class _Task:
 
     @property
     def sure(self) -> bool:
-        """Whether the distance was given, so that a fit there must be the container."""
+        """Whether the distance was given, so that a fit at that distance must be the container."""
         return self.distance is not None
 
 
 def _by_outline(task: _Task) -> StillFit | None:
-    """Finds the pose by the container's sides first; None: not determined.
+    """Estimates the pose from the container's sides first; returns None if undetermined.
 
     Raises:
         SloshCameraError: two lines may be the level.
@@ -126,7 +126,7 @@ def _by_outline(task: _Task) -> StillFit | None:
 
 
 def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
-    """Returns the result of a fit at a known level; None: the fit has a fault."""
+    """Returns the result of a fit at a known level, or None if the fit is faulty."""
     if fit is None:
         return None
     answer = still_fit(fit, task.camera, task.azimuth)
@@ -134,7 +134,7 @@ def _sound(fit: PlaceFit | None, task: _Task) -> StillFit | None:
 
 
 def _level_moves(view: CupView, other: CupView) -> float:
-    """Returns the distance of the level's front centre between two poses [m]."""
+    """Returns how far apart two poses place the centre of the front contact line [m]."""
     azimuth = view.camera_azimuth
     (here,) = view.project_wall(azimuth, 0.0, Wall.FRONT)
     (there,) = other.project_wall(azimuth, 0.0, Wall.FRONT)
@@ -142,7 +142,7 @@ def _level_moves(view: CupView, other: CupView) -> float:
 
 
 def _by_edges(task: _Task) -> StillFit:
-    """Returns the best pose that explains the image.
+    """Returns the pose that best explains the edges of the image.
 
     Raises:
         SloshCameraError: none does, or several do.
@@ -192,7 +192,7 @@ def _by_edges(task: _Task) -> StillFit:
 def check_pose(
     image: Image, view: CupView, covariance: FloatArray, reach: float = 0.05
 ) -> StillFit:
-    """Rates a pose known from another source by the edges of the container.
+    """Rates a pose from another source by the container's edges in the image.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red, liquid at rest.
@@ -217,7 +217,7 @@ def check_pose(
 
 
 def check_size(image: Image, camera: PinholeCamera) -> None:
-    """Refuse an image whose size differs from the camera's."""
+    """Raises SloshCameraError if the image's size differs from the camera's."""
     if image.dtype != np.uint8 or image.ndim not in (2, 3):
         raise SloshCameraError(
             f"still image: is {image.ndim}-dimensional {image.dtype}, needs 8-bit grey or colour"
@@ -232,7 +232,7 @@ def check_size(image: Image, camera: PinholeCamera) -> None:
 
 
 def undistorted(image: Image, camera: PinholeCamera) -> tuple[Image, PinholeCamera]:
-    """Returns the undistorted image, and its camera."""
+    """Returns the undistorted image and the camera without distortion."""
     if not camera.distorts:
         return image, camera
     maps = _undistort_maps(camera)
@@ -241,7 +241,7 @@ def undistorted(image: Image, camera: PinholeCamera) -> tuple[Image, PinholeCame
 
 
 def _undistort_maps(camera: PinholeCamera) -> tuple[FloatMap, FloatMap]:
-    """Returns the position of each undistorted pixel in the camera's image."""
+    """Returns the original image position of each pixel of the undistorted image."""
     matrix, lens = camera.matrix, np.array(camera.distortion)
     turn, kind = np.eye(3), cv2.CV_32FC1
     if camera.distortion_model == EQUIDISTANT:
@@ -253,7 +253,7 @@ def _undistort_maps(camera: PinholeCamera) -> tuple[FloatMap, FloatMap]:
 
 
 def _with_rivals(edges: EdgeImage, task: _Task, fits: list[PlaceFit]) -> list[PlaceFit]:
-    """Adds fits that start at rival levels of the best; sorts by score."""
+    """Adds fits that start from alternative liquid levels, and sorts all fits by score."""
     ranked = sorted(fits, key=lambda fit: -fit.score)
     if task.hint.level is not None:
         return ranked
@@ -267,7 +267,7 @@ def _with_rivals(edges: EdgeImage, task: _Task, fits: list[PlaceFit]) -> list[Pl
 
 
 def _at_level(fit: PlaceFit, height: float) -> list[CameraPlace]:
-    """Returns places whose level is higher by a distance [m], also for rear lines."""
+    """Returns camera poses for a liquid level that is higher by a distance [m]."""
     place, radius = fit.place, fit.cup.radius
     moved = replace(place, height=place.height - height)
     # The rear line appears on the front wall so much above the front line.
@@ -297,7 +297,7 @@ def _shrink(camera: PinholeCamera) -> int:
 
 
 def _smaller(task: _Task, shrink: int) -> _Task:
-    """Returns the task for an image of fewer pixels."""
+    """Returns the calibration task for an image with fewer pixels."""
     if shrink == 1:
         return task
     old = task.camera
@@ -328,7 +328,7 @@ def _for_lens(answer: StillFit, camera: PinholeCamera, shrink: int) -> StillFit:
 
 
 def _straight_pixel(pixel: tuple[float, float], camera: PinholeCamera) -> tuple[float, float]:
-    """Converts a pixel of the camera to the undistorted image.
+    """Converts a pixel of the original image to the undistorted image.
 
     Raises:
         SloshCameraError: it is outside the image.
@@ -344,7 +344,7 @@ def _straight_pixel(pixel: tuple[float, float], camera: PinholeCamera) -> tuple[
 
 
 def _worth_a_fit(rough: list[PlaceFit]) -> list[PlaceFit]:
-    """Returns the best rough fits, and the nearest container, which may enclose others."""
+    """Returns the best coarse fits, and the one with the nearest container."""
     if not rough:
         return []
     best = rough[: TUNING.fine_fits]
@@ -353,7 +353,7 @@ def _worth_a_fit(rough: list[PlaceFit]) -> list[PlaceFit]:
 
 
 def _mirrored(place: CameraPlace, cup: Cup) -> CameraPlace:
-    """Mirrors a place to the other side of the level: the rear line becomes the front one.
+    """Mirrors a camera pose to the other side of the liquid level.
 
     From above the rear line is often the stronger and passes for the front line of a camera below.
     """
@@ -364,7 +364,7 @@ def _mirrored(place: CameraPlace, cup: Cup) -> CameraPlace:
 
 
 def _distinct(fits: list[PlaceFit]) -> list[PlaceFit]:
-    """Returns the fits with distinct places, the best first."""
+    """Returns the fits with different poses, best first."""
     kept: list[PlaceFit] = []
     for fit in sorted(fits, key=lambda fit: -fit.score):
         far = TUNING.alike * fit.place.distance

@@ -1,4 +1,4 @@
-"""Quality of a pose: agreement of its curves with the image's edges, and uncertainty."""
+"""Quality of a calibrated pose: agreement with image edges, and uncertainty of heights."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STEP = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class CurveCheck:
-    """Agreement of a curve of the container with the image's edges.
+    """Agreement of one curve of the container with the image's edges.
 
     Attributes:
         name: of the curve.
@@ -45,7 +45,7 @@ class CurveCheck:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StillFit:
-    """A pose with its quality.
+    """A calibrated pose and its quality.
 
     Attributes:
         view: camera, pose and container.
@@ -73,7 +73,7 @@ class StillFit:
 
 
 def still_fit(fit: PlaceFit, camera: PinholeCamera, azimuth: float) -> StillFit:
-    """Returns the fitted pose and its quality.
+    """Returns the calibrated pose and its quality from a fit.
 
     Args:
         fit: of the container's curves to an image without distortion.
@@ -103,7 +103,7 @@ def still_fit(fit: PlaceFit, camera: PinholeCamera, azimuth: float) -> StillFit:
 
 
 def height_shift(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
-    """Returns the height error of a view for wall points of another one, at HEIGHTS [m].
+    """Returns the height errors that one pose causes if another pose is the true one [m].
 
     NaN where a ray misses the view's wall.
     """
@@ -119,7 +119,7 @@ def _checked(curve: Curve, samples: int, residual: FloatArray) -> CurveCheck:
 
 
 def _height_stddev(view: CupView, fit: PlaceFit, wall: Wall) -> float:
-    """Largest standard error of a height, from the covariance of all fitted parameters [m]."""
+    """Returns the largest standard deviation of measured heights due to the pose [m]."""
     told = Told(fit.camera, fit.cup)
     here = _heights(view, view, wall)
     columns = []
@@ -134,12 +134,12 @@ def _height_stddev(view: CupView, fit: PlaceFit, wall: Wall) -> float:
 
 
 def _doubtful(fit: PlaceFit) -> float:
-    """Returns the factor on standard errors for contradicting curves or edges."""
+    """Returns the factor by which contradictory edges enlarge standard deviations."""
     return float(np.nanmax([fit.tension, fit.rms / TUNING.usual_residual, 1.0]))
 
 
 def _heights(view: CupView, truth: CupView, wall: Wall) -> FloatArray:
-    """Returns the heights that a view measures at another view's wall points [m]."""
+    """Returns the heights that one pose assigns to wall points projected by another [m]."""
     arc = AZIMUTH + (_ARC if wall is Wall.FRONT else np.pi - _ARC)
     azimuth, height = np.tile(arc, len(HEIGHTS)), np.repeat(HEIGHTS, arc.size)
     return view.on_wall(truth.project_wall(azimuth, height, wall), wall)[1]

@@ -1,4 +1,4 @@
-"""Features in the unrolled front wall of a container: lines, colour changes, sides."""
+"""Features of a container's unrolled front wall: lines, colour changes and sides."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _BESIDE = (1.2, 1.3, 1.4, 1.5)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Strip:
-    """The front wall unrolled: pixels (N, M, 2), colours (N, M, channels), heights (N,) [m]."""
+    """Unrolled front wall: pixels (N, M, 2), colours (N, M, channels), heights (N,) [m]."""
 
     heights: FloatArray
     pixels: Float32Array
@@ -40,7 +40,7 @@ class Strip:
 
 
 def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
-    """Unrolls the front wall between two heights [m], about one row per pixel."""
+    """Unrolls the front wall between two heights [m], with about one row per pixel."""
     cup = view.cup
     left, right = sides_of(view)
     step = 2.0 * cup.radius / float(np.hypot(*(right - left)))
@@ -65,7 +65,7 @@ def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
 
 
 def lines_across(edges: EdgeImage, strip: Strip) -> FloatArray:
-    """Returns how much of an edge runs from side to side at each height (N,), 0 to 1."""
+    """Returns how continuously an edge crosses the wall at each height (N,), from 0 to 1."""
     support = edges.support(slopes_of(strip)).astype(np.float32)
     support = np.asarray(
         cv2.dilate(support, np.ones((2 * TUNING.strip_slack + 1, 1), np.uint8)), np.float32
@@ -80,7 +80,7 @@ def own_lines(edges: EdgeImage, view: CupView, strip: Strip) -> FloatArray:
 
 
 def level_like(line: FloatArray, change: FloatArray, largest: float) -> FloatArray:
-    """Returns how much each height (N,) looks like a level, 0 to 1.
+    """Returns how likely each height (N,) is the liquid level, from 0 to 1.
 
     Args:
         line: (N,) how much of a line is there, 0 to 1.
@@ -93,14 +93,14 @@ def level_like(line: FloatArray, change: FloatArray, largest: float) -> FloatArr
 
 
 def slopes_of(strip: Strip) -> FloatArray:
-    """Returns the change of colour from row to row (N, M) [levels/px]; 0 outside the image."""
+    """Returns the colour change between adjacent rows (N, M) [grey levels/px]."""
     apart = np.hypot(*np.moveaxis(np.gradient(strip.pixels, axis=0), 2, 0))
     slope = np.abs(np.gradient(strip.colours, axis=0)).max(axis=2) / np.maximum(apart, 1e-3)
     return np.nan_to_num(np.asarray(slope, np.float64))
 
 
 def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
-    """Returns the lasting change of colour at each height (N,) [grey levels]."""
+    """Returns the permanent colour change across each height, (N,) [grey levels]."""
     step = float(strip.heights[1] - strip.heights[0])
     rear = np.maximum(rear_above(cup, place, strip.heights), 0.0) / step
     change = np.full(strip.heights.size, np.inf)
@@ -111,7 +111,7 @@ def lasting_changes(strip: Strip, cup: Cup, place: CameraPlace) -> FloatArray:
 
 
 def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
-    """Returns how much of a line at each height (N,) continues outside the container, 0 to 1."""
+    """Returns the fraction of a line at each height (N,) that continues outside the container."""
     outer = view.cup.radius + view.cup.wall_thickness
     across = np.array([-np.sin(view.camera_azimuth), np.cos(view.camera_azimuth)])
     tall = np.ones((4 * TUNING.strip_slack + 1, 1), np.uint8)
@@ -128,7 +128,7 @@ def beside(edges: EdgeImage, view: CupView, heights: FloatArray) -> FloatArray:
 
 
 def _values(chart: NDArray[np.generic], pixels: FloatArray) -> FloatArray:
-    """Returns values of the nearest pixels (N, 2); 0 outside."""
+    """Returns an image map's values at the pixels nearest to positions (N, 2); 0 outside."""
     # OpenCV's types do not know that one map may hold both coordinates.
     found = cv2.remap(  # type: ignore[call-overload]
         np.asarray(chart, np.float32), pixels.astype(np.float32)[:, np.newaxis], None,
@@ -138,7 +138,7 @@ def _values(chart: NDArray[np.generic], pixels: FloatArray) -> FloatArray:
 
 
 def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> FloatArray:
-    """Colour change (N,) from above a level's rear line to below its front line [grey levels].
+    """Returns the colour changes (N,) across both contact lines of a level [grey levels].
 
     Args:
         colours: (N, M, channels) of the strip, from below.
@@ -160,14 +160,14 @@ def _change(colours: Float32Array, rear: FloatArray, near: int, far: int) -> Flo
 
 
 def rear_above(cup: Cup, place: CameraPlace, height: FloatOrArray) -> FloatOrArray:
-    """Returns how much higher the level's rear line appears on the front wall [m]."""
+    """Returns how much higher than the front contact line the rear one appears on the wall [m]."""
     return (place.height - height) * 2.0 * cup.radius / (place.distance + cup.radius)
 
 
 def walls_below(
     edges: EdgeImage, view: CupView, heights: FloatArray, start: float, depth: float
 ) -> FloatArray:
-    """Returns the share of a depth below each height (N,) on which both sides are visible."""
+    """Returns the fraction of a depth below each height (N,) where both sides are visible."""
     step = float(heights[1] - heights[0])
     count = min(max(round(depth / step), 1), _MOST_ROWS)
     z = np.concatenate((heights[0] - step * np.arange(count, 0, -1.0), heights)) - start
@@ -176,7 +176,7 @@ def walls_below(
 
 
 def _sides_seen(edges: EdgeImage, view: CupView, z: FloatArray) -> FloatArray:
-    """Whether both sides are visible at each height (N,): 0 or 1."""
+    """Returns 1 for each height (N,) at which both container sides are visible, otherwise 0."""
     outer = view.cup.radius + view.cup.wall_thickness
     half = np.arccos(min(outer / float(np.hypot(*view.pose.camera_centre[:2])), 1.0))
     support = edges.support(edges.across).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Tuning numbers for finding a camera's pose."""
+"""Tuning parameters for estimating a camera's pose."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class CalibrateTuning:
-    """Assumptions of the calibration about edges, containers and still images.
+    """Assumptions of the pose estimation about edges, containers and images.
 
     Outline, level and strip were set on every second of a set of photographs of graduated
     cylinders, the others on rendered still images of even number by

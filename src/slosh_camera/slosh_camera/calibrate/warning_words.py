@@ -1,4 +1,4 @@
-"""Texts of a calibration's warnings."""
+"""Texts of the warnings that a calibration gives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_camera.calibrate.tuning import TUNING
 
 
 def warnings_of(fit: StillFit) -> list[str]:
-    """Returns warnings about contradictions and ambiguities in the image."""
+    """Returns warnings about contradictory or ambiguous edges in the image."""
     checks = {check.name: check for check in fit.curves}
     warnings = []
     floor = checks.get(Curve.BASE.value)

@@ -1,4 +1,4 @@
-"""Checked values of a YAML document; every error names the file, the line and the key."""
+"""Checked values of a YAML document; errors name file, line and key."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slosh_camera.errors import SloshCameraError
 
 
 def read_file(path: str | Path) -> str:
-    """Reads a text file."""
+    """Reads a text file and returns its content."""
     try:
         return read_text(path, LONGEST)
     except TextFileError as error:
@@ -34,7 +34,7 @@ def parse_mapping(text: str, source: str) -> YamlDocument:
 
 
 def camera_name(document: YamlDocument) -> str:
-    """Returns the name of the camera in a file."""
+    """Returns the camera's name in a calibration file."""
     name = document.value.get("camera_name", "camera")
     if not isinstance(name, str):
         raise SloshCameraError(f"{place(document, 'camera_name')}: {shown(name)} is not a text")
@@ -42,13 +42,13 @@ def camera_name(document: YamlDocument) -> str:
 
 
 def place(source: YamlDocument, prefix: str, key: str = "") -> str:
-    """Formats file, line and key; a block's prefix ends in a dot, as in `pose.`."""
+    """Formats file, line and key of a value, for error messages."""
     above = prefix.rstrip(".").split(".") if prefix else []
     return source.at(*above, *([key] if key else []))
 
 
 def mapping(value: object, source: YamlDocument, key: str) -> Mapping[str, Any]:
-    """Returns the value; refuses anything but a mapping."""
+    """Returns the value if it is a mapping, otherwise raises an error."""
     if not isinstance(value, Mapping):
         raise SloshCameraError(f"{place(source, key)}: is not a mapping of keys to values")
     return value
@@ -61,7 +61,7 @@ def check_keys(
     source: YamlDocument,
     prefix: str,
 ) -> None:
-    """Refuse unknown and missing keys; `prefix` is the block's own position in the file."""
+    """Raises an error for unknown or missing keys of a YAML block."""
     for key in block:
         if key not in required and key not in optional:
             known = ", ".join((*required, *optional))
@@ -75,7 +75,7 @@ def check_keys(
 
 
 def number(value: object, source: YamlDocument, key: str) -> float:
-    """Returns the value as a finite number."""
+    """Returns the value as a finite number, otherwise raises an error."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise SloshCameraError(f"{place(source, key)}: {shown(value)} is not a number")
     try:
@@ -88,7 +88,7 @@ def number(value: object, source: YamlDocument, key: str) -> float:
 
 
 def integer(block: Mapping[str, Any], key: str, source: YamlDocument, prefix: str) -> int:
-    """Returns the block's value as a whole number."""
+    """Returns the value of a YAML key as an integer, otherwise raises an error."""
     value = block[key]
     if isinstance(value, bool) or not isinstance(value, int):
         raise SloshCameraError(
@@ -100,7 +100,7 @@ def integer(block: Mapping[str, Any], key: str, source: YamlDocument, prefix: st
 def numbers(
     block: Mapping[str, Any], key: str, count: int, source: YamlDocument, prefix: str
 ) -> list[float]:
-    """Returns the block's value as a list of finite numbers of the given length."""
+    """Returns the value of a YAML key as a list of finite numbers of a given length."""
     values = block[key]
     if not isinstance(values, list) or len(values) != count:
         raise SloshCameraError(f"{place(source, prefix, key)}: must be a list of {count} numbers")

@@ -1,1 +1,1 @@
-"""Detects the free surface in a cylinder, seen through its wall."""
+"""Detects the free surface in a transparent cylinder, seen through its wall."""

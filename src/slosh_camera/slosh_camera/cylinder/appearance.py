@@ -1,4 +1,4 @@
-"""Projects colours on one axis: 0 is liquid behind the front wall, 1 is background.
+"""Projects colours on one axis, from 0 (liquid behind the front wall) to 1 (background).
 
 Colour images are reduced to the axis along which the two differ most against their scatter
 (Fisher's linear discriminant), so that liquid may be darker, lighter or of another colour. The
@@ -44,11 +44,11 @@ class Tone:
 
     @property
     def contrast(self) -> float:
-        """Largest difference of background and liquid over the channels [grey levels]."""
+        """Largest difference between background and liquid in any channel [grey levels]."""
         return float(np.max(np.abs(self.background - self.liquid)))
 
     def reduce(self, picture: Image) -> Single:
-        """Projects a picture (J, M) or (J, M, C) on the axis: (J, M)."""
+        """Projects an image (J, M) or (J, M, C) on the colour axis; returns (J, M)."""
         # Takes specks and noise away and leaves edges where they are.
         picture = np.asarray(cv2.medianBlur(picture, 3), dtype=np.uint8)
         weights = self.axis.astype(np.float32)
@@ -63,7 +63,7 @@ class Tone:
 
 
 def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Tone | None:
-    """Finds the axis from liquid to background in one picture.
+    """Determines the colour axis from liquid to background in one image.
 
     Args:
         picture: (J, M) or (J, M, C) unrolled wall.
@@ -98,13 +98,13 @@ def find_tone(picture: Image, inside: BoolArray, body: slice, above: int) -> Ton
 
 
 def _farthest(samples: Image, middle: FloatArray) -> FloatArray:
-    """Returns the largest channel deviation of samples (N, C) from a centre (C,)."""
+    """Returns the largest deviation of samples (N, C) from a colour (C,) in any channel."""
     away = np.abs(samples - middle)
     return away[:, 0] if middle.size == 1 else np.max(away, axis=1)
 
 
 def _axis(wet: Image, dry: Image, liquid: FloatArray, background: FloatArray) -> FloatArray | None:
-    """Computes the discriminant (C,) of two sets of samples (N, C) about their centres."""
+    """Computes the linear discriminant (C,) between two sets of colour samples (N, C)."""
     difference = background - liquid
     axis: FloatArray = difference
     if difference.size > 1:
@@ -117,14 +117,14 @@ def _axis(wet: Image, dry: Image, liquid: FloatArray, background: FloatArray) ->
 
 
 def percentile(samples: NDArray[np.uint8], percent: float) -> FloatArray:
-    """Returns the percentile (C,) of grey levels (N, C); counting is faster than sorting."""
+    """Returns a percentile (C,) of grey levels (N, C), by counting instead of sorting."""
     counts = [np.bincount(channel, minlength=256) for channel in samples.T]
     rank = 0.01 * percent * len(samples)
     return np.array([np.searchsorted(np.cumsum(count), rank) for count in counts], np.float64)
 
 
 def _samples(picture: Image, inside: BoolArray, rows: slice) -> Image:
-    """Returns a subset of samples (N, C) of some rows for statistics."""
+    """Returns a subset (N, C) of the colours in some image rows, for statistics."""
     part = picture[rows][::_EVERY, ::_EVERY]
     return part[inside[rows][::_EVERY, ::_EVERY]].reshape(
         -1, 1 if picture.ndim == 2 else part.shape[2]
@@ -132,7 +132,7 @@ def _samples(picture: Image, inside: BoolArray, rows: slice) -> Image:
 
 
 def _scatter(samples: Image, middle: FloatArray) -> FloatArray:
-    """Returns the covariance (C, C) about the centre; clips at three median deviations."""
+    """Returns the covariance (C, C) of colours about a centre, with outliers clipped."""
     deviation = samples - middle
     usual = percentile(np.abs(deviation).astype(np.uint8), 50.0)
     reach = 3.0 * ROBUST * usual + TUNING.rounding

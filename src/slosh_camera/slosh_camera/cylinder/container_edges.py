@@ -1,4 +1,4 @@
-"""Checks whether the container's orientation in the image matches the calibration.
+"""Checks whether the container has the same orientation in the image as in the calibration.
 
 Both of its sides are straight lines in the image. A camera that has been pushed sees them turned,
 and would read the turn as a tilt of the liquid: 2 degrees are 1.7 mm on a radius of 50 mm. Where
@@ -29,10 +29,10 @@ _HALF_EDGE = TUNING.side_half_edge
 
 
 class ContainerEdges:
-    """Detects the sides of a calibrated view's container."""
+    """Detects the left and right side of the container in images."""
 
     def __init__(self, view: CupView) -> None:
-        """Project the sides; disables the detection if too little of them is in the image."""
+        """Projects the container's sides; disables the check if too little is in the image."""
         sides = [_side(view, left) for left in (True, False)]
         self._able = all(len(side) >= TUNING.least_samples for side in sides)
         places = np.vstack(sides)
@@ -44,13 +44,13 @@ class ContainerEdges:
         self._map = across.astype(np.float32), down.astype(np.float32)
 
     def turn(self, image: Image) -> float:
-        """Returns the rotation of the sides against the calibration, to half a degree [rad]."""
+        """Returns the rotation of the sides relative to the calibration [rad]."""
         return (
             float(_TURNS[int(np.argmax(self._scores(image).sum(axis=0)))]) if self._able else 0.0
         )
 
     def turned(self, image: Image, usual: float) -> bool:
-        """Whether both sides are rotated equally against their usual angle [rad]."""
+        """Whether both sides are rotated equally from their usual angle [rad]."""
         if not self._able:
             return False
         scores = self._scores(image)
@@ -65,7 +65,7 @@ class ContainerEdges:
         return bool(np.mean(gain) > TUNING.turn_better and np.min(gain) > TUNING.turn_better_each)
 
     def _scores(self, image: Image) -> FloatArray:
-        """Scores every rotation of the left and the right side, (2, turns)."""
+        """Scores trial rotations of the left and the right side, (2, turns), by edge strength."""
         strips = cv2.remap(image, *self._map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         levels = to_gray(np.asarray(strips, np.uint8)).astype(np.float32)
         parts = slice(None, self._first), slice(self._first, None)
@@ -75,7 +75,7 @@ class ContainerEdges:
 
 
 def _side(view: CupView, left: bool) -> FloatArray:
-    """Returns visible pixels (N, 2) of the outer wall's left or right side."""
+    """Returns the visible image points (N, 2) of the outer wall's left or right side."""
     cup, centre = view.cup, view.pose.camera_centre
     outer = cup.radius + cup.wall_thickness
     half = float(np.arccos(outer / np.hypot(centre[0], centre[1])))
@@ -99,7 +99,7 @@ def _side(view: CupView, left: bool) -> FloatArray:
 
 @entry_point(float64[::1](given(float32, 2), *3 * [given(float64, 1)]))
 def _agreement(strips, height, turns, shifts):  # type: ignore[no-untyped-def]
-    """Returns the mean edge strength on rotated and shifted sides.
+    """Returns the mean edge strength along a side for each trial rotation.
 
     Args:
         strips: (N, 2 reach + 1) grey levels across the sides.

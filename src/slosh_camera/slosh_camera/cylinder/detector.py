@@ -1,4 +1,4 @@
-"""Detects the free surface in a sequence of images.
+"""Detects the free surface in a sequence of images of a cylinder.
 
 The wall is unrolled along scan lines and reduced to one axis from liquid to background. The end
 of the liquid behind the front wall gives points at known places; a surface of the shapes of DL22,
@@ -50,7 +50,7 @@ _DOUBT = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """The detected surface of an image, and its limitations."""
+    """The surface detected in an image, and the flags that limit its validity."""
 
     view: Unrolled
     fit: SurfaceFit
@@ -59,12 +59,12 @@ class _Found:
 
 
 class FreeSurfaceDetector:
-    """Detector for one calibrated camera; it adapts to a still image and to recent images."""
+    """Free-surface detector for one calibrated camera, initialised with liquid at rest."""
 
     def __init__(
         self, calibration: Calibration, settings: DetectionSettings | None = None
     ) -> None:
-        """Prepare the scan lines.
+        """Prepares the scan lines of the calibrated camera.
 
         Args:
             calibration: camera, container and pose.
@@ -96,16 +96,16 @@ class FreeSurfaceDetector:
 
     @property
     def still_offset(self) -> float:
-        """Height of the still level relative to the calibration, subtracted from heights [m]."""
+        """Offset of the level at rest from the calibrated level, subtracted from heights [m]."""
         return float(self._lesson.zero[0])
 
     @property
     def doubt(self) -> str:
-        """Describes ambiguities of the still image; empty: none."""
+        """Describes why the image of the liquid at rest is ambiguous; empty if it is not."""
         return "" if self._lesson.sure else _DOUBT
 
     def learn_still(self, image: Image) -> float:
-        """Takes an image of the liquid at rest as the zero of all heights.
+        """Uses an image of the liquid at rest as the zero of all heights.
 
         Args:
             image: (height, width) grey or (height, width, 3) blue-green-red.
@@ -123,7 +123,7 @@ class FreeSurfaceDetector:
         return self.still_offset
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measures the next image of a stream; uses information from the images before.
+        """Measures the next image of a sequence, using the images before it.
 
         One that repeats an image before is flagged FROZEN. Args and errors are those of
         `measure`.
@@ -133,7 +133,7 @@ class FreeSurfaceDetector:
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measures one image by itself.
+        """Measures a single image, without using other images.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -153,7 +153,7 @@ class FreeSurfaceDetector:
         return self._measurement(stamp_ns, self._found(choice, sighting.steps))
 
     def look(self, image: Image) -> Sighting:
-        """Analyses an image by itself: most of the work, independent of other images.
+        """Analyses a single image; this is most of the work and needs no other image.
 
         Args and errors are those of `measure`.
         """
@@ -174,7 +174,7 @@ class FreeSurfaceDetector:
         return replace(self._lesson.comparison.sighting(seen), steps=self._seams.steps(image))
 
     def follow(self, stamp_ns: int, sighting: Sighting) -> Measurement:
-        """Measures the next image of a stream from its analysis and the images before.
+        """Completes the measurement of an analysed image, using the images before it.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -201,12 +201,12 @@ class FreeSurfaceDetector:
         return self._measurement(stamp_ns, found)
 
     def _know(self, lesson: StillLesson) -> None:
-        """Stores the reference data; forgets earlier images, which have another zero."""
+        """Stores the data from the image of the liquid at rest and forgets earlier images."""
         self._lesson = lesson
         self._memory = SurfaceMemory(self._view.cup.radius, self._view.cup.fill_height)
 
     def _learnt_fade(self, found: _Found) -> tuple[_Found, FadeShare]:
-        """Applies the fade share of other images; returns the surface and the new share."""
+        """Refits the surface with the crest fading that was learnt from earlier images."""
         fade = self._memory.fade
         if float(np.max(np.abs(found.fit.by_fade))) < TUNING.no_fade:
             return found, fade
@@ -216,7 +216,7 @@ class FreeSurfaceDetector:
         return found, found.fit.fade
 
     def _found(self, choice: ChosenSurface, steps: Steps) -> _Found:
-        """Returns the chosen surface with its flags; NOT_FOUND if the picture contradicts it."""
+        """Returns the chosen surface with its flags; NOT_FOUND if the image contradicts it."""
         view, fit = choice.candidate.view, choice.candidate.fit
         prior = self._lesson.comparison.prior_of(choice.candidate)
         if choice.believed:
@@ -234,7 +234,7 @@ class FreeSurfaceDetector:
         return _Found(view, fit, prior, flags)
 
     def _is_torn(self, steps: Steps, view: Unrolled, fit: SurfaceFit) -> bool:
-        """Whether a seam is among the steps, apart from a surface's front line and upper edge."""
+        """Whether an image seam exists away from the lines of the detected surface."""
         upper = self._wall.silhouette(fit.heights, view.softness)
         rows = self._wall.front_rows(fit.heights), np.where(upper < 0.0, np.nan, upper)
         places = [self._grid.pixel_at(np.isfinite(each), each) for each in rows]
@@ -250,7 +250,7 @@ class FreeSurfaceDetector:
         return self._read(stamp_ns, found)
 
     def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
-        """Returns a lower bound of the height if liquid without a surface reaches the border."""
+        """Returns a lower bound of the height if the surface lies beyond the image border."""
         points = found.fit.points
         cut = points.bound & (self._wall.first_row > 0)
         if Flag.SATURATED not in found.flags or not np.any(cut):

@@ -1,4 +1,4 @@
-"""Finds where the liquid ends along each scan line; compiled.
+"""Finds the upper end of the liquid along each scan line; compiled.
 
 All pictures here are unrolled walls (J, M) of one number per sample: 0 is liquid behind the front
 wall, 1 is background. Rows are counted from the top.
@@ -38,7 +38,7 @@ _BRIGHT_SURFACE = TUNING.bright_surface
 
 @entry_point(float64[::1](PICTURE, int64, int64, float64))
 def liquid_levels(picture, top, bottom, reach):  # type: ignore[no-untyped-def]
-    """Returns the liquid's level on each line, from samples that are mostly liquid.
+    """Returns the liquid's grey level on each scan line, from samples that are mostly liquid.
 
     The median of the samples that are near the level that is most frequent in all of them:
     background in a deep trough and what shines through low down do not count.
@@ -84,7 +84,7 @@ def liquid_levels(picture, top, bottom, reach):  # type: ignore[no-untyped-def]
 # No NaN and no sign of zero counts here: a third faster, with the very same sums on every machine.
 @entry_point(int64[::1](PICTURE, PICTURE, GIVEN_1, float64), fastmath={"nnan", "nsz"})
 def liquid_tops(picture, inside, level, tolerance):  # type: ignore[no-untyped-def]
-    """Returns the row of the liquid's upper end on each line.
+    """Returns the row of the liquid's upper end on each scan line.
 
     Of all places for the end, the one that leaves fewest samples on the wrong side: every sample
     below that does not look like liquid counts against it, every one above that does as well. So
@@ -120,7 +120,7 @@ def liquid_tops(picture, inside, level, tolerance):  # type: ignore[no-untyped-d
 
 @entry_point(float64(PICTURE, GIVEN_1, int64, int64))
 def usual_deviation(picture, level, top, bottom):  # type: ignore[no-untyped-def]
-    """Returns the median deviation of the samples from their line's level between two rows."""
+    """Returns the median deviation of samples from the liquid's grey level on their scan line."""
     counts = np.zeros(_BINS, np.int64)
     for j in range(top, bottom, 2):
         for i in range(0, picture.shape[1], 2):
@@ -135,7 +135,7 @@ def usual_deviation(picture, level, top, bottom):  # type: ignore[no-untyped-def
 
 @compiled
 def _steepest(line, row, sign, first):  # type: ignore[no-untyped-def]
-    """Returns the largest drop of a step that ends at a row, and the row above it."""
+    """Returns the largest drop of grey level that ends at a row of a scan line, and its row."""
     steepest, place = 0.0, row - 1
     for j in range(row + 1, max(row - 1 - _SOFT, first) - 1, -1):
         slope = sign * (line[j] - line[j + 1])
@@ -148,7 +148,7 @@ def _steepest(line, row, sign, first):  # type: ignore[no-untyped-def]
 
 @compiled
 def _crossing(line, top, bottom, middle, sign):  # type: ignore[no-untyped-def]
-    """Returns the row between two rows at which a line crosses a level; NaN: it does not."""
+    """Returns the sub-row position where a scan line crosses a grey level, or NaN."""
     for j in range(top, bottom):
         if sign * (line[j] - middle) >= 0.0 > sign * (line[j + 1] - middle):
             return j + (line[j] - middle) / (line[j] - line[j + 1])
@@ -157,7 +157,7 @@ def _crossing(line, top, bottom, middle, sign):  # type: ignore[no-untyped-def]
 
 @entry_point(UniTuple(float64[::1], 2)(PICTURE, ROWS, ROWS, ROWS))
 def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
-    """Refines edges to sub-sample precision, where the picture crosses the step's mean level.
+    """Refines edge positions to sub-row precision along the scan lines.
 
     The step is followed from its steepest place as far as it goes, and the levels on either side
     are taken beside it: uneven light does not move it, and blur does not either.
@@ -200,7 +200,7 @@ def refine_edges(picture, row, first, last):  # type: ignore[no-untyped-def]
 
 @compiled
 def fall_above(picture, j, i):  # type: ignore[no-untyped-def]
-    """Returns the drop of a line above a row."""
+    """Returns the grey-level drop of a scan line above a row."""
     above = picture[j - 1, i] + picture[j - 2, i]
     below = picture[j, i] + picture[j + 1, i]
     return 0.5 * (above - below)
@@ -208,20 +208,20 @@ def fall_above(picture, j, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def has_stood(step, stationary, j, i):  # type: ignore[no-untyped-def]
-    """Whether the still image has an edge as strong above a row; see `stationary_edges`."""
+    """Whether the image of the liquid at rest has an equally strong edge above a row."""
     return abs(step) < stationary[0 if step > 0.0 else 1, j, i]
 
 
 @compiled
 def _step(picture, stationary, j, i):  # type: ignore[no-untyped-def]
-    """Returns the drop of a line above a row; 0 if the still image has an edge as strong there."""
+    """Returns the grey-level drop above a row, 0 if the image of the liquid at rest has it too."""
     step = fall_above(picture, j, i)
     return 0.0 if has_stood(step, stationary, j, i) else step
 
 
 @compiled
 def _gains(picture, stationary, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
-    """Returns slopes (M, 2 reach + 1) around a guessed curve; -inf where no edge is allowed."""
+    """Returns edge slopes (M, 2 reach + 1) near a curve; -inf where edges are excluded."""
     rows, lines = picture.shape
     offsets = 2 * reach + 1
     gain = np.full((lines, offsets), -np.inf)
@@ -242,7 +242,7 @@ def _gains(picture, stationary, guess, reach, floor, first, reversed_weight):  #
     Tuple((int64[::1], float64[::1]))(PICTURE, STEPS, GIVEN_1, int64, GIVEN_1, ROWS, GIVEN_1)
 )
 def follow_edge(picture, stationary, guess, reach, floor, first, reversed_weight):  # type: ignore[no-untyped-def]
-    """Finds the strongest edge near a guessed curve, continuous from line to line.
+    """Finds the strongest continuous edge near an expected curve by dynamic programming.
 
     The path along which the sum of the slopes is largest, with steps of at most two samples from
     line to line against the guess, by dynamic programming.
@@ -288,7 +288,7 @@ def follow_edge(picture, stationary, guess, reach, floor, first, reversed_weight
 
 @entry_point(float64[::1](GIVEN_2, GIVEN_1))
 def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
-    """Returns the rows at which lines up the wall reach given heights.
+    """Returns the rows at which scan lines reach the given heights on the wall.
 
     Args:
         table: (J, M) height of the wall by row, falling downwards [m]; NaN: not known, at the top.
@@ -321,7 +321,7 @@ def rows_of_heights(table, level):  # type: ignore[no-untyped-def]
 
 @compiled
 def _edge_at(picture, stationary, row, line, first, last, reversed_weight):  # type: ignore[no-untyped-def]
-    """Rates the strength and nearness of the edge next to a row: 0 to 1."""
+    """Rates the edge nearest to a row of a scan line by strength and distance, from 0 to 1."""
     best = 0.0
     place = row
     centre = int(np.rint(row + 0.5))
@@ -343,7 +343,7 @@ def _edge_at(picture, stationary, row, line, first, last, reversed_weight):  # t
 def surface_score(  # type: ignore[no-untyped-def]
     picture, backdrop, stationary, surface, hidden, front, upper, first, last
 ):
-    """Scores the agreement of a picture with a surface's front line and upper edge.
+    """Scores how well an image agrees with the two visible lines of an assumed surface.
 
     Below the front line there should be liquid, above the upper edge what is behind the glass, in
     between anything; on both lines there should be an edge.
@@ -392,7 +392,7 @@ def surface_score(  # type: ignore[no-untyped-def]
 
 @entry_point(float64[:, ::1](GIVEN_3, GIVEN_1))
 def table_at(table, rows):  # type: ignore[no-untyped-def]
-    """Interpolates a table (J, M, 3) at rows (M,): returns (M, 3), NaN outside."""
+    """Interpolates a table (J, M, 3) at fractional rows (M,); returns (M, 3)."""
     values = np.full((rows.size, 3), np.nan)
     for i in range(rows.size):
         if np.isnan(rows[i]):
@@ -405,7 +405,7 @@ def table_at(table, rows):  # type: ignore[no-untyped-def]
 
 @entry_point(float64[::1](GIVEN_1, int64, int64))
 def between_lines(rows, skip, lines):  # type: ignore[no-untyped-def]
-    """Interpolates rows (lines,) from every `skip`th line; NaN and -1 extend to the next line."""
+    """Interpolates rows (lines,) between values that are known on every `skip`th scan line."""
     full = np.empty(lines)
     last = rows.size - 1
     for i in range(lines):

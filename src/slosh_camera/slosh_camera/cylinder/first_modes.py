@@ -1,4 +1,4 @@
-"""Candidate first modes from points of the front line; compiled."""
+"""Estimates the first sloshing mode from points of the contact line; compiled."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.compiled.compilation import GIVEN_1, compiled, entry_point, give
 
 @compiled
 def _agreement(cosine, sine, height, scale, x, y):  # type: ignore[no-untyped-def]
-    """Returns the number of points that agree with a first mode, using every third point."""
+    """Counts the points that agree with an assumed first mode, using every third point."""
     total = 0.0
     for k in range(0, height.size, 3):
         if not np.isnan(height[k]):
@@ -25,7 +25,7 @@ def _agreement(cosine, sine, height, scale, x, y):  # type: ignore[no-untyped-de
     )
 )
 def first_mode_candidates(azimuth, height, scale, pairs, count, highest):  # type: ignore[no-untyped-def]
-    """Returns first modes through pairs of front points, those with most agreeing points first.
+    """Returns first-mode candidates that pass through pairs of points, best agreement first.
 
     Args:
         azimuth: (N,) [rad]. height: (N,) [m]; NaN where unknown.

@@ -1,4 +1,4 @@
-"""Bias of the front line measured on the liquid at rest, and the heights at which it is valid.
+"""Systematic error of the contact line measured on the liquid at rest.
 
 An uneven wall bends a line, and where front and rear line are one edge in the image, what is found
 lies between them. A surface that is fitted to such a front line alone leans towards the camera or
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontBias:
-    """Height of the front line above the surface at rest.
+    """Systematic height error of the front contact line, measured on the liquid at rest.
 
     Attributes:
         zero: (SHAPES,) heights of the surface at rest [m].
@@ -36,12 +36,12 @@ class FrontBias:
 
     @classmethod
     def unknown(cls, zero: FloatArray, lines: int) -> Self:
-        """Makes an unknown bias for a number of lines."""
+        """Returns a bias of zero for a number of scan lines, for an unknown surface at rest."""
         return cls(zero, np.zeros(lines), 1.0)
 
     @classmethod
     def at_rest(cls, fit: SurfaceFit, zero: FloatArray, footprint: float) -> Self:
-        """Estimates the bias from a fit to the still image.
+        """Estimates the contact line's bias from a fit to the image of the liquid at rest.
 
         Args:
             fit: the points that agree with it count.
@@ -57,7 +57,7 @@ class FrontBias:
         return cls(zero, np.where(known, offset, 0.0), TUNING.bias_rows * footprint)
 
     def removed(self, points: WallPoints) -> WallPoints:
-        """Subtracts the bias from points (M,) of a front line, as far as it is valid."""
+        """Subtracts the bias from contact-line points (M,) near the level at rest."""
         rise = points.height - points.shapes @ self.zero - self.offset
         part = np.exp(-0.5 * np.square(rise / self.holds))
         return replace(points, height=points.height - part * self.offset)

@@ -1,4 +1,4 @@
-"""Finds the front line in one image: the end of the liquid on each scan line.
+"""Detects the contact line on the front wall: the upper end of liquid on each scan line.
 
 Colours become one axis from liquid to background; what is low on the wall is taken for liquid, and
 the end of what looks like it is found on every line, then to a fraction of a row.
@@ -32,7 +32,7 @@ _SPARSE = 4
 
 
 class FrontLineFinder:
-    """Finds the front line in unrolled images of one wall.
+    """Detects the front contact line in unrolled images of one container wall.
 
     Attributes:
         bodies: the rows, below the deepest trough or higher up, that are mostly liquid.
@@ -51,7 +51,7 @@ class FrontLineFinder:
         self.bodies = tuple(self._rows(body) for body in _BODIES)
 
     def tone(self, unrolled: Image, body: slice) -> Tone | None:
-        """Finds the axis from liquid to background in rows of mostly liquid; None: not found.
+        """Determines the colour axis from liquid to background, or None if there is no liquid.
 
         Args:
             unrolled: (rows, lines, channels) the wall.
@@ -67,7 +67,7 @@ class FrontLineFinder:
         surface: float,
         beside: Image | None = None,
     ) -> tuple[Unrolled, WallPoints] | None:
-        """Projects the wall on the axis from liquid to background, and finds the liquid's end.
+        """Projects the wall's colours on an axis and detects the upper end of the liquid.
 
         Args:
             unrolled: (rows, lines, channels) the wall.
@@ -112,7 +112,7 @@ class FrontLineFinder:
         return view, self._wall.wall_points(place, width, row <= first)
 
     def why_none(self, unrolled: Image) -> Flag:
-        """Returns the flags of an image without visible liquid, such as too dark or bright."""
+        """Returns flags that explain why no liquid is visible, such as a dark image."""
         sparse = unrolled[::_SPARSE, ::_SPARSE]
         seen = sparse[self._grid.inside[::_SPARSE, ::_SPARSE]].reshape(-1, 1)
         dark, bright = percentile(seen, 2.0)[0], percentile(seen, 98.0)[0]
@@ -123,13 +123,13 @@ class FrontLineFinder:
         return Flag.NOT_FOUND
 
     def _rows(self, parts: tuple[float, float]) -> slice:
-        """Returns the rows at two fractions of the way from the still level to the lowest row."""
+        """Returns the rows between two given fractions of the depth below the level at rest."""
         below = self._grid.shape[0] - self._grid.still_row
         top, bottom = (self._grid.still_row + int(part * below) for part in parts)
         return slice(top, bottom)
 
     def _believable(self, tone: Tone) -> bool:
-        """Whether liquid and background differ enough, and in the sign that the settings give."""
+        """Whether liquid and background differ enough, with the sign that the settings give."""
         bright = max(float(np.max(tone.liquid)), float(np.max(tone.background)))
         if tone.contrast < self._settings.min_contrast or bright < self._settings.max_dark:
             return False

@@ -9,7 +9,7 @@ from slosh_camera.optics.cup import CupView
 
 
 def outer_edges(view: CupView) -> list[Edge]:
-    """Projects the sides below all waves, the floor and, if known, the rim's front and rear.
+    """Projects the container's sides, its floor and, if known, its rim into the image.
 
     Args:
         view: the container as the camera sees it.

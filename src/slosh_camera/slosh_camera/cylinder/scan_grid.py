@@ -1,4 +1,4 @@
-"""Scan lines up the container's wall, along which the liquid's edge is searched.
+"""Scan lines up the container's wall, along which the liquid's edge is detected.
 
 Each scan line follows the front wall upwards at one azimuth, as the camera sees it: a picture
 sampled along them is the wall unrolled. Where every sample meets the front and the rear wall is
@@ -29,7 +29,7 @@ _EDGE_SAMPLES = 721
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanGrid:
-    """Samples along M lines up the wall, J each, from the top down.
+    """Sample points along M vertical scan lines on the wall, J points each, from the top down.
 
     Attributes:
         pixels: (J, M, 2) places in the image (u, v), a pixel apart along a line, or somewhat more.
@@ -52,11 +52,11 @@ class ScanGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Number of samples of a line and number of lines."""
+        """Number of samples per scan line, and number of scan lines."""
         return int(self.pixels.shape[0]), int(self.pixels.shape[1])
 
     def unroll(self, image: Image) -> Image:
-        """Samples an image along the lines.
+        """Samples an image along the scan lines; returns an unrolled image of the wall.
 
         Args:
             image: (height, width) or (height, width, 3); may be a view of any strides.
@@ -72,13 +72,13 @@ class ScanGrid:
         )
 
     def pixel_at(self, lines: BoolArray, rows: FloatArray) -> FloatArray:
-        """Returns the image positions (N, 2) of sub-sample rows (M,) on some of the lines (M,)."""
+        """Returns image positions (N, 2) of fractional rows (M,) on selected scan lines (M,)."""
         start = self.pixels[0, lines]
         return np.asarray(start + rows[lines, np.newaxis] * (self.pixels[1, lines] - start))
 
 
 def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
-    """Makes scan lines over the visible part of the wall.
+    """Creates scan lines over the visible part of the container's wall.
 
     Args:
         view: the container as the camera sees it.
@@ -139,7 +139,7 @@ def _check_upright(view: CupView) -> None:
 
 
 def _line_azimuths(view: CupView) -> FloatArray:
-    """Returns azimuths of front wall lines that are equally spaced in the image."""
+    """Returns azimuths of scan lines on the front wall that are equally spaced in the image."""
     # Against the camera's azimuth: through a thick wall more than half of the front is seen.
     middle = view.camera_azimuth
     left, right = (
@@ -161,7 +161,7 @@ def _line_azimuths(view: CupView) -> FloatArray:
 def _heights(
     view: CupView, azimuth: FloatArray, still: FloatArray, unit: FloatArray
 ) -> FloatArray:
-    """Returns the height in pixels (M,) from the still level to above the rim, on both walls."""
+    """Returns the heights (M,) in pixels from the level at rest to above the rim."""
     level = view.cup.rim_level
     top = TUNING.unknown_rim * view.cup.radius if level is None else level
     ends = view.project_wall(azimuth, top, Wall.FRONT)
@@ -183,7 +183,7 @@ def _inside(pixels: FloatArray, limits: RegionOfInterest) -> BoolArray:
 
 
 def _usable(inside: BoolArray, still_row: int) -> BoolArray:
-    """Returns which lines (M,) show the wall from above the still level to well below it."""
+    """Returns which scan lines (M,) show the wall well above and below the level at rest."""
     if still_row + TUNING.least_below >= len(inside):
         return np.zeros(inside.shape[1], dtype=np.bool_)
     around = inside[max(still_row - TUNING.least_above, 0) : still_row + TUNING.least_below]
@@ -192,7 +192,7 @@ def _usable(inside: BoolArray, still_row: int) -> BoolArray:
 
 
 def _window(pixels: FloatArray, limits: RegionOfInterest) -> tuple[int, int, int, int]:
-    """Returns left, top, right, bottom of the image region of the lines."""
+    """Returns the image region that contains the scan lines: left, top, right and bottom."""
     low = np.floor(np.min(pixels, axis=(0, 1))).astype(int)
     high = np.ceil(np.max(pixels, axis=(0, 1))).astype(int) + 2
     left, top = max(low[0], limits.x_offset), max(low[1], limits.y_offset)

@@ -1,4 +1,4 @@
-"""Computes where a surface of given shapes ends against the background; compiled.
+"""Computes the outline of a free surface against the background; compiled.
 
 Along the line of sight from the front to the rear wall the surface just touches the ray to its
 upper edge, at the rear wall or at a crest in between: a silhouette.
@@ -30,7 +30,7 @@ _NEIGHBOURHOOD = TUNING.fade_rows
 
 @compiled
 def _radial(square):  # type: ignore[no-untyped-def]
-    """Returns the radial parts of the first, second, mean and double shape for ρ²."""
+    """Returns the radial factors of the surface mode shapes as functions of ρ²."""
     place = square * _PER_UNIT
     k = min(int(place), _TABLE.shape[0] - 2)
     part = place - k
@@ -44,7 +44,7 @@ def _radial(square):  # type: ignore[no-untyped-def]
 
 @compiled
 def _shapes(x, y, out):  # type: ignore[no-untyped-def]
-    """Returns the heights of all shapes at a position in units of the radius."""
+    """Returns the heights of all surface mode shapes at a position given in radii."""
     first, second, mean, double = _radial(x * x + y * y)
     out[0] = 1.0
     out[1] = first * x
@@ -58,7 +58,7 @@ def _shapes(x, y, out):  # type: ignore[no-untyped-def]
 
 @compiled
 def clearance(near, far, part, heights):  # type: ignore[no-untyped-def]
-    """Returns the surface height above a ray at a fraction of its way to the rear wall [m]."""
+    """Returns the surface's height above a line of sight at a fraction of its length [m]."""
     x = near[0] + part * (far[0] - near[0])
     y = near[1] + part * (far[1] - near[1])
     first, second, mean, double = _radial(x * x + y * y)
@@ -71,13 +71,13 @@ def clearance(near, far, part, heights):  # type: ignore[no-untyped-def]
 
 @compiled
 def shapes_on_ray(near, far, part, out):  # type: ignore[no-untyped-def]
-    """Returns the heights of all shapes at a fraction of a ray's way."""
+    """Returns the heights of all surface mode shapes at a fraction of a line of sight."""
     _shapes(near[0] + part * (far[0] - near[0]), near[1] + part * (far[1] - near[1]), out)
 
 
 @compiled
 def touch(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Finds where the surface comes closest to a ray from below, or rises most above it.
+    """Finds where a line of sight is closest to the surface, or deepest below it.
 
     Args:
         near, far: (3,) ends of the ray: x, y in radii, z [m].
@@ -115,7 +115,7 @@ def touch(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
 
 @entry_point(float64[::1](GIVEN_3, GIVEN_3, given(int64, 1), float64, float64, GIVEN_1))
 def silhouette_rows(near, far, bottom, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Returns the row on each line at which the surface ends against the background.
+    """Returns the row on each scan line where the surface ends against the background.
 
     Args:
         near, far: (J, M, 3) ends of every sample's ray: x, y in radii, z [m]; NaN: none.
@@ -155,7 +155,7 @@ def silhouette_rows(near, far, bottom, radius, fade, heights):  # type: ignore[n
 
 @entry_point(float64[:, ::1](GIVEN_2))
 def shapes_of(near):  # type: ignore[no-untyped-def]
-    """Returns heights (N, SHAPES) of all shapes at positions (N, 3), x and y in radii."""
+    """Returns heights (N, SHAPES) of all mode shapes at positions (N, 3); x and y in radii."""
     shapes = np.empty((near.shape[0], SHAPES))
     for i in range(near.shape[0]):
         _shapes(near[i, 0], near[i, 1], shapes[i])
@@ -164,7 +164,7 @@ def shapes_of(near):  # type: ignore[no-untyped-def]
 
 @entry_point(float64[:, ::1](GIVEN_1))
 def wall_shapes_of(azimuth):  # type: ignore[no-untyped-def]
-    """Returns heights (N, SHAPES) of all shapes on the wall by azimuth (N,) [rad]."""
+    """Returns heights (N, SHAPES) of all mode shapes on the wall at azimuths (N,) [rad]."""
     shapes = np.empty((azimuth.size, SHAPES))
     for i in range(azimuth.size):
         _shapes(np.cos(azimuth[i]), np.sin(azimuth[i]), shapes[i])
@@ -173,7 +173,7 @@ def wall_shapes_of(azimuth):  # type: ignore[no-untyped-def]
 
 @entry_point(boolean[::1](GIVEN_2, GIVEN_2, float64, float64, GIVEN_1))
 def above_ray(near, far, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Whether a surface is visible above each ray (M, 3) to (M, 3); False for missing rays."""
+    """Whether the surface is visible above each line of sight, given by two ends (M, 3)."""
     above = np.zeros(near.shape[0], np.bool_)
     for i in range(near.shape[0]):
         if not np.isnan(far[i, 0]):

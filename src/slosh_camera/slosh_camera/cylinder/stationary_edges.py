@@ -1,4 +1,4 @@
-"""Edges that are in the still image, too, apart from the liquid's line.
+"""Edges in the image of the liquid at rest that do not belong to the liquid.
 
 They are of a label, or of what is behind the container; whatever the liquid does, they are not its
 surface's.
@@ -21,12 +21,12 @@ Single = NDArray[np.float32]
 
 
 def no_edges(shape: tuple[int, int]) -> Single:
-    """Returns the empty edges of a wall (J, M) without a still image: (2, J, M)."""
+    """Returns an empty edge map (2, J, M), used without an image of the liquid at rest."""
     return np.zeros((2, *shape), np.float32)
 
 
 def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single:
-    """Returns the edges of a still image that are not the liquid's.
+    """Returns the edges in the image of the liquid at rest that do not belong to the liquid.
 
     Args:
         picture: (J, M) the still image.
@@ -54,7 +54,7 @@ def stationary_edges(picture: Single, lines: FloatArray, reach: float) -> Single
 
 @entry_point(float64[::1](PICTURE, STEPS, GIVEN_1))
 def moved_edges(picture, stationary, place):  # type: ignore[no-untyped-def]
-    """Returns sub-row positions (M,) of edges, NaN for those in the still image."""
+    """Returns sub-row positions (M,) of edges; NaN if the liquid at rest shows the same edge."""
     moved = place.copy()
     for i in range(place.size):
         if np.isnan(place[i]):

@@ -1,4 +1,4 @@
-"""Learns reference data from an image of the liquid at rest."""
+"""Computes the detector's reference data from an image of the liquid at rest."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _NOT_WHOLE = Flag.NOT_FOUND | Flag.SATURATED
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StillLesson:
-    """Reference data from an image of the liquid at rest.
+    """Reference data of the detector, from an image of the liquid at rest.
 
     Attributes:
         zero: (SHAPES,) heights of the surface at rest [m].
@@ -67,7 +67,7 @@ class StillLesson:
 
 
 class StillLearner:
-    """Computes the reference data from still images of one camera."""
+    """Computes the detector's reference data from images of the liquid at rest."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class StillLearner:
         front: FrontLineFinder,
         edges: ContainerEdges,
     ) -> None:
-        """Store the parts of the detector.
+        """Stores the parts of the detector that are needed.
 
         Args:
             view: the container before the camera.
@@ -102,7 +102,7 @@ class StillLearner:
         self._nearest = radius * np.array((np.cos(azimuth), np.sin(azimuth)))
 
     def nothing(self) -> StillLesson:
-        """Returns the default reference data without a still image."""
+        """Returns the default reference data, used without an image of the liquid at rest."""
         zero = np.zeros(SHAPES)
         return StillLesson(
             zero=zero,
@@ -117,7 +117,7 @@ class StillLearner:
         )
 
     def learn(self, image: Image, unrolled: Image) -> StillLesson:
-        """Computes the reference data from a still image.
+        """Computes the reference data from an image of the liquid at rest.
 
         Args:
             image: (height, width) or (height, width, 3).
@@ -158,7 +158,7 @@ class StillLearner:
         )
 
     def _still_surface(self, image: Image, unrolled: Image, clear: list[bool]) -> StillSurface:
-        """Returns the liquid at rest; for transparent liquid it uses the surroundings, too."""
+        """Detects the surface at rest; for clear liquid it also uses the surroundings."""
         unknown = no_edges(self._grid.shape)
         besides = [None if is_clear else image for is_clear in clear]
         seen = (
@@ -174,13 +174,13 @@ class StillLearner:
         return still
 
     def _leans(self, still: StillSurface) -> bool:
-        """Whether the edges alone, without the prior, would give an inclined surface."""
+        """Whether the edges alone, without a prior, would give a tilted surface at rest."""
         prior = replace(self._at_rest, first=TUNING.leaning * self._view.cup.radius)
         fit, _ = self._chooser.fit_still(still.view, still.points, prior)
         return self._chooser.is_suspect(fit)
 
     def _check_doubted(self, still: StillSurface, prior: Prior) -> None:
-        """Refuses a doubtful liquid that is far from the still level or agrees poorly."""
+        """Raises an error if the level at rest is doubtful and far from the calibrated level."""
         if abs(still.zero[0]) > TUNING.level_stddev:
             raise SloshCameraError(
                 f"still image: its line is {1e3 * still.zero[0]:+.0f} mm off the "
@@ -195,26 +195,26 @@ class StillLearner:
             )
 
     def _is_clear(self, image: Image, unrolled: Image, body: slice) -> bool:
-        """Whether the liquid looks like the surroundings of the container."""
+        """Whether the liquid has the same colour as the container's surroundings."""
         tone = self._front.tone(unrolled, body)
         return tone is not None and looks_like_surroundings(image, self._grid.pixels[body], tone)
 
     def _compared(self, prior: Prior, at_rest: float = -np.inf) -> SurfaceComparison:
-        """Makes a comparison of surfaces; `at_rest` is the plausibility of the still image."""
+        """Creates the comparison of candidate surfaces, given the score of the level at rest."""
         return SurfaceComparison(self._chooser, prior, self._wall.footprint, at_rest)
 
     def _compared_with(self, view: Unrolled, prior: Prior) -> SurfaceComparison:
-        """Makes a comparison with the plausibility of the surface at rest in the still image."""
+        """Creates the comparison of candidate surfaces after scoring the surface at rest."""
         return self._compared(prior, self._chooser.plausible_heights(view, prior.centre, prior))
 
     def _bias(self, still: StillSurface) -> FrontBias:
-        """Returns the bias of the front line; a low-contrast line has only a common offset."""
+        """Returns the contact line's bias; for a low-contrast line only a common offset."""
         if still.view.scatters:
             return FrontBias.unknown(still.zero, self._wall.lines)
         return FrontBias.at_rest(still.fit, still.zero, self._wall.footprint)
 
     def _standing_edges(self, still: StillSurface) -> Single:
-        """Returns edges of the still image apart from the liquid's visible lines."""
+        """Returns the edges in the image of the liquid at rest that are not the liquid's own."""
         fit, view = still.fit, still.view
         seen = (fit.front_weight > TUNING.inlier) & ~fit.points.bound
         front = np.where(seen, fit.points.place, np.nan)

@@ -1,4 +1,4 @@
-"""The liquid at rest in the still image, and whether it would be detected there again.
+"""Detects the liquid at rest and checks that normal measurement would also detect it.
 
 A clear liquid shows what is behind it. Then an edge of the background may end what is taken for
 liquid more clearly than the surface does, in the still image as in those to come. So the still
@@ -30,7 +30,7 @@ REMEDY = "dye the liquid"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StillSurface:
-    """The detected liquid at rest.
+    """The free surface that was detected in an image of the liquid at rest.
 
     Attributes:
         view: the picture, with what the free surface looks like in it.
@@ -53,7 +53,7 @@ def find_still_surface(
     prior: Prior,
     nearest: FloatArray,
 ) -> StillSurface | None:
-    """Finds the most plausible level surface.
+    """Finds the most plausible level surface in an image of the liquid at rest.
 
     Args:
         chooser: fits it.
@@ -80,7 +80,7 @@ def find_still_surface(
 
 
 def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
-    """Whether normal measurement of the still image gives the liquid at rest with certainty.
+    """Whether normal measurement of the liquid at rest clearly detects the level surface.
 
     Args:
         still: the liquid at rest, as it was found by what is known of it.
@@ -102,7 +102,7 @@ def is_found_again(still: StillSurface, comparison: SurfaceComparison) -> bool:
 
 
 def _at_rest(fit: SurfaceFit, nearest: FloatArray) -> FloatArray:
-    """Returns level and tilt (SHAPES,) of a fit to liquid at rest [m].
+    """Returns level and tilt (SHAPES,) [m] of a surface fitted to liquid at rest.
 
     What bends a front line by some tenths of a millimetre, an uneven wall or what mirrors in the
     liquid's end, reads as a tilt towards the camera of a millimetre at the rear wall. So where

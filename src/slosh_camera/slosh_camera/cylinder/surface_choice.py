@@ -1,4 +1,4 @@
-"""Chooses the surface in an image: by the front line, or the most plausible of several."""
+"""Chooses the free surface in an image among several candidates."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _AROUND = wall_shapes(np.radians(np.arange(0.0, 360.0, 10.0)))
 
 
 class SurfaceChooser:
-    """Finds the surface in pictures along one camera's scan lines."""
+    """Fits and rates free surfaces in the images of one camera."""
 
     def __init__(self, geometry: WallGeometry, rim: float = np.inf) -> None:
-        """Prepare pairs of lines.
+        """Prepares pairs of scan lines for the search for candidate surfaces.
 
         Args:
             geometry: tables of the scan lines.
@@ -49,7 +49,7 @@ class SurfaceChooser:
         self._pairs = np.array([(i, j) for i in chosen for j in chosen if j > i])
 
     def fit_certain(self, view: Unrolled, points: WallPoints, prior: Prior) -> SurfaceFit | None:
-        """Fits the surface if nearly all points of the front line agree with it.
+        """Fits the surface if nearly all contact-line points agree with it, else returns None.
 
         Args:
             view: the picture.
@@ -71,7 +71,7 @@ class SurfaceChooser:
     def fit_several(
         self, view: Unrolled, points: WallPoints, prior: Prior
     ) -> list[tuple[SurfaceFit, float]]:
-        """Fits the surfaces that are possible in the picture.
+        """Fits all free surfaces that are possible in the image, and rates them.
 
         Returns:
             The fits, and how plausible each is, to be compared with that of other fits.
@@ -92,7 +92,7 @@ class SurfaceChooser:
     def fit_near(
         self, view: Unrolled, points: WallPoints, prior: Prior, start: FloatArray
     ) -> list[tuple[SurfaceFit, float]]:
-        """Fits surfaces near given heights (SHAPES,) [m] and rates their plausibility."""
+        """Fits surfaces near given mode amplitudes (SHAPES,) [m] and rates their plausibility."""
         found = []
         for coarse in (TUNING.fine, TUNING.coarse):
             rough = self._fitter.refined(view, points, start, prior, coarse)
@@ -103,7 +103,7 @@ class SurfaceChooser:
     def fit_levels(
         self, view: Unrolled, points: WallPoints, at_rest: Prior, moving: Prior
     ) -> list[tuple[Prior, SurfaceFit, float]]:
-        """Fits liquid of another level, from the level that agrees best with the picture.
+        """Fits surfaces of a changed liquid level, starting from the level that agrees best.
 
         Args:
             view: the picture.
@@ -123,23 +123,23 @@ class SurfaceChooser:
         ]
 
     def plausible(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> float:
-        """Rates a fit: agreement with the picture minus the surprise of the surface."""
+        """Rates a fitted surface: agreement with the image minus improbability of its shape."""
         return self.plausible_heights(view, fit.heights, prior)
 
     def plausible_heights(self, view: Unrolled, heights: FloatArray, prior: Prior) -> float:
-        """Rates given heights (SHAPES,) [m]; -inf: such liquid would spill."""
+        """Rates a surface by its mode amplitudes (SHAPES,) [m]; -inf if liquid would spill."""
         if float(np.max(_AROUND @ heights)) > self._highest:
             return -np.inf
         return self._score(view, heights) - self.surprise(heights, prior)
 
     def surprise(self, heights: FloatArray, prior: Prior) -> float:
-        """Returns how improbable heights (SHAPES,) [m] are."""
+        """Returns how improbable mode amplitudes (SHAPES,) [m] are under the prior."""
         return prior.surprise(heights, self._wall.radius)
 
     def fit_still(
         self, view: Unrolled, points: WallPoints, prior: Prior
     ) -> tuple[SurfaceFit, float]:
-        """Fits the front line of liquid at rest: a level surface near the still level.
+        """Fits a level surface to the contact line of liquid at rest.
 
         Returns:
             The fit and how plausible it is.
@@ -153,7 +153,7 @@ class SurfaceChooser:
         return self._fitter.fit_front(both.points, prior, start, TUNING.fine), plausible
 
     def is_suspect(self, still: SurfaceFit) -> bool:
-        """Whether a line at rest may belong to something other than a level surface.
+        """Whether a line detected at rest may be something other than the liquid's level.
 
         Liquid at rest is level. A surface that inclines itself towards its edges has one that is
         not its own - the far edge of a table, which is straight, so that both do not agree - or
@@ -167,7 +167,7 @@ class SurfaceChooser:
         return off > TUNING.off_rows * self._wall.footprint
 
     def surface_tone(self, view: Unrolled, heights: FloatArray) -> float:
-        """Returns the tone of the free surface between its two lines; NaN: not visible."""
+        """Returns the grey tone of the visible free surface, or NaN if it is not visible."""
         front, upper = (
             self._wall.front_rows(heights),
             self._wall.silhouette(heights, view.softness),
@@ -182,7 +182,7 @@ class SurfaceChooser:
     def _best_level(
         self, view: Unrolled, prior: Prior, among: FloatArray
     ) -> tuple[FloatArray, float]:
-        """Returns the most plausible surface (SHAPES,) at rest among levels, and its rating."""
+        """Returns the most plausible level surface (SHAPES,) among given levels, and its score."""
         levels = np.tile(prior.centre, (among.size, 1))
         levels[:, 0] += among
         likely = [self.plausible_heights(view, heights, prior) for heights in levels]
@@ -190,7 +190,7 @@ class SurfaceChooser:
         return levels[best], likely[best]
 
     def _without_strays(self, view: Unrolled, fit: SurfaceFit, prior: Prior) -> SurfaceFit:
-        """Fits a level line again without outliers, such as points of a label."""
+        """Fits a level surface again without outliers, such as points on a label."""
         known = ~np.isnan(fit.front_error) & ~fit.points.bound
         if not np.any(known):
             return fit
@@ -209,7 +209,7 @@ class SurfaceChooser:
         return self._fitter.again(view, replace(fit, points=points), prior, USUAL_FADE)
 
     def _further_candidates(self, view: Unrolled, points: WallPoints, prior: Prior) -> FloatArray:
-        """Returns first guesses (N, SHAPES) if the front line alone is ambiguous.
+        """Returns more initial surfaces (N, SHAPES) for an ambiguous contact line.
 
         The ends of liquid and of what is far from liquid are tried, on the front and on the rear
         wall: where the free surface looks like the liquid, the liquid's end is the upper edge.
@@ -229,7 +229,7 @@ class SurfaceChooser:
         return np.vstack(starts)
 
     def _most_likely(self, view: Unrolled, starts: FloatArray) -> FloatArray:
-        """Returns the few different surfaces that agree best with the picture."""
+        """Returns the few different initial surfaces that agree best with the image."""
         scores = np.array([self._score(view, heights) for heights in starts])
         chosen: list[FloatArray] = []
         for index in np.argsort(-scores):
@@ -244,7 +244,7 @@ class SurfaceChooser:
         return np.array(chosen)
 
     def _score(self, view: Unrolled, heights: FloatArray) -> float:
-        """Scores the agreement of a surface with the picture, on every fourth line."""
+        """Scores a surface's agreement with the image, using every fourth scan line."""
         upper = self._wall.silhouette(heights, view.softness, coarse=True)
         score = edge_search.surface_score(
             view.picture[:, ::SKIP],
@@ -262,7 +262,7 @@ class SurfaceChooser:
     def _candidates(
         self, azimuth: FloatArray, height: FloatArray, bound: BoolArray, prior: Prior
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns first guesses (N, SHAPES) through wall points, and their shares of agreement."""
+        """Returns initial surfaces (N, SHAPES) through wall points, with their agreement."""
         offset = silhouette.wall_shapes_of(azimuth) @ prior.centre
         known = np.where(bound | np.isnan(azimuth), np.nan, height - offset)
         agree, highest = (

@@ -1,4 +1,4 @@
-"""Compares the candidate surfaces of an image with the prediction from earlier images."""
+"""Compares candidate surfaces of an image with the prediction from earlier images."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidateSurface:
-    """A candidate surface of an image.
+    """A candidate for the free surface in an image, with its score.
 
     Attributes:
         view: the picture.
@@ -38,7 +38,7 @@ class CandidateSurface:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """Analysis of one image by itself, before the comparison with earlier images.
+    """Analysis of a single image, before it is compared with earlier images.
 
     Attributes:
         seen: pictures of the wall with the points of the front line.
@@ -57,7 +57,7 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenSurface:
-    """The surface chosen for an image.
+    """The surface that was chosen for an image.
 
     Attributes:
         candidate: which.
@@ -85,7 +85,7 @@ class SurfaceComparison:
     def __init__(
         self, chooser: SurfaceChooser, prior: Prior, footprint: float, at_rest: float = -np.inf
     ) -> None:
-        """Store the priors of the candidates' fits.
+        """Stores the priors with which candidate surfaces are fitted.
 
         Args:
             chooser: makes candidates.
@@ -99,7 +99,7 @@ class SurfaceComparison:
         self._least = at_rest - TUNING.worse if np.isfinite(at_rest) else TUNING.level_believed
 
     def sighting(self, seen: tuple[tuple[Unrolled, WallPoints], ...]) -> Sighting:
-        """Returns the candidates of an image; only one if its front line is unambiguous."""
+        """Returns the candidate surfaces of an image; a single one if it is unambiguous."""
         for view, points in seen:
             fit = self._chooser.fit_certain(view, points, self.prior)
             if fit is None:
@@ -110,7 +110,7 @@ class SurfaceComparison:
         return Sighting(seen, self._several(seen))
 
     def choose(self, sighting: Sighting, expected: ExpectedMode | None) -> ChosenSurface:
-        """Chooses a surface among the candidates of an image.
+        """Chooses the most plausible candidate surface of an image.
 
         Args:
             sighting: what the image shows by itself.
@@ -131,18 +131,18 @@ class SurfaceComparison:
         )
 
     def prior_of(self, candidate: CandidateSurface) -> Prior:
-        """Returns the prior of a candidate's fit."""
+        """Returns the prior with which a candidate surface was fitted."""
         return candidate.changed or self.prior
 
     def level_has_changed(self, candidate: CandidateSurface) -> bool:
-        """Whether a changed level is more probable than an error."""
+        """Whether a changed liquid level is more probable than a wrong detection."""
         heights, changed = candidate.fit.heights, candidate.changed
         return changed is not None and (
             self._chooser.surprise(heights, changed) < self._chooser.surprise(heights, self.prior)
         )
 
     def first(self, fit: SurfaceFit) -> FloatArray:
-        """Returns a surface's first mode relative to rest, (2,) [m]."""
+        """Returns a surface's first-mode amplitudes relative to rest, (2,) [m]."""
         return (fit.heights - self.prior.centre)[1:3]
 
     def _several(
@@ -162,7 +162,7 @@ class SurfaceComparison:
         return (*usual, *changed)
 
     def _more(self, sighting: Sighting, expected: ExpectedMode) -> tuple[CandidateSurface, ...]:
-        """Returns more candidates if the best one is far from the prediction."""
+        """Returns more candidate surfaces if the best one is far from the prediction."""
         candidates = sighting.candidates
         if sighting.certain:
             (sure,) = candidates
@@ -177,7 +177,7 @@ class SurfaceComparison:
         return (*candidates, *foretold)
 
     def _sure(self, view: Unrolled, fit: SurfaceFit) -> CandidateSurface:
-        """Rates a surface with which nearly all of the front line agrees."""
+        """Rates a surface that nearly all contact-line points agree with."""
         return CandidateSurface(
             view, fit, self._chooser.plausible(view, fit, self.prior) + TUNING.certainly
         )
@@ -185,7 +185,7 @@ class SurfaceComparison:
     def _compared(
         self, candidates: tuple[CandidateSurface, ...], expected: ExpectedMode
     ) -> ChosenSurface:
-        """Chooses the surface that agrees best with the picture and the prediction."""
+        """Chooses the candidate that agrees best with the image and the prediction."""
         agreement = [
             entry.plausible - expected.surprise(self.first(entry.fit)) for entry in candidates
         ]
@@ -207,7 +207,7 @@ class SurfaceComparison:
         )  # fmt: skip
 
     def _fullest(self, candidates: tuple[CandidateSurface, ...], agreement: list[float]) -> int:
-        """Returns the index of the best candidate; among equal surfaces the one with most edges.
+        """Returns the index of the best candidate; prefers more agreeing edges among equals.
 
         A changed level that agrees hardly less, and with far more edges, is preferred to a wave.
         """
@@ -228,13 +228,13 @@ class SurfaceComparison:
         return max(levels, key=lambda k: agreement[k], default=fullest)
 
     def _is_doubtful(self, chosen: CandidateSurface, lead: float) -> bool:
-        """Whether a surface's lead over others is too small to be reliable."""
+        """Whether the chosen surface's score exceeds the others by too little to be reliable."""
         return lead < TUNING.hardly or chosen.plausible < self._at_rest - TUNING.far_worse
 
     def _others(
         self, candidates: tuple[CandidateSurface, ...], chosen: CandidateSurface
     ) -> list[int]:
-        """Returns which candidates are other surfaces than the chosen one."""
+        """Returns the indices of candidates that differ clearly from the chosen surface."""
         place, apart = chosen.fit.heights[:3], TUNING.other_rows * self._footprint
         return [
             k

@@ -1,4 +1,4 @@
-"""Values of one image: the unrolled wall, the front points and the fit."""
+"""Intermediate results of one image: unrolled wall, contact-line points and fitted surface."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unrolled:
-    """The unrolled wall of one image.
+    """The unrolled container wall of one image.
 
     Attributes:
         picture: (J, M), liquid 0, background 1.
@@ -43,7 +43,7 @@ class Unrolled:
 
     @property
     def scatters(self) -> bool:
-        """Whether the surface looks like its liquid, or contrasts even more with the background.
+        """Whether the surface looks like the liquid below it, as with milk.
 
         Such a liquid scatters light, as milk does: it ends at the upper edge, and its front line
         is a mere shade. Other surfaces mirror what is around them.
@@ -53,7 +53,7 @@ class Unrolled:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallPoints:
-    """Points of the front line on the wall, by scan line.
+    """Points of the contact line on the front wall, one per scan line.
 
     Attributes:
         place: (M,) row along the line; NaN: none.
@@ -74,7 +74,7 @@ class WallPoints:
     scale: FloatArray
 
     def near(self, rows: FloatArray, reach: float) -> Self:
-        """Keeps points within some rows of given ones (M,); others become unknown."""
+        """Keeps points within a number of rows of given rows (M,); others become NaN."""
         far = ~(np.abs(self.place - rows) <= reach) & ~self.bound
         place, height = (np.where(far, np.nan, value) for value in (self.place, self.height))
         return replace(self, place=place, height=height)
@@ -82,7 +82,7 @@ class WallPoints:
 
 @dataclass(frozen=True, slots=True)
 class FadeShare:
-    """Estimated share of the crest fade.
+    """Degree to which wave crests fade into the background, 0 to 1, with its uncertainty.
 
     All where liquid ends level at the wall, none where it climbs there, for then the edge that is
     seen is its line on the wall.
@@ -102,7 +102,7 @@ USUAL_FADE = FadeShare(TUNING.fade_mean, TUNING.fade_stddev)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceFit:
-    """Fitted heights of the shapes, and the agreement of the edges.
+    """Fitted amplitudes of the surface's mode shapes, and the agreement of the edges.
 
     Attributes:
         points: of the front line.
@@ -134,6 +134,6 @@ class SurfaceFit:
 
     @property
     def edges(self) -> int:
-        """Number of edges that agree with the surface."""
+        """Number of image edges that agree with the surface."""
         front = np.count_nonzero(self.front_weight > TUNING.inlier)
         return int(front + np.count_nonzero(self.upper_weight > TUNING.inlier))

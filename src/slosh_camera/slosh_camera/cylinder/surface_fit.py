@@ -1,4 +1,4 @@
-"""Finds edges near a surface and fits the surface to them."""
+"""Detects edges near an assumed free surface and fits the surface to them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ BoolArray = NDArray[np.bool_]
 
 
 class SurfaceFitter:
-    """Fits surfaces to edges along one camera's scan lines."""
+    """Fits free surfaces to edges along one camera's scan lines."""
 
     def __init__(self, geometry: WallGeometry) -> None:
-        """Store the tables of the scan lines."""
+        """Stores the wall geometry of the scan lines."""
         self._wall = geometry
 
     def fit_front(
@@ -38,7 +38,7 @@ class SurfaceFitter:
         start: FloatArray | None = None,
         coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
-        """Fits the front line alone.
+        """Fits a surface to the front contact line alone.
 
         Args:
             points: of the front line.
@@ -58,7 +58,7 @@ class SurfaceFitter:
         prior: Prior,
         coarse: float = TUNING.coarse,
     ) -> SurfaceFit:
-        """Finds both lines near a surface and fits them together.
+        """Detects contact line and upper edge near a surface and fits the surface to both.
 
         Args:
             view: the picture.
@@ -76,7 +76,7 @@ class SurfaceFitter:
         )
 
     def again(self, view: Unrolled, fit: SurfaceFit, prior: Prior, fade: FadeShare) -> SurfaceFit:
-        """Fits the same edges again with a fade share from other images.
+        """Fits the same edges again with the crest fading learnt from other images.
 
         Args:
             view: the picture.
@@ -92,7 +92,7 @@ class SurfaceFitter:
     def _corrected(
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
     ) -> WallPoints:
-        """Searches again for front points that are far from a surface's front line.
+        """Repeats the search for contact-line points that are far from the surface.
 
         Args:
             view: the picture.
@@ -121,7 +121,7 @@ class SurfaceFitter:
     def _shade(
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray
     ) -> WallPoints:
-        """Finds the points of a low-contrast front line.
+        """Detects the points of a low-contrast contact line.
 
         Liquid and surface end together at the upper edge, and there the points were found: all of
         them are looked for again, below that edge.
@@ -149,7 +149,7 @@ class SurfaceFitter:
     def _looked_for(
         self, view: Unrolled, lines: BoolArray, expected: FloatArray, least: FloatArray
     ) -> tuple[BoolArray, WallPoints]:
-        """Finds edges near the rows of a front line (M,); returns found lines and points.
+        """Detects edges near expected rows of the contact line (M,) on the given scan lines.
 
         Args:
             view: the picture.
@@ -172,7 +172,7 @@ class SurfaceFitter:
         self, view: Unrolled, points: WallPoints, expected: FloatArray, upper: FloatArray,
         heights: FloatArray,
     ) -> FloatArray:  # fmt: skip
-        """Returns rows (M,) of the upper edge near a surface's; NaN: none."""
+        """Returns rows (M,) of the surface's upper edge near the expected ones, or NaN."""
         guess = np.where(self._wall.stretched | (upper < 0.0), np.nan, upper)
         size = float(np.hypot(heights[1], heights[2]))
         # The prior's doubt of the surface's shape, in rows.
@@ -203,7 +203,7 @@ class SurfaceFitter:
         return np.where(found, place, np.nan)
 
     def _reversed(self, view: Unrolled, upper: FloatArray) -> FloatArray:
-        """Returns weights (M,) of upper edges with reversed contrast.
+        """Returns weights (M,) for upper edges with reversed contrast.
 
         So it is where a dark table is behind the container, and where the surface mirrors a lamp.
         """

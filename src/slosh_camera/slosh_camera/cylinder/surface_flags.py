@@ -1,4 +1,4 @@
-"""Determines the flags that limit the validity of a fitted surface."""
+"""Determines flags that limit the validity of a fitted surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_camera.measurement import Flag
 
 
 def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
-    """Returns the flags of a fit; NOT_FOUND if too few edges agree with it.
+    """Returns the flags of a fitted surface; NOT_FOUND if too few edges agree with it.
 
     Args:
         wall: tables of the scan lines.
@@ -35,7 +35,7 @@ def surface_flags(wall: WallGeometry, view: Unrolled, fit: SurfaceFit) -> Flag:
 
 
 def _is_cut_off(wall: WallGeometry, fit: SurfaceFit) -> bool:
-    """Whether liquid or its surface reaches the image's border, by the image or the fit."""
+    """Whether the liquid or its surface reaches the border of the image."""
     cut = fit.points.bound & (wall.first_row > 0)
     if np.count_nonzero(cut) >= TUNING.cut_lines:
         return True

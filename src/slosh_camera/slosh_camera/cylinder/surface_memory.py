@@ -1,4 +1,4 @@
-"""Predicts the next image from the images before, since the liquid cannot jump.
+"""Predicts the first mode in the next image from the images before it.
 
 The first mode's crest at the wall is a vector q, its heights at +x and +y. Left alone it swings,
 q'' = -ω² q [DL22, eq. (12)], and an acceleration a of the container adds 4hm/(m_F R) a to q''. So
@@ -29,7 +29,7 @@ _IN_TURN = (2, 3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedMode:
-    """Predicted first mode of an image.
+    """Predicted first-mode amplitudes in the next image.
 
     Attributes:
         first: (2,) heights at +x and at +y above rest [m].
@@ -40,11 +40,11 @@ class ExpectedMode:
     stddev: float
 
     def distance(self, first: FloatArray) -> float:
-        """Returns the distance of a first mode (2,) [m] in standard deviations."""
+        """Returns a first mode's (2,) distance from the prediction in standard deviations."""
         return float(np.hypot(*(first - self.first))) / self.stddev
 
     def surprise(self, first: FloatArray) -> float:
-        """Returns the penalty on the agreement for the distance of a first mode (2,) [m].
+        """Returns the score penalty for a first mode (2,) [m] far from the prediction.
 
         It grows slowly and not without end: a picture that is clear enough always wins.
         """
@@ -53,10 +53,10 @@ class ExpectedMode:
 
 
 class SurfaceMemory:
-    """The first mode in the last two images."""
+    """Remembers the first mode in recent images."""
 
     def __init__(self, radius: float, fill_height: float) -> None:
-        """Start without images.
+        """Starts with an empty memory, before the first image.
 
         Args:
             radius: of the container [m].
@@ -69,7 +69,7 @@ class SurfaceMemory:
         self.forget()
 
     def forget(self) -> None:
-        """Forgets all images."""
+        """Forgets all earlier images."""
         self._seen: tuple[tuple[int, FloatArray], ...] = ()
         self._decided = 0
         self._fade = USUAL_FADE
@@ -78,7 +78,7 @@ class SurfaceMemory:
 
     @property
     def repeats(self) -> bool:
-        """Whether the last images alternate between two or three surfaces, as old images do."""
+        """Whether recent images alternate between a few surfaces, as repeated old images do."""
         newest = list(reversed(self._recent))
         return any(
             len(newest) >= count * TUNING.turns
@@ -92,7 +92,7 @@ class SurfaceMemory:
 
     @property
     def crest_stands(self) -> bool:
-        """Whether a crest has not oscillated for two periods or more."""
+        """Whether a wave crest has not oscillated for two periods or more."""
         if self._stands is None or not self._seen:
             return False
         since_ns, first = self._stands
@@ -101,16 +101,16 @@ class SurfaceMemory:
 
     @property
     def fade(self) -> FadeShare:
-        """Estimated fade share of this liquid's crests."""
+        """Estimated degree to which this liquid's wave crests fade into the background."""
         return self._fade
 
     def arrive(self, stamp_ns: int) -> None:
-        """Notes the next image's stamp [ns]; a decreasing stamp starts a new recording."""
+        """Registers the next image's stamp [ns]; a decreasing stamp forgets earlier images."""
         if self._seen and stamp_ns < self._seen[-1][0]:
             self.forget()
 
     def expected(self, stamp_ns: int) -> ExpectedMode | None:
-        """Predicts the first mode at a stamp [ns]; None: nothing is known.
+        """Predicts the first mode at a stamp [ns], or None if there are no earlier images.
 
         A gap, and a stamp that repeats or runs back, leave nothing to go by.
         """
@@ -139,7 +139,7 @@ class SurfaceMemory:
     def remember(
         self, stamp_ns: int, first: FloatArray, fade: FadeShare, *, decided: bool, jumped: bool
     ) -> None:
-        """Stores the result of an image.
+        """Stores the first mode that was measured in an image.
 
         Args:
             stamp_ns: its moment [ns].
@@ -169,7 +169,7 @@ class SurfaceMemory:
         self._seen = (*kept, (stamp_ns, first.copy()))
 
     def _time(self, before_ns: int, after_ns: int) -> float:
-        """Returns the time between two stamps [s]; NaN if the two are unrelated."""
+        """Returns the time between two stamps [s], NaN if it is negative or too long."""
         time = 1e-9 * (after_ns - before_ns)
         return (
             time
@@ -179,5 +179,5 @@ class SurfaceMemory:
 
 
 def _spread(firsts: Sequence[FloatArray]) -> float:
-    """Returns the greatest distance from the first one [m]."""
+    """Returns the greatest distance between the first of several modes and the others [m]."""
     return max(float(np.hypot(*(one - firsts[0]))) for one in firsts)

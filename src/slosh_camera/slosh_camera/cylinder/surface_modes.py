@@ -1,4 +1,4 @@
-"""Shapes of the free surface that are fitted to camera images [DL22, eqs. (18), (19)].
+"""Mode shapes of the free surface that are fitted to camera images [DL22, eqs. (18), (19)].
 
 Over the cross-section of radius 1: the still level, the first and the second mode that a lateral
 acceleration excites, J₁(ξ₁₁ρ) and J₁(ξ₁₂ρ), and the two shapes that the first mode drives at
@@ -25,7 +25,7 @@ _MEAN_ROOT, _DOUBLE_ROOT = 3.831705970207512, 3.054236928227140
 
 
 class Shape(IntEnum):
-    """Index of a shape; FIRST_X has its crest at the container's +x, FIRST_Y at +y."""
+    """Index of a mode shape; FIRST_X has its crest at the container's +x, FIRST_Y at +y."""
 
     LEVEL = 0
     FIRST_X = 1
@@ -41,7 +41,7 @@ SHAPES = len(Shape)
 
 
 def _series(order: int, root: float) -> FloatArray:
-    """Returns the coefficients of J_m(ξρ)/(J_m(ξ) ρ^m) in powers of ρ²."""
+    """Returns the power series coefficients in ρ² of J_m(ξρ)/(J_m(ξ) ρ^m)."""
     half = 0.5 * root
     terms = np.array(
         [
@@ -71,7 +71,7 @@ RADIAL_TABLE = (np.arange(RADIAL_STEPS + 2) / RADIAL_STEPS)[:, np.newaxis] ** np
 
 
 def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:
-    """Returns the heights of all shapes.
+    """Returns the heights of all mode shapes at positions on the surface.
 
     >>> shapes_at(0.0, 0.0)[0, [Shape.LEVEL, Shape.FIRST_X]].tolist()  # on the axis
     [1.0, 0.0]
@@ -101,7 +101,7 @@ def shapes_at(x: ArrayLike, y: ArrayLike) -> FloatArray:
 
 
 def wall_shapes(azimuth: ArrayLike) -> FloatArray:
-    """Returns the heights of all shapes on the wall, (N, SHAPES), by azimuth (N,) [rad].
+    """Returns the heights of all mode shapes on the wall, (N, SHAPES), at azimuths (N,) [rad].
 
     >>> wall_shapes([0.0])[0, [Shape.FIRST_X, Shape.FIRST_Y]].round(3).tolist()
     [1.0, 0.0]

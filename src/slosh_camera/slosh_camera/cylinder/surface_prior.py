@@ -1,4 +1,4 @@
-"""Prior of the surface's shape."""
+"""Prior distribution of the free surface's mode amplitudes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """Prior of the heights, before the image is used.
+    """Prior distribution of the mode amplitudes, before an image is used.
 
     Attributes:
         centre: (SHAPES,) [m], at rest.
@@ -34,11 +34,11 @@ class Prior:
     rare: float = 0.0
 
     def of_changed_level(self) -> Self:
-        """Returns the prior for an added or removed amount of liquid."""
+        """Returns the prior for liquid that has been added or removed."""
         return replace(self, level=TUNING.level_stddev, rare=TUNING.rare)
 
     def at_rest_on_changed_level(self) -> Self:
-        """Returns the prior for a changed level with liquid at rest."""
+        """Returns the prior for a changed liquid level at rest."""
         return replace(
             self,
             first=TUNING.at_rest * self.first,
@@ -50,7 +50,7 @@ class Prior:
     def about(
         self, heights: FloatArray, radius: float, *, front_alone: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns mean (SHAPES,) [m] and inverse covariance (SHAPES, SHAPES) given a first mode.
+        """Returns mean (SHAPES,) [m] and inverse covariance of the amplitudes, given a first mode.
 
         The shapes of second order grow with the square of the first mode. Crests are sharper than
         troughs: the double shape has its crest where the first mode has it. A front line alone
@@ -83,7 +83,7 @@ class Prior:
         return centre, precision
 
     def surprise(self, heights: FloatArray, radius: float) -> float:
-        """Returns how improbable heights (SHAPES,) [m] are."""
+        """Returns how improbable mode amplitudes (SHAPES,) [m] are under the prior."""
         centre, precision = self.about(heights, radius)
         deviation = heights - centre
         return self.rare + TUNING.prior_surprise * float(deviation @ precision @ deviation)

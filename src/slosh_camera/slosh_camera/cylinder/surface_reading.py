@@ -1,4 +1,4 @@
-"""Evaluates a fitted surface and its edges: highest points, profile, uncertainty."""
+"""Evaluates a fitted surface: highest points, height profile and uncertainty."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STEP = 2.0 * np.pi / _BINS
 
 @dataclass(frozen=True, slots=True)
 class HighestPoint:
-    """Highest point of the surface on the wall.
+    """Highest point of the free surface on the wall.
 
     Attributes:
         height: above the still level [m].
@@ -36,13 +36,13 @@ class HighestPoint:
 
 
 class SurfaceReading:
-    """Heights on the wall: from the fit, and from the points of the front line."""
+    """Heights on the wall, from the fitted surface and from contact-line points."""
 
     def __init__(
         self, fit: SurfaceFit, zero: FloatArray, footprint: float,
         *, cut_off: bool = False, shaded: bool = False,
     ) -> None:  # fmt: skip
-        """Collect the residuals of the points by azimuth.
+        """Averages the contact-line points' residuals by azimuth.
 
         `contradiction` is how much less than claimed the edges tell, see `errors_together`.
 
@@ -80,7 +80,7 @@ class SurfaceReading:
 
     @property
     def height(self) -> FloatArray:
-        """Returns the heights of the line's points above the still level (N,) [m]."""
+        """Returns the contact-line points' heights above the level at rest (N,) [m]."""
         at_points = silhouette.wall_shapes_of(self.azimuth)
         return np.asarray(at_points @ self._heights + self._residual)
 
@@ -90,7 +90,7 @@ class SurfaceReading:
         return HighestPoint(height, azimuth, self._stddev(height, _WALL[_bin(azimuth)]))
 
     def seen(self) -> HighestPoint:
-        """Returns the highest point of the wall where the line is visible."""
+        """Returns the highest measured point, where the contact line is visible."""
         if not np.any(self._seen):
             return HighestPoint(np.nan, np.nan, np.nan)
         if self._cut_off and self.azimuth.size:
@@ -103,7 +103,7 @@ class SurfaceReading:
         return HighestPoint(height, azimuth, self._stddev(height, _WALL[_bin(azimuth)]))
 
     def highest(self, fitted: HighestPoint, seen: HighestPoint) -> HighestPoint:
-        """Returns the highest point of the whole wall: observed, or fitted if it is hidden.
+        """Returns the wall's highest point: the measured one, or the fitted one if it is hidden.
 
         What is seen is off by what it misses; where the fit is surer than that, it tells.
 
@@ -118,19 +118,19 @@ class SurfaceReading:
         return HighestPoint(seen.height, seen.azimuth, stddev)
 
     def level(self) -> tuple[float, float]:
-        """Returns the level above the surface at rest, and its standard deviation [m]."""
+        """Returns the mean level relative to the level at rest, and its standard deviation [m]."""
         height = float(self._heights[Shape.LEVEL])
         return height, self._stddev(height, np.eye(SHAPES)[Shape.LEVEL])
 
     def at(self, azimuth: float) -> float:
-        """Returns the height at one azimuth [m]; NaN where the line is not visible."""
+        """Returns the measured height at an azimuth [m], NaN where the contact line is hidden."""
         index = _bin(azimuth)
         if not self._seen[index]:
             return float("nan")
         return float(_WALL[index] @ self._heights + self._local[index])
 
     def _around_the_wall(self, near: int) -> tuple[FloatArray, BoolArray]:
-        """Returns the points' residuals by azimuth, and where the line is visible."""
+        """Returns mean residuals by azimuth [m], and where the contact line is visible."""
         index = np.rint(self.azimuth / _STEP).astype(np.int64) % _BINS
         total, count, seen = surface_solver.around_the_wall(
             index, self._residual, self._trust, _BINS, _KERNEL, near
@@ -138,13 +138,13 @@ class SurfaceReading:
         return total / (count + TUNING.fit_weight), seen
 
     def _consistency(self) -> float:
-        """Returns the standard deviation of the points about the fit [m]."""
+        """Returns the standard deviation of contact-line points about the fit [m]."""
         if not self._residual.size:
             return 0.0
         return float(np.sqrt(np.average(np.square(self._residual), weights=self._told)))
 
     def _stddev(self, height: float, shapes: FloatArray) -> float:
-        """Returns the standard deviation of a height [m], a sum of shapes (SHAPES,)."""
+        """Returns the standard deviation of a height [m] with mode-shape values (SHAPES,)."""
         width = self.edge_width if np.isfinite(self.edge_width) else TUNING.wide_rows
         variance = float(shapes @ self._fit.covariance @ shapes)
         parts = (
@@ -159,7 +159,7 @@ class SurfaceReading:
 
 
 def errors_together(ratio: FloatArray, edges: BoolArray) -> float:
-    """Returns the ratio of the actual to the assumed variance of the sum of edges.
+    """Returns the ratio of actual to assumed variance for edges with correlated errors.
 
     Edges of the surface err by themselves. Those of something else beside it, or of a surface that
     is seen through a wall of uneven thickness, are off together, and then many of them tell no
@@ -183,7 +183,7 @@ def errors_together(ratio: FloatArray, edges: BoolArray) -> float:
 
 
 def _ordinary(residual: FloatArray) -> FloatArray:
-    """Returns the robust weight of each residual [m]."""
+    """Returns the robust weight of each residual, from 0 to 1."""
     if not residual.size:
         return residual
     ratio = residual / max(TUNING.ordinary * float(median(np.abs(residual))), TUNING.stands_out)

@@ -1,4 +1,4 @@
-"""Robust fit of surface shapes to wall edges and silhouettes; compiled.
+"""Robust fit of surface mode shapes to wall points and silhouettes; compiled.
 
 Two kinds of evidence. A point of the front line lies on the wall: its height is the surface's
 there. An upper edge is a silhouette: along its line of sight from the front to the rear wall the
@@ -38,7 +38,7 @@ def _tukey(ratio, limit):  # type: ignore[no-untyped-def]
 
 @compiled
 def _dot(shapes, heights):  # type: ignore[no-untyped-def]
-    """Returns the height of a surface; faster than a library call for so few numbers."""
+    """Returns the dot product of two short vectors, faster than a library call."""
     total = 0.0
     for k in range(SHAPES):
         total += shapes[k] * heights[k]
@@ -47,7 +47,7 @@ def _dot(shapes, heights):  # type: ignore[no-untyped-def]
 
 @compiled
 def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[no-untyped-def]
-    """Returns 1.5 × the rays' median deviation from a surface; 0 for few rays.
+    """Returns 1.5 times the median normalised residual of lines of sight; 0 if few.
 
     A surface fitted to the front line alone may lie far below the edge behind it, which most rays
     agree on.
@@ -64,13 +64,13 @@ def _usual_ratio(near, far, ray_scale, radius, fade, heights):  # type: ignore[n
 
 @compiled
 def _one_sided(ratio):  # type: ignore[no-untyped-def]
-    """Returns the weight of a lower bound of the height."""
+    """Returns the weight of an observation that only bounds the height from below."""
     return 1.0 if ratio < 0.0 else 0.0
 
 
 @compiled
 def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
-    """Adds one observation to the normal equations (lower triangle)."""
+    """Adds one observation to the normal equations (lower triangle only)."""
     for k in range(SHAPES):
         scaled = weight * shapes[k]
         right[k] -= scaled * error
@@ -80,7 +80,7 @@ def _add(normal, right, shapes, error, weight):  # type: ignore[no-untyped-def]
 
 @compiled
 def _begin(normal, right, heights, centre, precision, share_error, share_precision):  # type: ignore[no-untyped-def]
-    """Sets the normal equations to the prior of the heights and of the fade share."""
+    """Initialises the normal equations with the prior of amplitudes and crest fading."""
     for k in range(SHAPES):
         right[k] = 0.0
         for j in range(SHAPES):
@@ -94,7 +94,7 @@ def _begin(normal, right, heights, centre, precision, share_error, share_precisi
 
 @compiled
 def _factorized(normal, held, factor):  # type: ignore[no-untyped-def]
-    """Computes the Cholesky factor of the normal matrix; more weight on a fixed share."""
+    """Computes the Cholesky factor of the normal matrix, optionally with fixed crest fading."""
     for k in range(SHAPES + 1):
         for j in range(k + 1):
             factor[k, j] = normal[k, j]
@@ -105,7 +105,7 @@ def _factorized(normal, held, factor):  # type: ignore[no-untyped-def]
 
 @compiled
 def _solved(factor, right, step):  # type: ignore[no-untyped-def]
-    """Solves the normal equations for the step."""
+    """Solves the factorised normal equations for the step of all unknowns."""
     for k in range(SHAPES + 1):
         step[k] = right[k]
     substitute(factor, SHAPES + 1, step)
@@ -113,7 +113,7 @@ def _solved(factor, right, step):  # type: ignore[no-untyped-def]
 
 @compiled
 def _inverse(factor):  # type: ignore[no-untyped-def]
-    """Returns the inverse of the normal matrix."""
+    """Returns the inverse of the normal matrix from its Cholesky factor."""
     columns = np.zeros((SHAPES + 1, SHAPES + 1))
     for k in range(SHAPES + 1):
         columns[k, k] = 1.0
@@ -123,14 +123,14 @@ def _inverse(factor):  # type: ignore[no-untyped-def]
 
 @compiled
 def _move(heights, step):  # type: ignore[no-untyped-def]
-    """Adds the step to the heights."""
+    """Adds the step of an iteration to the mode amplitudes."""
     for k in range(SHAPES):
         heights[k] += step[k]
 
 
 @compiled
 def _largest(step):  # type: ignore[no-untyped-def]
-    """Returns the largest change of a height."""
+    """Returns the largest absolute amplitude change in a step."""
     largest = 0.0
     for k in range(SHAPES):
         largest = max(largest, abs(step[k]))
@@ -147,7 +147,7 @@ def solve(  # type: ignore[no-untyped-def]
     front, front_height, front_scale, front_bound, near, far, ray_scale, radius, fade,
     start, centre, precision, share, share_spread, coarse,
 ):  # fmt: skip
-    """Solves iteratively reweighted least squares with a Gaussian prior.
+    """Solves the robust least-squares fit of a surface with a Gaussian prior.
 
     Args:
         front: (N, SHAPES) shapes at the front points.
@@ -229,7 +229,7 @@ def solve(  # type: ignore[no-untyped-def]
     )
 )
 def around_the_wall(index, residual, trust, bins, kernel, near):  # type: ignore[no-untyped-def]
-    """Averages the residuals of points on a closed curve over their neighbourhood.
+    """Averages residuals over neighbouring azimuths around the wall.
 
     Args:
         index: (N,) bin of each point. residual: (N,) [m]. trust: (N,) weight of each.

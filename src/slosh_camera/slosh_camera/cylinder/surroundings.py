@@ -1,4 +1,4 @@
-"""Uses the surroundings of the container, which continue behind it.
+"""Uses the container's surroundings as the expected background behind clear liquid.
 
 A clear liquid shows what is behind it: the table before which its lower half is seen is also seen
 to the left and to the right. A line between the two colours may then be an edge of the background,
@@ -44,10 +44,10 @@ def looks_like_surroundings(image: Image, pixels: FloatArray, tone: Tone) -> boo
 
 
 class Backdrop:
-    """Expected background above the liquid, from both sides of the container."""
+    """Expected background above the liquid, interpolated from both sides of the container."""
 
     def __init__(self, pixels: FloatArray, size: tuple[int, int]) -> None:
-        """Store the sampled positions.
+        """Stores the image positions to the left and right of the container.
 
         What is far behind goes on straight across the container, in pixels; a row of the scan
         lines, which is a height on the front wall, does not.
@@ -79,7 +79,7 @@ class Backdrop:
         self._share = np.clip(share, 0.0, 1.0).astype(np.float32)
 
     def reduced(self, image: Image, tone: Tone) -> Single:
-        """Returns the background (J, M) on the colour axis: at most 1, and 1 where unknown."""
+        """Returns the expected background (J, M) on the colour axis; 1 where unknown."""
         seen = image[self._rows, self._columns].reshape(*self._rows.shape, -1)
         level = _middle(seen @ tone.axis, float(tone.axis @ tone.liquid), self._seen)
         level = cv2.erode(level, np.ones((2 * TUNING.bent_rows + 1, 1), np.uint8))
@@ -88,7 +88,7 @@ class Backdrop:
 
 @entry_point(float32[:, ::1](GIVEN_3, float64, given(boolean, 2)))
 def _middle(seen, liquid, known):  # type: ignore[no-untyped-def]
-    """Returns the medians (L, 2) of three levels (L, 2, 3) above the liquid's, at most 1.
+    """Returns the median background levels (L, 2) on both sides of the container, at most 1.
 
     1 where nothing is known.
     """
@@ -103,7 +103,7 @@ def _middle(seen, liquid, known):  # type: ignore[no-untyped-def]
 
 @entry_point(float32[:, ::1](given(float32, 2), given(int64, 2), given(float32, 2)))
 def _across(ends, level, share):  # type: ignore[no-untyped-def]
-    """Interpolates (J, M) between two ends (levels, 2) at a level (J, M), for a share (J, M)."""
+    """Interpolates image values (J, M) between the left and right surroundings."""
     rows, lines = level.shape
     values = np.empty((rows, lines), np.float32)
     for j in range(rows):
@@ -114,20 +114,20 @@ def _across(ends, level, share):  # type: ignore[no-untyped-def]
 
 
 def _place_at(levels: NDArray[np.int64], depth: FloatArray, place: FloatArray) -> FloatArray:
-    """Interpolates positions over depth; beyond the ends it is constant."""
+    """Interpolates positions over depth, constant beyond the ends."""
     order = np.argsort(depth)
     return np.interp(levels, depth[order], place[order])
 
 
 def _sides(pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns positions (J, N, 2) to the left and right of the outermost scan lines."""
+    """Returns image positions (J, N, 2) to the left and right of the outermost scan lines."""
     across = (pixels[:, -1] - pixels[:, 0])[:, np.newaxis]
     out = _BESIDE[:, np.newaxis] * across
     return pixels[:, :1] - out, pixels[:, -1:] + out
 
 
 def _is_alike(image: Image, places: FloatArray, tone: Tone) -> bool:
-    """Whether most of an image at positions (J, N, 2) has the liquid's colour."""
+    """Whether most of the image at positions (J, N, 2) has the liquid's colour."""
     columns, rows = np.rint(places[..., 0]).astype(int), np.rint(places[..., 1]).astype(int)
     height, width = image.shape[:2]
     inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)

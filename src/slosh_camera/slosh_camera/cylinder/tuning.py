@@ -1,4 +1,4 @@
-"""Tuning numbers of the cylinder's detector."""
+"""Tuning parameters of the detector for cylinders."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class CylinderTuning:
-    """Assumptions of the detector about liquids, images and cameras.
+    """Assumptions of the cylinder detector about liquids, images and cameras.
 
     Set on rendered scenes of even number by `validation/studies/camera_accuracy.py out/sequences`.
     The unit "contrast" is the way from liquid to background, "row" a sample along a scan line,

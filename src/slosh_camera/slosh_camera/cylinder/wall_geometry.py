@@ -1,4 +1,4 @@
-"""Tables of the points where scan lines meet the container's walls; lines of a surface."""
+"""Tables of the wall points on all scan lines, and the lines of a surface on them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SKIP = 4
 
 
 class WallGeometry:
-    """Tables over the samples of all scan lines, (J, M).
+    """Tables of wall points for the samples of all scan lines, (J, M).
 
     Attributes:
         radius: of the container [m].
@@ -33,7 +33,7 @@ class WallGeometry:
     """
 
     def __init__(self, grid: ScanGrid, radius: float) -> None:
-        """Store the scan lines' wall points in units of the radius.
+        """Stores the scan lines' wall points in units of the radius.
 
         Args:
             grid: the scan lines.
@@ -62,7 +62,7 @@ class WallGeometry:
     def wall_points(
         self, place: FloatArray, width: FloatArray, at_border: BoolArray
     ) -> WallPoints:
-        """Converts rows of the front line to wall points.
+        """Converts rows of the contact line to points on the wall.
 
         Args:
             place: (M,) rows; NaN: none.
@@ -78,14 +78,14 @@ class WallGeometry:
         return WallPoints(rows, azimuth, height, shapes, at_border, width, scale)
 
     def fade(self, softness: float) -> float:
-        """Returns the rear wall's height over which a crest fades in, by edge width [rows]."""
+        """Returns the rear-wall height over which a wave crest fades in [m]."""
         least, most = TUNING.fade_limits
         return self.footprint * min(max(softness / TUNING.sharp_rows, least), most)
 
     def silhouette(
         self, heights: FloatArray, softness: float, *, coarse: bool = False
     ) -> FloatArray:
-        """Returns the rows where a surface ends against the background; -1: above the first row.
+        """Returns the rows where a surface ends against the background; -1 above the image.
 
         Args:
             heights: (SHAPES,) of the surface [m].
@@ -101,11 +101,11 @@ class WallGeometry:
         return rows if coarse else np.asarray(edge_search.between_lines(rows, SKIP, self.lines))
 
     def front_rows(self, heights: FloatArray) -> FloatArray:
-        """Returns the rows (M,) of a surface's front line."""
+        """Returns the rows (M,) of a surface's front contact line."""
         return np.asarray(edge_search.rows_of_heights(self._front_height, self._shapes @ heights))
 
     def covered_border(self, picture: Single) -> bool:
-        """Whether lines cut by the image border show something other than background there."""
+        """Whether something other than background is visible at the border of the image."""
         cut = np.flatnonzero(self.first_row > 0)
         return bool(
             np.count_nonzero(picture[self.first_row[cut], cut] < TUNING.covered)
@@ -113,7 +113,7 @@ class WallGeometry:
         )
 
     def beyond_border(self, heights: FloatArray) -> BoolArray:
-        """Whether a surface exceeds the border on every `SKIP`th line; empty if impossible."""
+        """Whether a surface lies beyond the image border, for every `SKIP`th scan line."""
         if not self._may_be_cut:
             return np.zeros(0, np.bool_)
         rows = self.first_row[::SKIP].astype(np.float64)
@@ -135,7 +135,7 @@ def _rear_footprint(grid: ScanGrid) -> float:
 
 
 def _stretched(grid: ScanGrid) -> BoolArray:
-    """Returns lines (M,) on which refraction or grazing stretches the rear wall too far."""
+    """Returns scan lines (M,) on which refraction stretches the rear wall too much."""
     row = grid.rear[grid.still_row]
     step = np.full(len(row), np.nan)
     step[1:-1] = 0.5 * np.linalg.norm(row[2:] - row[:-2], axis=1)

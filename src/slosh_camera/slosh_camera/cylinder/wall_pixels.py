@@ -1,4 +1,4 @@
-"""Looks up the image positions of wall points in a table.
+"""Looks up the image positions of wall points in a precomputed table.
 
 Through a wall of glass the way from a point to its pixel is found step by step, which costs more
 than all the rest of a measurement: it is done once for a net of points.
@@ -20,10 +20,10 @@ _HEIGHTS = 25
 
 
 class WallPixels:
-    """Pixels of a calibrated view's wall by azimuth and height."""
+    """Table of the image positions of a container's wall points by azimuth and height."""
 
     def __init__(self, view: CupView) -> None:
-        """Project the grid."""
+        """Projects a grid of wall points into the image."""
         self._view = view
         level = view.cup.rim_level
         top = TUNING.unknown_rim * view.cup.radius if level is None else level
@@ -38,7 +38,7 @@ class WallPixels:
         self._exact = {int(side // _STEP + k) % _AZIMUTHS for side in sides for k in range(-4, 5)}
 
     def __call__(self, azimuth: float, height: float) -> tuple[float, float]:
-        """Returns column and row of a point [px], to 0.1 px; NaN: not visible.
+        """Returns image column and row of a wall point [px], or NaN if it is not visible.
 
         Args:
             azimuth: [rad].

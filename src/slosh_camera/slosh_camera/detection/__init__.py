@@ -1,1 +1,1 @@
-"""Makes the detector of a calibration, and draws its results."""
+"""Creates the detector for a calibration, and draws measurement results."""

@@ -1,4 +1,4 @@
-"""Selects the detector of a calibration."""
+"""Chooses the free-surface detector for a calibration."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Image = NDArray[np.uint8]
 
 
 class SurfaceDetector(Protocol):
-    """Interface of all detectors; images are (height, width) or (height, width, 3)."""
+    """Interface of all free-surface detectors."""
 
     @property
     def still_offset(self) -> float:
@@ -26,28 +26,28 @@ class SurfaceDetector(Protocol):
 
     @property
     def doubt(self) -> str:
-        """Describes ambiguities of the still image; empty: none."""
+        """Describes why the image of the liquid at rest is ambiguous; empty if it is not."""
 
     def learn_still(self, image: Image, /) -> float:
-        """Learns from an image of the liquid at rest; returns the offset of its level [m]."""
+        """Uses an image of the liquid at rest as reference; returns its level's offset [m]."""
 
     def measure(self, stamp_ns: int, image: Image, /) -> Measurement:
-        """Measures one image by itself."""
+        """Measures the free surface in a single image, without using other images."""
 
     def update(self, stamp_ns: int, image: Image, /) -> Measurement:
-        """Measures the next image of a sequence; flags it if it repeats the previous one."""
+        """Measures the next image of a sequence, and flags an image that repeats earlier ones."""
 
     def look(self, image: Image, /) -> Any:
-        """Analyses an image by itself: most of the work, the same in every process."""
+        """Analyses a single image, which is most of the work and can run in any process."""
 
     def follow(self, stamp_ns: int, sighting: Any, /) -> Measurement:
-        """Measures the next image of a sequence from the result of `look`."""
+        """Completes the measurement of a sequence's next image from the result of `look`."""
 
 
 def detector_for(
     calibration: AnyCalibration, settings: DetectionSettings | None = None
 ) -> FreeSurfaceDetector | SideViewDetector:
-    """Makes the detector of a calibration: cylinder, or side view of a rectangle.
+    """Creates the detector for a calibration of a cylinder or of a side view.
 
     Args:
         calibration: what the camera looks at.

@@ -1,4 +1,4 @@
-"""Draws detection results for visual inspection."""
+"""Draws free-surface measurements into images, for visual inspection."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LEAST_DETAIL = 8.0
 
 @dataclass(frozen=True, slots=True)
 class _Canvas:
-    """A magnified part of an image: scale `zoom`, corner `origin`."""
+    """A drawing canvas that shows a magnified part of an image."""
 
     picture: Image
     size: float
@@ -44,45 +44,45 @@ class _Canvas:
     origin: tuple[float, float] = (0.0, 0.0)
 
     def place(self, pixels: FloatArray) -> FloatArray:
-        """Converts pixels (N, 2) of the image to coordinates of the picture."""
+        """Converts image pixels (N, 2) to canvas coordinates."""
         placed: FloatArray = (pixels - np.array(self.origin) + 0.5) * self.zoom - 0.5
         return placed
 
     def line(self, pixels: FloatArray, colour: tuple[int, int, int], width: float = 1.0) -> None:
-        """Draws a line through pixels of the image, with gaps at unknown positions."""
+        """Draws a line through image pixels, with gaps at NaN."""
         for part in _whole_parts(self.place(pixels)):
             fixed = np.round(part * (1 << _SHIFT)).astype(np.int32)
             thickness = max(round(width * self.size), 1)
             cv2.polylines(self.picture, [fixed], False, colour, thickness, cv2.LINE_AA, _SHIFT)
 
     def dots(self, pixels: FloatArray, colour: tuple[int, int, int], radius: float) -> None:
-        """Draws a dot at each pixel."""
+        """Draws a dot at each of the given image pixels."""
         reach = round(radius * self.size * (1 << _SHIFT))
         for pixel in self.place(pixels):
             cv2.circle(self.picture, _fixed(pixel), reach, colour, -1, cv2.LINE_AA, _SHIFT)
 
     def ring(self, pixel: FloatArray, colour: tuple[int, int, int]) -> None:
-        """Draws a ring around a pixel, which stays visible."""
+        """Draws a ring around an image pixel, which leaves the pixel visible."""
         centre, width = _fixed(self.place(pixel)), max(round(1.5 * self.size), 1)
         reach = round(7.0 * self.size * (1 << _SHIFT))
         cv2.circle(self.picture, centre, reach, colour, width, cv2.LINE_AA, _SHIFT)
 
     def beside(self, pixel: FloatArray, words: str) -> None:
-        """Writes words to the right of a ring around a pixel, or left at the picture's end."""
+        """Writes text beside a ring around an image pixel."""
         x, y = self.place(pixel)
         width, away = text_width(words, self.size), 10.0 * self.size
         right = x + away + width < self.picture.shape[1]
         self.text(words, np.array([x + away if right else x - away - width, y + 5.0 * self.size]))
 
     def text(self, words: str, corner: FloatArray, colour: tuple[int, int, int] = WHITE) -> None:
-        """Writes words on a dark plate, readable on any background."""
+        """Writes text on a dark plate, which is readable on any background."""
         put_text(self.picture, words, (round(corner[0]), round(corner[1])), self.size, colour)
 
 
 def draw_measurement(
     image: Image, calibration: AnyCalibration, measurement: Measurement, note: str = ""
 ) -> Image:
-    """Draws the detected line, the fit, the peak, a scale in millimetres and the numbers.
+    """Draws the measured line, the fit, the peak, a scale in millimetres and the values.
 
     Green is the line on the front wall, blue that on the rear wall, dashed yellow the fitted
     surface's line on both, the red ring the peak, with its height in millimetres beside it.
@@ -109,7 +109,7 @@ def draw_measurement(
 def draw_detail(
     image: Image, calibration: AnyCalibration, measurement: Measurement, size: tuple[int, int]
 ) -> Image:
-    """Draws the container alone, scaled to a given size, with marks but no captions.
+    """Draws only the container, scaled to a given size, with the measured line but no text.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red; not changed.
@@ -134,7 +134,7 @@ def draw_detail(
 
 
 def captions(measurement: Measurement) -> list[str]:
-    """Returns the measured values as lines of text; the last one lists the flags."""
+    """Returns the measured values as lines of text; the last line lists the flags."""
     lines = []
     if np.isfinite(measurement.msh):
         bound = ">= " if Flag.SATURATED in measurement.flags else ""
@@ -175,7 +175,7 @@ def _draw_marks(canvas: _Canvas, calibration: AnyCalibration, measurement: Measu
 
 
 def _draw_scale(canvas: _Canvas, view: CupView | BoxView) -> None:
-    """Draws a height scale along the container's right edge, every 10 mm."""
+    """Draws a height scale along the container's right edge, with marks every 10 mm."""
     floor, top = view.levels()
     ticks = np.arange(int(np.ceil(floor / _TICK)), int(np.floor(top / _TICK)) + 1)
     heights = np.asarray(_TICK * ticks, dtype=np.float64)
@@ -194,7 +194,7 @@ def _draw_scale(canvas: _Canvas, view: CupView | BoxView) -> None:
 
 
 def _on_front(view: CupView | BoxView, measurement: Measurement) -> NDArray[np.bool_]:
-    """Returns which of the line's pixels are on the wall facing the camera."""
+    """Returns which points of the measured line are on the wall facing the camera."""
     azimuth = measurement.profile_azimuth
     if len(azimuth) != len(measurement.edge_pixels):
         return np.ones(len(measurement.edge_pixels), dtype=np.bool_)
@@ -204,7 +204,7 @@ def _on_front(view: CupView | BoxView, measurement: Measurement) -> NDArray[np.b
 def _surroundings(
     view: CupView | BoxView, image: Image, aspect: float
 ) -> tuple[int, int, int, int]:
-    """Returns left, top, right and bottom of the container with margin and scale.
+    """Returns the image region around the container: left, top, right and bottom.
 
     Args:
         view: where the container is.

@@ -1,4 +1,4 @@
-"""Makes a detector that is initialised with the image of the liquid at rest."""
+"""Creates a detector that is initialised with the image of the liquid at rest."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_camera.optics.calibration import AnyCalibration
 def learnt_detector(
     calibration: AnyCalibration, still_image: str | Path | None = None
 ) -> SurfaceDetector:
-    """Makes the detector of a calibration, initialised with an image of the liquid at rest.
+    """Creates a calibration's detector, initialised with an image of the liquid at rest.
 
     Args:
         calibration: what the camera looks at.
@@ -46,7 +46,7 @@ def learnt_detector(
 
 
 def still_doubt(calibration: AnyCalibration, image: Image) -> str:
-    """Returns why images of a calibrated camera may be unmeasurable, by one at rest.
+    """Returns why a camera's images may be unmeasurable, judged by the liquid at rest.
 
     Args:
         calibration: what the camera looks at.
@@ -64,7 +64,7 @@ def still_doubt(calibration: AnyCalibration, image: Image) -> str:
 
 
 def read_still_image(calibration: AnyCalibration) -> Image:
-    """Reads the image of the liquid at rest that a calibration names.
+    """Reads the image of the liquid at rest that a calibration refers to.
 
     Args:
         calibration: the calibration.

@@ -1,1 +1,1 @@
-"""Images: decoding, colour, repeated or torn frames, text on them."""
+"""Images: decoding, colour, repeated or torn frames, and text in images."""

@@ -13,7 +13,7 @@ GrayImage = NDArray[np.uint8]
 
 
 def to_gray(image: Image) -> GrayImage:
-    """Returns an image in grey levels; a grey one unchanged.
+    """Converts an image to grey levels; returns a grey image unchanged.
 
     Args:
         image: (height, width) or (height, width, 3) blue, green, red.
@@ -30,7 +30,7 @@ def to_gray(image: Image) -> GrayImage:
 
 
 def to_colour(image: Image) -> Image:
-    """Returns an image in colour; a coloured one unchanged.
+    """Converts an image to colour; returns a colour image unchanged.
 
     Args:
         image: (height, width) or (height, width, 3) blue, green, red.

@@ -1,4 +1,4 @@
-"""Decodes images of messages and files to arrays of 8-bit grey levels or colours.
+"""Decodes images in messages and files to arrays of 8-bit grey levels or colours.
 
 An image is (height, width) grey or (height, width, 3) blue, green, red. Where the pixels of a
 message are stored that way with 8 bits, or with other gaps or another order between them, the
@@ -28,7 +28,7 @@ _BEFORE, _BEHIND = 8, 4
 
 
 class _Layout(NamedTuple):
-    """Memory layout of a pixel's encoding: bytes, and the order of the channels."""
+    """Memory layout of a pixel encoding: bytes per pixel and order of the channels."""
 
     pixel_bytes: int
     places: slice | int
@@ -126,7 +126,7 @@ def _not_supported(encoding: str) -> str:
 
 
 def _rows(encoding: str, rows: int, width: int, step: int, data: Any, pixel_bytes: int) -> Image:
-    """Returns the message's bytes as (rows, width, pixel_bytes), without padding."""
+    """Returns the message's pixel bytes as (rows, width, pixel_bytes), without padding."""
     if step < width * pixel_bytes:
         raise SloshCameraError(
             f"image: step {step} is shorter than a row of {width} pixels in {encoding}"
@@ -140,12 +140,12 @@ def _rows(encoding: str, rows: int, width: int, step: int, data: Any, pixel_byte
 
 
 def _words(stored: Image, big_endian: bool) -> NDArray[np.uint16]:
-    """Converts pairs of bytes (rows, width, 2 K) to numbers (rows, width, K)."""
+    """Combines pairs of bytes (rows, width, 2 K) to 16-bit numbers (rows, width, K)."""
     return np.ascontiguousarray(stored).view(">u2" if big_endian else "<u2").astype(np.uint16)
 
 
 def to_8_bits(pixels: NDArray[np.uint16]) -> Image:
-    """Returns the upper 8 of the used bits; see `to_image`."""
+    """Converts 16-bit pixels to 8 bits by keeping the upper bits in use."""
     needed = int(pixels.max(initial=0)).bit_length()
     bits = next(depth for depth in _DEPTHS if depth >= needed)
     return np.asarray(pixels >> (bits - 8), dtype=np.uint8)
@@ -191,7 +191,7 @@ def decode_compressed(image_format: str, data: Any) -> Image:
 
 
 def read_image(path: str | Path) -> Image:
-    """Reads a PNG, JPEG, BMP or TIFF image; see decode_compressed.
+    """Reads a PNG, JPEG, BMP or TIFF image file.
 
     Raises:
         SloshCameraError: the file cannot be read, or is no whole image; the text names it.
@@ -250,7 +250,7 @@ def _bytes(data: Any) -> Image:
 
 
 def _damage(array: Image) -> str:
-    """Returns why a JPEG or PNG file is incomplete; other formats are left to the decoder."""
+    """Returns why a JPEG or PNG file is incomplete; empty for complete or other files."""
     signature = array[: len(PNG)].tobytes()
     if signature.startswith(JPEG):
         return jpeg_damage(array)
@@ -258,7 +258,7 @@ def _damage(array: Image) -> str:
 
 
 def png_damage(data: Bytes) -> str:
-    """Returns why a PNG file is incomplete; appended bytes are ignored.
+    """Returns why a PNG file is incomplete; empty if it is complete.
 
     Args:
         data: (N,) the file.

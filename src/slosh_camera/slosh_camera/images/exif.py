@@ -1,4 +1,4 @@
-"""Reads EXIF data of image files: the lens and the camera's orientation."""
+"""Reads EXIF data of image files: focal length and orientation of the camera."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 
 @dataclass(frozen=True, slots=True)
 class Exif:
-    """Values of an EXIF block.
+    """Values read from the EXIF data of an image.
 
     Attributes:
         orientation: how the picture is turned for display, 1 (not at all) to 8.
@@ -35,7 +35,7 @@ class Exif:
     size: tuple[int, int] | None = None
 
     def field_of_view(self, width: int, height: int) -> float:
-        """Returns the horizontal field of view of a picture of some size [rad].
+        """Returns the horizontal field of view of an image of a given size [rad].
 
         Raises:
             SloshCameraError: no focal length is told, or the picture is a part of the camera's.
@@ -55,7 +55,7 @@ class Exif:
 
 
 def read_exif(path: str | Path) -> Exif:
-    """Reads the EXIF block of a file; without a valid one all values are unknown.
+    """Reads the EXIF data of an image file; missing values are marked as unknown.
 
     Raises:
         SloshCameraError: the file cannot be read; the text names it.
@@ -72,7 +72,7 @@ def read_exif(path: str | Path) -> Exif:
 
 
 def _block(data: bytes) -> bytes:
-    """Returns the TIFF structure with the EXIF data; empty: none."""
+    """Returns the TIFF structure that holds the EXIF data; empty if there is none."""
     if data.startswith(_PNG):
         place = len(_PNG)
         while place + 8 <= len(data):
@@ -104,7 +104,7 @@ def _parsed(block: bytes) -> Exif:
 
 
 def _entries(block: bytes, order: str, start: int) -> dict[int, int]:
-    """Returns the integers of a directory by tag."""
+    """Returns the integer values of an EXIF directory by tag."""
     (count,) = struct.unpack_from(order + "H", block, start)
     found = {}
     for index in range(count):

@@ -1,4 +1,4 @@
-"""Reads the size of an image file from its header, before a decoder allocates memory.
+"""Reads the size of an image file from its header, before it is decoded.
 
 A file of some kilobytes can claim a billion pixels. A decoder fills them first and tells later.
 """
@@ -26,7 +26,7 @@ _TIFF_SIZES = (256, 257, 322, 323)  # tags: width and height of the image, of a 
 
 
 class Size(NamedTuple):
-    """Number of pixels of an image, and of the decoder's passes."""
+    """Width and height of an image [px], and number of the decoder's passes."""
 
     width: int
     height: int
@@ -34,7 +34,7 @@ class Size(NamedTuple):
 
 
 def check_size(data: bytes) -> None:
-    """Refuses an image that would need too much memory or time to decode.
+    """Raises an error for an image that needs too much memory or time to decode.
 
     Args:
         data: the file's bytes.
@@ -62,7 +62,7 @@ def check_size(data: bytes) -> None:
 
 
 def too_large(width: int, height: int) -> str:
-    """Returns an error text if an image or video has too many pixels; empty: acceptable."""
+    """Returns an error text if an image has too many pixels; empty if it is acceptable."""
     if width * height <= MOST_PIXELS:
         return ""
     most = MOST_PIXELS // 1_000_000
@@ -70,7 +70,7 @@ def too_large(width: int, height: int) -> str:
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
-    """Yields the code and content position of each JPEG segment before the pixels."""
+    """Yields marker code and content position of each JPEG segment before the pixel data."""
     at = 2
     for _ in range(_MOST_SEGMENTS):
         match = _MARKER.search(data, at)  # libjpeg, too, passes over what is between segments
@@ -104,7 +104,7 @@ def _bmp(data: bytes) -> Size:
 
 
 def _tiff(data: bytes) -> Size | None:
-    """Returns the first image's size, or its tiles' size if that is larger."""
+    """Returns the size of a TIFF file's first image, or of its tiles if they are larger."""
     order = "<" if data.startswith(b"II") else ">"
     (version,) = struct.unpack_from(f"{order}H", data, 2)
     if version == 43:  # BigTIFF

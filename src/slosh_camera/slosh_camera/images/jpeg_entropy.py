@@ -1,4 +1,4 @@
-"""Decodes the entropy-coded coefficients of a JPEG scan to check that they are valid.
+"""Decodes the entropy-coded data of a JPEG scan, to check that it is valid.
 
 A decoder goes on behind damage and fills what is missing with grey. Here the codes are read
 without making a picture of them: every code must be one of the file's, every block must hold 64
@@ -37,7 +37,7 @@ _FILLING = 3
 
 
 def code_table(counts: bytes, symbols: bytes) -> NDArray[np.int32]:
-    """Makes a decoding table (CODE_TABLE,).
+    """Builds a decoding table (CODE_TABLE,) for a Huffman code.
 
     Args:
         counts: (16,) numbers of codes of 1 to 16 bits.
@@ -67,7 +67,7 @@ def code_table(counts: bytes, symbols: bytes) -> NDArray[np.int32]:
 
 @compiled
 def _filled(data, place, held, bits, made_up):  # type: ignore[no-untyped-def]
-    """Fills the bit buffer to at least 32 bits; zeros after a marker or the file's end."""
+    """Fills the bit buffer to at least 32 bits; appends zeros at the end of the data."""
     while bits < 32:
         byte, step = 0, 0
         if place < data.size:
@@ -85,7 +85,7 @@ def _filled(data, place, held, bits, made_up):  # type: ignore[no-untyped-def]
 
 @compiled
 def _symbol(tables, table, held, bits):  # type: ignore[no-untyped-def]
-    """Returns the next code's symbol and length; length 0: invalid code."""
+    """Decodes the next Huffman symbol and its length; length 0 means an invalid code."""
     entry = tables[table, np.int64(held >> np.uint64(bits - LOOK)) & ((1 << LOOK) - 1)]
     if entry:
         return entry & 0xFF, entry >> 8
@@ -100,14 +100,14 @@ def _symbol(tables, table, held, bits):  # type: ignore[no-untyped-def]
 
 @compiled
 def _value(held, bits, width):  # type: ignore[no-untyped-def]
-    """Returns the value of the next `width` bits in the buffer."""
+    """Returns the value of the next `width` bits in the bit buffer."""
     value = np.int64(held >> np.uint64(bits)) & ((1 << width) - 1)
     return value - ((1 << width) - 1) if width and value < 1 << (width - 1) else value
 
 
 @compiled
 def _others(data, tables, table, most, component, place, held, bits, made_up):  # type: ignore[no-untyped-def]
-    """Reads all coefficients of a block except the first."""
+    """Decodes all coefficients of a JPEG block except the first."""
     k = 1
     while k < COEFFICIENTS:
         place, held, bits, made_up = _filled(data, place, held, bits, made_up)
@@ -130,7 +130,7 @@ def _others(data, tables, table, most, component, place, held, bits, made_up):  
 
 @compiled
 def _first(data, tables, table, place, held, bits, made_up):  # type: ignore[no-untyped-def]
-    """Reads a block's first coefficient, a difference to the previous block's."""
+    """Decodes a JPEG block's first coefficient, which is stored as a difference."""
     place, held, bits, made_up = _filled(data, place, held, bits, made_up)
     width, length = _symbol(tables, table, held, bits)
     if length == 0 or width > _STEP_BITS:
@@ -141,7 +141,7 @@ def _first(data, tables, table, place, held, bits, made_up):  # type: ignore[no-
 
 @compiled
 def _closed(data, place, held, bits, made_up):  # type: ignore[no-untyped-def]
-    """Whether a marker follows, and its position; the last byte's rest is padding."""
+    """Whether a JPEG marker follows in the data, and the marker's position."""
     whole = (bits - made_up) // 8
     left = np.int64(held >> np.uint64(made_up)) & ((1 << (8 * whole)) - 1)
     while place < data.size and data[place] == 0 and whole <= _FILLING:
@@ -162,7 +162,7 @@ def _closed(data, place, held, bits, made_up):  # type: ignore[no-untyped-def]
     )
 )
 def read_scan(data, start, tables, blocks, most, units, restart):  # type: ignore[no-untyped-def]
-    """Reads a scan from its first byte to the marker behind it.
+    """Decodes a JPEG scan from its first byte to the next marker.
 
     Args:
         data: the file.

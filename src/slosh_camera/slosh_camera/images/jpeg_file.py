@@ -49,7 +49,7 @@ _WHY = {
 
 
 class _DamageError(Exception):
-    """The file is incomplete; the text says why."""
+    """Internal error for an incomplete JPEG file; the message says why."""
 
 
 class _Component(NamedTuple):
@@ -60,7 +60,7 @@ class _Component(NamedTuple):
 
 @dataclass(slots=True)
 class _State:
-    """State of the parser before a scan."""
+    """State of the JPEG parser before a scan."""
 
     size: tuple[int, int] = (0, 0)
     components: dict[int, _Component] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class _State:
 
 
 def jpeg_damage(data: Bytes) -> str:
-    """Returns why a JPEG file is incomplete.
+    """Returns why a JPEG file is incomplete; empty if it is complete.
 
     What cameras and phones append behind the end does not matter.
 
@@ -116,7 +116,7 @@ def _check(data: Bytes) -> None:
 
 
 def _marker(data: Bytes, at: int) -> tuple[int, int]:
-    """Returns the position behind the next marker, and its kind."""
+    """Returns the position after the next JPEG marker, and the marker's code."""
     if at < len(data) and data[at] != 0xFF:
         raise _DamageError(_HEADER)
     while at < len(data) and data[at] == 0xFF:
@@ -127,7 +127,7 @@ def _marker(data: Bytes, at: int) -> tuple[int, int]:
 
 
 def _segment(data: Bytes, at: int) -> tuple[bytes, int]:
-    """Returns a segment's content, and the position behind it."""
+    """Returns a JPEG segment's content and the position after it."""
     if at + 2 > len(data):
         raise _DamageError(_CUT)
     length = int(data[at]) << 8 | int(data[at + 1])
@@ -151,7 +151,7 @@ def _read_frame(state: _State, segment: bytes) -> None:
 
 
 def _check_scan(state: _State, segment: bytes, data: Bytes, start: int) -> int:
-    """Reads a scan; returns the position of the marker behind it."""
+    """Checks a JPEG scan; returns the position of the marker after it."""
     parts = [segment[1 + 2 * n : 3 + 2 * n] for n in range(segment[0])]
     codes = state.codes or _usual_codes()
     slots = sorted(codes)
@@ -181,7 +181,7 @@ def _check_scan(state: _State, segment: bytes, data: Bytes, start: int) -> int:
 
 
 def _units(state: _State, names: list[int]) -> int:
-    """Returns the number of units (MCUs) of a scan [T.81, A.2]."""
+    """Returns the number of coding units (MCUs) in a JPEG scan [T.81, A.2]."""
     most_across = max(part.across for part in state.components.values())
     most_down = max(part.down for part in state.components.values())
     width, height = state.size
@@ -194,7 +194,7 @@ def _units(state: _State, names: list[int]) -> int:
 
 @lru_cache(maxsize=16)
 def _code_tables(segment: bytes) -> dict[int, IntArray]:
-    """Returns code tables by slot: first coefficients from 0, others from 16 on."""
+    """Parses Huffman tables; returns them by slot: DC tables from 0, AC tables from 16."""
     tables = {}
     for slot, content in _tables_in(segment):
         tables[slot] = code_table(content[:16], content[16:])
@@ -214,7 +214,7 @@ def _tables_in(segment: bytes) -> Iterator[tuple[int, bytes]]:
 
 @lru_cache(maxsize=16)
 def _quanta(segment: bytes) -> dict[int, IntArray]:
-    """Returns quantisation tables (COEFFICIENTS,) by slot."""
+    """Parses a segment's quantisation tables (COEFFICIENTS,); returns them by slot."""
     tables, at = {}, 0
     while at < len(segment):
         wide, slot = segment[at] >> 4, segment[at] & 15
@@ -229,7 +229,7 @@ def _quanta(segment: bytes) -> dict[int, IntArray]:
 
 @lru_cache(maxsize=1)
 def _usual_codes() -> dict[int, IntArray]:
-    """Returns the codes of T.81, annex K, which motion JPEG omits from its images."""
+    """Returns the default Huffman tables of T.81, annex K, which motion JPEG omits."""
     written = cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8))[1].ravel()
     codes: dict[int, IntArray] = {}
     at, kind = _marker(written, 2)

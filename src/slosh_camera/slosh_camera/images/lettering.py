@@ -1,4 +1,4 @@
-"""Writes text in pictures on dark plates, readable on any background."""
+"""Writes text on dark plates in images, readable on any background."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _ROWS = 480
 
 
 def letter_size(picture: Image) -> float:
-    """Returns the scale of letters and marks relative to a picture of 480 rows."""
+    """Returns the scale of letters for an image; 1 for an image of 480 rows."""
     return max(float(picture.shape[0]) / _ROWS, 0.75)
 
 
 def text_width(words: str, size: float = 1.0) -> int:
-    """Returns the width of the words [px]."""
+    """Returns the width of a text in the image [px]."""
     return int(cv2.getTextSize(words, _FONT, _FONT_SCALE * size, max(round(size), 1))[0][0])
 
 
@@ -32,7 +32,7 @@ def put_text(
     size: float = 1.0,
     colour: tuple[int, int, int] = WHITE,
 ) -> None:
-    """Writes white text on a dark plate; `place` is its lower left corner [px]."""
+    """Writes text on a dark plate; `place` is its lower left corner [px]."""
     scale, thickness = _FONT_SCALE * size, max(round(size), 1)
     (width, height), below = cv2.getTextSize(words, _FONT, scale, thickness)
     x, y = place

@@ -1,4 +1,4 @@
-"""Detects repeated images of a frozen camera or driver."""
+"""Detects repeated images from a camera or driver that hangs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Digest = tuple[tuple[int, ...], tuple[int, ...]]
 
 
 class RepeatedFrames:
-    """Compares each image with previous ones by digests of its rows; stores no image.
+    """Detects repeated images by comparing row checksums; stores no images.
 
     Noise makes every image of a camera that works differ from all others, in every part of it.
     """
@@ -41,7 +41,7 @@ class RepeatedFrames:
         return self.repeats(digest(image), stamp_ns)
 
     def repeats(self, following: Digest, stamp_ns: int | None = None) -> bool:
-        """Whether an image repeats earlier ones, by its digest."""
+        """Whether an image repeats earlier ones, judged by its row checksums."""
         if stamp_ns is not None:
             if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
                 while len(self._last) > 1:
@@ -56,7 +56,7 @@ class RepeatedFrames:
         return frozen or in_turn or partly
 
     def _repeats_partly(self, following: Digest) -> bool:
-        """Whether noisy parts have exactly the pixels of an earlier image."""
+        """Whether noisy parts of the image have exactly the pixels of an earlier image."""
         shape, bands = following
         old = [
             any(shape == one[0] and band == one[1][at] for one in self._last)
@@ -77,7 +77,7 @@ class RepeatedFrames:
 
 
 def digest(image: Image) -> Digest:
-    """Returns shape and CRC-32 of bands of rows; 0.2 ms (grey), 0.6 ms (colour) for 1280x720.
+    """Returns an image's shape and the CRC-32 checksums of its bands of rows.
 
     CRC-32 is the fastest checksum of the standard library that sees every change of one pixel;
     two images that differ are taken for one another once in 4e9.
@@ -88,5 +88,5 @@ def digest(image: Image) -> Digest:
 
 
 def _in_order_of_memory(image: Image) -> Image:
-    """Returns the same pixels with channels in memory order, which is faster to read."""
+    """Returns the same pixels with axes in memory order, which is faster to read."""
     return image[..., ::-1] if image.strides[-1] < 0 else image

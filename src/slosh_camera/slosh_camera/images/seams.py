@@ -1,4 +1,4 @@
-"""Detects torn images: the upper and the lower part are of different times.
+"""Detects torn images, whose upper and lower parts were taken at different times.
 
 No lens draws an edge from one row to the next: it blurs it over two or three. Where two moments
 meet, what has moved meanwhile ends at one and the same row, as sharply as the pixels allow.
@@ -25,7 +25,7 @@ _PERCENT = (1.0, 99.0)
 
 
 class Steps(NamedTuple):
-    """Steps between rows that are too sharp for a lens.
+    """Places in an image where adjacent rows differ more sharply than a lens allows.
 
     Attributes:
         rows: (R,) from the window's top.
@@ -40,7 +40,7 @@ NO_STEPS = Steps(np.empty(0, np.intp), np.empty((0, 0), np.bool_))
 
 
 class SeamFinder:
-    """Detects seams in the image region of the container's wall.
+    """Detects torn images in the image region of the container's wall.
 
     Args:
         window: left, top, right and bottom of that part [px].
@@ -57,13 +57,13 @@ class SeamFinder:
         self._known: BoolArray | None = None
 
     def learn(self, image: Image) -> None:
-        """Excludes the sharp edges of a still image from seams."""
+        """Ignores the sharp edges of the liquid at rest in the search for seams."""
         known = np.zeros(self._shape, np.uint8)
         known[self._sharp(image, TUNING.still_seam)] = 1
         self._known = cv2.dilate(known, np.ones((3, 3), np.uint8)).astype(np.bool_)
 
     def steps(self, image: Image) -> Steps:
-        """Returns sharp steps of an image (height, width) or (height, width, 3): seam candidates.
+        """Returns steps between image rows that are too sharp for a lens, as possible seams.
 
         None without a still image: the container and what is around it may have edges as sharp.
         """
@@ -78,7 +78,7 @@ class SeamFinder:
         return Steps(many, sharp[many])
 
     def is_torn(self, steps: Steps, *lines: tuple[FloatArray, FloatArray]) -> bool:
-        """Whether there is a seam apart from the liquid's lines, given by positions [px]."""
+        """Whether the image has a seam that is not one of the liquid's lines [px]."""
         found = [
             (row, run)
             for row, sharp in zip(steps.rows.tolist(), steps.sharp, strict=True)
@@ -90,7 +90,7 @@ class SeamFinder:
         return any(self._is_seam(row, run, steps, curves) for row, run in found)
 
     def _is_seam(self, row: int, run: Columns, steps: Steps, curves: list[FloatArray]) -> bool:
-        """Whether a run of sharp steps below a row is a seam."""
+        """Whether a run of sharp steps below an image row is a seam."""
         touched = False
         for curve in curves:
             line = curve[run]
@@ -113,7 +113,7 @@ class SeamFinder:
         )
 
     def _sharp(self, image: Image, rather: float = 1.0) -> tuple[Columns, Columns]:
-        """Returns rows and columns of steps between rows that are too sharp for a lens.
+        """Returns rows and columns of steps between image rows that are too sharp for a lens.
 
         Args:
             image: (height, width) or (height, width, 3).
@@ -134,7 +134,7 @@ class SeamFinder:
 
 
 def _ends(levels: Image) -> tuple[float, float]:
-    """Returns low and high percentiles of grey levels; counting is faster than NumPy."""
+    """Returns a low and a high percentile of grey levels, by counting instead of sorting."""
     counts = np.cumsum(np.bincount(levels.ravel(), minlength=256))
     place = 0.01 * np.array(_PERCENT) * (levels.size - 1)
     lower = np.floor(place)
@@ -146,6 +146,6 @@ def _ends(levels: Image) -> tuple[float, float]:
 
 
 def _runs(columns: Columns) -> list[Columns]:
-    """Returns runs of columns long enough for a seam."""
+    """Returns the runs of adjacent columns that are long enough for a seam."""
     runs = np.split(columns, np.flatnonzero(np.diff(columns) > TUNING.seam_gap) + 1)
     return [run for run in runs if run.size >= TUNING.seam_run]

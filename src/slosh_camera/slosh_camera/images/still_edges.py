@@ -1,4 +1,4 @@
-"""Checks whether the container is where the still image shows it.
+"""Checks whether the container is where it was in the image of the liquid at rest.
 
 The still image teaches what the picture looks like across the container's sides, below all
 waves, and across its floor and rim. A picture that is upside down, of another camera, shifted or
@@ -31,28 +31,28 @@ PLACES = 24
 
 
 class Edge(NamedTuple):
-    """An edge of a container: pixels (N, 2), and whether it is a side."""
+    """An image edge of the container: its pixels (N, 2), and whether it is a side."""
 
     pixels: FloatArray
     is_side: bool
 
 
 class _EdgeStrips(NamedTuple):
-    """Strips of samples across one edge, and whether it is a side."""
+    """Sample strips across one edge of the container, and whether the edge is a side."""
 
     rows: slice
     is_side: bool
 
 
 class _Seen(NamedTuple):
-    """Grey levels of a picture across one edge, and their differences."""
+    """Grey levels of an image across one container edge, and their differences."""
 
     grey: Image
     steps: Single
 
     @property
     def clipped(self) -> bool:
-        """Whether too many grey levels are clipped."""
+        """Whether too many of the grey levels are clipped."""
         return bool(
             ((self.grey <= TUNING.edge_black) | (self.grey >= TUNING.edge_white)).mean()
             > TUNING.edge_clipped
@@ -60,17 +60,17 @@ class _Seen(NamedTuple):
 
     @property
     def edges(self) -> Single:
-        """Returns the strength of the differences, without its mean."""
+        """Returns edge strengths across the container edge, with their mean removed."""
         sizes = np.abs(self.steps)
         edges = sizes / (sizes + np.float32(TUNING.edge_half))
         return np.asarray(edges - edges.mean(axis=1, keepdims=True), np.float32)
 
 
 class StillEdges:
-    """Learns a container's edges from one image and finds them in others."""
+    """Stores a container's edges from one image and detects them in other images."""
 
     def __init__(self, edges: Sequence[Edge], size: tuple[int, int]) -> None:
-        """Place strips across the edges; those outside the image are left out.
+        """Places sample strips across the edges that lie inside the image.
 
         Args:
             edges: of the container; the two sides first, from below upwards.
@@ -96,12 +96,12 @@ class StillEdges:
         self._learnt: dict[int, _Seen] = {}
 
     def learn(self, image: Image) -> None:
-        """Stores the edges that are clearly visible in a still image."""
+        """Stores the edges that are clearly visible in an image of the liquid at rest."""
         seen = enumerate(self._look(image))
         self._learnt = {number: one for number, one in seen if _is_marked(one)}
 
     def missing(self, image: Image) -> bool:
-        """Whether both learnt sides, or both floor and rim, are missing in an image."""
+        """Whether both sides of the container, or its floor and rim, are missing in an image."""
         if not self._learnt:
             return False
         seen = self._look(image)
@@ -122,12 +122,12 @@ class StillEdges:
 
 
 def along_side(fill_height: float) -> FloatArray:
-    """Returns heights (PLACES,) above the still level for samples along a side [m]."""
+    """Returns heights (PLACES,) above the liquid level for samples along a side [m]."""
     return fill_height * np.linspace(TUNING.edge_lowest, TUNING.edge_highest, PLACES)
 
 
 def along_end(half: float) -> FloatArray:
-    """Returns positions (PLACES,) along the floor or the rim, away from the sides.
+    """Returns positions (PLACES,) for samples along the floor or the rim [m].
 
     Args:
         half: of the way from side to side, in whatever unit.
@@ -140,7 +140,7 @@ def _is_marked(seen: _Seen) -> bool:
 
 
 def _agree(now: _Seen, learnt: _Seen) -> bool:
-    """Whether an edge matches the learnt one, by its steps or by its positions."""
+    """Whether an image edge matches the stored one, by grey-level steps or by position."""
     return _agree_in_place(_correlations(now.steps, learnt.steps)) or _agree_in_place(
         _correlations(now.edges, learnt.edges)
     )
@@ -154,7 +154,7 @@ def _agree_in_place(correlations: FloatArray) -> bool:
 
 @entry_point(float64[::1](given(float32, 2, "A"), given(float32, 2, "A")))
 def _correlations(now, learnt):  # type: ignore[no-untyped-def]
-    """Returns the correlation (2 _LOOKED + 1,) with the learnt strips by shift."""
+    """Returns the correlation with the stored edge strips for each shift, (2 _LOOKED + 1,)."""
     shifts = 2 * _LOOKED + 1
     rows, width = learnt.shape[0], learnt.shape[1] - 2 * _LOOKED
     size, together, squares = 0.0, np.zeros(shifts), np.zeros(shifts)

@@ -1,4 +1,4 @@
-"""Tuning numbers of the image checks."""
+"""Tuning parameters of the image checks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class ImagesTuning:
-    """Assumptions about cameras, drivers and torn images.
+    """Assumptions of the image checks about cameras, drivers and torn images.
 
     Checked on damaged frames of the rendered sequences by `camera_damage.py` and
     `torn_images.py` in validation/studies.

@@ -1,1 +1,1 @@
-"""Estimates a camera's intrinsic parameters from images of a board; prints boards."""
+"""Estimates a camera's intrinsic parameters from images of a board; prints such boards."""

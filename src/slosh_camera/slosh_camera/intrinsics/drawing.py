@@ -1,4 +1,4 @@
-"""Draws intrinsic parameters for inspection; lists missing poses of the board."""
+"""Draws the reprojection errors of a camera, and lists missing poses of the board."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROWS, _COLUMNS = ("top", "middle", "bottom"), ("left", "middle", "right")
 
 
 def draw_reprojection(fit: IntrinsicFit) -> Image:
-    """Draws the corners of all views in an empty image, with magnified errors.
+    """Draws the detected corners of all images, with magnified reprojection errors.
 
     Blue dots are the corners as seen; a red line leads from each to where the camera puts it, 50
     times as far. Short lines in all directions are noise; lines that agree with their neighbours
@@ -56,7 +56,7 @@ def draw_reprojection(fit: IntrinsicFit) -> Image:
 
 
 def seen_cells(fit: IntrinsicFit) -> frozenset[tuple[int, int]]:
-    """Returns row and column of the ninths of the image that contain corners."""
+    """Returns row and column of those ninths of the image that contain detected corners."""
     width, height = fit.camera.size
     pixels = np.concatenate([view.view.pixels for view in fit.views])
     cells = np.floor((pixels + 0.5) / (width, height) * GRID).astype(int).clip(0, GRID - 1)
@@ -64,7 +64,7 @@ def seen_cells(fit: IntrinsicFit) -> frozenset[tuple[int, int]]:
 
 
 def missing_poses(fit: IntrinsicFit) -> list[str]:
-    """Describes what further pictures should show; empty: nothing."""
+    """Describes which further images of the board are needed; empty if none are."""
     seen = seen_cells(fit)
     unseen = [
         f"{row} {column}" if row != column else "middle"
@@ -88,7 +88,7 @@ def missing_poses(fit: IntrinsicFit) -> list[str]:
 
 
 def _tilts(fit: IntrinsicFit) -> dict[str, float]:
-    """Returns the largest tilt of the board toward each side of the image [deg]."""
+    """Returns the largest tilt of the board towards each edge of the image [deg]."""
     normals = np.array([view.rotation[:, 2] for view in fit.views])
     normals *= np.where(normals[:, 2:] < 0.0, -1.0, 1.0)
     turn, lean = np.rad2deg(np.arctan2(normals[:, :2], normals[:, 2:])).T
@@ -96,7 +96,7 @@ def _tilts(fit: IntrinsicFit) -> dict[str, float]:
 
 
 def _largest(fit: IntrinsicFit) -> float:
-    """Returns the largest fraction of the image's width or height that a board spans."""
+    """Returns the largest fraction of the image's width or height that the board covers."""
     return max(
         float(np.max(np.ptp(view.view.pixels, axis=0) / fit.camera.size)) for view in fit.views
     )

@@ -1,4 +1,4 @@
-"""Makes a printable board to scale, as SVG or PDF."""
+"""Creates a true-to-scale page with a board for printing, as SVG or PDF."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POINTS = 72.0 / 25.4
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A page with a board.
+    """A page to be printed, with a board.
 
     Attributes:
         width: of the page [mm].
@@ -39,7 +39,7 @@ class Sheet:
 
 
 def sheet_of(target: Target) -> Sheet:
-    """Makes the page of a board on the smallest sheet from A4 on that holds it.
+    """Creates the page of a board on the smallest paper size, from A4, that fits.
 
     A line of 50 mm below the board tells whether the printer kept the scale.
 
@@ -78,7 +78,7 @@ def as_svg(sheet: Sheet) -> str:
 
 
 def as_pdf(sheet: Sheet) -> bytes:
-    """Formats the page as PDF 1.4 in its own size."""
+    """Formats the page as PDF 1.4 in its true size."""
     scale, top = _POINTS, sheet.height
     boxes = "\n".join(
         f"{scale * x:.4f} {scale * (top - y - h):.4f} {scale * w:.4f} {scale * h:.4f} re"
@@ -104,7 +104,7 @@ def as_pdf(sheet: Sheet) -> bytes:
 
 
 def _pdf(objects: list[str]) -> bytes:
-    """Formats a PDF file of numbered objects; the first is the catalogue."""
+    """Formats a PDF file from numbered objects; the first one is the catalogue."""
     text, places = "%PDF-1.4\n", []
     for number, content in enumerate(objects, start=1):
         places.append(len(text))
@@ -152,7 +152,7 @@ def _chessboard(board: Chessboard) -> tuple[list[Box], float, float]:
 
 
 def _markers(board: Board) -> tuple[list[Box], float, float]:
-    """Returns the black boxes of markers, and a ChArUco board's empty squares."""
+    """Returns the black rectangles of a board's markers, and ChArUco squares without marker."""
     markers = markers_of(*board.opencv())
     boxes: list[Box] = []
     side = 1e3 * board.size

@@ -1,4 +1,4 @@
-"""Estimates intrinsic parameters from a board's views, with standard errors."""
+"""Estimates intrinsic camera parameters with standard deviations from images of a board."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _MOST_GROUPS = 20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedView:
-    """A view with its reprojection by the estimated camera.
+    """An image of the board with the corners that the estimated camera predicts.
 
     Attributes:
         view: the board as seen.
@@ -59,7 +59,7 @@ class SolvedView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IntrinsicFit:
-    """A camera estimated from pictures of a board.
+    """A camera estimated from images of a board.
 
     Attributes:
         camera: intrinsic parameters.
@@ -89,7 +89,7 @@ class _Solution:
 
     @property
     def numbers(self) -> Array:
-        """fx, fy, cx, cy [px]."""
+        """Focal lengths and principal point: fx, fy, cx, cy [px]."""
         return self.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
 
     @property
@@ -99,7 +99,7 @@ class _Solution:
 
 
 def solve_intrinsics(views: Views, lens: str = PLUMB_BOB) -> IntrinsicFit:
-    """Fit a camera's matrix and the distortion of its lens.
+    """Estimates a camera's matrix and lens distortion from images of a board.
 
     The standard errors are the larger of two: what the scatter of the corners makes of the fit,
     and how much the fit changes when pictures are left out in turn (jackknife). The latter knows
@@ -172,7 +172,7 @@ def _polynomial(
 def _fisheye(
     used: Sequence[View], size: tuple[int, int], model: str, start: _Solution | None
 ) -> _Solution:
-    """Runs OpenCV's fisheye solver, which has no standard errors; see the jackknife."""
+    """Runs OpenCV's fisheye calibration, which gives no standard deviations."""
     points = [view.points.reshape(1, -1, 3) for view in used]
     pixels = [view.pixels.reshape(1, -1, 2) for view in used]
     matrix = np.eye(3) if start is None else start.matrix.copy()
@@ -192,7 +192,7 @@ def _fisheye(
 
 
 def _projected(found: _Solution, view: View, turn: Array, shift: Array) -> Array:
-    """Returns the predicted corners of a view (N, 2) [px]."""
+    """Returns the corner positions that a camera predicts for an image (N, 2) [px]."""
     if found.model == EQUIDISTANT:
         points = view.points.reshape(1, -1, 3)
         pixels, _ = cv2.fisheye.projectPoints(points, turn, shift, found.matrix, found.lens)
@@ -210,7 +210,7 @@ def _vectors(values: Iterable[Any]) -> list[Array]:
 
 
 def _jackknife(used: Sequence[View], size: tuple[int, int], whole: _Solution) -> Array:
-    """Returns jackknife standard errors (4,) by leaving out pictures or groups [px]."""
+    """Returns jackknife standard deviations (4,) of fx, fy, cx, cy [px]."""
     count = min(len(used), _MOST_GROUPS)
     found = np.array(
         [
@@ -250,7 +250,7 @@ def _solved_views(used: Sequence[View], found: _Solution) -> tuple[SolvedView, .
 
 
 def format_camera(camera: PinholeCamera, name: str) -> str:
-    """Formats an `ost.yaml`; `read_known_camera` restores the same camera."""
+    """Formats the camera as `ost.yaml`, which `read_known_camera` reads without loss."""
     projection = np.column_stack((camera.matrix, np.zeros(3)))
     document = {
         "image_width": camera.width,

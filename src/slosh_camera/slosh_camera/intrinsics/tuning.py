@@ -1,4 +1,4 @@
-"""Tuning numbers of the estimation of intrinsic parameters."""
+"""Tuning parameters for estimating intrinsic parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class IntrinsicsTuning:
-    """Requirements on the pictures of a board; checked by `test_intrinsics.py`."""
+    """Requirements on the images of a board."""
 
     # drawing.py
     least_tilt: float = number(15.0, "deg", "tilt that separates focal length from distance")

@@ -1,4 +1,4 @@
-"""Boards, and which pictures of one are useful, with the reason if not."""
+"""Board types, and selection of the images that are useful for calibration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A board detected in a picture.
+    """A board that was detected in an image.
 
     Attributes:
         name: of the picture.
@@ -40,7 +40,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A picture that is not used, with the reason.
+    """An image that is not used, with the reason.
 
     Attributes:
         name: of the picture.
@@ -53,7 +53,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Views:
-    """The views of one camera's pictures.
+    """The usable and unusable images of one camera.
 
     Attributes:
         size: width and height of all of them [px].
@@ -67,7 +67,7 @@ class Views:
 
 
 def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
-    """Finds the board in pictures.
+    """Detects the board in images and selects the useful ones.
 
     Args:
         pictures: names and images.
@@ -110,7 +110,7 @@ def find_views(pictures: Iterable[tuple[str, Image]], target: Target) -> Views:
 
 
 def _reason(view: View, used: list[View], width: int) -> str:
-    """Returns why a picture is not useful; empty: it is."""
+    """Returns why an image is not useful for calibration; empty if it is useful."""
     if not len(view.pixels):
         return "the board is not found: all of it must be seen, sharp and evenly lit"
     if len(view.pixels) < TUNING.least_corners:
@@ -125,7 +125,7 @@ def _reason(view: View, used: list[View], width: int) -> str:
 
 
 def _shift(view: View, other: View) -> float:
-    """Returns the RMS shift of common corners between pictures [px]; inf: none in common."""
+    """Returns the RMS shift of common corners between two images [px]; inf if there are none."""
     places = {tuple(point): pixel for point, pixel in zip(other.points, other.pixels, strict=True)}
     ways = [
         pixel - places[tuple(point)]
@@ -136,7 +136,7 @@ def _shift(view: View, other: View) -> float:
 
 
 def _shows_less(image: Image, target: Target) -> bool:
-    """Whether a chessboard with one square less each way is visible."""
+    """Whether a chessboard with one square less in each direction is visible."""
     if not isinstance(target, Chessboard) or min(target.columns, target.rows) < 4:
         return False
     less = Chessboard(target.columns - 1, target.rows - 1, target.square)
@@ -165,7 +165,7 @@ def _check_enough(
 
 @dataclass(frozen=True, slots=True)
 class Chessboard:
-    """A printed chessboard.
+    """A printed chessboard and its dimensions.
 
     Attributes:
         columns: inner corners in a row: one less than squares.
@@ -178,7 +178,7 @@ class Chessboard:
     square: float
 
     def __post_init__(self) -> None:
-        """Refuse a board with impossible dimensions."""
+        """Raises SloshCameraError for impossible board dimensions."""
         sides = (self.columns, self.rows)
         if not all(_LEAST_SIDE <= side <= _MOST_SIDE for side in sides):
             raise SloshCameraError(
@@ -198,7 +198,7 @@ Target = Chessboard | Board
 
 
 def parse_target(text: str, square: float | None) -> Target:
-    """Parses a board from a command-line text.
+    """Parses the description of a board on the command line.
 
     Args:
         text: inner corners of a chessboard like 9x6, or a board of markers as `parse_board`
@@ -224,7 +224,7 @@ def parse_target(text: str, square: float | None) -> Target:
 
 
 def corners_of(image: Image, target: Target) -> tuple[Array, Array]:
-    """Finds the corners of the board in an image.
+    """Detects the corners of the board in an image.
 
     Args:
         image: (height, width) grey or (height, width, 3) blue-green-red.

@@ -1,4 +1,4 @@
-"""The camera node: from images to free-surface heights."""
+"""Camera node: measures free-surface heights in camera images and publishes them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _MOST = 5
 
 
 class CameraNode(PreparedNode):
-    """Decodes images, calls the core and publishes; of waiting images only the newest is used.
+    """Node that measures the newest camera image and publishes the free surface.
 
     Args:
         later: it gets ready by `run_node`.
@@ -96,7 +96,7 @@ class CameraNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the detector, and learns from the still image."""
+        """Compiles or loads the detector and passes it the image of the liquid at rest."""
         load_telling(progress, "slosh_camera")
         still_image = self._given["still_image"] or None
         self._detector = learnt_detector(self._calibration, still_image)
@@ -104,7 +104,7 @@ class CameraNode(PreparedNode):
             self.get_logger().warning(f"still image: {self._detector.doubt}")
 
     def begin(self) -> None:
-        """Subscribes to the images."""
+        """Subscribes to the camera images."""
         kind, use = (Image, self._on_image)
         if not self._is_raw:
             kind, use = (CompressedImage, self._on_compressed)
@@ -209,7 +209,7 @@ class CameraNode(PreparedNode):
 
 
 def surface_message(measurement: Measurement, frame: str, rim: float | None) -> FreeSurface:
-    """The message of a measurement; `rim`: height above the still level [m]; None: unknown."""
+    """Converts a measurement to a FreeSurface message; `rim` is the rim's height [m]."""
     return filled(
         FreeSurface,
         stamp_ns=measurement.stamp_ns,
@@ -236,7 +236,7 @@ def surface_message(measurement: Measurement, frame: str, rim: float | None) -> 
 
 
 class Complaints:
-    """Logs each complaint once per period, and only a few different ones.
+    """Logs warnings at most once per period, and only a few different ones.
 
     Args:
         tell: takes a line.
@@ -249,7 +249,7 @@ class Complaints:
         self.last = ""
 
     def add(self, complaint: str, now_ns: int) -> None:
-        """Logs a complaint, unless it was logged recently.
+        """Logs a warning unless it was logged recently.
 
         Args:
             complaint: one line.
@@ -264,18 +264,18 @@ class Complaints:
 
 
 class LevelChanges:
-    """Level changes detected between two reports."""
+    """Counts images that show a changed liquid level."""
 
     def __init__(self) -> None:
         self._changes: list[tuple[float, float]] = []
 
     def add(self, measurement: Measurement) -> None:
-        """Adds one measurement."""
+        """Counts one measurement and whether it shows a changed level."""
         if Flag.LEVEL_CHANGED in measurement.flags:
             self._changes.append((measurement.level_change, measurement.level_change_stddev))
 
     def report(self, images: int, *, told: bool = False) -> str:
-        """Returns one line, empty if fewer than half of the images show a change; resets.
+        """Returns a warning if most images since the last call show a changed level; else empty.
 
         Args:
             images: how many there were since the last report.
@@ -300,7 +300,7 @@ class LevelChanges:
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the camera node."""
     return run_node(lambda: CameraNode(later=True))
 
 

@@ -1,4 +1,4 @@
-"""The camera node's detector, which follows what the gripper holds."""
+"""Detector of the camera node that adapts when the robot takes another container."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 
 
 class _Looking(NamedTuple):
-    """How images are measured.
+    """The detector in use, or the reason why images cannot be measured.
 
     Attributes:
         detector: the detector.
@@ -36,7 +36,7 @@ class _Looking(NamedTuple):
 
 
 class FollowingDetector:
-    """Measures images by the container that is in the gripper at their stamps.
+    """Measures each image with the calibration of the container held at its stamp.
 
     Args:
         node: the node.
@@ -60,7 +60,7 @@ class FollowingDetector:
         )
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measures the next image.
+        """Measures the next image with the detector for the current container.
 
         Raises:
             SloshCameraError: it does not fit the camera.
@@ -73,12 +73,12 @@ class FollowingDetector:
 
     @property
     def is_told(self) -> bool:
-        """Whether the level is that of a fill height that was told, not the calibrated one."""
+        """Whether the liquid level follows from a new fill height instead of the calibration."""
         return self._now.detector is not self._start.detector
 
     @property
     def why_not(self) -> tuple[str, bool]:
-        """Why nothing can be measured, empty where it can, and whether that is a fault."""
+        """The reason why images cannot be measured (or empty), and whether that is a fault."""
         return self._now.why_not, self._now.wrong
 
     def _on_change(self, message: ContainerChange) -> None:

@@ -1,4 +1,4 @@
-"""Compares the camera driver's lens with the calibration."""
+"""Compares the lens in the driver's camera_info with the calibration."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def contradiction(
     k: Sequence[float],
     lens: tuple[str, Sequence[float]] | None = None,
 ) -> str:
-    """Describes how a driver contradicts the calibration in one line; empty: it does not.
+    """Describes how a driver's camera_info contradicts the calibration; empty if it agrees.
 
     Args:
         camera: of the calibration.
@@ -64,7 +64,7 @@ def _other_lens(
     k: Sequence[float],
     lens: tuple[str, Sequence[float]],
 ) -> str:
-    """Describes how far the driver's lens moves a pixel if that is far."""
+    """Describes how far the driver's lens model shifts pixels; empty if it is not far."""
     model, coefficients = lens
     try:
         driver = camera_from_info(k, coefficients, width, height, model)
@@ -84,7 +84,7 @@ def _other_lens(
 
 
 class DriverInfo:
-    """Subscribes to the driver's camera_info, if it is published.
+    """Subscribes to the driver's camera_info and compares it with the calibration.
 
     Attributes:
         contradiction: what it says otherwise than the calibration, in one line; empty: nothing.

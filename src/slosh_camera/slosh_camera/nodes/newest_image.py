@@ -1,4 +1,4 @@
-"""Subscribes to images and passes on only the newest one; counts missing frames."""
+"""Subscribes to images, passes on only the newest one and counts missing frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ENOUGH = 8
 
 
 class NewestImage:
-    """Reads images; drops all but the newest of those that arrived during processing.
+    """Image subscription that drops all waiting images except the newest.
 
     The queue holds one image, so that work never lags behind by more than that. It reads
     reliably: of large images read as best effort Fast DDS loses many. Where a publisher offers
@@ -29,7 +29,7 @@ class NewestImage:
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
-        """Subscribe.
+        """Subscribes to the image topic.
 
         Args:
             node: the node.
@@ -44,7 +44,7 @@ class NewestImage:
 
     @property
     def is_reliable(self) -> bool:
-        """Whether the subscription is reliable."""
+        """Whether the subscription's QoS is reliable."""
         return bool(self._subscription.qos_profile == qos.IMAGE_RELIABLE_IN)
 
     def _subscribe(self, profile: Any) -> Any:
@@ -77,7 +77,7 @@ class NewestImage:
 
 
 class FrameGaps:
-    """Counts missing frames.
+    """Counts frames that are missing in an image stream.
 
     A gap of more than a second is a pause of the camera, not a loss. Where every second frame is
     lost from the start, nothing in the stamps shows it: then only a stated rate does.

@@ -1,1 +1,1 @@
-"""Optics of a calibrated camera and a container: lens, pose, refracting walls."""
+"""Optics of a calibrated camera and a container: lens, pose and refracting walls."""

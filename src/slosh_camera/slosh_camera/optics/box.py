@@ -1,4 +1,4 @@
-"""Projects a rectangular container in a side view, and pixels on its face.
+"""Projects a rectangular container into a side view, and pixels back onto its front face.
 
 Container frame: origin in the centre of the still free surface, x along the width, y away from
 the camera, z up. The liquid's line is seen on the inner side of the face towards the camera.
@@ -28,7 +28,7 @@ _FITTED_POINTS = 80
 
 @dataclass(frozen=True, slots=True)
 class Box(SeenContainer):
-    """A rectangular container.
+    """A rectangular container with a transparent wall.
 
     Attributes:
         width: inner width, along x [m].
@@ -49,13 +49,13 @@ class Box(SeenContainer):
 
     @property
     def face(self) -> float:
-        """The y coordinate of the inner side of the face towards the camera [m]."""
+        """Position of the inner front face along y [m]."""
         return 0.0 if self.depth is None else -0.5 * self.depth
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxView:
-    """A rectangular container in a camera's side view.
+    """Projection between a rectangular container and its side view.
 
     Attributes:
         camera: the camera.
@@ -69,7 +69,7 @@ class BoxView:
     _centre: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse a face that is not in front of the camera or is seen from inside."""
+        """Raises SloshCameraError if the camera does not see the face from outside."""
         box, centre = self.box, self.pose.camera_centre
         object.__setattr__(self, "_centre", centre)
         if centre[1] >= box.face - box.wall_thickness:
@@ -92,11 +92,11 @@ class BoxView:
 
     @property
     def container(self) -> Box:
-        """The container."""
+        """The rectangular container."""
         return self.box
 
     def project_face(self, x: ArrayLike, z: ArrayLike) -> Array:
-        """Project points on the inner side of the face towards the camera.
+        """Projects points of the inner front face into the image.
 
         The direction of a ray leaves it where, with q the tangent of its angle in air,
         a q + t q / sqrt(n^2 + (n^2 - 1) q^2) = r: a the camera's distance from the face's outer
@@ -126,7 +126,7 @@ class BoxView:
         return self.camera.project(outer @ self.pose.rotation.T)
 
     def on_face(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Project pixels back on the inner side of the face towards the camera.
+        """Projects pixels back onto the inner front face.
 
         Args:
             pixels: (N, 2).
@@ -142,7 +142,7 @@ class BoxView:
         return self._centre[0] + slope_x * way, self._centre[2] + slope_z * way
 
     def on_rear(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Project pixels back on the inner side of the rear wall, through air above the liquid.
+        """Projects pixels back onto the inner rear wall, through air above the liquid.
 
         Args:
             pixels: (N, 2).
@@ -157,23 +157,23 @@ class BoxView:
         return x + slope_x * depth, z + slope_z * depth
 
     def levels(self) -> tuple[float, float]:
-        """Heights of floor and rim above the still level [m].
+        """Heights of the container's floor and rim above the liquid's level at rest [m].
 
         Of an unknown rim a height stands in that leaves room for most waves.
         """
         return -self.box.fill_height, self.box.rim_level or 0.5 * self.box.width
 
     def outline(self) -> Array:
-        """Pixels (N, 2) of floor and rim on the front face."""
+        """Image points (N, 2) of floor and rim on the front face [px]."""
         half = 0.5 * self.box.width
         return np.vstack([self.project_face([-half, half], level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Returns the pixels (N, 2) of heights (N,) [m] on the face's right edge."""
+        """Returns the image points (N, 2) of heights (N,) [m] on the face's right edge."""
         return self.project_face(0.5 * self.box.width, heights)
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Returns the pixels (N, 2) of the fitted straight line; empty: no fit."""
+        """Returns the image points (N, 2) of the fitted straight line; empty if there is none."""
         slope, half = np.tan(measurement.slope_angle), 0.5 * self.box.width
         rest = measurement.profile_height - slope * measurement.profile_x
         if not np.any(np.isfinite(rest)):
@@ -182,28 +182,28 @@ class BoxView:
         return self.project_face(x, np.nanmean(rest) + slope * x)
 
     def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
-        """Returns true for all azimuths: a side view shows only the front face."""
+        """Returns True for all azimuths, since a side view shows only the front face."""
         return np.ones(len(azimuth), dtype=np.bool_)
 
     def height_per_pixel(self, pixel: ArrayLike) -> float:
-        """Returns the height of one pixel row on the face [m/px]; NaN: the ray misses it."""
+        """Returns the height of one pixel row on the face [m/px], NaN if the ray misses it."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_face([[u, v - 0.5], [u, v + 0.5]])
         return float(abs(height[1] - height[0]))
 
     def _slopes(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Returns the slopes of rays in air along x and z per y; NaN away from the face."""
+        """Returns the slopes dx/dy and dz/dy of pixels' rays in air; NaN if pointing away."""
         direction = self.camera.rays(pixels) @ self.pose.rotation
         ahead = np.where(direction[:, 1] > 0.0, direction[:, 1], np.nan)
         return direction[:, 0] / ahead, direction[:, 2] / ahead
 
     @property
     def _air(self) -> float:
-        """Distance of the camera from the outer side of the face [m]."""
+        """Distance of the camera from the outer side of the front face [m]."""
         return float(self.box.face - self.box.wall_thickness - self._centre[1])
 
     def _tangent(self, radius: Array) -> Array:
-        """Returns tangents of the angles in air of the rays that reach lateral distances."""
+        """Returns the tangents of the ray angles in air that reach lateral distances [m]."""
         air, thickness = self._air, self.box.wall_thickness
         index2 = self.box.wall_refractive_index**2
         tangent = radius / (air + thickness / self.box.wall_refractive_index)

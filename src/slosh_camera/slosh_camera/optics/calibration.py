@@ -1,4 +1,4 @@
-"""A calibration: a container's view by one camera, and the detection settings."""
+"""A calibration: a container in one camera's view, and the detection settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _View = TypeVar("_View", CupView, BoxView)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraCalibration(Generic[_View]):
-    """Everything that converts a pixel to a height on a container's wall.
+    """Everything that is needed to convert a pixel to a height on a container's wall.
 
     Attributes:
         view: camera, pose and container.
@@ -34,7 +34,7 @@ class CameraCalibration(Generic[_View]):
     still_image: Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a region that exceeds the image."""
+        """Raises SloshCameraError if the region of interest exceeds the image."""
         region, camera = self.region, self.view.camera
         if region is not None and (
             region.x_offset + region.width > camera.width
@@ -46,13 +46,13 @@ class CameraCalibration(Generic[_View]):
 
 
 class Calibration(CameraCalibration[CupView]):
-    """A calibration of a cylinder, which is seen from all sides through its wall."""
+    """Calibration of a camera that views a transparent cylinder."""
 
     __slots__ = ()
 
 
 class SideCalibration(CameraCalibration[BoxView]):
-    """A calibration of a rectangular container, whose face is seen from the side."""
+    """Calibration of a camera that views a container from the side."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""The camera: pinhole model and lens distortion, as in OpenCV and ROS."""
+"""Camera model: pinhole projection with lens distortion, as in OpenCV and ROS."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from slosh_camera.optics.lens import (
 
 @dataclass(frozen=True, slots=True)
 class PinholeCamera:
-    """Intrinsic parameters of an optical camera: x right, y down, z forward.
+    """Intrinsic parameters of a camera with axes x right, y down, z forward.
 
     The centre of the image's top-left pixel is (0, 0).
 
@@ -47,7 +47,7 @@ class PinholeCamera:
     distortion_model: str = PLUMB_BOB
 
     def __post_init__(self) -> None:
-        """Refuse invalid intrinsic parameters."""
+        """Raises SloshCameraError for invalid intrinsic parameters."""
         if self.width < 1 or self.height < 1:
             raise SloshCameraError(
                 f"image size: {self.width} x {self.height} pixels, both must be positive"
@@ -75,7 +75,7 @@ class PinholeCamera:
         return self.distortion_model == EQUIDISTANT or any(self.distortion)
 
     def without_distortion(self) -> PinholeCamera:
-        """Returns the pinhole camera with the same matrix."""
+        """Returns the camera with the same matrix and without lens distortion."""
         pinhole = (0.0,) * COEFFICIENTS[PLUMB_BOB]
         return replace(self, distortion=pinhole, distortion_model=PLUMB_BOB)
 
@@ -90,7 +90,7 @@ class PinholeCamera:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def check(self, image: NDArray[np.generic]) -> None:
-        """Refuse an image whose size or type does not match this camera.
+        """Raises SloshCameraError if an image's size or type does not match the camera.
 
         Args:
             image: (height, width) grey or (height, width, 3) in colour, 8-bit.
@@ -107,7 +107,7 @@ class PinholeCamera:
             )
 
     def project(self, points: ArrayLike) -> Array:
-        """Project points of the camera frame into the image.
+        """Projects points in the camera frame into the image.
 
         Args:
             points: (N, 3) in the optical frame [m].
@@ -128,7 +128,7 @@ class PinholeCamera:
         return normalised * (self.fx, self.fy) + (self.cx, self.cy)
 
     def rays(self, pixels: ArrayLike) -> Array:
-        """Returns the viewing directions of pixels.
+        """Returns the viewing directions of pixels in the camera frame.
 
         Args:
             pixels: (N, 2) pixels (u, v).
@@ -152,7 +152,7 @@ def camera_from_info(
     height: int,
     model: str = PLUMB_BOB,
 ) -> PinholeCamera:
-    """Makes a camera from the fields of a sensor_msgs/CameraInfo.
+    """Creates a camera from the fields of a sensor_msgs/CameraInfo.
 
     Args:
         k: camera matrix, nine numbers row by row [px].

@@ -39,12 +39,12 @@ def _lengths(container: _Filled) -> list[str]:
 
 
 class SeenContainer:
-    """Base of the containers, which are dataclasses with the fields WALL and their own lengths."""
+    """Base class of the containers that a camera sees, with their common fields."""
 
     __slots__ = ()
 
     def __post_init__(self: _Filled) -> None:
-        """Refuse a container that cannot be."""
+        """Raises SloshCameraError for physically impossible dimensions."""
         for name in _lengths(self):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0.0):
@@ -69,5 +69,5 @@ class SeenContainer:
 
     @property
     def rim_level(self: _Filled) -> float | None:
-        """Height of the rim above the still level [m]; None: unknown."""
+        """Height of the rim above the liquid's level at rest [m], or None if unknown."""
         return None if self.rim_height is None else self.rim_height - self.fill_height

@@ -1,4 +1,4 @@
-"""Projects a cylindrical container into an image, and pixels on its wall.
+"""Projects a transparent cylinder into an image, and pixels back onto its wall.
 
 Container frame: origin in the centre of the still free surface, z up along the axis, azimuth
 counted from +x towards +y. Rays to the inner wall bend where they enter and leave the transparent
@@ -27,7 +27,7 @@ _FITTED_POINTS = 241
 
 
 class Wall(Enum):
-    """The two intersections of a ray with the container's wall.
+    """Front or rear wall, the two places where a ray meets the container.
 
     >>> [wall.value for wall in Wall]
     ['front', 'rear']
@@ -39,7 +39,7 @@ class Wall(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Cup(SeenContainer):
-    """A cylindrical container.
+    """A cylindrical container with a transparent wall.
 
     >>> Cup(radius=0.04, fill_height=0.06, rim_height=0.11).rim_level  # m above the still level
     0.05
@@ -61,7 +61,7 @@ class Cup(SeenContainer):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CupView:
-    """A container as seen by a camera.
+    """Projection between a cylindrical container and a camera's image.
 
     >>> from slosh_camera.optics.pose import look_at
     >>> camera = PinholeCamera(640, 480, fx=800.0, fy=800.0, cx=319.5, cy=239.5)
@@ -82,7 +82,7 @@ class CupView:
     _glass: GlassWall = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse a container that is not in front of the camera."""
+        """Raises SloshCameraError if the container is not in front of the camera."""
         centre = self.pose.camera_centre
         object.__setattr__(self, "_centre", centre)
         cup = self.cup
@@ -102,7 +102,7 @@ class CupView:
 
     @property
     def container(self) -> Cup:
-        """The container."""
+        """The cylindrical container."""
         return self.cup
 
     @property
@@ -111,7 +111,7 @@ class CupView:
         return float(np.arctan2(self._centre[1], self._centre[0]))
 
     def project(self, points: ArrayLike) -> Array:
-        """Project points of the container frame into the image.
+        """Projects points in the container frame into the image, without refraction.
 
         Args:
             points: (N, 3) [m].
@@ -125,7 +125,7 @@ class CupView:
     def project_wall(
         self, azimuth: ArrayLike, height: ArrayLike, wall: Wall | None = None
     ) -> Array:
-        """Project points of the inner wall, with refraction by the wall.
+        """Projects points of the inner wall into the image, with refraction by the wall.
 
         Args:
             azimuth: (N,) or scalar [rad].
@@ -143,7 +143,7 @@ class CupView:
         return self.project(self._centre + self._glass.sight(self._centre, points, rear))
 
     def wall_points(self, azimuth: ArrayLike, height: ArrayLike) -> Array:
-        """Points (N, 3) of the inner wall in the container frame [m], by azimuth and height."""
+        """Returns points (N, 3) of the inner wall [m] at given azimuths and heights."""
         angle, level = np.broadcast_arrays(
             np.atleast_1d(np.asarray(azimuth, dtype=np.float64)),
             np.atleast_1d(np.asarray(height, dtype=np.float64)),
@@ -152,7 +152,7 @@ class CupView:
         return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), level))
 
     def rays(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Rays of pixels in the container frame.
+        """Returns origins and directions of pixels' rays in the container frame.
 
         Args:
             pixels: (N, 2).
@@ -163,12 +163,12 @@ class CupView:
         return self._centre, self.camera.rays(pixels) @ self.pose.rotation
 
     def trace(self, pixels: ArrayLike) -> WallTrace:
-        """Intersect the rays of pixels (N, 2) with the inner wall, in the container frame [m]."""
+        """Intersects the rays of pixels (N, 2) with the inner wall, in the container frame [m]."""
         origin, direction = self.rays(pixels)
         return self._glass.trace(origin, direction)
 
     def on_wall(self, pixels: ArrayLike, wall: Wall) -> tuple[Array, Array]:
-        """Project pixels back on the inner wall: the ray's intersection with the cylinder.
+        """Projects pixels back onto the inner front or rear wall.
 
         Args:
             pixels: (N, 2).
@@ -183,7 +183,7 @@ class CupView:
         return np.arctan2(points[:, 1], points[:, 0]), points[:, 2]
 
     def tangent_azimuths(self) -> tuple[float, float]:
-        """Returns the ends of the visible part of the front wall at the still level.
+        """Returns the azimuths that limit the visible front wall at the liquid's level.
 
         Returns:
             Azimuths [rad] in (-pi, pi] of the inner wall's left and right edge in the image.
@@ -201,25 +201,25 @@ class CupView:
         return float(wrapped[0]), float(wrapped[1])
 
     def levels(self) -> tuple[float, float]:
-        """Heights of floor and rim above the still level [m].
+        """Heights of the container's floor and rim above the liquid's level at rest [m].
 
         Of an unknown rim a height stands in that leaves room for most waves.
         """
         return -self.cup.fill_height, self.cup.rim_level or self.cup.radius
 
     def outline(self) -> Array:
-        """Pixels (N, 2) of floor and rim; NaN where the camera cannot see."""
+        """Image points (N, 2) of floor and rim [px]; NaN if the camera cannot see them."""
         around = np.linspace(-np.pi, np.pi, _AROUND)
         return np.vstack([self.project_wall(around, level) for level in self.levels()])
 
     def scale_places(self, heights: Array) -> Array:
-        """Returns the pixels (N, 2) of heights (N,) [m] on the right outer edge."""
+        """Returns the image points (N, 2) of heights (N,) [m] on the right outer edge."""
         points = self.wall_points(self.tangent_azimuths()[1], heights)
         points[:, :2] *= 1.0 + self.cup.wall_thickness / self.cup.radius
         return self.project(points)
 
     def fitted_line(self, measurement: Measurement) -> Array:
-        """Returns the pixels (N, 2) of the fitted surface; empty: no fit.
+        """Returns the image points (N, 2) of the fitted surface; empty if there is none.
 
         On the wall every mode of one azimuthal wave is a cosine.
         """
@@ -230,18 +230,18 @@ class CupView:
         return self.project_wall(around, height * np.cos(around - azimuth))
 
     def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
-        """Returns which azimuths (N,) [rad] of the wall face the camera."""
+        """Returns which wall azimuths (N,) [rad] face the camera."""
         half = abs(_wrapped(np.asarray(self.tangent_azimuths()[0]) - self.camera_azimuth))
         found: NDArray[np.bool_] = np.abs(_wrapped(azimuth - self.camera_azimuth)) <= half + 1e-9
         return found
 
     def height_per_pixel(self, pixel: ArrayLike, wall: Wall) -> float:
-        """Returns the height of one pixel row on the wall [m/px]; NaN: the ray misses it."""
+        """Returns the height of one pixel row on the wall [m/px], NaN if the ray misses it."""
         u, v = np.asarray(pixel, dtype=np.float64)
         _, height = self.on_wall([[u, v - 0.5], [u, v + 0.5]], wall)
         return float(abs(height[1] - height[0]))
 
 
 def _wrapped(angle: Array) -> Array:
-    """Returns the same angle in (-π, π]."""
+    """Returns the equivalent angle in (-π, π] [rad]."""
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Lens distortion: from a ray's direction to an image position.
+"""Lens distortion models: from a ray's direction to an image position, and back.
 
 The models are those of OpenCV and ROS (`sensor_msgs/CameraInfo.distortion_model`). All map
 normalised coordinates (x, y) = (X/Z, Y/Z) of the optical frame to distorted ones; the camera
@@ -44,24 +44,24 @@ _TOLERANCE = 1e-10
 
 
 class Lens(Protocol):
-    """Interface of all distortion models."""
+    """Interface of all lens distortion models."""
 
     def distort(self, normalised: Array) -> tuple[Array, Array]:
-        """Returns distorted coordinates (N, 2) of normalised ones (N, 2); Jacobians (N, 2, 2)."""
+        """Returns distorted coordinates (N, 2) of normalised ones, with Jacobians (N, 2, 2)."""
 
     def undistort(self, distorted: Array) -> Array:
-        """Returns normalised coordinates (N, 2) of distorted ones; NaN: no solution."""
+        """Returns normalised coordinates (N, 2) of distorted ones; NaN if there is no solution."""
 
 
 def lens_of(model: str, coefficients: Sequence[float]) -> Lens:
-    """Makes the lens of a model name and its coefficients; see `lens_parameters`."""
+    """Creates the lens model with a given name and coefficients."""
     if model == EQUIDISTANT:
         return EquidistantLens(coefficients)
     return PolynomialLens(coefficients)
 
 
 def lens_parameters(model: str, coefficients: Sequence[float]) -> tuple[str, tuple[float, ...]]:
-    """Normalises the lens model and the coefficients of a file or message.
+    """Normalises the lens model name and coefficients of a file or message.
 
     Args:
         model: name of the distortion model, as drivers and calibration programs write it.
@@ -95,7 +95,7 @@ def lens_parameters(model: str, coefficients: Sequence[float]) -> tuple[str, tup
 
 
 def _polynomial(name: str, given: tuple[float, ...]) -> tuple[str, tuple[float, ...]]:
-    """Returns the smallest polynomial model that holds the coefficients."""
+    """Returns the smallest polynomial lens model that includes all given coefficients."""
     allowed = {PLUMB_BOB: (4, 5), RATIONAL_POLYNOMIAL: (8, 12, _TILTED), THIN_PRISM: (12, _TILTED)}
     given = _exactly(name, given, allowed[name])
     if any(given[12:]):
@@ -127,7 +127,7 @@ def _exactly(name: str, given: tuple[float, ...], counts: tuple[int, ...]) -> tu
 
 
 class PolynomialLens:
-    """Lens model with radial, decentring and thin-prism terms.
+    """Polynomial lens model with radial, decentring and thin-prism terms.
 
     Args:
         coefficients: 5, 8 or 12 of them.
@@ -139,7 +139,7 @@ class PolynomialLens:
         self._below, self._prism = padded[5:8], padded[8:]
 
     def distort(self, normalised: Array) -> tuple[Array, Array]:
-        """See Lens."""
+        """Distorts normalised coordinates (N, 2) and computes the Jacobians; see Lens."""
         p1, p2 = self._p1, self._p2
         x, y = normalised[:, 0], normalised[:, 1]
         r2 = x * x + y * y
@@ -160,7 +160,7 @@ class PolynomialLens:
         return distorted, jacobian
 
     def _radial(self, r2: Array) -> tuple[Array, Array]:
-        """Returns the radial factor and its derivative by r²."""
+        """Returns the radial distortion factor and its derivative with respect to r²."""
         k1, k2, k3 = self._k1, self._k2, self._k3
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
@@ -181,7 +181,7 @@ class PolynomialLens:
             jacobian[:, axis] += 2.0 * normalised * slope[:, np.newaxis]
 
     def undistort(self, distorted: Array) -> Array:
-        """See Lens; by Newton's method."""
+        """Removes the distortion by Newton's method; see Lens."""
         normalised = distorted.copy()
         with np.errstate(all="ignore"):
             for _ in range(_NEWTON_STEPS):
@@ -198,7 +198,7 @@ class PolynomialLens:
 
 
 class EquidistantLens:
-    """The equidistant fisheye lens model.
+    """Equidistant fisheye lens model.
 
     Args:
         coefficients: k1 … k4.
@@ -208,7 +208,7 @@ class EquidistantLens:
         self._k = tuple(coefficients)
 
     def distort(self, normalised: Array) -> tuple[Array, Array]:
-        """See Lens."""
+        """Distorts normalised coordinates (N, 2) and computes the Jacobians; see Lens."""
         radius = np.hypot(normalised[:, 0], normalised[:, 1])
         angle = np.arctan(radius)
         turned, turning = self._turned(angle)
@@ -226,7 +226,7 @@ class EquidistantLens:
         return normalised * across[:, np.newaxis], jacobian
 
     def undistort(self, distorted: Array) -> Array:
-        """See Lens; by Newton's method on the angle. Rays of 90° and more have no solution."""
+        """Removes the distortion by Newton's method on the angle; NaN for 90 deg and more."""
         goal = np.hypot(distorted[:, 0], distorted[:, 1])
         angle = np.minimum(goal, 0.5 * np.pi)
         with np.errstate(all="ignore"):
@@ -242,7 +242,7 @@ class EquidistantLens:
         return normalised
 
     def _turned(self, angle: Array) -> tuple[Array, Array]:
-        """Returns θ_d and its derivative by θ."""
+        """Returns the distorted angle θ_d and its derivative with respect to θ."""
         k1, k2, k3, k4 = self._k
         square = angle * angle
         factor = 1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4)))

@@ -1,4 +1,4 @@
-"""Pose of a camera: the rigid transform from the container's frame to its own."""
+"""Pose of a camera: the rigid transform from the container's frame to the camera's frame."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Pose:
     translation: Array
 
     def __post_init__(self) -> None:
-        """Copy, check and freeze the arrays."""
+        """Copies and checks the arrays and makes them read-only."""
         rotation = _frozen(self.rotation, (3, 3), "rotation")
         translation = _frozen(self.translation, (3,), "translation")
         deviation = float(np.max(np.abs(rotation @ rotation.T - np.eye(3))))
@@ -39,13 +39,13 @@ class Pose:
 
     @property
     def camera_centre(self) -> Array:
-        """The camera's centre in the container frame, (3,) [m]."""
+        """Position of the camera in the container frame, (3,) [m]."""
         centre: Array = -self.rotation.T @ self.translation
         return centre
 
 
 def look_at(camera_centre: ArrayLike, target: ArrayLike) -> Pose:
-    """Makes the pose of an upright camera that looks at a point.
+    """Creates the pose of an upright camera that looks at a point.
 
     Args:
         camera_centre: (3,) camera's centre in the container frame [m].

@@ -1,4 +1,4 @@
-"""A calibration for another container, or another fill, in the same place."""
+"""Adapts a calibration to another container, or another fill height, in the same place."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slosh_model.shapes.rectangle import Rectangle
 
 
 def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibration:
-    """The calibration of what the camera sees once a container stands where the other one stood.
+    """Returns the calibration for another container that stands in the same place.
 
     The inner floor stays where it was calibrated, so the frame's origin, the centre of the still
     surface, moves along the container's axis by the difference of the fill heights. A cylinder's
@@ -62,12 +62,12 @@ def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibratio
 
 
 def _risen(pose: Pose, rise: float) -> Pose:
-    """The pose of a frame whose origin lies higher along its own axis [m]."""
+    """Returns the pose after moving the container frame up along its own z axis [m]."""
     return Pose(pose.rotation, pose.translation + rise * pose.rotation[:, 2])
 
 
 def _rim(container: Container, calibrated: float | None) -> float | None:
-    """The container's rim, else the calibrated one if that lies above the liquid [m]."""
+    """Returns the rim of the new container, or else the calibrated one [m]."""
     if container.rim_height is not None:
         return container.rim_height
     above = calibrated is not None and calibrated > container.fill_height

@@ -22,7 +22,7 @@ _ARRIVED = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallTrace:
-    """Points where rays meet the inner wall; NaN: they miss it.
+    """Points where rays meet the inner wall; NaN where they miss it.
 
     Attributes:
         front: (N, 3) points on the near side [m].
@@ -36,7 +36,7 @@ class WallTrace:
 
 @dataclass(frozen=True, slots=True)
 class GlassWall:
-    """A transparent tube about the z axis.
+    """A transparent tube about the z axis, which refracts light.
 
     >>> wall = GlassWall(radius=0.04, thickness=0.003, index=1.49)
     >>> round(wall.outer_radius, 3), wall.bends
@@ -56,16 +56,16 @@ class GlassWall:
 
     @property
     def outer_radius(self) -> float:
-        """Outer radius [m]."""
+        """Outer radius of the tube [m]."""
         return self.radius + self.thickness
 
     @property
     def bends(self) -> bool:
-        """Whether the wall deflects light."""
+        """Whether the wall refracts light."""
         return self.thickness > 0.0 and self.index != 1.0
 
     def trace(self, origin: Array, directions: Array) -> WallTrace:
-        """Traces rays from outside to the inner wall.
+        """Traces rays from outside to the inner wall, with refraction.
 
         Args:
             origin: (3,) or (N, 3) start outside the container [m].
@@ -88,7 +88,7 @@ class GlassWall:
         return WallTrace(front, rear)
 
     def sight(self, origin: Array, points: Array, rear: BoolArray | None = None) -> Array:
-        """Returns the directions from outside to points of the inner wall.
+        """Returns the directions of rays from outside that reach points of the inner wall.
 
         A vertical wall leaves a ray's vertical component alone, so the path in plan view is that
         of a flat problem with the index of `_plan_index` (Bravais), and its impact parameter b
@@ -138,7 +138,7 @@ class GlassWall:
         return directions
 
     def _over_the_rim(self, start: Array, direction: Array) -> tuple[BoolArray, WallTrace]:
-        """Returns which straight rays enter over the rim, and their hits."""
+        """Returns which unrefracted rays enter over the rim, and where they meet the wall."""
         front = _hit(start, direction, self.radius, far=False)
         rear = _hit(start, direction, self.radius, far=True)
         if self.rim is None or not self.bends:
@@ -146,7 +146,7 @@ class GlassWall:
         return np.asarray(front[:, 2] > self.rim), WallTrace(front, rear)
 
     def visible_half_angle(self, distance: float, elevation: float = 0.0) -> float:
-        """Returns half the visible arc of the front wall.
+        """Returns half the visible arc of the front wall [rad].
 
         A ray that grazes the outer cylinder enters the wall at the critical angle and reaches the
         inner wall further round than a straight tangent would.
@@ -162,7 +162,7 @@ class GlassWall:
         return float(self._turn(self._widest(slope), slope, distance, None)[0])
 
     def _plan_index(self, slope: Array) -> Array:
-        """Returns the refractive index in plan view for rays with a slope outside."""
+        """Returns the effective refractive index in plan view for rays of a given slope."""
         if not self.bends:
             return np.ones_like(slope)
         # sin²/cos² of the elevation are slope²/(1 + slope²) and 1/(1 + slope²).
@@ -174,7 +174,7 @@ class GlassWall:
         return np.minimum(self.outer_radius, self._plan_index(slope) * self.radius)
 
     def _turn(self, impact: Array, slope: Array, distance: float, rear: BoolArray | None) -> Array:
-        """Returns the relative azimuth where a ray meets the front or rear wall [rad]."""
+        """Returns the azimuth relative to the camera where rays meet the chosen wall [rad]."""
         in_wall = impact / self._plan_index(slope)
         angle: Array = (
             _arcsin(impact / self.outer_radius)
@@ -187,7 +187,7 @@ class GlassWall:
         return np.where(rear, angle + np.pi - 2.0 * _arcsin(impact / self.radius), angle)
 
     def _flat_length(self, impact: Array, slope: Array, distance: float, rear: BoolArray) -> Array:
-        """Returns the plan-view length of a straight ray that rises as the bent one [m]."""
+        """Returns the plan-view length of a straight ray with the refracted ray's rise [m]."""
         index = self._plan_index(slope)
         in_wall = impact / index
         outside = _leg(distance, impact) - _leg(self.outer_radius, impact)
@@ -197,7 +197,7 @@ class GlassWall:
 
 
 def _hit(start: Array, direction: Array, radius: float, far: bool) -> Array:
-    """Returns the first hits (N, 3) of rays with a cylinder; NaN: they miss it."""
+    """Returns the first intersections (N, 3) of rays with a cylinder; NaN if they miss it."""
     a = direction[:, 0] ** 2 + direction[:, 1] ** 2
     half_b = direction[:, 0] * start[:, 0] + direction[:, 1] * start[:, 1]
     c = start[:, 0] ** 2 + start[:, 1] ** 2 - radius**2
@@ -218,7 +218,7 @@ def _outward(points: Array) -> Array:
 
 
 def _refracted(direction: Array, normal: Array, ratio: float) -> Array:
-    """Returns unit directions (N, 3) after refraction; NaN: total reflection."""
+    """Returns unit directions (N, 3) after refraction; NaN for total reflection."""
     cosine = -np.sum(direction * normal, axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):
         square = 1.0 - ratio**2 * (1.0 - cosine**2)

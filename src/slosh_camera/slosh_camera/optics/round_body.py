@@ -1,4 +1,4 @@
-"""Where a body of revolution is seen from the side, and what a pixel says about its silhouette.
+"""Projects a body of revolution into a side view, and pixels back onto its silhouette.
 
 Container frame: origin in the centre of the still free surface, x to the right in the image, y
 away from the camera, z up. Pixels are placed in the plane through the axis that faces the camera:
@@ -29,7 +29,7 @@ _STEEPEST = 3.0
 
 @dataclass(frozen=True, slots=True)
 class RoundBody(Box):
-    """A body of revolution as a side view shows it; `width` is that of its silhouette.
+    """A body of revolution as seen from the side; `width` is that of its silhouette.
 
     Attributes:
         body: the container.
@@ -41,7 +41,7 @@ class RoundBody(Box):
     def of(
         cls, container: Container, wall_thickness: float = 0.0, wall_refractive_index: float = 1.49
     ) -> RoundBody:
-        """The body that a container of a model is.
+        """Creates the body of revolution from a model's container.
 
         Raises:
             SloshCameraError: it is no body of revolution.
@@ -58,7 +58,7 @@ class RoundBody(Box):
         )  # fmt: skip
 
     def seen_width(self, distance: float) -> float:
-        """Width of its silhouette at the still level in the plane through its axis [m].
+        """Returns the silhouette's width at the liquid's level, in the axis plane [m].
 
         Args:
             distance: of the camera from the axis [m].
@@ -69,7 +69,7 @@ class RoundBody(Box):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoundView(BoxView):
-    """A body of revolution as a level camera sees it from the side."""
+    """Projection between a body of revolution and a level camera's side view."""
 
     _levels: Array = field(init=False, repr=False)
     _halves: Array = field(init=False, repr=False)
@@ -77,7 +77,7 @@ class RoundView(BoxView):
     bore: float = field(init=False)
 
     def __post_init__(self) -> None:
-        """Refuse a camera that is not level and outside."""
+        """Raises SloshCameraError if the camera is not level or not outside the container."""
         BoxView.__post_init__(self)
         box, centre = self.box, self._centre
         _, levels, radii = self.body.wall_line
@@ -102,22 +102,22 @@ class RoundView(BoxView):
 
     @property
     def body(self) -> RevolvedContainer:
-        """The container."""
+        """The container as a body of revolution."""
         assert isinstance(self.box, RoundBody)
         assert self.box.body is not None
         return self.box.body
 
     @property
     def distance(self) -> float:
-        """Of the camera from the axis [m]."""
+        """Distance of the camera from the container's axis [m]."""
         return float(np.hypot(self._centre[0], self._centre[1]))
 
     def half_width(self, z: ArrayLike) -> Array:
-        """Half the silhouette's width in the axis' plane at heights above the still level [m]."""
+        """Returns half the silhouette's width in the axis plane at given heights [m]."""
         return np.asarray(np.interp(np.asarray(z), self._levels, self._halves))
 
     def project_face(self, x: ArrayLike, z: ArrayLike) -> Array:
-        """Pixels (N, 2) of places across and heights above the still level [m]."""
+        """Projects positions x and heights z [m] in the plane of the axis to pixels (N, 2)."""
         across, level = np.broadcast_arrays(
             np.atleast_1d(np.asarray(x, dtype=np.float64)),
             np.atleast_1d(np.asarray(z, dtype=np.float64)),
@@ -127,14 +127,14 @@ class RoundView(BoxView):
         return self.camera.project(points @ self.pose.rotation.T + self.pose.translation)
 
     def on_face(self, pixels: ArrayLike) -> tuple[Array, Array]:
-        """Places across and heights above the still level (N,) [m] of pixels (N, 2)."""
+        """Converts pixels (N, 2) to positions x and heights z [m] in the plane of the axis."""
         slope_x, slope_z = self._slopes(pixels)
         z = self._centre[2] - slope_z * self._centre[1]
         x = self._centre[0] - slope_x * self._centre[1]
         return x * (0.5 * self.box.width) / self.half_width(z), z
 
     def around(self, x: Array, z: Array, *, far: bool) -> tuple[Array, Array]:
-        """Where on the inner wall places in the axis' plane are.
+        """Returns the points of the inner wall that are seen at positions in the axis plane.
 
         Args:
             x: (N,) places across [m].
@@ -154,21 +154,21 @@ class RoundView(BoxView):
         return azimuths, heights
 
     def upright(self, heights: Array) -> Array:
-        """Heights (N,) of a surface at a wall that leans, as they would be on an upright one.
+        """Converts heights (N,) at an inclined wall to equivalent heights at an upright one.
 
         A plane meets a leaning wall where its height is the slope times the radius there.
         """
         return heights * self.half_width(0.0) / self.half_width(heights)
 
     def leaning(self, heights: Array) -> Array:
-        """The inverse of `upright`."""
+        """Converts heights at an upright wall to an inclined one; the inverse of `upright`."""
         found = heights
         for _ in range(_LEANING):
             found = heights * self.half_width(found) / self.half_width(0.0)
         return found
 
     def _azimuths(self, x: Array, *, far: bool) -> Array:
-        """Azimuths (N,) on the inner wall that are seen at places (N,) across.
+        """Returns the azimuths (N,) on the inner wall that are seen at lateral positions (N,).
 
         A ray keeps its distance from the axis, n times less in the wall (Bouguer's law); its
         azimuth changes by the difference of the angles at both ends of each way.

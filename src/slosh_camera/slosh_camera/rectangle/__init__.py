@@ -1,1 +1,1 @@
-"""Detects the free surface in a rectangular container, seen from the side."""
+"""Detects the free surface in a container seen from the side."""

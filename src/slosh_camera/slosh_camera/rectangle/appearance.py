@@ -1,4 +1,4 @@
-"""Appearance of liquid and background in a side view, and the evidence of each pixel.
+"""Brightness of liquid and background in a side view, and the classification of pixels.
 
 Grey or colour is first turned into one channel in which the two differ most. An image alone shows
 them where the face is nearly always wet and nearly always dry; an image of the liquid at rest
@@ -29,7 +29,7 @@ _GROW = np.ones((3, 3), np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Levels:
-    """Grey levels of liquid and background in one channel.
+    """Grey levels and noise of liquid and background in one channel.
 
     Attributes:
         wet: median where the face is nearly always wet.
@@ -43,13 +43,13 @@ class Levels:
 
     @property
     def contrast(self) -> float:
-        """Background minus liquid."""
+        """Grey-level difference of background minus liquid."""
         return self.dry - self.wet
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Appearance:
-    """Appearance of liquid and background by position, at half resolution.
+    """Grey levels of liquid and background at each position, at half resolution.
 
     Attributes:
         weights: (3,) of blue, green and red, and a constant, or None for grey images.
@@ -82,18 +82,18 @@ def brightness(part: Image, region: SideRegion) -> tuple[float, float]:
 
 
 def brightest(part: Image, region: SideRegion) -> float:
-    """Returns the brighter one's grey level in its brightest colour."""
+    """Returns the grey level of the brighter of liquid and background in its brightest channel."""
     return float(max(np.max(levels) for levels in _typical(part, region)))
 
 
 def raw_contrast(part: Image, region: SideRegion) -> float:
-    """Returns the difference of liquid and background in their most different colour [levels]."""
+    """Returns the largest contrast of liquid and background in any channel [grey levels]."""
     wet, dry = _typical(part, region)
     return float(np.max(np.abs(dry - wet)))
 
 
 def colour_weights(part: Image, region: SideRegion) -> FloatArray | None:
-    """Returns weights (1, 4) of blue, green, red and 1 that separate liquid and background.
+    """Returns weights (1, 4) of blue, green, red and 1 that best separate liquid and background.
 
     Args:
         part: (rows, columns) or (rows, columns, 3) of the region.
@@ -122,12 +122,12 @@ def colour_weights(part: Image, region: SideRegion) -> FloatArray | None:
 
 
 def one_channel(part: Image, weights: FloatArray | None) -> Image:
-    """Projects the part of the image on one channel, (rows, columns)."""
+    """Combines an image region's colour channels to one channel, (rows, columns)."""
     return part if weights is None else np.asarray(cv2.transform(part, weights), dtype=np.uint8)
 
 
 def measure_levels(channel: Image, region: SideRegion) -> Levels:
-    """Measures the channel's levels where the face is nearly always wet or dry."""
+    """Measures the grey levels of image areas that are nearly always wet or dry."""
     wet, dry = (_at(channel, samples) for samples in (region.wet, region.dry))
     # Samples of one column are some rows apart: what they differ by is noise and texture.
     steps = np.concatenate((np.diff(wet, axis=0).ravel(), np.diff(dry, axis=0).ravel()))
@@ -136,7 +136,7 @@ def measure_levels(channel: Image, region: SideRegion) -> Levels:
 
 
 def seen_appearance(channel: Image, region: SideRegion, weights: FloatArray | None) -> Appearance:
-    """Estimates the appearance by column from one image alone.
+    """Estimates grey levels of liquid and background per column from a single image.
 
     Args:
         channel: (rows, columns) of the region.
@@ -161,7 +161,7 @@ def seen_appearance(channel: Image, region: SideRegion, weights: FloatArray | No
 def learnt_appearance(
     channel: Image, region: SideRegion, weights: FloatArray | None, line: FloatArray
 ) -> Appearance:
-    """Estimates the appearance by position from an image of the liquid at rest.
+    """Estimates grey levels of liquid and background from an image of the liquid at rest.
 
     Args:
         channel: (rows, columns) of the region.
@@ -189,7 +189,7 @@ def learnt_appearance(
 
 
 def evidence(small: Image, appearance: Appearance, levels: Levels) -> Single:
-    """Returns each pixel's evidence for background (1) or liquid (-1).
+    """Classifies each pixel on a scale from -1 (liquid) to 1 (background).
 
     Args:
         small: (rows, columns) channel of half the size.
@@ -209,14 +209,14 @@ def evidence(small: Image, appearance: Appearance, levels: Levels) -> Single:
 
 
 def half_size(channel: Image) -> Image:
-    """Returns the channel at half resolution, each pixel the mean of four."""
+    """Returns the channel at half resolution; each pixel is the mean of four."""
     rows, columns = channel.shape
     size = (columns // 2, rows // 2)
     return np.asarray(cv2.resize(channel, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _typical(part: Image, region: SideRegion) -> tuple[FloatArray, FloatArray]:
-    """Returns the median colour where the face is nearly always wet, and nearly always dry."""
+    """Returns the median colours of image areas that are nearly always wet or dry."""
     wet, dry = (
         np.atleast_1d(np.median(_at(part, samples), axis=(0, 1)))
         for samples in (region.wet, region.dry)
@@ -229,7 +229,7 @@ def _at(image: Image, samples: RegionPlaces) -> FloatArray:
 
 
 def _smooth(places: NDArray[np.intp], values: FloatArray, columns: FloatArray) -> FloatArray:
-    """Fits a robust parabola over the columns."""
+    """Fits a parabola over the columns, robust against outliers."""
     centre, scale = 0.5 * float(places[0] + places[-1]), 0.5 * float(np.ptp(places)) + 1.0
     powers = ((places - centre) / scale)[:, np.newaxis] ** np.arange(3)
     weight = np.ones(values.size)
@@ -248,7 +248,7 @@ def _smooth(places: NDArray[np.intp], values: FloatArray, columns: FloatArray) -
 
 
 def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, BoolArray]:
-    """Extrapolates the levels of one of the two, and marks samples that do not fit.
+    """Extrapolates the grey levels of liquid or background over the image; marks outliers.
 
     Seen places keep their own level; elsewhere a surface is laid through them, straight in the
     rows and a parabola over the columns.
@@ -276,6 +276,6 @@ def _spread(small: Single, where: BoolArray, contrast: float) -> tuple[Single, B
 
 
 def _same_sign(half: Single, contrast: float) -> Single:
-    """Returns half differences with the contrast's sign; others become 0, no evidence."""
+    """Sets contrast values to 0 whose sign contradicts the overall contrast."""
     usable = half * np.sign(contrast) > 0.1 * abs(contrast)
     return np.where(usable, half, np.float32(0.0)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Detects the free surface of a rectangle in a side view [TM20, section 2.1, Fig. 3].
+"""Detects the free surface in a side view [TM20, section 2.1, Fig. 3].
 
 As in TM20 the face is cut out, split into liquid and background and the line found by Canny's
 algorithm, here to a fraction of a pixel. A level and the first three sloshing modes are fitted to
@@ -36,7 +36,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideMeasurement(Measurement):
-    """Measurement of a side view.
+    """Free-surface measurement of a side view.
 
     Attributes:
         slope_stddev: standard deviation of slope_angle [rad].
@@ -46,12 +46,12 @@ class SideMeasurement(Measurement):
 
 
 class SideViewDetector:
-    """Detector for one calibrated camera that looks at a rectangular container's face."""
+    """Free-surface detector for one calibrated camera with a side view."""
 
     def __init__(
         self, calibration: SideCalibration, settings: DetectionSettings | None = None
     ) -> None:
-        """Prepare the region of interest.
+        """Prepares the region of interest in the image.
 
         Args:
             calibration: camera, container and pose.
@@ -79,11 +79,11 @@ class SideViewDetector:
 
     @property
     def doubt(self) -> str:
-        """Returns no ambiguity: a doubtful still image is refused."""
+        """Returns an empty text, since an ambiguous image of the liquid at rest is an error."""
         return ""
 
     def learn_still(self, image: Image) -> float:
-        """Learns the zero of heights and slope, and the appearance of liquid and background.
+        """Uses an image of the liquid at rest as reference for heights, slope and grey levels.
 
         Args:
             image: (height, width) or (height, width, 3) image of the liquid at rest.
@@ -117,7 +117,7 @@ class SideViewDetector:
         return level
 
     def update(self, stamp_ns: int, image: Image) -> Measurement:
-        """Measures one image of a sequence; flags it if it repeats the previous one.
+        """Measures an image of a sequence, and flags a repeated image.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -134,7 +134,7 @@ class SideViewDetector:
         return measurement.flagged(Flag.FROZEN) if repeated else measurement
 
     def measure(self, stamp_ns: int, image: Image) -> SideMeasurement:
-        """Measures one image by itself.
+        """Measures the free surface in a single image.
 
         Args:
             stamp_ns: moment of exposure [ns].
@@ -160,15 +160,15 @@ class SideViewDetector:
         return self._on_round_wall(found, trace.line)
 
     def look(self, image: Image) -> SideMeasurement:
-        """Analyses an image by itself; arguments and errors are those of `measure`."""
+        """Measures a single image; arguments and errors are those of `measure`."""
         return self.measure(0, image)
 
     def follow(self, stamp_ns: int, sighting: SideMeasurement) -> SideMeasurement:
-        """Returns the measurement of the next image of a sequence, which needs no other image."""
+        """Returns the measurement of the next image, which does not need other images."""
         return replace(sighting, stamp_ns=stamp_ns)
 
     def _on_round_wall(self, found: SideMeasurement, line: TracedLine) -> SideMeasurement:
-        """The same by what the line says of all of a round wall."""
+        """Replaces the heights by those around the whole wall if the container is round."""
         if not isinstance(self._view, RoundView):
             return found
         rest = self._knowledge.bow
@@ -186,7 +186,7 @@ class SideViewDetector:
         )  # fmt: skip
 
     def _is_torn(self, image: Image, line: TracedLine) -> bool:
-        """Whether the parts of an image above and below a row are of different times."""
+        """Whether the upper and lower part of an image were taken at different times."""
         steps = self._seams.steps(image)
         if not steps.rows.size:
             return False
@@ -196,7 +196,7 @@ class SideViewDetector:
         return self._seams.is_torn(steps, (u, v))
 
     def _bow(self, shape: FittedLine) -> FittedLine:
-        """The line at rest on a round wall.
+        """Checks the contact line's curvature with liquid at rest and returns the line.
 
         Raises:
             SloshCameraError: its bow is that of a camera that is not level.
@@ -211,7 +211,7 @@ class SideViewDetector:
         return shape
 
     def _learnt(self, light: Light, still: Knowledge) -> Knowledge:
-        """Learns the appearance from an image of the liquid at rest, given its line."""
+        """Adds grey levels of liquid and background from an image of the liquid at rest."""
         columns = np.arange(self._region.inside.shape[1])
         rows = self._region.rows_at(np.zeros(columns.size))
         corner = np.array([self._region.left, self._region.top])
@@ -234,7 +234,7 @@ def _limits(line: TracedLine) -> Flag:
 def _measurement(
     stamp_ns: int, flags: Flag, line: TracedLine, profile: Profile, scale_error: float
 ) -> SideMeasurement:
-    """Makes the measurement of a line; x > 0 is azimuth 0, x < 0 azimuth pi."""
+    """Creates the measurement from a contact line; azimuth is 0 for x > 0, pi for x < 0."""
     peak, fitted = profile.peak, profile.fitted
     return SideMeasurement(
         stamp_ns=stamp_ns,

@@ -1,4 +1,4 @@
-"""Shape of the liquid's line in a side view: a level, a straight line and waves are fitted.
+"""Fits the contact line in a side view by a level, a straight line and waves.
 
 The straight line of TM20, eqs. (11) and (12), is the least-squares line over the whole width.
 """
@@ -25,7 +25,7 @@ _GRID = 201
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedLine:
-    """The liquid's line fitted to a side view.
+    """Fitted shape of the contact line in a side view.
 
     Attributes:
         waves: the shapes.
@@ -41,16 +41,16 @@ class FittedLine:
 
     @property
     def width(self) -> float:
-        """The container's [m]."""
+        """Inner width of the container [m]."""
         return self.waves.width
 
     def at(self, x: FloatArray) -> FloatArray:
-        """Heights (N,) at places x (N,) [m]."""
+        """Returns heights (N,) of the fitted line at positions x (N,) [m]."""
         heights: FloatArray = self.waves.basis(x) @ self.coefficients
         return heights
 
     def highest(self) -> tuple[float, float, FloatArray]:
-        """Returns position and height [m] of the maximum between the walls, and its basis."""
+        """Returns position and height of the line's maximum [m], with its basis functions."""
         x = np.linspace(-0.5 * self.width, 0.5 * self.width, _GRID)
         functions = self.waves.basis(x)
         heights = functions @ self.coefficients
@@ -59,7 +59,7 @@ class FittedLine:
 
 
 def first_shape(x: FloatArray, z: FloatArray, waves: Waves, draws: FloatArray) -> FittedLine:
-    """Shape through the largest part of points that agree, found from small samples.
+    """Returns the contact-line shape that agrees with most points, by random sampling.
 
     Args:
         x: (N,) places [m].
@@ -84,7 +84,7 @@ def first_shape(x: FloatArray, z: FloatArray, waves: Waves, draws: FloatArray) -
 
 
 def sample_draws() -> FloatArray:
-    """Returns the fixed random numbers that choose the samples of `first_shape`."""
+    """Returns fixed random numbers that select the samples of `first_shape`."""
     strata = np.arange(_POINTS) + np.random.default_rng(0).random((_SAMPLES, _POINTS))
     return strata / _POINTS
 
@@ -96,7 +96,7 @@ def refined_shape(
     floor: float,
     bounds: tuple[FloatArray, FloatArray],
 ) -> FittedLine:
-    """Refines a first shape by robust least squares (Tukey's weights).
+    """Refines a contact-line shape by robust least squares with Tukey's weights.
 
     Args:
         x: (N,) places [m].
@@ -126,7 +126,7 @@ def refined_shape(
 
 
 def straight_line(x: FloatArray, z: FloatArray) -> tuple[float, float]:
-    """Fits the line z = level + slope x to a curve by least squares over its length.
+    """Fits the straight line z = level + slope x to a curve by least squares.
 
     Args:
         x: (N,) places in order [m].
@@ -142,7 +142,7 @@ def straight_line(x: FloatArray, z: FloatArray) -> tuple[float, float]:
 
 
 def slope_weights(x: FloatArray) -> FloatArray:
-    """Returns weights (N,) that turn heights at positions (N,) into the line's slope [1/m]."""
+    """Returns weights (N,) that give the line's slope [1/m] from heights at positions (N,)."""
     part = trapezoid(x)
     away = x - part @ x
     weights: FloatArray = part * away / (part @ away**2)
@@ -150,7 +150,7 @@ def slope_weights(x: FloatArray) -> FloatArray:
 
 
 def trapezoid(x: FloatArray) -> FloatArray:
-    """Returns the trapezoidal weights (N,) of positions (N,), with sum 1."""
+    """Returns trapezoidal integration weights (N,) of positions (N,), with sum 1."""
     steps = np.diff(x)
     part = np.zeros(x.size)
     part[:-1] += 0.5 * steps

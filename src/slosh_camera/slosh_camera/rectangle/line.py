@@ -1,4 +1,4 @@
-"""Traces the liquid's line in a side view: column split, Canny edges, sub-pixel positions."""
+"""Detects the contact line in a side view, column by column, with sub-pixel precision."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SOBEL_STEP = 8.0 / float(np.sqrt(2.0 * np.pi))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnSplit:
-    """Rows where columns change from background to liquid, at half resolution.
+    """Row in each column where background changes to liquid, at half resolution.
 
     Attributes:
         rows: (columns,) boundary between rows of half the size: the number of rows above it.
@@ -41,7 +41,7 @@ class ColumnSplit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """Edges in the columns with sub-pixel precision.
+    """The detected edge in each image column, with sub-pixel precision.
 
     Attributes:
         rows: (columns,) counted from the region's top; NaN where there is none.
@@ -53,7 +53,7 @@ class Edges:
 
 
 def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
-    """Finds the most likely boundary of each column: background above, liquid below.
+    """Finds the most likely boundary in each column, with background above liquid.
 
     Args:
         speaks: (rows, columns) evidence of half the size.
@@ -86,7 +86,7 @@ def split_columns(speaks: Single, region: SideRegion) -> ColumnSplit:
 
 
 def canny_edges(channel: Image, limits: tuple[float, float]) -> Image:
-    """Computes the channel's Canny edges; thresholds depend on contrast and noise.
+    """Detects the channel's Canny edges, with thresholds by contrast and noise.
 
     Args:
         channel: (rows, columns) of the region, blurred.
@@ -138,7 +138,7 @@ def refine_edges(channel: Image, edges: Image, expected: FloatArray, contrast: f
 
 
 def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
-    """Returns the columns whose line segment belongs to the line.
+    """Returns the columns whose edge segment belongs to the contact line.
 
     A segment ends where the row jumps. What a droplet or a sticker adds is a segment of its own,
     most of which is away from the fitted shape; a crest that the shape does not follow hangs
@@ -163,7 +163,7 @@ def drop_loose_segments(rows: FloatArray, near: BoolArray) -> BoolArray:
 
 
 def _without_ends(kept: BoolArray) -> BoolArray:
-    """Removes the columns next to a wide gap, where the edge is the occluding object's."""
+    """Removes the columns beside a wide gap, where an occluding object may have the edge."""
     hidden = np.array(~kept, dtype=np.uint8)[np.newaxis]
     wide = cv2.morphologyEx(hidden, cv2.MORPH_OPEN, np.ones((1, TUNING.wide_gap), np.uint8))
     beside = cv2.dilate(wide, np.ones((1, 2 * TUNING.gap_ends + 1), np.uint8))[0] > 0
@@ -173,7 +173,7 @@ def _without_ends(kept: BoolArray) -> BoolArray:
 def _peak(
     steps: FloatArray, place: IntArray, at: IntArray, contrast: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Returns the sub-pixel position of the steepest step and its width."""
+    """Returns the sub-pixel position of the steepest grey-level step, and its width."""
     around = np.array(
         [steps[np.clip(place + k, 0, len(steps) - 1), at] for k in (-2, -1, 0, 1, 2)]
     )
@@ -188,7 +188,7 @@ def _peak(
 
 
 def _reached(to_top: BoolArray, seen: BoolArray, below_top: IntArray) -> BoolArray:
-    """Returns the columns of liquid up to the top that are connected to the line.
+    """Returns columns full of liquid that are connected to the contact line.
 
     A dark thing before the face, such as a sticker, ends in the middle of the line instead.
 

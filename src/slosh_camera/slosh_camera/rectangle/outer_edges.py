@@ -1,4 +1,4 @@
-"""Edges of a rectangular container's face in the image: sides, floor and rim."""
+"""Image edges of a container's front face: sides, floor and rim."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from slosh_camera.optics.box import BoxView
 
 
 def outer_edges(view: BoxView) -> list[Edge]:
-    """Projects the two sides below all waves, the floor and, if known, the rim.
+    """Projects the face's two sides, its floor and, if known, its rim into the image.
 
     Args:
         view: the container as the camera sees it.

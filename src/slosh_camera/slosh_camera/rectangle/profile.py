@@ -1,4 +1,4 @@
-"""Computes the published values of a side view's line: profile, highest point, slope."""
+"""Computes the published values of a side view: profile, highest point and slope."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PLACES = 65
 
 @dataclass(frozen=True, slots=True)
 class Highest:
-    """Highest point of a line, with its standard deviation.
+    """Highest point of the contact line, with its standard deviation.
 
     Attributes:
         x: place [m].
@@ -37,7 +37,7 @@ class Highest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """Heights along the line of a side view.
+    """Heights along the contact line in a side view.
 
     Attributes:
         x: (PLACES,) at equal distances from the left wall to the right wall [m].
@@ -65,7 +65,7 @@ class Profile:
 
 
 def describe(line: TracedLine, view: BoxView) -> Profile:
-    """Computes profile, highest points and straight line of a traced line.
+    """Computes profile, highest points and straight line from a detected contact line.
 
     Args:
         line: the line.
@@ -110,7 +110,7 @@ def _places(width: float) -> FloatArray:
 
 
 def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatArray:
-    """Returns heights at given positions: the shape plus the mean residual of nearby points."""
+    """Returns heights at given positions: fitted shape plus mean residual of nearby points."""
     reach = max(0.5 * float(x[1] - x[0]), TUNING.reach * line.pixel_height)
     start = np.searchsorted(line.x, x - reach)
     count = np.searchsorted(line.x, x + reach) - start
@@ -121,7 +121,7 @@ def _resampled(line: TracedLine, residual: FloatArray, x: FloatArray) -> FloatAr
 
 
 def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
-    """Extrapolates the height to a wall: the shape plus a line through nearby residuals.
+    """Extrapolates the contact line's height to a wall, using residuals of nearby points.
 
     The last pixels before the wall mix what is on either side, so the line is led on over them. On
     a round wall the shape alone tells it: there the line turns away from the camera.
@@ -145,7 +145,7 @@ def _at_wall(line: TracedLine, residual: FloatArray, wall: float) -> float:
 def _peak(
     line: TracedLine, residual: FloatArray, walls: tuple[float, float], common: float
 ) -> Highest:
-    """Returns the highest visible point: on the line, at a wall or in full columns."""
+    """Returns the highest visible point of the liquid: on the line or at a wall."""
     heights = line.shape.at(line.x) + _running_median(residual)
     half = 0.5 * line.shape.width
     x = np.concatenate((line.x, [-half, half], line.full_x))
@@ -172,14 +172,14 @@ def _running_median(values: FloatArray) -> FloatArray:
 
 
 def common_error(line: TracedLine) -> float:
-    """Standard deviation of what all points are off together [m]."""
+    """Returns the standard deviation of the error common to all points [m]."""
     of_softness = TUNING.common_clipped if line.clipped else TUNING.common_softness
     softness = float(np.median(line.softness))
     return line.pixel_height * float(np.hypot(TUNING.common_floor, of_softness * softness))
 
 
 def _slope_stddev(waves: Waves, slope: float, common: float, covariance: FloatArray) -> float:
-    """Standard deviation of the straight line's angle [rad].
+    """Returns the standard deviation of the straight line's angle [rad].
 
     The straight line's slope is a weighted sum of the heights, and these follow the shape's
     coefficients. What light does to the edge may differ from wall to wall.

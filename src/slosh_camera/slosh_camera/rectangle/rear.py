@@ -1,4 +1,4 @@
-"""Separates the rear wall's line in a side view if the camera looks down on the surface.
+"""Separates the rear wall's contact line from the front one if the camera looks down.
 
 A camera above a part of the liquid sees the free surface there, between the line on the face
 and, higher in the image, the line on the rear wall. Where the surface is nearly as dark as the
@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontLine:
-    """The line on the face, separated from the line on the rear wall.
+    """The contact line on the front face, separated from that on the rear wall.
 
     Attributes:
         edges: the line.
@@ -44,7 +44,7 @@ class FrontLine:
 def front_line(
     view: BoxView, region: SideRegion, channel: Image, found: FrontLine, levels: Levels
 ) -> FrontLine:
-    """Finds the line on the face if the detected line is on the rear wall.
+    """Returns the contact line on the front face, even if the rear one was detected.
 
     Args:
         view: the container as the camera sees it.
@@ -83,7 +83,7 @@ def front_line(
 
 
 def _at(channel: Image, rows: FloatArray, columns: NDArray[np.intp]) -> FloatArray:
-    """Interpolates grey levels (N,) at fractional rows (N,) of columns (N,)."""
+    """Interpolates grey levels (N,) at fractional rows (N,) of image columns (N,)."""
     last = len(channel) - 2
     above = np.clip(np.floor(np.nan_to_num(rows)), 0, last).astype(np.intp)
     part = np.clip(np.nan_to_num(rows) - above, 0.0, 1.0)
@@ -94,7 +94,7 @@ def _at(channel: Image, rows: FloatArray, columns: NDArray[np.intp]) -> FloatArr
 
 
 def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
-    """Returns the shift [rows] of the upper line's steepest point due to the lower line.
+    """Returns the shift [rows] of a blurred edge due to a second edge below it.
 
     Two blurred steps, 1 - surface and surface high, are two Gaussians over the rows; this is one
     step of Newton's method from the upper one's centre to the sum's maximum.
@@ -109,7 +109,7 @@ def _shift(gap: FloatArray, softness: float, surface: float) -> FloatArray:
 def _in_front(
     view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Returns the face line's rows for given rows of the rear wall's line.
+    """Returns the front contact line's rows that correspond to rows of the rear one.
 
     Returns:
         (N,) rows, NaN where the rear wall does not show what stands before it, and (N,) whether
@@ -137,7 +137,7 @@ def _in_front(
 def _visible_depth(
     view: BoxView, region: SideRegion, rows: FloatArray, columns: NDArray[np.intp]
 ) -> FloatArray:
-    """Returns rows (N,) between the front and the rear end of a level surface."""
+    """Returns the image rows (N,) between front and rear end of a level surface."""
     pixels = np.column_stack((columns + region.left, rows + region.top))
     _, z = view.on_face(pixels)
     _, rear_z = view.on_rear(pixels)

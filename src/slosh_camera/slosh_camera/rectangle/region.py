@@ -1,4 +1,4 @@
-"""The image region of a side view in which the line is searched, prepared once."""
+"""Image region of a side view in which the contact line is detected."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LEVELS = 9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RegionPlaces:
-    """Positions in the region, as index arrays of equal shape."""
+    """Pixel positions in the region, as index arrays of equal shape."""
 
     rows: IntArray
     columns: IntArray
@@ -34,7 +34,7 @@ class RegionPlaces:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SideRegion:
-    """Rectangle of the image around the face; rows and columns count from its corner.
+    """Image rectangle around the front face; rows and columns count from its corner.
 
     Attributes:
         top: the image's row of the first row; even number of rows and columns follow.
@@ -57,19 +57,19 @@ class SideRegion:
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """Rows and columns of the region in the image."""
+        """Rows and columns of the region in the whole image, as slices."""
         rows, columns = self.inside.shape
         return slice(self.top, self.top + rows), slice(self.left, self.left + columns)
 
     def rows_at(self, level: FloatArray) -> FloatArray:
-        """Returns the fractional row of a height in each column (columns,)."""
+        """Returns the fractional image row of a height in each image column (columns,)."""
         constant, linear, square = self.row_of_level
         rows: FloatArray = constant + level * (linear + level * square)
         return rows
 
 
 def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegion:
-    """Finds the region of interest: the projected face within the given rectangle.
+    """Determines the region of interest: the projected face within a given rectangle.
 
     Args:
         view: the container as the camera sees it.
@@ -110,7 +110,7 @@ def find_side_region(view: BoxView, given: RegionOfInterest | None) -> SideRegio
 
 
 def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
-    """Returns the lowest and highest level of the face inside the rectangle [m]."""
+    """Returns the lowest and highest height of the face inside a rectangle [m]."""
     box = view.box
     high = box.rim_level
     if high is None:
@@ -125,7 +125,7 @@ def _levels(view: BoxView, limits: RegionOfInterest) -> tuple[float, float]:
 
 
 def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> BoolArray:
-    """Returns a mask of the image where the face is visible between two levels."""
+    """Returns a mask of the image where the face is visible between two heights."""
     half = 0.5 * view.box.width
     across = np.linspace(-half, half, _OUTLINE_POINTS)
     up = np.linspace(low, high, _OUTLINE_POINTS)
@@ -157,7 +157,7 @@ def _mask(view: BoxView, limits: RegionOfInterest, low: float, high: float) -> B
 
 
 def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> FloatArray:
-    """Returns image rows (levels, columns) where levels cross columns."""
+    """Returns image rows (levels, columns) of heights in given columns."""
     half = 0.5 * view.box.width
     # Beyond the walls, so that columns that touch a rolled container are covered as well.
     across = np.linspace(-1.2 * half, 1.2 * half, 4 * _OUTLINE_POINTS)
@@ -172,7 +172,7 @@ def _rows_of_levels(view: BoxView, levels: FloatArray, columns: IntArray) -> Flo
 def _visible(
     view: BoxView, inside: BoolArray, rows_of: FloatArray, levels: tuple[float, float]
 ) -> tuple[RegionPlaces, RegionPlaces]:
-    """Returns visible positions that are nearly always wet, and nearly always dry."""
+    """Returns visible pixels that are nearly always wet, and those nearly always dry."""
     columns = np.flatnonzero(inside.any(axis=0))
     first = np.argmax(inside, axis=0)
     last = inside.shape[0] - 1 - np.argmax(inside[::-1], axis=0)
@@ -200,7 +200,7 @@ def _visible(
 
 
 def _open_above(view: BoxView, inside: BoolArray, rows_of: FloatArray) -> BoolArray:
-    """(columns,) whether a column of the region ends at its highest level or at the border."""
+    """Returns which columns (columns,) reach the region's highest level or the image border."""
     if not isinstance(view, RoundView):
         return np.ones(inside.shape[1], np.bool_)
     first = np.argmax(inside, axis=0)

@@ -1,4 +1,4 @@
-"""From the line that a side view of a round wall shows to the heights around all of it.
+"""Computes the heights around a round wall from the contact line in a side view.
 
 Seen from the side, the liquid's line is the higher one of those on the near and on the far half
 of the wall. All first modes are a cosine of the azimuth there; second order adds the cosine of
@@ -25,7 +25,7 @@ NEAR, FAR = False, True
 
 
 class RoundWall(NamedTuple):
-    """Heights around a round wall.
+    """Heights around a round wall, estimated from a side view.
 
     Attributes:
         left, right: at both ends of the line [m].
@@ -47,7 +47,7 @@ class RoundWall(NamedTuple):
 
 
 class _Reading(NamedTuple):
-    """One reading: level, cosines [m] and their covariance, and how badly it fits.
+    """One interpretation of a side view's contact line: Fourier coefficients and misfit.
 
     They are those of heights as on an upright wall, see `RoundView.upright`.
     """
@@ -58,11 +58,11 @@ class _Reading(NamedTuple):
     misfit: float
 
     def at(self, angles: FloatArray) -> FloatArray:
-        """Heights on the wall at azimuths from the camera's direction to the right [m]."""
+        """Returns heights on the wall [m] at azimuths measured from the camera's direction."""
         return self.view.leaning(_functions(angles) @ self.coefficients)
 
     def stddev(self, angle: float) -> float:
-        """Of the height at an azimuth [m]."""
+        """Returns the standard deviation of the height at an azimuth [m]."""
         functions = _functions(np.array([angle]))[0]
         return float(np.sqrt(functions @ self.covariance @ functions))
 
@@ -70,7 +70,7 @@ class _Reading(NamedTuple):
 def round_wall(
     view: RoundView, x: FloatArray, z: FloatArray, common: float, bow: float = 0.0
 ) -> RoundWall:
-    """Heights around the wall.
+    """Estimates the heights around a round wall from points of the contact line.
 
     Args:
         view: the container as the camera sees it.
@@ -107,13 +107,13 @@ def round_wall(
 
 
 def _mixed(values: FloatArray, likely: FloatArray) -> tuple[float, float]:
-    """Mean of the two readings by how likely they are, and its standard deviation."""
+    """Returns the probability-weighted mean of two values, and its standard deviation."""
     mean = float(likely @ values)
     return mean, float(np.sqrt(likely @ (values - mean) ** 2))
 
 
 def _functions(angles: FloatArray) -> FloatArray:
-    """Level, sine and cosine of azimuths (N,) and of twice the azimuth."""
+    """Returns constant, sine and cosine of azimuths (N,) and of the doubled azimuths."""
     return np.column_stack(
         (np.ones(angles.size), np.sin(angles), np.cos(angles), np.cos(2 * angles),
          np.sin(2 * angles))
@@ -121,7 +121,7 @@ def _functions(angles: FloatArray) -> FloatArray:
 
 
 def _fitted(view: RoundView, x: FloatArray, z: FloatArray, far: bool) -> _Reading:
-    """The points read as those of one half of the wall (robust least squares, Tukey's weights)."""
+    """Fits a contact line's points as lying on the near or on the far half of the wall."""
     angles, heights = view.around(x, z, far=far)
     heights = view.upright(heights)
     functions = _functions(angles)

@@ -1,4 +1,4 @@
-"""Traces the liquid's line on the face in one image of a side view."""
+"""Detects the contact line on the front face in one image of a side view."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Knowledge:
     bow: FittedLine | None = None
 
     def zero(self, x: FloatArray) -> FloatArray:
-        """Height of the still line at places x (N,) [m]."""
+        """Returns the contact line's height with liquid at rest, at positions x (N,) [m]."""
         if self.bow is not None:
             return self.bow.at(x)
         return self.level + self.slope * x
@@ -71,7 +71,7 @@ class Knowledge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Light:
-    """The region of one image in one channel.
+    """The region of one side-view image, reduced to one channel.
 
     Attributes:
         channel: (rows, columns), blurred.
@@ -88,7 +88,7 @@ class Light:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TracedLine:
-    """The line of one image, visible in N columns.
+    """The contact line in one image, visible in N columns.
 
     Attributes:
         x: (N,) places on the face [m], from left to right.
@@ -121,7 +121,7 @@ class TracedLine:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """Result of tracing one image; `light` and `line` are None if not found."""
+    """Result of detecting the contact line; `light` and `line` are None if not found."""
 
     flags: Flag
     light: Light | None = None
@@ -135,7 +135,7 @@ def trace_line(
     knowledge: Knowledge,
     image: Image,
 ) -> Trace:
-    """Traces the line in one image.
+    """Detects the contact line in one image.
 
     Args:
         view: the container as the camera sees it.
@@ -186,7 +186,7 @@ def _light(part: Image, region: SideRegion, blur: float, learnt: Appearance | No
 
 
 class _Tracer:
-    """Converts the columns of one image to positions on the face."""
+    """Converts detected columns of one image to positions on the front face."""
 
     def __init__(
         self, view: BoxView, region: SideRegion, knowledge: Knowledge, light: Light
@@ -206,7 +206,7 @@ class _Tracer:
         self._pixel_height = view.height_per_pixel(pixel)
 
     def line(self, split: ColumnSplit) -> TracedLine | None:
-        """Refines the line at the columns' split; None: no line is found."""
+        """Refines the contact line from each column's boundary, or returns None if not found."""
         at_split = np.repeat(2.0 * split.rows.astype(np.float64) - 0.5, 2)
         seen, full = np.repeat(split.seen, 2), np.repeat(split.full, 2)
         first = self._first(at_split, seen)
@@ -236,13 +236,13 @@ class _Tracer:
         return self._placed(line, full & ~seen, full)
 
     def _first(self, at_split: FloatArray, seen: BoolArray) -> FittedLine:
-        """Fits the shape with most agreeing boundaries."""
+        """Fits the contact-line shape that agrees with most column boundaries."""
         columns = self._columns[seen][::2]
         x, z = self._place(at_split[columns], columns)
         return first_shape(x, z, self._waves, _DRAWS)
 
     def _rows_of(self, shape: FittedLine) -> FloatArray:
-        """Returns rows (columns,) where a shape crosses the columns."""
+        """Returns the image rows (columns,) of a contact-line shape."""
         rows = self._still
         # Only where the camera is rolled or looks askew does a column's place depend on the row.
         for _ in range(2):
@@ -262,7 +262,7 @@ class _Tracer:
         return refine_edges(self._light.channel, edges, expected, self._light.levels.contrast)
 
     def _kept(self, found: Edges, first: FittedLine) -> BoolArray:
-        """Returns the columns whose edge belongs to the line."""
+        """Returns the columns whose edge belongs to the contact line."""
         rows = np.where(found.rows >= self._upper + TUNING.end_rows, found.rows, np.nan)
         columns = np.flatnonzero(np.isfinite(rows))
         kept = np.zeros(self._columns.size, np.bool_)
@@ -276,7 +276,7 @@ class _Tracer:
         return drop_loose_segments(rows, near)
 
     def _hidden(self, kept: BoolArray, full: BoolArray) -> float:
-        """Returns the share of usable columns in which the line is not visible."""
+        """Returns the fraction of usable image columns in which the contact line is hidden."""
         could = self._could & ~full
         return float(np.count_nonzero(could & ~kept)) / max(int(np.count_nonzero(could)), 1)
 
@@ -305,7 +305,7 @@ class _Tracer:
         )
 
     def _place(self, rows: FloatArray, columns: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Returns positions on the face, and heights above the still line [m]."""
+        """Converts pixels to positions on the face and heights above the level at rest [m]."""
         x, z = self._on_face(rows, columns)
         return x, z - self._knowledge.zero(x)
 

@@ -1,4 +1,4 @@
-"""Tuning numbers of the side view's detector."""
+"""Tuning parameters of the detector for side views."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class RectangleTuning:
-    """Assumptions of the detector about containers, edges and cameras.
+    """Assumptions of the side-view detector about containers, edges and cameras.
 
     Checked on traced images by `validation/studies/side_view_tables.py`. The unit "width" is the
     container's, "softness" the standard deviation of a blurred edge [px], "contrast" the levels

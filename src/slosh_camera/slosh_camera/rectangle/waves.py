@@ -1,4 +1,4 @@
-"""Shapes that the liquid's line may take in a side view, over the place across the container.
+"""Basis functions for the shape of the contact line in a side view.
 
 Over a rectangle's face a steady acceleration inclines a line, and linear theory adds the standing
 waves cos(n pi (x + w/2) / w) [Ibrahim 2005; Faltinsen and Timokha 2009]. On a round wall all first
@@ -31,7 +31,7 @@ _ROUND_PRIOR = np.array([np.inf, 0.5, 0.5, 0.02, 0.02])
 
 @dataclass(frozen=True, slots=True)
 class Waves(ABC):
-    """The shapes of one container.
+    """Basis functions of the contact line for one type of container.
 
     Attributes:
         width: that the line has at rest [m].
@@ -43,20 +43,20 @@ class Waves(ABC):
 
     @abstractmethod
     def basis(self, x: FloatArray) -> FloatArray:
-        """Level, straight line and waves (N, FUNCTIONS) at places x (N,) from the middle [m]."""
+        """Returns the basis functions (N, FUNCTIONS) at positions x (N,) from the middle [m]."""
 
     @property
     @abstractmethod
     def prior(self) -> FloatArray:
-        """(FUNCTIONS,) expected size of each [m]: it tells shapes apart that are much alike."""
+        """Expected amplitude (FUNCTIONS,) of each basis function [m], used as a prior."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlatWaves(Waves):
-    """Those on a rectangle's face."""
+    """Basis functions of the contact line on a rectangular container's face."""
 
     def basis(self, x: FloatArray) -> FloatArray:
-        """Level, straight line and modes."""
+        """Returns level, straight line and sloshing modes at positions x (N,) [m]."""
         phase = np.pi * (x / self.width + 0.5)
         functions = np.empty((x.size, FUNCTIONS))
         functions[:, 0] = 1.0
@@ -69,13 +69,13 @@ class FlatWaves(Waves):
 
     @property
     def prior(self) -> FloatArray:
-        """By the width."""
+        """Expected amplitude of each basis function [m], proportional to the width."""
         return _FLAT_PRIOR * self.width
 
 
 @dataclass(frozen=True, slots=True)
 class RoundWaves(Waves):
-    """Those on a round wall.
+    """Basis functions of the contact line on a round wall.
 
     Attributes:
         bore: inner radius as a part of the outer one.
@@ -88,18 +88,18 @@ class RoundWaves(Waves):
     index: float
 
     def basis(self, x: FloatArray) -> FloatArray:
-        """Level, sine of the azimuth, its bow, and both of twice the azimuth."""
+        """Returns constant and Fourier terms of the wall azimuth at positions x (N,) [m]."""
         sine, cosine = self._azimuth(x)
         columns = (np.ones(x.size), sine, cosine, 1.0 - 2.0 * sine**2, 2.0 * sine * cosine)
         return np.column_stack(columns)
 
     @property
     def prior(self) -> FloatArray:
-        """By the width."""
+        """Expected amplitude of each basis function [m], proportional to the width."""
         return _ROUND_PRIOR * self.width
 
     def _azimuth(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sine and cosine of the azimuths on the inner wall that are seen at places.
+        """Returns sine and cosine of the wall azimuths that are seen at positions x.
 
         A ray that meets the outer wall so far from the axis keeps n times its distance in the
         wall (Bouguer); its azimuth changes by the difference of the angles at both sides.
@@ -111,7 +111,7 @@ class RoundWaves(Waves):
 
 
 def waves_of(view: BoxView) -> Waves:
-    """The shapes of what a camera sees."""
+    """Returns the basis functions for the container in a side view."""
     if isinstance(view, RoundView):
         return RoundWaves(view.box.width, view.bore, view.box.wall_refractive_index)
     return FlatWaves(view.box.width)

@@ -1,4 +1,4 @@
-"""Discovery: finds which effect explains the difference of model and measurements.
+"""Finds which physical effect explains the difference between a model and measurements.
 
 Pure: measured motions and a model in, a finding out; no files, no clock.
 """

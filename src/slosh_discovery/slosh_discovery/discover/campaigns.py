@@ -1,4 +1,4 @@
-"""Groups motions recorded with the same sensor set-up, if no groups are given.
+"""Groups motions that were recorded with the same sensor set-up, if the user gives no groups.
 
 With the best explanation so far, each motion tells by itself what the parameters of an effect of
 the sensor would be: the fit is linear in them, near neutral, and its normal equations are all that
@@ -29,7 +29,7 @@ Members = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Campaigns:
-    """The motions of each group.
+    """The members of each group of motions, and the effect whose parameters differ between groups.
 
     Attributes:
         effect: whose parameters differ between the groups.
@@ -44,7 +44,7 @@ class Campaigns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Normal:
-    """One motion's normal equations for an effect's parameters.
+    """Normal equations of one motion for the parameters of one effect.
 
     Attributes:
         information: (P, P) in units of the parameters' spreads before any data.
@@ -58,7 +58,7 @@ class Normal:
 def find_campaigns(
     one: Fit, motions: Sequence[PreparedMotion], temperature: float
 ) -> Campaigns | None:
-    """Finds the most probable grouping of the motions by an effect of the sensor.
+    """Finds the most probable grouping of the motions by an effect of the sensor, or None.
 
     Args:
         one: the best explanation of all motions together.
@@ -78,7 +78,7 @@ def find_campaigns(
 
 
 def in_groups(motions: Sequence[PreparedMotion], campaigns: Campaigns) -> list[PreparedMotion]:
-    """Names the group of each motion: `rig_1`, `rig_2` and so on."""
+    """Returns copies of the motions with the names of their groups: `rig_1`, `rig_2` and so on."""
     names = {
         index: f"rig_{number}"
         for number, members in enumerate(campaigns.members, start=1)
@@ -109,7 +109,7 @@ def grouping(normals: Sequence[Normal], effect: str) -> Campaigns:
 def normal_equations(
     one: Fit, name: str, motions: Sequence[PreparedMotion], temperature: float
 ) -> list[Normal]:
-    """Computes each motion's normal equations of an effect's parameters near neutral.
+    """Computes, for each motion, the normal equations of an effect's parameters near neutral.
 
     Clock offsets that are unknown follow; what else the explanation has stays.
     """
@@ -136,7 +136,7 @@ def normal_equations(
 
 
 def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -> Normal:
-    """Removes the part of the normal equations that a clock offset explains as well."""
+    """Returns normal equations without the part that a clock offset explains equally well."""
     own = clocks[:, np.any(clocks != 0.0, axis=0)]
     columns = np.column_stack([slopes, residual])
     if own.shape[1]:
@@ -146,7 +146,7 @@ def _normal(residual: Array, slopes: Array, clocks: Array, temperature: float) -
 
 
 def _log_odds(groups: Sequence[Members], normals: Sequence[Normal]) -> float:
-    """Returns the log evidence plus log prior of a grouping, up to a constant.
+    """Returns the log of evidence times prior of a grouping, up to a constant.
 
     Before any data a motion joins a group in proportion to its size, or begins a new one like a
     group of one (the Chinese restaurant process).
@@ -168,7 +168,7 @@ def _joined(groups: Sequence[Members], one: Members, other: Members) -> list[Mem
 
 
 def _tells(effect: Effect) -> bool:
-    """Whether an effect acts in the sensor and is nearly linear about its neutral value."""
+    """Returns whether an effect acts in the sensor and is nearly linear near its neutral value."""
     return (
         effect.of_rig
         and effect.stages == (Stage.MEASUREMENT,)

@@ -1,4 +1,4 @@
-"""Estimates start values of unknown clock offsets."""
+"""Estimates initial values of unknown clock offsets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slosh_model.model import Model
 
 
 def first_offset(one: PreparedMotion, base: Model) -> float:
-    """Returns the clock offset with the best correlation of measured and expected heights [s].
+    """Returns the clock offset [s] that best correlates measured and expected heights.
 
     Expected are the heights of the model's three-dimensional nonlinear twin in the container's
     attitude: a motion looks much the same in every model, and most in the fullest. Alike is what
@@ -36,7 +36,7 @@ def first_offset(one: PreparedMotion, base: Model) -> float:
 
 
 def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] | None:
-    """Returns clock offsets better than a fit's if the fit is in a wrong local minimum.
+    """Returns clock offsets [s] that fit better than a fit in a wrong local minimum, or None.
 
     Heights that sway make many offsets look nearly right, one each half period. With the fitted
     explanation all of them are tried; None: the fit's own are the best.
@@ -61,7 +61,7 @@ def slipped_offsets(one: Fit, motions: Sequence[PreparedMotion]) -> list[float] 
 
 
 def _series(grid: Array, t: Array, heights: Array) -> Array:
-    """Resamples heights to (M, K) at uniform times."""
+    """Resamples heights to (M, K) at uniformly spaced times."""
     columns = []
     for column in heights.T:
         present = np.isfinite(column)
@@ -73,7 +73,7 @@ def _series(grid: Array, t: Array, heights: Array) -> Array:
 
 
 def _best_lag(measured: Array, expected: Array) -> int:
-    """Returns the shift in steps with the best correlation of both series."""
+    """Returns the lag [samples] at which two series correlate best."""
     shorter = min(len(measured), len(expected))
     least = max(int(TUNING.clock_overlap * shorter), 2)
     best, best_likeness = 0, -np.inf

@@ -1,4 +1,4 @@
-"""Whitens autocorrelated noise: a first-order autoregression with gaps.
+"""Whitens autocorrelated noise with a first-order autoregression that allows gaps.
 
 A sample's noise is ρ times that of the sample before, and something new. Over a gap of k sampling
 intervals ρᵏ is left of it. Beside it there may be noise that does not remember, of another size
@@ -35,13 +35,13 @@ class Colour:
 
     @property
     def memory(self) -> float:
-        """Autocorrelation ρ used for whitening; 0 if it cannot be noise."""
+        """The autocorrelation ρ used for whitening; 0 if |ρ| is too large for sensor noise."""
         return self.correlation if abs(self.correlation) <= TUNING.most_colour else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Neighbours:
-    """Predecessor of each sample in concatenated residuals.
+    """Index of the preceding sample for each sample in concatenated residuals.
 
     Attributes:
         before: (N,) place of the sample before in its series, -1: none.
@@ -54,13 +54,13 @@ class Neighbours:
     frames: Places
 
     def whitened(self, values: Array, colour: Colour) -> Array:
-        """Returns whitened values (N,) or (N, P) in units of the noise."""
+        """Returns values (N,) or (N, P), whitened to unit variance."""
         return Whitening.of(self, colour.stddev, colour.memory).applied(values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whitening:
-    """Whitening by a Kalman filter: the innovation of each sample given the previous ones.
+    """Filter that whitens correlated noise, by the innovations of a Kalman filter.
 
     Attributes:
         before: (N,) place of the sample before in its series, -1: none.
@@ -84,7 +84,7 @@ class Whitening:
         correlation: float,
         forgotten: Array | None = None,
     ) -> Whitening:
-        """Makes the whitening filter of a noise.
+        """Creates the whitening filter for noise of given size and correlation.
 
         Args:
             neighbours: the samples.
@@ -113,7 +113,7 @@ class Whitening:
         return white
 
     def foretold(self, values: Array) -> tuple[Array, Array]:
-        """Returns the deviation of each value (N,) from its leave-one-out prediction.
+        """Returns the deviation of each value (N,) from its prediction by all other values.
 
         By the smoother that goes back over the filter's innovations (de Jong 1989).
 
@@ -136,7 +136,7 @@ class Whitening:
         return score, root
 
     def undone(self, white: Array) -> Array:
-        """Inverse of `applied`: returns the values (N,) [m]."""
+        """Returns the values (N,) [m] that belong to whitened values: the inverse of `applied`."""
         surprise = self.spread * white
         brought = self.memory * (self.gain * surprise)[self.before]
         order = _series_order(self.before) if self.order is None else self.order
@@ -149,7 +149,7 @@ class Whitening:
 
 
 def _recursion(order: Places, shares: Array, brought: Array) -> Array:
-    """Solves x[i] = shares[i] x[before[i]] + brought[i]; shares are 0 at starts of series."""
+    """Solves x[i] = shares[i] x[before[i]] + brought[i]; shares are 0 where a series starts."""
     bands = np.ones((2, len(order)))
     bands[1, :-1] = -shares[order][1:]
     solved = np.empty_like(brought)
@@ -164,7 +164,7 @@ def _rows(factors: Array, values: Array) -> Array:
 def _gains(
     before: Places, memory: Array, variance: float, forgotten: Array
 ) -> tuple[Array, Array]:
-    """Computes the filter's gains and standard deviations for each sample."""
+    """Computes the gain and the innovation's standard deviation of the filter for each sample."""
     gains: list[float] = []
     spreads: list[float] = []
     left: list[float] = []
@@ -196,7 +196,7 @@ def _series_order(before: Places) -> Places:
 
 
 def neighbours_in(t: Array, kept: NDArray[np.bool_]) -> Neighbours:
-    """Makes the predecessors of the kept heights of one motion, in the order of `kept`.
+    """Finds the preceding sample of each height that is used from one motion.
 
     Args:
         t: (M,) times of the heights [s].
@@ -218,7 +218,7 @@ def neighbours_in(t: Array, kept: NDArray[np.bool_]) -> Neighbours:
 
 
 def estimate_colour(residual: Array, neighbours: Neighbours, parameters: int) -> Colour:
-    """Estimates the noise of a residual, robust against outliers.
+    """Estimates size and autocorrelation of the noise in a residual, robust against outliers.
 
     By the scales of sums and differences of neighbours, whose squares are as (1 + ρ) to (1 - ρ)
     (Gnanadesikan and Kettenring).

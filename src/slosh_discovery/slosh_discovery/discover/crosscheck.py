@@ -1,4 +1,4 @@
-"""Cross-validation: prediction of motions that were left out of the fit."""
+"""Cross-validates a fit: predicts motions that were left out of it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class HeldOut:
 
 
 def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
-    """Predicts motions, or parts of motions, with parameters fitted to the others."""
+    """Predicts motions, or parts of motions, with parameters that were fitted to the others."""
     chi_square, squares, count = 0.0, 0.0, 0
     for seen, left_out in _folds(motions, one.clock_offsets):
         vector = one.vector
@@ -53,7 +53,7 @@ def held_out(one: Fit, motions: Sequence[PreparedMotion]) -> HeldOut:
 def _folds(
     motions: Sequence[PreparedMotion], offsets: Sequence[float]
 ) -> Iterator[tuple[MotionSet, MotionSet]]:
-    """Yields folds (fitted, left out, offsets): each leaves out a third of the motions.
+    """Yields cross-validation folds (fitted, left out, offsets); each leaves out a third.
 
     Of fewer than three motions a third of each one's time is left out instead. Of each group as
     many are left out as can be: what is its own can only be seen in its own motions.
@@ -74,7 +74,7 @@ def _folds(
 
 
 def _block(motion: PreparedMotion, fold: int) -> NDArray[np.bool_]:
-    """Returns which samples (M, 1) are in one third of a motion's time."""
+    """Returns a mask (M, 1) of the samples in one third of a motion's duration."""
     number = np.arange(len(motion.t)) * FOLDS // len(motion.t)
     return np.asarray(number == fold)[:, np.newaxis]
 

@@ -1,4 +1,4 @@
-"""High-order differences, which remove smooth signals and leave the noise."""
+"""Computes high-order differences, which remove smooth signals and leave the noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ the others are for records that are too short or full of gaps."""
 def normalised_differences(
     t: Array, height: Array, order: int, *, squared: float | None = None
 ) -> Array:
-    """Computes differences with the standard deviation of the noise.
+    """Computes differences that have the same standard deviation as the measurement noise.
 
     Args:
         t: (M,) [s].
@@ -58,7 +58,7 @@ def _difference_weights(times: Array) -> Array:
 
 
 def robust_scale(values: Array, cut: float = 2.5) -> float:
-    """Returns the standard deviation of the Gaussian core: trimmed at `cut`."""
+    """Returns the standard deviation of the Gaussian core of values, ignoring any above `cut`."""
     scale = 1.4826 * float(np.median(np.abs(values)))
     inside = special.erf(cut / math.sqrt(2.0))
     # Variance of a Gaussian that is cut off at ±cut.

@@ -1,4 +1,4 @@
-"""Propagates the noise of an acceleration to the heights of a model.
+"""Propagates the noise of a measured acceleration to the heights of a model.
 
 The true container did not feel the noise, the model did: its heights differ from the truth by the
 modes' answer to white noise from the motion's start on. That answer is a slow random walk of
@@ -33,7 +33,7 @@ LEAST_DAMPING = 1e-6
 def with_input_noise(
     motion: PreparedMotion, noise: InputNoise | None, model: Model, clock_offset: float
 ) -> PreparedMotion:
-    """Adds the effect of the input's noise on a model's heights to a motion.
+    """Returns a motion that also contains the effect of input noise on a model's heights.
 
     Args:
         motion: the motion.
@@ -63,7 +63,7 @@ def _shaken(
     liquid: Array,
     tolerated: float,
 ) -> Array:
-    """Returns responses (M, K, R) to white input noise [m], within a tolerated variance."""
+    """Returns height responses (M, K, R) [m] to white input noise, up to a tolerated variance."""
     parts = [np.empty((*motion.heights.shape, 0))]
     if noise.density == 0.0:
         return parts[0]
@@ -84,7 +84,7 @@ def _shaken(
 def _lasting(
     motion: PreparedMotion, noise: InputNoise, model: Model, moments: Array, liquid: Array
 ) -> Array:
-    """Returns responses (M, K, R) to constant biases of the acceleration [m].
+    """Returns height responses (M, K, R) [m] to constant biases of the acceleration.
 
     Simulated, as they drive a liquid whose frequency changes with the vertical acceleration.
     """
@@ -105,7 +105,7 @@ def _decay_and_swing(frequency: float, damping: float) -> tuple[float, float]:
 
 
 def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
-    """Returns the variance (M, K) of a peak height's second-order response [m²].
+    """Returns the variance (M, K) [m²] of a peak height's second-order response, or None.
 
     A wave of height A that noise moves by δ across rises by δ²/2A, of the variance σ⁴/2A² - and
     by about σ where there is hardly a wave.
@@ -118,7 +118,7 @@ def _blur(motion: PreparedMotion, liquid: Array, driven: Array) -> Array | None:
 
 
 def answer_columns(t: Array, frequency: float, damping: float, tolerated: float) -> Array:
-    """Returns columns L (M, R) with L Lᵀ equal to the response's covariance up to a tolerance.
+    """Returns columns L (M, R) so that L Lᵀ approximates the response's covariance.
 
     By the Cholesky decomposition with pivots: the largest variance that is left comes next.
 
@@ -144,7 +144,7 @@ def answer_columns(t: Array, frequency: float, damping: float, tolerated: float)
 
 
 def answer_covariance(t: Array, other: Array | float, frequency: float, damping: float) -> Array:
-    """Covariance of q at two times for q̈ + 2ζω q̇ + ω² q = w from rest at 0 [s³].
+    """Returns the covariance [s³] of q at two times for q̈ + 2ζω q̇ + ω² q = white noise.
 
     ∫ h(t - s) h(t' - s) ds from 0 to the earlier time, with the impulse response
     h(τ) = exp(-σ τ) sin(ν τ)/ν, σ = ζ ω, ν² = ω² - σ², and w of unit density.
@@ -159,7 +159,7 @@ def answer_covariance(t: Array, other: Array | float, frequency: float, damping:
 
 
 def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid: Array) -> Array:
-    """Returns derivatives (M, K, 2) of the measured heights by the liquid's, in modal axes.
+    """Returns derivatives (M, K, 2) of the measured heights by the liquid's modal heights.
 
     Args:
         motion: the motion.
@@ -183,7 +183,7 @@ def read_directions(motion: PreparedMotion, model: Model, moments: Array, liquid
 
 
 def _reading(motion: PreparedMotion, model: Model, moments: Array) -> Callable[[Array], Array]:
-    """Makes a function from the liquid's heights (M, 2) to measured heights (M, K)."""
+    """Returns a function that maps the liquid's heights (M, 2) to measured heights (M, K)."""
     nothing, start = np.empty((len(moments), 0, 4)), float(motion.fine.t[0])
 
     def read(liquid: Array) -> Array:
@@ -194,6 +194,6 @@ def _reading(motion: PreparedMotion, model: Model, moments: Array) -> Callable[[
 
 
 def _liquid_at(inputs: Inputs, model: Model, moments: Array) -> Array:
-    """Returns the liquid's heights (M, 2) at +x and +y [m]; 0 if the model has no solution."""
+    """Returns the liquid's heights (M, 2) at +x and +y [m]; 0 where the model has no solution."""
     (heights,) = heights_of_liquids([liquid_alone(model)], [inputs])
     return np.nan_to_num(columns_at(moments, inputs.t, heights))

@@ -1,4 +1,4 @@
-"""Probability of explanations given the data, by Laplace's approximation.
+"""Computes probabilities of candidate models given the data, by Laplace's approximation.
 
 log Z = -χ²/(2T) - ½ dᵀW⁻¹d - ½ log det(I + W H/T), with d the parameters' distance from what was
 expected, W their variances before any data and H = JᵀJ the information of the data on them. The
@@ -33,7 +33,7 @@ Logs = dict[Key, float]
 
 
 def log_evidence(fit: Fit, temperature: float) -> float:
-    """Returns log evidence plus log prior of a fitted explanation."""
+    """Returns the log of evidence times prior of a fitted candidate model."""
     spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     _, log_determinant = np.linalg.slogdet(np.eye(len(information)) + information)
@@ -41,7 +41,7 @@ def log_evidence(fit: Fit, temperature: float) -> float:
 
 
 def discounted(logs: Mapping[Key, float], fits: Mapping[Key, Fit], temperature: float) -> Logs:
-    """Reduces differences of log evidence according to the models' limited accuracy.
+    """Reduces differences in log evidence to account for the models' limited accuracy.
 
     No model has what it explains right to the last percent: terms of the second order are left
     out on all sides. Two explanations whose heights differ by no more than that are told apart by
@@ -72,7 +72,7 @@ def discounted(logs: Mapping[Key, float], fits: Mapping[Key, Fit], temperature: 
 
 
 def log_prior(fit: Fit) -> float:
-    """Returns the log prior of an explanation, up to a constant."""
+    """Returns the log prior probability of a candidate model, up to a constant."""
     explanation = fit.explanation
     surprise = (fit.vector - explanation.centres) / explanation.spreads
     return (
@@ -84,14 +84,14 @@ def log_prior(fit: Fit) -> float:
 
 
 def temperature_of(fit: Fit, motions: Sequence[PreparedMotion]) -> float:
-    """Returns χ² per sample of a fit times the correlation length of its residual."""
+    """Returns χ² per sample of a fit times the correlation length of the residual."""
     return residual_temperature(fit.residual, len(fit.vector), motions)
 
 
 def residual_temperature(
     residual: Array, parameters: int, motions: Sequence[PreparedMotion]
 ) -> float:
-    """Returns the temperature of a residual for a number of fitted parameters."""
+    """Returns χ² per sample of a residual times its correlation length; see `evidence`."""
     count = len(residual) - parameters
     series = residual_series(residual, motions)
     together = correlation_length(series) * columns_together(series)
@@ -99,7 +99,7 @@ def residual_temperature(
 
 
 def columns_together(series: Sequence[Array]) -> float:
-    """Returns the number of correlated azimuths; 1 for white noise or one column.
+    """Returns how many azimuths vary together; 1 for white noise or a single azimuth.
 
     K (tr C²)/(tr C)² with the columns' covariance C, averaged over motions with as many columns.
     """
@@ -114,7 +114,7 @@ def columns_together(series: Sequence[Array]) -> float:
 
 
 def correlation_length(series: Sequence[Array]) -> float:
-    """Returns the correlation length in samples; 1 for white noise."""
+    """Returns the correlation length of residuals [samples]; 1 for white noise."""
     total = np.zeros(LONGEST_LAG + 1)
     for columns in series:
         centred = np.nan_to_num(columns - np.nanmean(columns, axis=0))
@@ -131,19 +131,19 @@ def correlation_length(series: Sequence[Array]) -> float:
 
 
 def residual_series(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
-    """Returns the residual as (M, K) per motion, NaN where there is no sample."""
+    """Returns the residual of each motion as (M, K), NaN where nothing was measured."""
     parts = parts_of(residual, motions)
     return [motion.laid(part) for motion, part in zip(motions, parts, strict=True)]
 
 
 def parts_of(residual: Array, motions: Sequence[PreparedMotion]) -> list[Array]:
-    """Splits the residual (N,) by motions."""
+    """Splits a concatenated residual (N,) into one array per motion."""
     ends = np.cumsum([int(motion.kept.sum()) for motion in motions])
     return np.split(residual, ends[:-1])
 
 
 def probabilities(log_evidences: Sequence[float]) -> Array:
-    """Returns the explanations' probabilities; they sum to 1."""
+    """Returns the probabilities of candidate models from log evidences; they sum to 1."""
     logs = np.array(log_evidences)
     weights = np.exp(logs - logs.max())
     shares: Array = weights / weights.sum()
@@ -151,7 +151,7 @@ def probabilities(log_evidences: Sequence[float]) -> Array:
 
 
 def standard_errors(fit: Fit, temperature: float) -> Array:
-    """Returns standard errors (P,) of the free parameters, limited by the prior."""
+    """Returns standard errors (P,) of the free parameters; the prior bounds them from above."""
     spreads = fit.explanation.spreads
     information = fit.information * np.outer(spreads, spreads) / temperature
     information += np.eye(len(spreads))

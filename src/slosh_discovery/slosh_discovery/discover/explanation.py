@@ -1,4 +1,4 @@
-"""An explanation: effects added to a model, with free parameters."""
+"""A candidate model: effects with free parameters, added to the base model."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Free(NamedTuple):
 
 @dataclass(frozen=True)
 class Explanation:
-    """Effects in addition to a base model; an effect of the base is fitted again.
+    """Effects added to a base model; an effect that the base already has is fitted again.
 
     Attributes:
         base: the model that they are added to.
@@ -62,12 +62,12 @@ class Explanation:
 
     @property
     def key(self) -> Key:
-        """Key that distinguishes explanations of the same base."""
+        """Key that identifies a candidate model among those of the same base model."""
         return self.effects, self.per_group
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """The free parameters, in the order of the fit's vectors."""
+        """The free parameters, in the order of the parameter vector."""
         return tuple(
             Free(EFFECTS[name], parameter, group)
             for name in self.effects
@@ -78,25 +78,25 @@ class Explanation:
 
     @cached_property
     def widths(self) -> Array:
-        """(P,) plausible range of each free parameter."""
+        """Plausible range (P,) of each free parameter."""
         ranges = (plausible(one.parameter) for one in self.free)
         return np.array([high - low for low, high in ranges])
 
     @cached_property
     def spreads(self) -> Array:
-        """(P,) prior standard deviation of each free parameter."""
+        """Prior standard deviation (P,) of each free parameter."""
         even = self.widths * math.sqrt(PRIOR_VARIANCE)
         told = [one.parameter.spread for one in self.free]
         return np.array([e if t is None else t for e, t in zip(even.tolist(), told, strict=True)])
 
     @cached_property
     def centres(self) -> Array:
-        """(P,) prior mean of each free parameter."""
+        """Prior mean (P,) of each free parameter."""
         return np.array([_centre(one.parameter) for one in self.free])
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """(P,), (P,) lower and upper bounds."""
+        """Returns lower and upper bounds (P,) of the free parameters."""
         lower = np.array([one.parameter.lower for one in self.free])
         upper = np.array([one.parameter.upper for one in self.free])
         least_delta = (TUNING.least_fill - 1.0) * self.base.container.fill_height
@@ -106,7 +106,7 @@ class Explanation:
         return lower, upper
 
     def model(self, vector: Array, group: str | None = None) -> Model | None:
-        """Returns the base with these effects for the motions of a group.
+        """Returns the candidate model of a group of motions, or None if it is impossible.
 
         Args:
             vector: (P,) the free parameters.
@@ -125,7 +125,7 @@ class Explanation:
     def with_effect(
         self, name: str, chosen: Mapping[str, float], *, per_group: bool = False
     ) -> Explanation:
-        """Returns the explanation with one more effect and its choices."""
+        """Returns a copy with one more effect and its discrete choices."""
         return replace(
             self,
             effects=tuple(sorted((*self.effects, name))),
@@ -134,11 +134,11 @@ class Explanation:
         )
 
     def without(self, name: str) -> Explanation:
-        """Returns the explanation without one effect."""
+        """Returns a copy without one effect."""
         return self.only(tuple(effect for effect in self.effects if effect != name))
 
     def only(self, names: Sequence[str]) -> Explanation:
-        """Returns the explanation with only some of its effects."""
+        """Returns a copy with only the named effects."""
         return replace(
             self,
             effects=tuple(effect for effect in self.effects if effect in names),
@@ -147,16 +147,16 @@ class Explanation:
         )
 
     def shared(self, name: str) -> Explanation:
-        """Returns the explanation with common parameters of an effect for all groups."""
+        """Returns a copy in which all groups share the parameters of one effect."""
         return replace(self, per_group=tuple(e for e in self.per_group if e != name))
 
     def simpler(self) -> list[Explanation]:
-        """Returns explanations with one effect less, or with common parameters for all groups."""
+        """Returns copies with one effect less, or with one effect shared by all groups."""
         less = [self.without(name) for name in self.effects]
         return [*less, *(self.shared(name) for name in self.per_group)]
 
     def part(self, vector: Array, name: str, group: str | None = None) -> dict[str, float]:
-        """Returns one effect's parameters from a vector, with its choices.
+        """Returns the parameters of one effect from a parameter vector, with its discrete choices.
 
         Args:
             vector: (P,).
@@ -172,14 +172,14 @@ class Explanation:
         return {**values, **chosen}
 
     def vector(self, part: Part) -> Array:
-        """Makes a parameter vector from parameters by effect and group."""
+        """Returns the parameter vector (P,) for given parameters by effect and group."""
         return np.array(
             [part(one.effect.name, one.group)[one.parameter.name] for one in self.free]
         )
 
 
 def starts(name: str) -> Iterator[tuple[dict[str, float], dict[str, float]]]:
-    """Returns start values of an effect's free parameters, with its choices."""
+    """Yields initial values of an effect's free parameters for each of its discrete choices."""
     parameters = EFFECTS[name].parameters
     values = [
         parameter.choices or parameter.starts or (_centre(parameter),) for parameter in parameters

@@ -1,4 +1,4 @@
-"""Result of a discovery, as plain values in SI units."""
+"""Result of a discovery as plain values in SI units."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAN = float("nan")
 
 
 class Verdict(Enum):
-    """Verdict of a discovery."""
+    """Outcomes of a discovery."""
 
     NAMED = "named"
     NONE = "none"
@@ -33,7 +33,7 @@ class Verdict(Enum):
 
 
 class Role(Enum):
-    """Use of a motion: fitted or held out."""
+    """Purpose of a motion: fitted, or held out for validation."""
 
     FIT = "fit"
     HOLDOUT = "holdout"
@@ -41,7 +41,7 @@ class Role(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FittedParameters:
-    """Fitted parameters of one effect.
+    """Fitted parameters of one effect, with standard errors.
 
     Attributes:
         parameters: fitted values, all of them, in the effect's order.
@@ -54,7 +54,7 @@ class FittedParameters:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
-    """An effect of the verdict.
+    """An effect that the discovery names, with its parameters and confidence.
 
     Attributes:
         name: its id.
@@ -78,7 +78,7 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An explanation that was tried: one or several effects added to the base model.
+    """A candidate model that was tried: one or several effects added to the base model.
 
     Attributes:
         effects: ids; empty: the base model as it is.
@@ -103,13 +103,13 @@ class Candidate:
 
     @property
     def per_group(self) -> tuple[str, ...]:
-        """Ids of the effects with separate parameters for each group."""
+        """Ids of the effects that have separate parameters for each group of motions."""
         return tuple(next(iter(self.by_group.values()), {}))
 
 
 @dataclass(frozen=True, slots=True)
 class HeightGap:
-    """Residuals of the wall's highest point: root mean squares [m].
+    """Root mean square residuals [m] of the highest wall height, before and after the discovery.
 
     Attributes:
         noise: of the measurement.
@@ -133,14 +133,14 @@ class HeightGap:
 
     @property
     def closed(self) -> float:
-        """Closed share on held-out motions; without any, on the fitted ones."""
+        """Share of the error that is removed on held-out motions, or else on fitted ones."""
         held_out = math.isfinite(self.holdout_before)
         return self.holdout_closed if held_out else self.fit_closed
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Agreement of one model's heights with a motion's: see slosh_metrics.metrics.
+    """Agreement of one model's heights with the measured heights of a motion.
 
     Attributes:
         rms: [m].
@@ -157,7 +157,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MotionFinding:
-    """A motion with the heights of the base model and of the found model.
+    """A motion with the heights of the base model and of the discovered model.
 
     Attributes:
         motion: the motion.
@@ -188,7 +188,7 @@ class MotionFinding:
         )
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draws the measured heights and both models' heights; for a wall its maximum.
+        """Draws the measured heights and those of both models; of wall heights the maximum.
 
         Args:
             axes: matplotlib's; None: of a new figure.
@@ -212,7 +212,7 @@ class MotionFinding:
 
 @dataclass(frozen=True, slots=True)
 class WhereRow:
-    """A part of the data and its residual.
+    """Residuals before and after the discovery in one part of the data.
 
     Attributes:
         by: "phase", "time", "amplitude", "direction", "frequency" or "input".
@@ -233,7 +233,7 @@ class WhereRow:
 
 @dataclass(frozen=True, slots=True)
 class WorstMoment:
-    """A time of the base model's largest residual.
+    """A time at which the residual of the base model is largest.
 
     Attributes:
         motion: name.
@@ -250,7 +250,7 @@ class WorstMoment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeparatingMotion:
-    """A motion that distinguishes two explanations.
+    """A motion that distinguishes two candidate models.
 
     Attributes:
         names: the two explanations, as ids joined by " + ".
@@ -269,7 +269,7 @@ class SeparatingMotion:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A generic term proposed by sparse regression if no listed effect closes the gap.
+    """A generic equation term, proposed if no listed effect explains the data.
 
     Attributes:
         terms: each term with its coefficient, for people: ("J q̇", 1.3, "1/s").
@@ -321,7 +321,7 @@ class Finding(Shown):
 
     @property
     def changed(self) -> bool:
-        """Whether the found model differs from the base."""
+        """Whether the discovered model differs from the base model."""
         return self.model != self.base or bool(self.group_models)
 
     def __repr__(self) -> str:
@@ -337,7 +337,7 @@ class Finding(Shown):
         )
 
     def to_pandas(self) -> DataFrame:
-        """Returns a table of the fitted explanations, the most probable first.
+        """Returns a pandas table of the fitted candidate models, the most probable first.
 
         Columns: `probability`, `evidence` (log, over the base model's), `fit_rms` and
         `holdout_rms` [m], by the effects' ids joined by " + "; of the base model "".
@@ -355,7 +355,7 @@ class Finding(Shown):
         )
 
     def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:
-        """Draws a motion with both models; see `MotionFinding.plot`.
+        """Draws a motion with the heights of both models; see `MotionFinding.plot`.
 
         Args:
             motion: which of `motions`.

@@ -1,4 +1,4 @@
-"""Fits an explanation's parameters to measured motions.
+"""Fits the parameters of a candidate model to measured motions.
 
 Where the clocks of inputs and heights are not one, each motion's offset is a parameter of its own;
 where the still level is unknown, each motion's mean residual is taken out. Both are nuisances:
@@ -30,7 +30,7 @@ IMPOSSIBLE = 1e3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """Fitted parameters and residuals of an explanation.
+    """Fitted parameters and residuals of a candidate model.
 
     Attributes:
         explanation: what was fitted.
@@ -56,11 +56,11 @@ class Fit:
 
     @property
     def model(self) -> Model:
-        """The base with the fitted effects, except those that differ between groups."""
+        """The fitted model, without the effects whose parameters differ between groups."""
         return self.model_of(None)
 
     def model_of(self, group: str | None) -> Model:
-        """Returns the base with the effects fitted to the motions of a group."""
+        """Returns the fitted model for the motions of one group."""
         model = self.explanation.model(self.vector, group)
         assert model is not None  # a fit ends within its bounds
         return model
@@ -68,18 +68,18 @@ class Fit:
 
 @dataclass(slots=True)
 class Evaluator:
-    """Computes residuals of one explanation over several motions."""
+    """Computes the residuals of one candidate model over several motions."""
 
     explanation: Explanation
     motions: Sequence[PreparedMotion]
 
     def answers(self, vector: Array) -> list[Answer | None]:
-        """Returns the model's response to every motion."""
+        """Returns the model's response to each motion, or None for a motion without a solution."""
         rows = range(len(self.motions))
         return self._answers([(vector, row) for row in rows])
 
     def _answers(self, asked: Sequence[tuple[Array, int]]) -> list[Answer | None]:
-        """Returns the responses for given vectors to given motions."""
+        """Returns the responses for pairs of a parameter vector and the index of a motion."""
         models: dict[tuple[bytes, str | None], Model | None] = {}
         pairs: list[tuple[Model, PreparedMotion] | None] = []
         for vector, row in asked:
@@ -93,7 +93,7 @@ class Evaluator:
         return [None if pair is None else next(found) for pair in pairs]
 
     def residual(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
-        """Returns measured minus predicted (N,) in units of the noise; free levels removed."""
+        """Returns measured minus predicted heights (N,) in noise standard deviations."""
         parts = [
             self.part(motion, answer, offset)
             for motion, answer, offset in zip(
@@ -104,7 +104,7 @@ class Evaluator:
 
     @staticmethod
     def part(motion: PreparedMotion, answer: Answer | None, offset: float) -> Array:
-        """Returns one motion's part of the residual."""
+        """Returns the residual of one motion, in standard deviations of the noise."""
         if answer is None:
             return np.full(int(motion.kept.sum()), IMPOSSIBLE)
         heights = answer.at(motion.t, offset)
@@ -116,7 +116,7 @@ class Evaluator:
         return np.clip(motion.in_noises(difference), -1e6, 1e6)
 
     def derivative(self, vector: Array, clock_offsets: Array, residual: Array) -> Array:
-        """Returns finite differences (N, P) of the residual by the free parameters."""
+        """Returns the derivatives (N, P) of the residual by the free parameters."""
         _, upper = self.explanation.bounds
         steps = STEP * self.explanation.widths
         steps[vector + steps > upper] *= -1.0
@@ -140,7 +140,7 @@ class Evaluator:
         return slopes
 
     def clock_derivative(self, answers: Sequence[Answer | None], clock_offsets: Array) -> Array:
-        """Returns derivatives (N, C) of the residual by the unknown clock offsets."""
+        """Returns the derivatives (N, C) of the residual by the unknown clock offsets."""
         lengths = [int(motion.kept.sum()) for motion in self.motions]
         ends = np.cumsum(lengths)
         free = [i for i, motion in enumerate(self.motions) if not motion.motion.same_clock]
@@ -160,7 +160,7 @@ def fit(
     *,
     evaluations: int = 12,
 ) -> Fit:
-    """Fits the free parameters by least squares from one start.
+    """Fits the free parameters by least squares from one initial vector.
 
     Args:
         explanation: what to fit.

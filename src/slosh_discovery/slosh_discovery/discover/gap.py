@@ -1,4 +1,4 @@
-"""Computes the error of modelled heights, and the share of it that a model removes."""
+"""Computes the error of modelled heights, and the share of it that another model removes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAN = float("nan")
 
 
 def closed_share(before: float, after: float, noise: float, samples: int) -> float:
-    """Computes the closed share of the gap: 1 - (after² - noise²)/(before² - noise²).
+    """Computes the removed share of an error, 1 - (after² - noise²)/(before² - noise²).
 
     Every output that tells a closed share has it from here.
 
@@ -39,7 +39,7 @@ def closed_share(before: float, after: float, noise: float, samples: int) -> flo
 
 
 def total_gap(cases: Sequence[MotionFinding]) -> HeightGap:
-    """Returns the gap over all motions; each height has equal weight."""
+    """Returns the errors over all motions; each measured height has equal weight."""
     fitted = [case for case in cases if case.role is Role.FIT]
     others = [case for case in cases if case.role is Role.HOLDOUT]
     fit_before, fit_after, fit_closed = _closed(fitted)
@@ -56,7 +56,7 @@ def total_gap(cases: Sequence[MotionFinding]) -> HeightGap:
 
 
 def is_worse(gap: HeightGap) -> bool:
-    """Whether an explanation predicts the held-out motions clearly worse than the base.
+    """Returns whether a model predicts the held-out motions clearly worse than the base model.
 
     Its mean square beyond the noise is more than WORSE times the base's, and a noise's besides:
     no accident of the noise, and no small effect that these motions hardly show.
@@ -67,7 +67,7 @@ def is_worse(gap: HeightGap) -> bool:
 
 
 def _closed(cases: Sequence[MotionFinding]) -> tuple[float, float, float]:
-    """Returns root mean squares before and after [m], and the closed share of the gap."""
+    """Returns the rms errors before and after [m], and the share that was removed."""
     before = _pooled([case.before.rms for case in cases], cases)
     after = _pooled([case.after.rms for case in cases], cases)
     noise = _pooled([case.noise for case in cases], cases)

@@ -1,4 +1,4 @@
-"""Estimates the noise of an acceleration while the container is at rest.
+"""Estimates the noise of a measured acceleration while the container is at rest.
 
 Only what lies near the liquid's own frequencies moves it, so the noise is told by its power
 spectral density there. Where the rest is long enough that is seen; else the noise is white.
@@ -47,7 +47,7 @@ class InputNoise:
 
 
 def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
-    """Estimates the noise of the horizontal acceleration; None: no noise and no bias."""
+    """Estimates the noise of the horizontal acceleration, or returns None if it has none."""
     if len(inputs.t) < 2 * TUNING.least_samples:
         return None
     spacing = float(np.median(np.diff(inputs.t)))
@@ -66,7 +66,7 @@ def estimate_input_noise(inputs: Inputs) -> InputNoise | None:
 
 
 def _constant(inputs: Inputs) -> tuple[float, float]:
-    """Returns the mean of both horizontal axes at rest [m/s²].
+    """Returns the mean acceleration along both horizontal axes at rest [m/s²].
 
     The mean without both ends: the median of rounded values is one of these.
     """
@@ -81,7 +81,7 @@ def _constant(inputs: Inputs) -> tuple[float, float]:
 
 
 def resting(inputs: Inputs, margin: float = 0.0) -> Mask:
-    """Returns where (N,) the container is at rest, away from motions by a margin [s].
+    """Returns a mask (N,) of the samples at rest, at least `margin` [s] away from motions.
 
     As `motion_spans` says, but that a bias is no motion, nor the noise of a few samples' mean.
     """
@@ -105,7 +105,7 @@ def resting(inputs: Inputs, margin: float = 0.0) -> Mask:
 
 
 def _longer(marked: Mask, least: int) -> Mask:
-    """Returns the marked samples in runs of a minimum length."""
+    """Returns the mask without runs that are shorter than a minimum number of samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
     kept = np.zeros_like(marked)
     for start, end in edges.reshape(-1, 2).tolist():
@@ -114,7 +114,7 @@ def _longer(marked: Mask, least: int) -> Mask:
 
 
 def _rough(t: Array, columns: Array) -> float:
-    """Returns the standard deviation of a sample [m/s²] from differences of several orders.
+    """Returns the noise of a sample [m/s²], estimated from differences of several orders.
 
     Kinks of a motion are rougher than its noise in some of the orders.
     """
@@ -126,7 +126,7 @@ def _rough(t: Array, columns: Array) -> float:
 
 
 def _white(inputs: Inputs, columns: Array) -> float:
-    """Returns the standard deviation of a sample [m/s²] from neighbouring samples."""
+    """Returns the noise of a sample [m/s²], estimated from neighbouring samples."""
     still = resting(inputs)
     if np.count_nonzero(still) >= 2 * TUNING.least_samples:
         rest = np.where(still, columns, np.nan)
@@ -140,7 +140,7 @@ def _white(inputs: Inputs, columns: Array) -> float:
 
 
 def _quantum(values: Array) -> float:
-    """Returns the rounding step of the values; 0: not rounded, or nearly constant."""
+    """Returns the rounding step of the values; 0 if they are not rounded or nearly constant."""
     levels = np.unique(np.round(values, 9))
     if not 3 <= len(levels) <= TUNING.rounded_levels * len(values):
         return 0.0
@@ -156,7 +156,7 @@ def _quantum(values: Array) -> float:
 
 
 def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
-    """Returns the power spectral density of the rounding error [m²/s³] during motion.
+    """Returns the power spectral density [m²/s³] of the rounding error during motion.
 
     A ramp crosses each level, and its error is zero in the mean. Where the values turn back after
     a while at one level, all of that time may be off by up to half a step.
@@ -176,7 +176,7 @@ def _rounding(inputs: Inputs, columns: Array, quantum: float) -> float:
 
 
 def _colour(inputs: Inputs, density: float) -> float:
-    """Returns the power at the liquid's frequencies relative to white noise of a density."""
+    """Returns the noise power near the liquid's natural frequencies, relative to white noise."""
     still = resting(inputs, TUNING.rest_margin)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     power, count = 0.0, 0

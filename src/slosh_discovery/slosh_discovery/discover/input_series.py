@@ -1,4 +1,4 @@
-"""Inputs of a motion as series: magnitudes of acceleration, jerk, tilt and rates."""
+"""Time series of a motion's inputs: magnitudes of acceleration, jerk, tilt and rates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_model.simulate import Inputs
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InputSeries:
-    """A motion's inputs at given times.
+    """The inputs of a motion at given times.
 
     Attributes:
         t: (M,) on the inputs' clock [s].
@@ -37,7 +37,7 @@ class InputSeries:
 
     @classmethod
     def at(cls, inputs: Inputs, times: Array) -> InputSeries:
-        """Interpolates the inputs at times [s]; constant beyond the ends."""
+        """Interpolates the inputs at times [s]; beyond the ends they are constant."""
         acceleration = inputs.acceleration
         jerk = (
             np.gradient(acceleration, inputs.t, axis=0)
@@ -54,7 +54,7 @@ class InputSeries:
         )
 
     def quantities(self) -> dict[str, Array]:
-        """Returns magnitudes (M,) by name, with units, in a fixed order."""
+        """Returns the magnitudes (M,) of acceleration, jerk, tilt and rates by name."""
         return {
             "‖a‖": np.linalg.norm(self.acceleration, axis=1),
             "z̈₀": np.abs(self.acceleration[:, 2]),
@@ -66,7 +66,7 @@ class InputSeries:
 
 
 def motion_span(inputs: Inputs) -> tuple[float, float]:
-    """Returns start of the first and end of the last motion of the container [s].
+    """Returns when the container first starts to move and when it last stops [s].
 
     Of a container that never moves both are the inputs' end.
     """
@@ -79,7 +79,7 @@ def motion_span(inputs: Inputs) -> tuple[float, float]:
 
 
 def still_until(inputs: Inputs) -> float:
-    """Returns the time until which nothing excites the liquid [s]; at most the inputs' end.
+    """Returns the time [s] until which nothing excites the liquid.
 
     That is before the first motion starts: an acceleration that is no motion yet raises the
     liquid by a millimetre, which is no noise. With a sensor's noise on the inputs nobody knows,
@@ -93,7 +93,7 @@ def still_until(inputs: Inputs) -> float:
 
 
 def angular_velocity(inputs: Inputs) -> Array:
-    """Returns the angular velocity (N, 3) in the container's frame [rad/s]; 0 if unknown."""
+    """Returns the angular velocity (N, 3) [rad/s] in the container's frame; 0 if unknown."""
     return inputs.poses[:, 4:7] if len(inputs.poses) else np.zeros((len(inputs.t), 3))
 
 

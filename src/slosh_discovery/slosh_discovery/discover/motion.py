@@ -1,4 +1,4 @@
-"""A measured motion: the container's inputs and the liquid's heights."""
+"""A measured motion: the container's inputs and the measured heights of the liquid."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class MeasuredMotion:
 
     @property
     def heights(self) -> Array:
-        """(M, 1) MSH, or (M, K) wall heights by azimuth [m]."""
+        """Measured heights [m]: maximum heights (M, 1), or wall heights (M, K) by azimuth."""
         if self.msh is not None:
             return self.msh[:, np.newaxis]
         assert self.eta is not None  # by construction
@@ -100,7 +100,7 @@ class MeasuredMotion:
 
     @property
     def peak_heights(self) -> Array:
-        """Maximum heights (M,) [m], as measured or of the wall heights; NaN where no sample is."""
+        """Measured maximum heights (M,) [m]; NaN where nothing was measured."""
         finite = np.isfinite(self.heights)
         filled = np.where(finite, self.heights, -np.inf).max(axis=1)
         return np.where(finite.any(axis=1), filled, np.nan)

@@ -69,7 +69,7 @@ class Removable:
 
     @property
     def stddev(self) -> float:
-        """Standard deviation of `rms` [m]; near zero the largest compatible one."""
+        """Standard deviation of `rms` [m]; near zero, the largest rms that the data allow."""
         if self.mean_square > self.mean_square_stddev:
             return 0.5 * self.mean_square_stddev / self.rms
         return math.sqrt(self.mean_square_stddev)
@@ -108,7 +108,7 @@ def estimate_noise(motion: MeasuredMotion, others: Sequence[MeasuredMotion] = ()
 
 
 def _combined(estimates: Sequence[Noise]) -> Noise:
-    """Combines estimates weighted by relative uncertainty."""
+    """Combines several noise estimates, weighted by their relative uncertainty."""
     sizes = np.array([estimate.stddev for estimate in estimates])
     relative = np.array([estimate.uncertainty for estimate in estimates]) / sizes
     weights = 1.0 / relative**2
@@ -120,7 +120,7 @@ def _combined(estimates: Sequence[Noise]) -> Noise:
 
 
 def difference_noise(t: Array, heights: Array, *, magnitude: bool = False) -> Noise | None:
-    """Estimates the noise by high-order divided differences, which remove smooth motion.
+    """Estimates the noise from high-order divided differences, which remove smooth motion.
 
     MSH is the length of a vector. Where the peak jumps to the other side it has a kink, which no
     difference removes; its square is smooth. So where the height stands clear of the noise, its
@@ -171,7 +171,7 @@ def _scale_of(differences: Sequence[Array], order: int) -> Noise | None:
 
 
 def still_noise(motion: MeasuredMotion) -> Noise | None:
-    """Estimates the noise before the motion, while the container is at rest.
+    """Estimates the noise of the heights before the container moves, or returns None.
 
     None: the part is too short, the clocks differ, or the heights there do not vary at all (a
     detection that locks on a still surface tells nothing of one that moves).
@@ -193,7 +193,7 @@ def still_noise(motion: MeasuredMotion) -> Noise | None:
 
 
 def repeat_noise(motion: MeasuredMotion, other: MeasuredMotion) -> Noise | None:
-    """Estimates the noise from a repeated measurement; None: the motions differ."""
+    """Estimates the noise from a repetition of a motion, or returns None if the motions differ."""
     same = (
         motion.same_clock
         and other.same_clock
@@ -264,12 +264,12 @@ def removable(t: Array, residual: Array, noise: Noise | None = None) -> Removabl
 
 
 def is_white(t: Array, residual: Array) -> bool:
-    """Whether a residual is consistent with white noise; see `whiteness`."""
+    """Returns whether a residual is consistent with white noise; see `whiteness`."""
     return whiteness(t, residual) > TUNING.significance
 
 
 def whiteness(t: Array, residual: Array) -> float:
-    """Returns the p-value of white noise for the residual's strongest line or correlation.
+    """Returns the p-value of the hypothesis that a residual is white noise.
 
     The highest line of the spectrum up to SIGNAL_BAND finds one frequency, the autocovariance at
     small lags what is spread over many; the less likely of the two counts, corrected for having
@@ -295,7 +295,7 @@ def whiteness(t: Array, residual: Array) -> float:
 
 
 def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float) -> float:
-    """Returns the p-value of the highest spectral line below SIGNAL_BAND in white noise."""
+    """Returns the p-value of a residual's highest spectral line below SIGNAL_BAND."""
     rows = len(filled)
     counts = np.count_nonzero(present, axis=0)
     used = counts > 0
@@ -316,7 +316,7 @@ def _line_probability(filled: Array, present: NDArray[np.bool_], spacing: float)
 
 
 def even_grid(t: Array, values: Array) -> Array:
-    """Resamples values (M,) or (M, K) to (N, K) on a uniform grid; NaN: no sample."""
+    """Resamples values (M,) or (M, K) to a uniform grid (N, K); NaN where nothing was measured."""
     columns = values if values.ndim == 2 else values[:, np.newaxis]
     spacing = float(np.median(np.diff(t)))
     place = np.round((t - t[0]) / spacing).astype(int)
@@ -331,7 +331,7 @@ def _autocovariance(filled: Array, present: NDArray[np.bool_], lag: int) -> floa
 
 
 def _independent_columns(filled: Array, present: NDArray[np.bool_]) -> float:
-    """Returns the effective number of columns: (tr C)² / ‖C‖² of their covariance C."""
+    """Returns the effective number of independent columns, (tr C)² / ‖C‖² with covariance C."""
     if filled.shape[1] == 1:
         return 1.0
     pairs = np.maximum(present.T.astype(float) @ present.astype(float), 1.0)

@@ -1,4 +1,4 @@
-"""Prepares measured motions so that a model's response to all is computed fast.
+"""Prepares measured motions so that a model's responses to all of them are computed fast.
 
 The inputs are taken at the moments of the measured heights and a few between them, averaged where
 they were sampled more densely. Heights that were sampled very densely, or at very many azimuths,
@@ -33,7 +33,7 @@ MOST_AZIMUTHS = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightNoise:
-    """Noise that is not white or differs between samples.
+    """Height noise that is correlated in time or differs between samples.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -48,7 +48,7 @@ class HeightNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedNoise:
-    """Correlated noise in addition to white noise of unit variance: covariance I + LLᵀ.
+    """Correlated noise in addition to white noise of unit variance: covariance I + L Lᵀ.
 
     Attributes:
         directions: (N, R) orthonormal, in which it lies.
@@ -60,21 +60,21 @@ class SharedNoise:
 
     @classmethod
     def of(cls, columns: Array) -> SharedNoise:
-        """Makes the noise from the columns L (N, R)."""
+        """Creates correlated noise with the covariance L Lᵀ from L (N, R)."""
         directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
         matters = sizes**2 > TUNING.least_shared
         return cls(np.ascontiguousarray(directions[:, matters]), sizes[matters] ** 2)
 
     def removed(self, values: Array) -> Array:
-        """Whitens values (N,) or (N, P) to unit variance."""
+        """Whitens values (N,) or (N, P) of this noise to unit variance."""
         return self._scaled(values, 1.0 / np.sqrt(1.0 + self.variances) - 1.0)
 
     def added(self, white: Array) -> Array:
-        """Inverse of `removed`."""
+        """Returns the values that belong to whitened ones: the inverse of `removed`."""
         return self._scaled(white, np.sqrt(1.0 + self.variances) - 1.0)
 
     def expected(self, values: Array) -> Array:
-        """Returns the expected correlated part (N,) of values."""
+        """Returns the expected correlated part (N,) of noisy values."""
         share = self.variances / (1.0 + self.variances)
         return np.asarray(self.directions @ (share * (self.directions.T @ values)))
 
@@ -150,12 +150,12 @@ class PreparedMotion:
         object.__setattr__(self, "_whitening", whitening)
 
     def in_noises(self, difference: Array) -> Array:
-        """Whitens differences of the kept heights (N,) [m] to unit variance."""
+        """Whitens differences (N,) [m] of the used heights to unit variance."""
         white = self._of_sensor(difference)
         return white if self._shared is None else self._shared.removed(white)
 
     def _of_sensor(self, difference: Array) -> Array:
-        """Whitens (N,) or (N, P) if the sensor's noise is the only one."""
+        """Whitens values (N,) or (N, P) [m] with the sensor's noise only."""
         scale = (
             self._scale if difference.ndim == 1 or not self._scale.ndim else self._scale[:, None]
         )
@@ -163,14 +163,14 @@ class PreparedMotion:
         return relative if self._whitening is None else self._whitening.applied(relative)
 
     def of_inputs(self, difference: Array) -> Array:
-        """Returns the expected part (N,) of differences [m] due to the inputs' noise."""
+        """Returns the part (N,) of height differences [m] probably due to input noise."""
         if self._shared is None:
             return np.zeros_like(difference)
         return self._undone(self._shared.expected(self._of_sensor(difference)))
 
     @property
     def slow_share(self) -> float:
-        """Share of the noise's variance, without `driven`, that is correlated between samples."""
+        """Share of the noise variance, without input noise, that is correlated between samples."""
         blurred = 0.0
         if self.blur is not None:
             blur = self.blur[self.kept]
@@ -179,13 +179,13 @@ class PreparedMotion:
 
     @property
     def driven_rms(self) -> float:
-        """Root mean square of the inputs' noise in the kept heights [m]."""
+        """Root mean square effect of the inputs' noise on the used heights [m]."""
         if self.driven is None:
             return 0.0
         return float(np.sqrt(np.mean(np.sum(self.driven[self.kept] ** 2, axis=1))))
 
     def in_metres(self, residual: Array) -> Array:
-        """Inverse of `in_noises`: returns differences (N,) [m]."""
+        """Returns differences (N,) [m] from whitened ones: the inverse of `in_noises`."""
         return self._undone(residual if self._shared is None else self._shared.added(residual))
 
     def _undone(self, white: Array) -> Array:
@@ -193,22 +193,22 @@ class PreparedMotion:
         return np.asarray(relative * self._scale)
 
     def laid(self, values: Array) -> Array:
-        """Places values of the kept heights (N,) in an array (M, K) with NaN elsewhere."""
+        """Returns values (N,) of the used heights as an array (M, K), NaN elsewhere."""
         laid = np.full(self.kept.shape, np.nan)
         laid[self.kept] = values
         return laid
 
     def simulate(self, model: Model) -> Answer | None:
-        """Returns the model's response; None if the solution is not finite."""
+        """Returns the model's response, or None if the solution is not finite."""
         return simulate_all([(model, self)])[0]
 
     def inputs_for(self, model: Model) -> Inputs:
-        """Returns the inputs for computing the model's response."""
+        """Returns the inputs, coarse or fine, with which the model's response is computed."""
         shifted = not (self.motion.same_clock and reading_clock(model).same)
         return self.fine if shifted else self.coarse
 
     def answer(self, model: Model, inputs: Inputs, heights: Array) -> Answer | None:
-        """Converts the liquid's heights (N, 2) at the inputs to a response."""
+        """Creates the response from the liquid's heights (N, 2) at the times of the inputs."""
         if not np.isfinite(heights).all():
             return None
         read: _Reader | None = _Reader(model, self.azimuths, float(inputs.t[0]))
@@ -221,7 +221,7 @@ class PreparedMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reader:
-    """Converts the liquid's heights to measured ones at each time."""
+    """Function that converts the liquid's heights to measured heights at given times."""
 
     model: Model
     azimuths: Array | None
@@ -235,7 +235,7 @@ class _Reader:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """A model's response to a motion, to be evaluated at the measured times.
+    """A model's response to a motion, which can be evaluated at the measured times.
 
     Attributes:
         t: (N,) the inputs' times [s].
@@ -252,7 +252,7 @@ class Answer:
     read: _Reader | None
 
     def at(self, times: Array, clock_offset: float) -> Array:
-        """Returns the heights (M, K) at times on the measured clock [m]."""
+        """Returns the heights (M, K) [m] at times of the measurement's clock."""
         moments = self.clock.moments(times - clock_offset, float(self.t[0]))
         if self.rows is None:
             taken = columns_at(moments, self.t, self.heights)
@@ -262,7 +262,7 @@ class Answer:
 
 
 def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer | None]:
-    """Returns each model's response to its motion."""
+    """Returns the response of each model to its motion."""
     if not pairs:
         return []
     inputs = [motion.inputs_for(model) for model, motion in pairs]
@@ -280,7 +280,7 @@ def simulate_all(pairs: Sequence[tuple[Model, PreparedMotion]]) -> list[Answer |
 
 
 def heights_of_liquids(models: Sequence[Model], inputs: Sequence[Inputs]) -> list[Array]:
-    """Returns the liquid's heights (N, 2) at +x and +y of each model at its inputs [m]."""
+    """Returns the liquid's heights (N, 2) [m] at +x and +y for each pair of model and inputs."""
     # The search runs a fit per thread already.
     return wall_heights(models, inputs, max_step=LONGEST_STEP, threads=1)
 
@@ -300,7 +300,7 @@ def _liquids(models: Sequence[Model]) -> list[Model]:
 
 
 def liquid_alone(model: Model) -> Model:
-    """Returns the model without effects of the measurement."""
+    """Returns the model without its effects on the measurement."""
     kept = tuple(use for use in model.effects if EFFECTS[use.name].stages != (Stage.MEASUREMENT,))
     return model if len(kept) == len(model.effects) else replace(model, effects=kept)
 
@@ -340,14 +340,14 @@ def prepare(
 
 
 def claimed_noise(motion: MeasuredMotion) -> float:
-    """Returns the sensor's median stated standard deviation [m]; 0: unknown."""
+    """Returns the median of the standard deviations that the sensor states [m]; 0 if unknown."""
     claims = np.empty(0) if motion.stddev is None else motion.stddev
     known = claims[np.isfinite(claims) & (claims > 0.0)]
     return float(np.median(known)) if len(known) else 0.0
 
 
 def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Returns rows with samples at least SAMPLE_SPACING apart."""
+    """Returns the rows that have samples and are at least SAMPLE_SPACING apart."""
     rows = np.flatnonzero(present)
     if len(rows) < 2 or float(np.median(np.diff(t[rows]))) >= TUNING.sample_spacing:
         return rows
@@ -356,7 +356,7 @@ def _thinned(t: Array, present: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
-    """Resamples the inputs at given times and on a grid between them."""
+    """Resamples the inputs at given times and on a grid between these."""
     end = max(float(inputs.t[-1]), float(moments[-1]) if len(moments) else -np.inf)
     if len(moments) > 1:
         marks = np.unique(np.concatenate([moments, [inputs.t[0], end]]))
@@ -374,7 +374,7 @@ def _resampled(inputs: Inputs, moments: Array, spacing: float) -> Inputs:
 
 
 def _averaged(t: Array, values: Array, moments: Array, width: float) -> Array:
-    """Interpolates values at times; averages over a width if they are dense."""
+    """Interpolates values at given times; averages them where they are dense."""
     if len(t) < 3 or float(np.median(np.diff(t))) > 0.5 * width:
         return columns_at(moments, t, values)
     steps = np.diff(t)[:, np.newaxis]

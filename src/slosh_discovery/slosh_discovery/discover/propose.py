@@ -1,4 +1,4 @@
-"""Proposes a generic term for a gap that no listed effect closes.
+"""Proposes a generic equation term for an error that no listed effect removes.
 
 Sparse regression, forwards: every term of a library is tried in the model's own equations of
 motion, at some sizes and both signs; the best few are fitted together with those that are in
@@ -37,7 +37,7 @@ FOLDS = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """Regression for missing terms over all motions.
+    """Regression of missing equation terms over all motions.
 
     Attributes:
         settings: one for each motion.
@@ -53,7 +53,7 @@ class _Problem:
     units: Array
 
     def residuals(self, support: Sequence[int], coefficients: Sequence[float]) -> list[Array]:
-        """Returns measured minus model [m] of the finite samples, by motion.
+        """Returns measured minus modelled heights [m] of the valid samples, by motion.
 
         Raises:
             SloshModelError: no solution.
@@ -66,7 +66,7 @@ class _Problem:
         return found
 
     def part(self, fit: _Fit) -> _Problem:
-        """Returns the motions in which a fit leaves the largest residual."""
+        """Returns the problem for only the motions in which a fit leaves the largest residual."""
         order = np.argsort([-float(np.sum(each**2)) for each in fit.residuals], kind="stable")
         chosen = order[: TUNING.scanned].tolist()
         return replace(
@@ -79,7 +79,7 @@ class _Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """Fitted coefficients of a selection of terms.
+    """Fitted coefficients of selected terms.
 
     Attributes:
         support: indices into LIBRARY, in the order of their choice.
@@ -109,7 +109,7 @@ def propose(
     clock_offsets: Sequence[float] | None = None,
     levels: Sequence[float] | None = None,
 ) -> Proposal | None:
-    """Proposes the term that the model's equation of motion lacks.
+    """Proposes the term that the model's equation of motion lacks, or returns None.
 
     Args:
         motions: measured motions.
@@ -160,7 +160,7 @@ def _problem_of(
 
 
 def _thinned(motion: MeasuredMotion) -> MeasuredMotion:
-    """Keeps at most COLUMNS wall heights, since neighbours are redundant."""
+    """Keeps at most COLUMNS wall heights of a motion, since neighbours are redundant."""
     if (
         motion.eta is None
         or motion.eta_azimuth is None
@@ -174,7 +174,7 @@ def _thinned(motion: MeasuredMotion) -> MeasuredMotion:
 
 
 def _extended(problem: _Problem, start: _Fit) -> _Fit | None:
-    """Returns the best fit with one more term; None: none is better."""
+    """Returns the best fit with one more term, or None if no term improves the fit."""
     scanned = problem.part(start)
     tries: list[tuple[float, int, float]] = []
     for index in range(len(LIBRARY)):
@@ -194,7 +194,7 @@ def _extended(problem: _Problem, start: _Fit) -> _Fit | None:
 
 
 def _try(problem: _Problem, start: _Fit, index: int) -> tuple[float, float] | None:
-    """Returns sum of squares and coefficient of the best start size; None: all diverge."""
+    """Returns the sum of squares and the best initial coefficient of a term, or None."""
     tried = []
     for size in (*SIZES, *(-size for size in SIZES)):
         coefficient = size * float(problem.units[index])
@@ -211,7 +211,7 @@ def _try(problem: _Problem, start: _Fit, index: int) -> tuple[float, float] | No
 def _fitted(
     problem: _Problem, support: tuple[int, ...], coefficients: tuple[float, ...]
 ) -> _Fit | None:
-    """Fits all coefficients together from a start; None: the start has no solution."""
+    """Fits all coefficients together, or returns None if the initial ones have no solution."""
     scale = np.abs(np.array(coefficients))
     last: list[Array] = []
 
@@ -237,7 +237,7 @@ def _fitted(
 
 
 def _foreseen(residuals: Sequence[Array], slopes: Sequence[Array]) -> float:
-    """Returns the linearised cross-validated sum of squares."""
+    """Returns the sum of squares that linearised cross-validation predicts."""
     if len(residuals) == 1:
         residuals = np.array_split(residuals[0], FOLDS)
         slopes = np.array_split(slopes[0], FOLDS)
@@ -255,7 +255,7 @@ def _square(residuals: Sequence[Array]) -> float:
 
 
 def _full(problem: _Problem, fit: _Fit) -> list[tuple[Array, Array]]:
-    """Returns time and residual (M, K) of each motion, NaN where there is no sample."""
+    """Returns the times and residuals (M, K) of each motion, NaN where nothing was measured."""
     found = []
     for setting, kept, residual in zip(problem.settings, problem.kept, fit.residuals, strict=True):
         full = np.full(kept.shape, math.nan)
@@ -269,7 +269,7 @@ def _white(problem: _Problem, fit: _Fit) -> bool:
 
 
 def _gap(problem: _Problem, fit: _Fit) -> float:
-    """Returns the sum of squares that a better model could remove [m²]."""
+    """Returns the sum of squared residuals that a better model could remove [m²]."""
     return sum(
         removable(t, residual).mean_square * int(np.isfinite(residual).sum())
         for t, residual in _full(problem, fit)

@@ -1,4 +1,4 @@
-"""Remarks on a finding besides its numbers, one sentence each."""
+"""Remarks on the result of a discovery, one sentence each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slosh_discovery.discover.verdict import ChosenExplanation
 
 
 def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
-    """Lists the groups of motions that were found."""
+    """Lists the groups of motions that the discovery found."""
     groups: dict[str, list[str]] = {}
     for case in cases:
         if case.role is Role.FIT and case.motion.group is not None:
@@ -31,7 +31,7 @@ def campaign_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
 
 
 def rejection_remarks(judgement: ChosenExplanation, gap: HeightGap) -> tuple[str, ...]:
-    """Explains why the most probable explanation is not added to the model."""
+    """Explains why the most probable effects are not added to the model."""
     names = " + ".join(judgement.chosen.explanation.effects)
     if not math.isfinite(gap.holdout_after):
         return (
@@ -46,7 +46,7 @@ def rejection_remarks(judgement: ChosenExplanation, gap: HeightGap) -> tuple[str
 
 
 def answer_remarks(cases: Sequence[MotionFinding]) -> tuple[str, ...]:
-    """Lists motions for which the base model has no solution."""
+    """Lists the motions for which the base model has no solution."""
     return tuple(
         f"{unanswered(case.motion)}." for case in cases if not math.isfinite(case.before.rms)
     )
@@ -62,7 +62,7 @@ def unanswered(motion: MeasuredMotion) -> str:
 
 
 def judgement_remarks(judgement: ChosenExplanation) -> tuple[str, ...]:
-    """Lists doubts that follow from the heights themselves."""
+    """Lists doubts that follow from the measured heights themselves."""
     remarks = []
     if judgement.unseen:
         remarks.append(

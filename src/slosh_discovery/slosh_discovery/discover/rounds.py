@@ -1,4 +1,4 @@
-"""Repeats the search with noise estimated from the residuals of the previous round.
+"""Repeats the search with the noise that the residuals of the previous round show.
 
 What a wrong base leaves may look like noise, and what the inputs' noise does depends on how the
 liquid swings: the likeliest explanation is asked, not the base.
@@ -30,7 +30,7 @@ from slosh_model.model import Model
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Searched:
-    """Result of a search.
+    """Result of a search: candidate models, motions and sensor noise.
 
     Attributes:
         pool: the explanations.
@@ -46,7 +46,7 @@ class Searched:
 def search_in_rounds(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
 ) -> Searched:
-    """Searches with white noise, and again if the residuals show other noise.
+    """Searches assuming white noise, and again if the residuals show other noise.
 
     Args:
         base: the model that came in.
@@ -86,7 +86,7 @@ def search_in_rounds(
 def with_noise(
     plain: PreparedMotion, model: Model, clock_offset: float, sensor: SensorNoise | None
 ) -> PreparedMotion:
-    """Returns the motion with the noise of its inputs and of its sensor for a model.
+    """Returns a motion with the noise of its inputs and of the sensor, as a model implies it.
 
     Args:
         plain: the motion.
@@ -100,23 +100,23 @@ def with_noise(
 
 
 def input_noise(one: PreparedMotion) -> InputNoise | None:
-    """Estimates the noise of a motion's inputs."""
+    """Estimates the noise of a motion's inputs, or returns None if there is none."""
     return estimate_input_noise(one.motion.inputs)
 
 
 def _leftovers(one: PreparedMotion, model: Model, clock_offset: float) -> Leftovers | None:
-    """Returns a model's residual of a motion; None: its solution is not finite."""
+    """Returns a model's residual for a motion, or None if its solution is not finite."""
     answer = one.simulate(model)
     return None if answer is None else Leftovers.of(one, answer.at(one.t, clock_offset))
 
 
 def driven_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
-    """Whether input noise has practically the same effect on two models' responses."""
+    """Returns whether input noise has practically the same effect in two models."""
     return one == other or (_swing_alike(one, other) and _moves_alike(motion, one, other))
 
 
 def _moves_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
-    """Whether noise acts on the measured height in the same direction in both models."""
+    """Returns whether noise changes the measured height of two models in the same direction."""
     if motion.azimuths is not None:
         return True
     liquids = [liquid_alone(one), liquid_alone(other)]
@@ -125,7 +125,7 @@ def _moves_alike(motion: PreparedMotion, one: Model, other: Model) -> bool:
 
 
 def _swing_alike(one: Model, other: Model) -> bool:
-    """Whether noise excites the modes of two models equally."""
+    """Returns whether noise excites the modes of two models equally."""
     for mine, its, gain, its_gain in zip(
         one.mode_constants(), other.mode_constants(), one.height_gains(), other.height_gains(),
         strict=False,

@@ -1,4 +1,4 @@
-"""Searches explanations: adds effects one by one and removes them again.
+"""Searches for missing effects: adds them to the model one by one and removes them again.
 
 Every single effect is fitted. Where the best leaves more than noise, the best few are extended:
 for each further effect the linearised fit tells what it could gain, and the most promising are
@@ -40,7 +40,7 @@ FORETOLD = tuple(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
-    """A start of a fit, and its expected improvement."""
+    """Initial values of a fit, and the improvement expected from it."""
 
     explanation: Explanation
     vector: Array
@@ -49,26 +49,26 @@ class Start:
 
 @dataclass(slots=True)
 class Pool:
-    """All fitted explanations, and the effects without influence in these motions."""
+    """All fitted candidate models, and the effects that change nothing in these motions."""
 
     motions: Sequence[PreparedMotion]
     fits: dict[Key, Fit] = field(default_factory=dict)
     without_effect: dict[str, str] = field(default_factory=dict)
 
     def add(self, fits: Iterable[Fit]) -> None:
-        """Adds fits; keeps the better of two fits of the same effects."""
+        """Adds fits; of two fits of the same effects it keeps the better one."""
         for one in fits:
             known = self.find(one.explanation)
             if known is None or one.chi_square < known.chi_square:
                 self.fits[one.explanation.key] = one
 
     def find(self, explanation: Explanation) -> Fit | None:
-        """Returns the fit of an explanation's effects; None: none."""
+        """Returns the fit of a candidate model's effects, or None if they were not fitted."""
         return self.fits.get(explanation.key)
 
     @property
     def base(self) -> Fit:
-        """The fit without any effect."""
+        """The fit of the base model without added effects."""
         return self.fits[(), ()]
 
     def ranked(self) -> list[Fit]:
@@ -78,7 +78,7 @@ class Pool:
 
     @property
     def temperature(self) -> float:
-        """Temperature of the best fit, found by iteration since both depend on each other."""
+        """χ² per sample times correlation length of the most probable fit."""
         best = min(self.fits.values(), key=lambda one: one.chi_square)
         for _ in range(3):
             temperature = temperature_of(best, self.motions)
@@ -102,7 +102,7 @@ class Leftover:
 
     @property
     def adequate(self) -> bool:
-        """Whether the residual is nearly noise, or not significantly more."""
+        """Whether the residual is nearly noise, or not significantly larger than noise."""
         return self.mean_square < max(self.tolerated, TUNING.sure * self.stddev)
 
 
@@ -130,7 +130,7 @@ def leftover(one: Fit, motions: Sequence[PreparedMotion]) -> Leftover:
 
 
 class Search:
-    """One search over explanations of given motions.
+    """One search for the effects that explain given motions.
 
     Args:
         base: the model that came in.
@@ -156,7 +156,7 @@ class Search:
         self._threads = threads
 
     def run(self) -> Pool:
-        """Fits all explanations worth comparing."""
+        """Fits all candidate models that are worth comparing."""
         pool = Pool(self._motions)
         with ThreadPoolExecutor(self._threads) as executor:
             self._executor = executor
@@ -171,7 +171,7 @@ class Search:
         return pool
 
     def _add_effects(self, pool: Pool) -> None:
-        """Extends the best explanations of each size while they leave more than noise."""
+        """Extends the best models by further effects while they leave more than noise."""
         for size in range(1, TUNING.most_effects):
             ranked = pool.ranked()
             beam = [one for one in ranked if len(one.explanation.effects) == size]
@@ -182,7 +182,7 @@ class Search:
                 self._extend(pool, one, TUNING.promising, 1)
 
     def _add_foretold(self, pool: Pool) -> None:
-        """Extends the best full explanations by effects whose size theory predicts."""
+        """Extends the best candidate models by effects whose size theory predicts."""
         for size in range(TUNING.most_effects, TUNING.most_foretold):
             best = pool.ranked()[: TUNING.beam_foretold]
             full = [one for one in best if len(one.explanation.effects) == size]
@@ -206,7 +206,7 @@ class Search:
                 self._extend(pool, pool.fits[without.key], len(EFFECTS), TUNING.starts_fitted)
 
     def _refine(self, pool: Pool) -> None:
-        """Fits the best explanations to convergence, and the best one's neighbours."""
+        """Fits the best candidate models, and those that differ in one effect, to convergence."""
         self._progress("comparing", 0.9)
         best = pool.ranked()[: 2 * TUNING.beam]
         pool.add(
@@ -233,7 +233,7 @@ class Search:
         starts_each: int,
         among: Iterable[str] = EFFECTS,
     ) -> None:
-        """Fits an explanation with each of the most promising additional effects."""
+        """Fits a candidate model with each of the most promising additional effects."""
         names = [
             name
             for name in among
@@ -261,7 +261,7 @@ class Search:
 
     @staticmethod
     def _ways(explanation: Explanation, name: str) -> tuple[bool, ...]:
-        """Returns whether to fit common or per-group parameters, or both."""
+        """Returns whether an effect is tried with shared parameters, separate ones, or both."""
         return (False, True) if _may_differ(explanation, name) else (False,)
 
     def _may_join(self, name: str, explanation: Explanation) -> bool:
@@ -280,7 +280,7 @@ class Search:
         return list(self._executor.map(run, chosen))
 
     def _starts(self, one: Fit, name: str) -> tuple[list[Start], bool]:
-        """Returns the starts of an additional effect, and whether it changes anything."""
+        """Returns initial values for one more effect, and whether it changes the heights."""
         found, visible = [], False
         offsets = np.array(one.clock_offsets)
         carried = _carried(one)
@@ -305,7 +305,7 @@ class Search:
 
 
 def _carried(one: Fit) -> Part:
-    """Returns a fit's parameters by effect and group; group values are averaged if shared."""
+    """Returns a function that gives a fit's parameters by effect and group."""
     explanation = one.explanation
 
     def part(name: str, group: str | None) -> dict[str, float]:
@@ -318,12 +318,12 @@ def _carried(one: Fit) -> Part:
 
 
 def _joined(carried: Part, name: str, values: Mapping[str, float]) -> Part:
-    """Returns a function of effect and group that also gives one more effect's parameters."""
+    """Returns a function of effect and group that also knows one more effect's parameters."""
     return lambda effect, group: values if effect == name else carried(effect, group)
 
 
 def _neighbours(explanation: Explanation) -> list[Explanation]:
-    """Returns explanations with one effect less, shared or per-group parameters."""
+    """Returns candidate models with one effect less, or with other sharing between groups."""
     apart = [
         replace(explanation, per_group=tuple(sorted((*explanation.per_group, name))))
         for name in explanation.effects
@@ -333,13 +333,13 @@ def _neighbours(explanation: Explanation) -> list[Explanation]:
 
 
 def _may_differ(explanation: Explanation, name: str) -> bool:
-    """Whether an effect may have separate parameters for each group."""
+    """Returns whether an effect may have separate parameters for each group."""
     free = any(parameter.choices is None for parameter in EFFECTS[name].parameters)
     return EFFECTS[name].of_rig and free and len(explanation.groups) > 1
 
 
 def _promise(one: Fit, change: Array) -> float:
-    """Returns the χ² expected from the linearised fit; smaller is better.
+    """Returns the χ² that the linearised fit predicts; smaller is better.
 
     Once with the change as it is (an effect may be far from small), once with a share of it.
     """
@@ -361,7 +361,7 @@ def _least(residual: Array, columns: NDArray[np.float64]) -> float:
 
 
 def _distinct(best: Sequence[Start], count: int) -> list[Start]:
-    """Returns the best starts, with the best one of each discrete choice."""
+    """Returns the best initial values, including the best for each discrete choice."""
     chosen = list(best[:count])
     variants = {tuple(start.explanation.chosen.items()) for start in chosen}
     for start in best[count:]:

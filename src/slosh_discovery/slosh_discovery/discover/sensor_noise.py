@@ -1,4 +1,4 @@
-"""Estimates a sensor's noise: autocorrelation, outliers and jitter of time stamps.
+"""Estimates a sensor's noise: autocorrelation, outliers and time stamp jitter.
 
 Stamps that jitter by τ are white noise of the size τ |dη/dt|, large where the liquid moves fast.
 That tells them from noise that remembers, and both together are the likeliest that the residual
@@ -39,7 +39,7 @@ ROUNDS = 5
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Noise of one sensor.
+    """Noise of a height sensor: size, correlation, jitter and outliers.
 
     Attributes:
         stddev: of the part that remembers [m]; where the sensor claims its own, in that's median.
@@ -58,7 +58,7 @@ class SensorNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leftovers:
-    """A model's residual of a motion.
+    """Residual of a model for one motion.
 
     Attributes:
         motion: the motion.
@@ -72,7 +72,7 @@ class Leftovers:
 
     @classmethod
     def of(cls, motion: PreparedMotion, predicted: Array) -> Leftovers:
-        """Makes the residual from predicted heights (M, K) at the motion's times [m].
+        """Creates the residual from predicted heights (M, K) [m] at the motion's times.
 
         A still level that is not known goes together like nothing else, and is no noise. Nor is
         what the inputs' noise most likely does.
@@ -87,7 +87,7 @@ class Leftovers:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """A part of one column's residual.
+    """One continuous part of the residual at one azimuth.
 
     Attributes:
         places: (N, 2) of the samples in the motion's (M, K).
@@ -118,7 +118,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """Shape of a noise, independent of its size.
+    """Correlation and jitter ratio of a noise, independent of its size.
 
     Attributes:
         correlation: of the part that remembers, between neighbouring samples.
@@ -129,7 +129,7 @@ class _Shape:
     ratio: float
 
     def near(self, other: _Shape) -> bool:
-        """Whether both shapes are practically equal."""
+        """Returns whether both noises have practically the same correlation and jitter ratio."""
         sizes = math.sqrt(self.ratio), math.sqrt(other.ratio)
         return abs(self.correlation - other.correlation) < TUNING.steady and (
             abs(sizes[0] - sizes[1]) <= TUNING.steady * max(sizes)
@@ -141,7 +141,7 @@ _Likelihood = Callable[[Sequence[_Part], _Shape], tuple[float, float]]
 
 
 def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
-    """Estimates the noise in the residuals of several motions; None: white.
+    """Estimates the sensor noise from residuals of several motions, or None if it is white.
 
     Args:
         leftovers: of motions that one sensor has measured.
@@ -178,12 +178,12 @@ def estimate_sensor(leftovers: Sequence[Leftovers]) -> SensorNoise | None:
 
 
 def _slow_part(size: float, shape: _Shape) -> float:
-    """Returns the low-frequency spectral density of the correlated part, up to a factor [m²]."""
+    """Returns the low-frequency spectral density [m²] of the correlated noise, up to a factor."""
     return size**2 * (1.0 + shape.correlation) / (1.0 - shape.correlation)
 
 
 def _spikes(parts: Sequence[_Part]) -> float:
-    """Returns the share of samples far from their neighbours, independent of the model."""
+    """Returns the share of samples that are far from their neighbours, without using a model."""
     off = np.abs(np.concatenate([_deviations(part, _SMOOTH) for part in parts]))
     return float(np.mean(off > TUNING.spike * robust_scale(off)))
 
@@ -191,7 +191,7 @@ def _spikes(parts: Sequence[_Part]) -> float:
 def _seen_in_differences(
     parts: Sequence[_Part], size: float, shape: _Shape, leftovers: Sequence[Leftovers]
 ) -> bool:
-    """Whether differences of the heights agree with a noise.
+    """Returns whether high-order differences of the heights agree with an estimated noise.
 
     A smooth series without noise goes together like nothing else: what is left there is all the
     model's. Differences of a high order know, as they see the noise near half the sampling rate.
@@ -203,7 +203,7 @@ def _seen_in_differences(
 
 
 def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
-    """Whether two noises are practically equal."""
+    """Returns whether two sensor noises are practically equal."""
     if one is None or other is None:
         return one is other
     return (
@@ -214,7 +214,7 @@ def alike(one: SensorNoise | None, other: SensorNoise | None) -> bool:
 
 
 def dressed(one: Leftovers, sensor: SensorNoise) -> PreparedMotion:
-    """Returns the motion with a sensor's noise and outliers."""
+    """Returns the motion with a sensor's noise model, and without outliers."""
     motion = one.motion
     kept = np.isfinite(motion.heights)
     shape = _Shape(sensor.correlation, (sensor.jitter / sensor.stddev) ** 2)
@@ -253,7 +253,7 @@ def _claimed(motion: PreparedMotion) -> Array:
 
 
 def _claims_hold(leftovers: Sequence[Leftovers]) -> bool:
-    """Whether the scatter of heights agrees with the sensor's stated noise."""
+    """Returns whether the scatter of the heights agrees with the noise that the sensor states."""
     bends, sizes = [], []
     for one in leftovers:
         claimed = _claimed(one.motion)
@@ -292,7 +292,7 @@ def _spacing(part: _Part) -> float:
 
 
 def _liquid(part: _Part) -> Array:
-    """Returns cosines (N, B) up to the liquid's frequency band."""
+    """Returns cosine functions (N, B) up to the highest frequency of the liquid."""
     span = float(part.t[-1] - part.t[0])
     highest = min(TUNING.liquid_band, TUNING.band_share / _spacing(part))
     count = min(int(2.0 * highest * span) + 1, len(part.t) // 2)
@@ -301,13 +301,13 @@ def _liquid(part: _Part) -> Array:
 
 
 def _whitening(part: _Part, shape: _Shape) -> Whitening:
-    """Makes the whitening filter in units of the correlated part."""
+    """Creates the whitening filter for a noise of unit size."""
     neighbours = part.neighbours(_spacing(part))
     return Whitening.of(neighbours, 1.0, shape.correlation, shape.ratio * part.speed_square)
 
 
 def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Returns the log likelihood and the most probable size of the noise [m]."""
+    """Returns the log likelihood and the most probable size [m] of a noise."""
     square, volume = 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)
@@ -317,7 +317,7 @@ def _likelihood(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
 
 
 def _likelihood_above(parts: Sequence[_Part], shape: _Shape) -> tuple[float, float]:
-    """Returns the likelihood and the size from frequencies above the liquid's band."""
+    """Returns the same log likelihood and size from frequencies above those of the liquid."""
     degrees, square, volume = 0, 0.0, 0.0
     for part in parts:
         whitening = _whitening(part, shape)
@@ -339,7 +339,7 @@ def _of_size(square: float, degrees: int, volume: float) -> tuple[float, float]:
 
 
 def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood) -> _Shape:
-    """Returns the shape with the largest likelihood of the residuals."""
+    """Returns the noise shape for which the residuals have the largest likelihood."""
     speed = math.sqrt(float(np.mean(np.concatenate([part.speed_square for part in parts]))))
     _, size = likelihood(parts, _PLAIN)
     most = TUNING.largest_jitter / size
@@ -371,13 +371,13 @@ def _most_likely(parts: Sequence[_Part], start: _Shape, likelihood: _Likelihood)
 
 
 def _deviations(part: _Part, shape: _Shape) -> Array:
-    """Returns deviations (N,) from the leave-one-out predictions [m]."""
+    """Returns deviations (N,) [m] of samples from their prediction by all others."""
     score, root = _whitening(part, shape).foretold(part.residual)
     return np.asarray(score / root)
 
 
 def _outliers(part: _Part, size: float, shape: _Shape) -> Mask:
-    """Returns which samples (N,) are outliers; removes the largest first."""
+    """Returns a mask (N,) of outliers, found one after another from the largest."""
     struck = np.zeros(len(part.t), dtype=np.bool_)
     left = part
     while len(left.t) >= 2 * TUNING.least_samples:

@@ -1,4 +1,4 @@
-"""Designs a motion that distinguishes two models.
+"""Designs a motion for which two models predict different heights.
 
 Two models that explain the present motions equally well may answer another motion differently. A
 family of motions that a robot can carry out is searched for those in which the predicted heights
@@ -44,7 +44,7 @@ SIZES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Two models, and the limits of a motion for them.
+    """Two models, and the limits of a motion that is to distinguish them.
 
     Attributes:
         first, second: the models.
@@ -64,7 +64,7 @@ class _Pair:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Trial:
-    """A motion that was tried.
+    """A motion that the search tried.
 
     Attributes:
         motion, inputs: the motion.
@@ -91,7 +91,7 @@ def separating_motion(
     names: tuple[str, str] | None = None,
     azimuths: Sequence[float] | None = None,
 ) -> SeparatingMotion:
-    """Designs a motion in which two models predict different heights.
+    """Designs a robot motion in which two models predict different heights.
 
     It starts and ends at rest after a still part and before a dwell, ‖a‖ stays below the limit,
     the travel below `most_travel`, the liquid below the rim. It turns only if one of the models
@@ -149,7 +149,7 @@ def separating_motion(
 
 
 def _search(pair: _Pair) -> _Trial | None:
-    """Searches all families; refines the motion least affected by a refit."""
+    """Searches all families of motions; refines the one that a refit affects least."""
     turning = _needs_rotation(pair)
     found: list[_Trial] = []
     for family in FAMILIES:
@@ -166,7 +166,7 @@ def _search(pair: _Pair) -> _Trial | None:
 
 
 def _refined(pair: _Pair, best: _Trial) -> _Trial:
-    """Tries nearby frequencies and a longer dwell."""
+    """Improves a motion by trying nearby frequencies and a longer dwell."""
     for step in REFINEMENT:
         centre = best.motion
         for sign in (-1.0, 1.0):
@@ -189,7 +189,7 @@ def _by_merit(trial: _Trial) -> float:
 
 
 def _largest(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
-    """Returns the motion at the largest size without spilling; None: it always spills."""
+    """Returns the motion with the largest amplitude without spilling, or None."""
     for size in SIZES:
         sized = replace(motion, acceleration=size * pair.limit)
         trial = _try(pair, sized)
@@ -219,7 +219,7 @@ def _try(pair: _Pair, motion: CandidateMotion) -> _Trial | None:
 
 
 def _with_remaining(pair: _Pair, trial: _Trial) -> _Trial:
-    """Computes the difference that remains after one model is refitted."""
+    """Computes the difference that remains after one model is refitted to the other."""
     times = np.arange(trial.inputs.t[0], trial.inputs.t[-1], 1.0 / TUNING.sample_rate)
     heights = [
         predicted_heights(model, trial.inputs, times, pair.azimuths)
@@ -244,7 +244,7 @@ def _with_remaining(pair: _Pair, trial: _Trial) -> _Trial:
 
 
 def _present_difference(pair: _Pair, present: Sequence[Inputs]) -> float:
-    """Returns the rms difference over the present motions [m]; 0: none."""
+    """Returns the rms difference of two models over recorded motions [m]; 0 without motions."""
     squares = []
     for inputs in present:
         times = np.arange(inputs.t[0], inputs.t[-1], 1.0 / TUNING.sample_rate)
@@ -271,7 +271,7 @@ def _needs_rotation(pair: _Pair) -> bool:
 
 
 def _difference(first: Model, second: Model) -> Iterator[str]:
-    """Returns the names of the effects in which two models differ."""
+    """Yields the names of the effects in which two models differ."""
     ours, theirs = (
         {use.name: dict(use.parameters) for use in model.effects} for model in (first, second)
     )
@@ -294,7 +294,7 @@ def _rms(values: Array) -> float:
 
 
 def variants_of(model: Model) -> Iterator[Model]:
-    """Yields models with changed natural frequency, damping or one effect's parameter."""
+    """Yields models in which natural frequency, damping or one effect's parameter is changed."""
     wider = model.container.widened(1.0 + TUNING.width_change)
     if model.natural_frequency is None:
         yield replace(model, container=wider)

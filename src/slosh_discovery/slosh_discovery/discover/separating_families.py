@@ -1,4 +1,4 @@
-"""Families of motions for a robot, parameterised by frequency and size.
+"""Families of robot motions, parameterised by frequency and amplitude.
 
 Every coordinate is p(t) = A w(t) sin(k φ(t) + δ), with a window w that rises from 0 and returns to
 it with three continuous derivatives: so position, velocity and acceleration begin and end at 0.
@@ -19,7 +19,7 @@ from slosh_model.simulate import Inputs
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """One coordinate's share of a family.
+    """Motion along one coordinate in a family of motions.
 
     Attributes:
         axis: 0, 1, 2 for x, y, z.
@@ -36,7 +36,7 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """A family of motions of one shape.
+    """A family of motions of the same shape.
 
     Attributes:
         title: for people.
@@ -54,7 +54,7 @@ class Family:
 
     @property
     def turns(self) -> bool:
-        """Whether the attitude changes."""
+        """Whether the motion changes the container's attitude."""
         return self.tilt != 0.0 or self.yaw != 0.0
 
 
@@ -80,7 +80,7 @@ FAMILIES = (
 
 @dataclass(frozen=True, slots=True)
 class CandidateMotion:
-    """A member of a family.
+    """A motion of a family, with its frequency, acceleration and dwell time.
 
     Attributes:
         family: the family.
@@ -96,7 +96,7 @@ class CandidateMotion:
 
 
 def inputs_of(motion: CandidateMotion) -> Inputs:
-    """Makes the motion's inputs: rest, oscillation, dwell."""
+    """Returns the inputs of a candidate motion: rest, oscillation, dwell."""
     family = motion.family
     t = np.arange(
         0.0,
@@ -119,7 +119,7 @@ def inputs_of(motion: CandidateMotion) -> Inputs:
 
 
 def text_of(motion: CandidateMotion) -> str:
-    """Describes the motion with its values."""
+    """Describes a candidate motion with its values."""
     inputs = inputs_of(motion)
     peak = float(np.linalg.norm(inputs.acceleration, axis=1).max())
     parts = [f"{motion.family.title} at {motion.frequency:.2f} Hz"]
@@ -136,7 +136,7 @@ def text_of(motion: CandidateMotion) -> str:
 
 
 def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) -> float:
-    """Returns the amplitude at which acceleration and travel keep their limits."""
+    """Returns the amplitude at which acceleration and travel stay within their limits."""
     peak = float(np.linalg.norm(acceleration, axis=1).max())
     extent = float(np.linalg.norm(np.ptp(position, axis=0)))
     if peak <= 0.0:
@@ -145,7 +145,7 @@ def _amplitude(motion: CandidateMotion, position: Array, acceleration: Array) ->
 
 
 def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
-    """Returns axis, angle [rad] and rate [rad/s]."""
+    """Returns the axis, angle [rad] and angular rate [rad/s] of the rotation."""
     place, first, _ = _swing(t, motion, 1.0, 0.0)
     family = motion.family
     if family.tilt != 0.0:
@@ -160,7 +160,7 @@ def _rotation(t: Array, motion: CandidateMotion) -> tuple[int, Array, Array]:
 
 
 def _sweep(motion: CandidateMotion) -> tuple[float, float]:
-    """Returns the start and end frequency of the sweep [Hz]."""
+    """Returns the start and end frequency of a frequency sweep [Hz]."""
     half = math.sqrt(motion.family.sweep)
     return motion.frequency / half, motion.frequency * half
 
@@ -168,7 +168,7 @@ def _sweep(motion: CandidateMotion) -> tuple[float, float]:
 def _swing(
     t: Array, motion: CandidateMotion, harmonic: float, shift: float
 ) -> tuple[Array, Array, Array]:
-    """Returns w sin(k φ + δ) with its first and second derivative."""
+    """Returns w sin(k φ + δ) and its first and second time derivative."""
     since = np.clip(t - TUNING.family_still, 0.0, TUNING.family_swing)
     low, high = (2.0 * math.pi * each for each in _sweep(motion))
     rate = low + (high - low) * since / TUNING.family_swing
@@ -182,7 +182,7 @@ def _swing(
 
 
 def _window(since: Array) -> tuple[Array, Array, Array]:
-    """Returns a window that rises to 1 within RAMP and falls likewise, with derivatives."""
+    """Returns a window that rises from 0 to 1 and falls again, with its derivatives."""
     rise, falling = since / TUNING.family_ramp, (TUNING.family_swing - since) / TUNING.family_ramp
     x = np.clip(np.minimum(rise, falling), 0.0, 1.0)
     sign = np.where(rise <= falling, 1.0, -1.0)

@@ -1,4 +1,4 @@
-"""Tests whether a time-varying parameter explains more than any constant effect.
+"""Tests whether a parameter that changes with time explains more than any constant effect.
 
 An effect of the list has one size. Damping that changes while a liquid warms, or a sensor whose
 gain creeps, is something else, and some effects of constant size can make something of it. So
@@ -28,7 +28,7 @@ from slosh_discovery.discover.tuning import TUNING
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A parameter that seems to change.
+    """A model parameter that seems to change with time.
 
     Attributes:
         effect, parameter: whose it is.
@@ -44,7 +44,7 @@ class Change:
     last: float
 
     def text(self) -> str:
-        """Describes the change in a sentence."""
+        """Describes in a sentence how the parameter changes with time."""
         when = "from motion to motion" if self.between else "with time within the motions"
         return (
             f"Something changes {when}: the {self.parameter} of {self.effect} from about "
@@ -55,7 +55,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Changing:
-    """A fit with one time-varying parameter.
+    """A fit in which one parameter changes with time.
 
     Attributes:
         one: the fit with constant parameters.
@@ -75,11 +75,11 @@ class _Changing:
 
     @property
     def gain(self) -> float:
-        """Returns the reduction of χ²."""
+        """Returns by how much a parameter that changes with time reduces χ²."""
         return self.one.chi_square - float(self.residual @ self.residual)
 
     def log_evidence(self, temperature: float) -> float:
-        """Returns the log evidence of the fit, counted as one additional effect."""
+        """Returns the log evidence of the fit; the change counts as one additional effect."""
         spread = self.one.explanation.spreads[self.index]
         information = np.eye(len(self.steps)) + self.information * spread**2 / temperature
         occam = 0.5 * float(np.linalg.slogdet(information)[1])
@@ -87,7 +87,7 @@ class _Changing:
         return log_evidence(self.one, temperature) + more
 
     def change(self) -> Change:
-        """Describes the change."""
+        """Returns which parameter changes, and from which value to which."""
         free = self.one.explanation.free[self.index]
         value, bounds = self.one.vector[self.index], (free.parameter.lower, free.parameter.upper)
         # The residual falls where the parameter goes the other way.
@@ -102,7 +102,7 @@ class _Changing:
 def change_with_time(
     pool: Pool, motions: Sequence[PreparedMotion], temperature: float
 ) -> Change | None:
-    """Returns the change that is more probable than any constant explanation.
+    """Returns a change with time that is more probable than any constant effect, or None.
 
     Args:
         pool: the explanations.
@@ -130,7 +130,7 @@ def change_with_time(
 
 
 def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing:
-    """Linearised fit with a time-varying parameter; the others are refitted."""
+    """Returns the linearised fit with one time-varying parameter; the others are refitted."""
     others, _ = np.linalg.qr(one.jacobian)
     columns = shape * one.jacobian[:, index : index + 1]
     columns = columns - others @ (others.T @ columns)
@@ -140,7 +140,7 @@ def _changing(one: Fit, index: int, shape: Array, *, between: bool) -> _Changing
 
 
 def _matters(best: _Changing, pool: Pool, motions: Sequence[PreparedMotion]) -> bool:
-    """Whether a change is a large part of the residual and of the effect."""
+    """Returns whether a change explains a large part of the residual."""
     one, count = best.one, len(best.residual)
     name = one.explanation.free[best.index].effect.name
     without = pool.find(one.explanation.without(name)) or pool.base
@@ -152,13 +152,13 @@ def _matters(best: _Changing, pool: Pool, motions: Sequence[PreparedMotion]) -> 
 
 
 def _by_motion(motions: Sequence[PreparedMotion]) -> Array:
-    """Returns an indicator (N, motions) of each motion's samples."""
+    """Returns an indicator matrix (N, motions): which motion each sample belongs to."""
     sizes = [int(motion.kept.sum()) for motion in motions]
     return np.repeat(np.eye(len(motions)), sizes, axis=0)
 
 
 def _by_time(motions: Sequence[PreparedMotion]) -> Array:
-    """Returns time (N,) from -1 at a motion's first sample to 1 at its last."""
+    """Returns the time (N,) of each sample, scaled from -1 to 1 over its motion."""
     parts = []
     for motion in motions:
         middle, half = 0.5 * (motion.t[0] + motion.t[-1]), 0.5 * (motion.t[-1] - motion.t[0])

@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class DiscoverTuning:
-    """Assumptions about noise, effects, recordings and robots.
+    """Assumptions of the discovery about noise, effects, recordings and robots.
 
     Checked on blind cases by `validation/studies/blind_tables.py` and on measured recordings by
     `validation/studies/discovery_findings.py`. The unit "σ" is a standard deviation of the noise,

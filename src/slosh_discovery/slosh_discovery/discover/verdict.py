@@ -1,4 +1,4 @@
-"""Derives a verdict with its confidence from fitted explanations."""
+"""Derives the result of a discovery and its confidence from the fitted candidate models."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CLEARLY = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChosenExplanation:
-    """The chosen explanation and its probability.
+    """The chosen candidate model and its probability.
 
     Attributes:
         verdict: how the discovery ends.
@@ -76,7 +76,7 @@ class ChosenExplanation:
 
 
 def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> ChosenExplanation:
-    """Compares the fitted explanations and judges them.
+    """Compares the fitted candidate models and chooses one.
 
     Where the likeliest leaves nothing but noise, the evidence decides. Where even that leaves
     more, every explanation is wrong, and better ones than others are those that predict motions
@@ -140,12 +140,12 @@ def judge(pool: Pool, motions: Sequence[PreparedMotion]) -> ChosenExplanation:
 
 
 def rejected(judgement: ChosenExplanation, base: Fit) -> ChosenExplanation:
-    """Returns the judgement if the chosen explanation is rejected."""
+    """Returns the judgement after the chosen model was rejected: unexplained, no effect added."""
     return replace(judgement, verdict=Verdict.UNEXPLAINED, chosen=base, confidences={}, rivals={})
 
 
 def _contenders(worthy: Sequence[Fit], pool: Pool) -> list[Fit]:
-    """Returns the most probable explanations, their parts, and the base."""
+    """Returns the most probable candidate models, their parts, and the base model."""
     chosen: dict[Key, Fit] = {pool.base.explanation.key: pool.base}
     for one in worthy[: TUNING.contenders]:
         effects = one.explanation.effects
@@ -165,12 +165,12 @@ def _ranked(pool: Pool, logs: Mapping[Key, float]) -> tuple[tuple[Fit, float], .
 
 
 def _without_effects(before: Leftover) -> Verdict:
-    """Returns the verdict if no explanation is better than the base."""
+    """Returns the verdict if no candidate model is better than the base model."""
     return Verdict.NONE if before.adequate else Verdict.UNEXPLAINED
 
 
 def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict, bool]:
-    """Returns the verdict, and whether the best explanation is added to the model."""
+    """Returns the verdict, and whether the best effects are added to the model."""
     if not after.adequate:
         closed = 1.0 - after.mean_square / before.mean_square
         if closed < TUNING.closed:
@@ -179,7 +179,7 @@ def _verdict(likely: float, before: Leftover, after: Leftover) -> tuple[Verdict,
 
 
 def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
-    """Returns the fits of which every effect closes more than a share of the gap.
+    """Returns the fits in which every effect removes more than a share of the error.
 
     Nor could any be the same for all groups where it is fitted for each.
     """
@@ -201,7 +201,7 @@ def _worthy(fits: Sequence[Fit], pool: Pool, share: float) -> list[Fit]:
 
 
 def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
-    """Whether the heights hardly move although the base predicts motion.
+    """Returns whether the measured heights hardly move although the base model predicts motion.
 
     A flat line is what many an effect can make of any wave, and none is the reason.
     """
@@ -217,7 +217,7 @@ def _unseen(base: Fit, motions: Sequence[PreparedMotion]) -> bool:
 
 
 def _hidden(base: Fit, best: Fit, motions: Sequence[PreparedMotion]) -> bool:
-    """Whether an explanation's improvement is below the sensor's stated noise."""
+    """Returns whether a fit's improvement is below the noise that the sensor states."""
     gained, claimed = 0.0, 0.0
     parts = (parts_of(one.residual, motions) for one in (base, best))
     for motion, before, after in zip(motions, *parts, strict=True):
@@ -233,7 +233,7 @@ def _without_mean(heights: Array) -> Array:
 
 
 def trust_in(before: Leftover, after: Leftover) -> float:
-    """Returns the probability of a listed cause, from the share of the gap that remains.
+    """Returns the probability that a listed effect is the cause, from the remaining error.
 
     Also where what is left is little beside the noise: of a small gap it may be a large part, and
     a law that is nearly the right one leaves no more.
@@ -246,7 +246,7 @@ def trust_in(before: Leftover, after: Leftover) -> float:
 
 
 def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
-    """Returns effects that replace an effect in about equally probable explanations."""
+    """Returns effects that could replace an effect with about the same probability."""
     best, share = ranked[0]
     others = set(best.explanation.effects) - {name}
     found: list[str] = []
@@ -265,7 +265,7 @@ def _rivals(name: str, ranked: Sequence[tuple[Fit, float]]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class OtherFrequency:
-    """Observed sloshing frequency that differs from the model's.
+    """A sloshing frequency in the data that differs from the model's.
 
     Attributes:
         expected: the model's first natural frequency [Hz].
@@ -276,7 +276,7 @@ class OtherFrequency:
     seen: float
 
     def text(self) -> str:
-        """Asks in a sentence whether the container is the right one."""
+        """Asks the user, in one sentence, whether the model describes the right container."""
         apart = 100.0 * (self.seen / self.expected - 1.0)
         return (
             f"Is this the right container? The liquid oscillates at {self.seen:.2f} Hz, the "
@@ -286,7 +286,7 @@ class OtherFrequency:
 
 
 def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFrequency | None:
-    """Returns another frequency that the heights clearly show; None: none.
+    """Returns a frequency of the heights that clearly differs from the model's, or None.
 
     A model of another container is wrong in everything at once, and a few effects can make
     something of any wave: the container is asked for before effects are named.
@@ -309,7 +309,7 @@ def other_frequency(base: Fit, motions: Sequence[PreparedMotion]) -> OtherFreque
 
 
 def _unlike(base: Fit, motions: Sequence[PreparedMotion], factor: float) -> float:
-    """Returns the share of the heights' power that waves of another frequency leave."""
+    """Returns the share of the heights' power that waves of a scaled frequency do not explain."""
     models = [
         base.model_of(one.motion.group).with_effect(EFFECT, factor=factor) for one in motions
     ]

@@ -1,4 +1,4 @@
-"""Locates the disagreement: the residual by parts of the data.
+"""Locates the model's error: residuals by time, phase, amplitude and other parts of the data.
 
 Each partition (time, phase, amplitude, direction, frequency) divides every measured sample, so its
 shares of the base model's squared residual add up to 1. The inputs are no partition: for each, how
@@ -32,7 +32,7 @@ STILL_WATER = "no wave predicted"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Residual:
-    """Residuals of one motion.
+    """Residuals of one motion before and after the discovery.
 
     Attributes:
         finding: the motion.
@@ -182,7 +182,7 @@ def _sector_label(k: int) -> str:
 
 
 def frequency_bands(model: Model) -> tuple[tuple[str, float, float], ...]:
-    """Returns disjoint bands about the characteristic frequencies: label, from, to [Hz]."""
+    """Returns disjoint bands around the characteristic frequencies: label, from, to [Hz]."""
     first = model.mode_frequency(1) / (2.0 * math.pi)
     second = model.mode_frequency(2) / (2.0 * math.pi)
     centres = sorted([(first, "ω₁"), (2.0 * first, "2ω₁"), (second, "ω₂")])
@@ -216,7 +216,7 @@ def _frequency_rows(residuals: Sequence[_Residual], model: Model) -> Iterator[Wh
 
 
 def _band_energies(t: Array, series: Array, bands: Sequence[tuple[str, float, float]]) -> Array:
-    """Returns the energy of each band and of the rest; their sum is the sum of squares."""
+    """Returns the energy of a series in each frequency band and outside all bands."""
     grid = np.nan_to_num(even_grid(t, series))
     spectrum = np.sum(np.abs(np.fft.fft(grid, axis=0)) ** 2, axis=1) / len(grid)
     frequency = np.abs(np.fft.fftfreq(len(grid), float(np.median(np.diff(t)))))
@@ -253,7 +253,7 @@ def _input_rows(residuals: Sequence[_Residual], model: Model) -> Iterator[WhereR
 
 
 def _envelope(residual: _Residual, series: Array, period: float) -> Array:
-    """Returns the running rms (M,) over one period of the first mode; NaN: no sample."""
+    """Returns the running rms (M,) of a residual over one period; NaN where not measured."""
     spacing = float(np.median(np.diff(residual.finding.motion.t)))
     width = max(round(period / spacing), 1)
     present = np.isfinite(series)
@@ -264,7 +264,7 @@ def _envelope(residual: _Residual, series: Array, period: float) -> Array:
 
 
 def _following(envelope: Array, quantity: Array) -> float:
-    """Returns the correlation; 0 if the residual decreases with the quantity."""
+    """Returns how well a residual's size correlates with a quantity; negative values become 0."""
     kept = np.isfinite(envelope) & np.isfinite(quantity)
     one, two = envelope[kept], quantity[kept]
     if len(one) < 3 or not (one.std() > 0.0 and two.std() > 0.0):
@@ -295,7 +295,7 @@ def _worst_of(finding: MotionFinding, count: int) -> list[tuple[float, WorstMome
 
 
 def _median_of_three(size: Array) -> Array:
-    """Returns the running median of three; NaN: no sample. Neighbouring gaps count as 0."""
+    """Returns the running median of three samples; NaN where nothing was measured."""
     padded = np.pad(np.nan_to_num(size), ((1, 1), (0, 0)), mode="edge")
     middle = np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
     return np.where(np.isfinite(size), middle, np.nan)

@@ -1,4 +1,4 @@
-"""The workflow of a discovery: from measured motions and a model to a finding."""
+"""Runs a discovery from measured motions and a model to its result."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def discover(
 
 
 def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredMotion]) -> None:
-    """Refuses motions of unknown groups."""
+    """Raises an error if a held-out motion belongs to a group without fitted motions."""
     known = {motion.group for motion in motions}
     for motion in (*motions, *holdout):
         if motion.group is None and known != {None}:
@@ -142,7 +142,7 @@ def _check_groups(motions: Sequence[MeasuredMotion], holdout: Sequence[MeasuredM
 
 
 def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
-    """Refuses fitted motions for which the base has no solution."""
+    """Raises an error if the base model has no solution for a fitted motion."""
     for one in motions:
         if one.simulate(base) is None:
             raise SloshDiscoveryError(unanswered(one.motion) + ", or leave the motion out")
@@ -151,7 +151,7 @@ def _check_answers(base: Model, motions: Sequence[PreparedMotion]) -> None:
 def _judged(
     base: Model, plain: Sequence[PreparedMotion], told: Progress, threads: int
 ) -> tuple[Searched, ChosenExplanation]:
-    """Searches and judges; repeats it with groups found in the motions if none are given."""
+    """Searches and judges; repeats both with groups that are found in the motions."""
     searched = search_in_rounds(base, plain, told, threads)
     best = searched.pool.ranked()[0]
     ungrouped = all(one.motion.group is None for one in plain)
@@ -167,7 +167,7 @@ def _judged(
 
 
 def _placed(motion: MeasuredMotion, chosen: Fit, base: Model) -> MeasuredMotion:
-    """Assigns a held-out motion to the group whose model fits best."""
+    """Assigns a held-out motion to the group whose model fits it best."""
     one = prepare(motion)
     start = first_offset(one, base)
     group = min(
@@ -179,7 +179,7 @@ def _placed(motion: MeasuredMotion, chosen: Fit, base: Model) -> MeasuredMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Answer:
-    """A model's response to a motion, on the measured clock and level."""
+    """A model's response to a motion, with the estimated clock offset and still level."""
 
     heights: Array
     clock_offset: float
@@ -224,7 +224,7 @@ def _cases(
 
 
 def _answer(one: PreparedMotion, model: Model, start: float) -> _Answer:
-    """Computes a model's response; estimates clock offset and level if unknown."""
+    """Computes a model's response; estimates clock offset and still level if unknown."""
     motion = one.motion
     offset = start
     if not motion.same_clock:
@@ -274,7 +274,7 @@ def _effects(judgement: ChosenExplanation, base: Model) -> tuple[FoundEffect, ..
 
 
 def _fitted(chosen: Fit, errors: Array, name: str, group: str | None) -> FittedParameters:
-    """Returns an effect's parameters with errors, for a group if they differ."""
+    """Returns an effect's parameters with standard errors, for one group if groups differ."""
     explanation = chosen.explanation
     return FittedParameters(
         explanation.part(chosen.vector, name, group),
@@ -287,7 +287,7 @@ def _fitted(chosen: Fit, errors: Array, name: str, group: str | None) -> FittedP
 
 
 def _group_models(chosen: Fit) -> dict[str, Model]:
-    """Returns the model of each group if they differ."""
+    """Returns the model of each group, or an empty dictionary if the groups do not differ."""
     explanation = chosen.explanation
     if not explanation.per_group:
         return {}
@@ -339,7 +339,7 @@ def _rms(one: Fit, motions: Sequence[PreparedMotion]) -> float:
 def separating_motions(
     judgement: ChosenExplanation, motions: Sequence[PreparedMotion]
 ) -> tuple[SeparatingMotion, ...]:
-    """Returns motions that distinguish the best explanation from rivals, if ambiguous."""
+    """Returns motions that distinguish the best candidate models if the verdict is ambiguous."""
     if judgement.verdict is not Verdict.AMBIGUOUS:
         return ()
     best, share = judgement.ranked[0]
@@ -364,7 +364,7 @@ def separating_motions(
 
 
 def proposal(judgement: ChosenExplanation, motions: Sequence[PreparedMotion]) -> Proposal | None:
-    """Proposes a generic term for an unexplained gap, in addition to listed effects."""
+    """Proposes a generic equation term for an unexplained error, or returns None."""
     if judgement.verdict is not Verdict.UNEXPLAINED or judgement.elsewhere is not None:
         return None
     return propose(

@@ -1,4 +1,4 @@
-"""Reads measured motions for the discovery from files.
+"""Reads measured motions for a discovery from files.
 
 Motion tables, bags and folders of tables in; `MeasuredMotion` out. Pure: no ROS, no clock.
 """

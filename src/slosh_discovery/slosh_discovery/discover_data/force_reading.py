@@ -1,4 +1,4 @@
-"""Bags and tables to a measured force beside the motion of its container."""
+"""Reads a measured force and the motion of its container from bags and tables."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Tell = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class ForceSource:
-    """How a recording is read.
+    """Options for reading force and motion from a recording.
 
     Attributes:
         topic: of the force; empty: the only one that can be.
@@ -53,7 +53,7 @@ class ForceSource:
 
 
 def read_force(path: Path, source: ForceSource, tell: Tell) -> ForceRecord:
-    """The force and the motion in a file.
+    """Reads the measured force and the container's motion from a file.
 
     Args:
         path: a table with t, ax, ay, az, fx, fy, fz; a bag, also a ROS 1 or rosbag2 one.
@@ -142,7 +142,7 @@ def _force_topic(path: Path, reader: BagReader, name: str) -> str:
 
 
 def _forces(reader: BagReader, topic: str) -> tuple[Any, Array]:
-    """Stamps (K,) [ns] and forces (K, 3); without a header's stamp the time of recording."""
+    """Returns stamps (K,) [ns] and forces (K, 3); without a header the time of recording."""
     stamps, rows = [], []
     for message in reader.messages({topic}):
         decoded = reader.decode(message)
@@ -158,7 +158,7 @@ def _forces(reader: BagReader, topic: str) -> tuple[Any, Array]:
 def _named_joints(
     reader: BagReader, wanted: WantedInput | None, path: Path, tell: Tell
 ) -> WantedInput | None:
-    """The wanted input, its description with the joints' recorded names where none is alike."""
+    """Returns the requested input, with the joint names that the recording uses."""
     if wanted is None or not wanted.urdf or wanted.kind not in (None, JOINTS):
         return wanted
     kind = MESSAGE_TYPES[JOINTS]
@@ -194,7 +194,7 @@ def _moving_joints(urdf: str) -> list[str]:
 
 
 def _renamed(urdf: str, names: dict[str, str]) -> str:
-    """The description with joints' names replaced, also where others mimic them."""
+    """Returns a robot description (URDF) with replaced joint names."""
     pattern: Sequence[str] = [re.escape(name) for name in names]
     quoted = re.compile(rf"""(<(?:joint|mimic)\b[^>]*?=\s*["'])({"|".join(pattern)})(["'])""")
     return quoted.sub(lambda m: f"{m[1]}{names[m[2]]}{m[3]}", urdf)

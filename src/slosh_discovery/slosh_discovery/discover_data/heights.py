@@ -1,4 +1,4 @@
-"""Measured heights: removal of spikes, still level and noise."""
+"""Processes measured heights: removes spikes, finds still level and noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST = 5
 
 
 class Still(NamedTuple):
-    """Still level and noise about it [m]."""
+    """Level of the still surface and the noise of the heights there [m]."""
 
     level: float
     noise: float
@@ -43,7 +43,7 @@ def without_spikes(height: Array) -> tuple[Array, int]:
 
 
 def sample_noise(height: Array) -> float:
-    """Returns the standard deviation of white noise [m]; 0: too few samples.
+    """Returns the standard deviation of white noise in heights [m]; 0 with too few samples.
 
     A sample's difference from the mean of its neighbours has 3/2 of the noise's variance.
     """
@@ -55,7 +55,7 @@ def sample_noise(height: Array) -> float:
 
 
 def find_still(t: Array, height: Array) -> Still:
-    """Returns still level and noise of the quietest second.
+    """Returns still level and noise of the quietest second of the heights.
 
     Args:
         t: (N,) rising times [s].
@@ -72,7 +72,7 @@ def find_still(t: Array, height: Array) -> Still:
 
 
 def rms_about(height: Array, level: float) -> float:
-    """Returns the root mean square about a level [m]; NaN: fewer than LEAST samples."""
+    """Returns the rms of heights about a level [m]; NaN with fewer than LEAST samples."""
     known = height[np.isfinite(height)]
     if len(known) < LEAST:
         return float("nan")

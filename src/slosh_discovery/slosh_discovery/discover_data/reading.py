@@ -1,4 +1,4 @@
-"""Converts files to measured motions."""
+"""Converts tables and bags to measured motions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class DayMotion:
-    """A recorded motion and the error of the live estimate.
+    """A recorded motion and the error of the estimator during the recording.
 
     Attributes:
         motion: the motion.
@@ -61,7 +61,7 @@ class DayMotion:
 
 
 def _quietly(line: str) -> None:
-    """Ignores a line."""
+    """Ignores a line of text; default for callers that want no remarks."""
 
 
 def read_motions(
@@ -95,7 +95,7 @@ def read_motions(
 def motions_of_day(
     path: Path, model: Model | None = None, tell: Callable[[str], object] = _quietly
 ) -> list[MeasuredMotion]:
-    """Reads the motions of a recording day, those with the largest live error first.
+    """Returns the motions of a day's recording, those with the largest live error first.
 
     Args and errors are those of `read_motions`.
     """
@@ -108,7 +108,7 @@ def day_motions(
     tell: Callable[[str], object] = _quietly,
     tables: TableOptions = FOUND_OUT,
 ) -> list[DayMotion]:
-    """Reads the motions of a recording day with the error of the live estimate.
+    """Returns the motions of a day's recording, each with the error of the live estimate.
 
     Motions of which no comparison was recorded come last, in the order of the recording. A bag of
     an event, among others, may hold no motion: that is told. What several of them hold is one.
@@ -125,7 +125,7 @@ def day_motions(
 
 
 def _is_of_event(path: Path) -> bool:
-    """Whether it is a bag that was written round an event, which need be no motion."""
+    """Returns whether a path is a bag that the recorder wrote around an event."""
     try:
         return not is_motion_table(path) and EVENTS in BagReader(path).metadata()
     except SloshBagError:
@@ -133,7 +133,7 @@ def _is_of_event(path: Path) -> bool:
 
 
 def _once(motions: Sequence[DayMotion]) -> list[DayMotion]:
-    """The motions without those that another bag of an event holds, too, at least as long."""
+    """Returns the motions without those that another event bag contains at least as completely."""
     kept: list[DayMotion] = []
     for entry in sorted(motions, key=lambda entry: -_length(entry)):
         if entry.span_ns is None or not any(_overlap(entry, other) for other in kept):
@@ -176,7 +176,7 @@ def files_at(path: Path) -> list[Path]:
 def _read(
     path: Path, model: Model | None, tell: Tell, tables: TableOptions
 ) -> Iterator[DayMotion]:
-    """Yields the motions of a table or a bag, with the recorded disagreement."""
+    """Yields the motions of a table or a bag, each with the error of the live estimate."""
     if is_motion_table(path):
         yield DayMotion(table_motion(path, tell, model, replace(tables, tell=tell)), NAN)
         return
@@ -220,7 +220,7 @@ def _motions(name: str, recording: BagRecording, tell: Tell) -> Iterator[DayMoti
 
 
 def _motion_of(name: str, recording: BagRecording, part: Part) -> MeasuredMotion | None:
-    """Returns the motion of a part; time is in seconds since the recording's first input."""
+    """Returns the motion in a part of a recording, or None if it has too few data."""
     motion, heights = recording.motion, recording.heights
     rows = slice(*np.searchsorted(motion.stamps, (part.start, part.end + 1)))
     samples = slice(*np.searchsorted(heights.stamps, (part.heights_start, part.end + 1)))
@@ -247,7 +247,7 @@ def _motion_of(name: str, recording: BagRecording, part: Part) -> MeasuredMotion
 
 
 def _disagreement(recording: BagRecording, part: Part) -> float:
-    """Returns the RMS of the recorded residuals over a part [m]; NaN: none."""
+    """Returns the rms of the recorded residuals over a part [m]; NaN without residuals."""
     stamps, values = recording.residuals
     first, last = np.searchsorted(stamps, (part.heights_start, part.end + 1))
     if first == last:
@@ -261,7 +261,7 @@ def table_motion(
     model: Model | None = None,
     options: TableOptions = FOUND_OUT,
 ) -> MeasuredMotion:
-    """Reads a table's motion.
+    """Reads the motion in a table file.
 
     Args:
         path: `.csv` or `.csv.gz`.
@@ -286,7 +286,7 @@ def motion_of_table(
     tell: Callable[[str], object],
     model: Model | None = None,
 ) -> MeasuredMotion:
-    """Makes the motion from a table's values.
+    """Converts the values of a table to a measured motion.
 
     Of msh and wall heights the latter are taken: their maximum is the msh, so that nothing is
     lost. Where more moments have an msh than wall heights it is the other way round. A profile
@@ -338,7 +338,7 @@ def motion_of_table(
 def _profile_motion(
     path: Path, name: str, table: MotionTable, model: Model | None
 ) -> MeasuredMotion:
-    """Fits a line to each frame of a profile: the height at +x (TM20, eqs. (11), (12))."""
+    """Fits a line to each surface profile; it gives the height at +x (TM20, eqs. (11), (12))."""
     if model is None:
         raise SloshDiscoveryError(f"{path}: holds a profile; its width is known only with a model")
     assert table.profile is not None and table.profile_x is not None  # noqa: PT018  # by the caller
@@ -357,7 +357,7 @@ def _profile_motion(
 
 
 def _sampled(heights: Array | None) -> NDArray[np.intp]:
-    """Returns the rows with a measured height."""
+    """Returns the indices of the rows that contain a measured height."""
     if heights is None:
         return np.empty(0, dtype=np.intp)
     return np.flatnonzero(np.isfinite(heights.reshape(len(heights), -1)).any(axis=1))

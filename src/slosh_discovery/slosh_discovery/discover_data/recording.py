@@ -1,4 +1,4 @@
-"""The motion and the measured heights of a cell in a bag, on the bag's clock.
+"""Reads the container's motion and the measured heights from a bag, on the bag's clock.
 
 | input | acceleration | attitude | angular velocity |
 |---|---|---|---|
@@ -52,7 +52,7 @@ _TURN = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 
 
 class Heights(NamedTuple):
-    """Measured heights: rising stamps (N,) [ns]; heights and standard deviations (N,) [m]."""
+    """Measured heights [m] with increasing stamps [ns] and standard deviations [m], (N,) each."""
 
     stamps: Stamps
     msh: Array
@@ -60,7 +60,7 @@ class Heights(NamedTuple):
 
 
 class Residuals(NamedTuple):
-    """Recorded residuals (measured minus estimated): stamps (N,) [ns], values (N,) [m]."""
+    """Recorded residuals, measured minus estimated (N,) [m], with stamps (N,) [ns]."""
 
     stamps: Stamps
     values: Array
@@ -68,7 +68,7 @@ class Residuals(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BagRecording:
-    """A bag's motion and heights.
+    """The motion and the heights that a bag contains.
 
     Attributes:
         path: of the bag.
@@ -133,7 +133,7 @@ def read_recording(path: Path, reader: BagReader, sources: Sources, tell: Tell) 
 
 
 class _Container:
-    """Collects the messages of the container's motion."""
+    """Collects the recorded messages of the container's motion."""
 
     def __init__(self, sources: Sources, how: InputSettings) -> None:
         self._kind, self._topic = sources.kind, sources.input
@@ -141,7 +141,7 @@ class _Container:
         self._imu, self._poses = AttitudeCollector(how.frames[1]), PoseAttitudes(how.frames[0])
 
     def takers(self, topics: Mapping[str, TopicInfo]) -> dict[str, Taker]:
-        """Returns the handlers of a bag's topics besides the input."""
+        """Returns the handlers for the topics of a bag that supplement the input."""
         found: dict[str, Taker] = {}
         if self._kind != "accel":
             return found
@@ -161,11 +161,11 @@ class _Container:
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """Faults of the input, one sentence each, after all messages."""
+        """Faults of the input, one sentence each; complete after the last message."""
         return self._moved.doubts
 
     def motion(self, path: Path) -> RecordedMotion:
-        """Returns the motion of all messages.
+        """Returns the motion from all messages.
 
         Raises:
             SloshBagError: nothing usable, or stamps that go back.
@@ -178,7 +178,7 @@ class _Container:
 
 
 def usable_heights(measured: Measurements) -> tuple[Heights, list[str]]:
-    """Returns the heights for a fit, each stamp once, and remarks on omitted ones."""
+    """Returns the usable heights, each stamp once, and remarks on the omitted ones."""
     unusable = ~np.isfinite(measured.usable_heights)
     saturated = ~unusable & measured.saturated
     told = (
@@ -194,7 +194,7 @@ def usable_heights(measured: Measurements) -> tuple[Heights, list[str]]:
 
 
 class _Comparisons:
-    """Collects SloshComparison messages."""
+    """Collects recorded SloshComparison messages."""
 
     def __init__(self) -> None:
         self._parts: list[Residuals] = []
@@ -216,7 +216,7 @@ class _Comparisons:
 
 
 def sources_of(path: Path) -> tuple[BagReader, Sources]:
-    """Returns a bag's reader and its topics.
+    """Returns a reader for a bag, and the topics of its motion and heights.
 
     Raises:
         SloshBagError: no readable bag, or nothing in it that drives a model.
@@ -226,7 +226,7 @@ def sources_of(path: Path) -> tuple[BagReader, Sources]:
 
 
 class PoseAttitudes:
-    """Collects PoseStamped messages of the container in the world's frame.
+    """Collects recorded poses of the container in the world frame.
 
     Args:
         world: name of the world's frame.
@@ -243,7 +243,7 @@ class PoseAttitudes:
         self._turns: list[Array] = []
 
     def add(self, columns: Mapping[str, NDArray[Any]]) -> None:
-        """Adds consecutive messages."""
+        """Adds consecutive pose messages."""
         turns = np.column_stack([columns[name] for name in _TURN])
         # A quaternion without a length is none; NaN compares false.
         usable = (columns[FRAME] == self._world) & (np.linalg.norm(turns, axis=1) > 0.0)
@@ -251,7 +251,7 @@ class PoseAttitudes:
         self._turns.append(turns[usable])
 
     def added_to(self, motion: RecordedMotion) -> RecordedMotion:
-        """Adds attitude and angular velocity to the motion if the poses cover it."""
+        """Returns the motion with attitude and angular velocity, if the poses cover it."""
         if not self._stamps:
             return motion
         stamps, first = np.unique(np.concatenate(self._stamps), return_index=True)
@@ -268,7 +268,7 @@ class PoseAttitudes:
 
 
 def _cover(stamps: Stamps, wanted: Stamps) -> bool:
-    """Whether the stamps cover all of the wanted ones."""
+    """Returns whether stamps cover all wanted stamps without long gaps."""
     if len(stamps) < 2:
         return False
     after = np.clip(np.searchsorted(stamps, wanted), 1, len(stamps) - 1)
@@ -278,7 +278,7 @@ def _cover(stamps: Stamps, wanted: Stamps) -> bool:
 
 
 def angular_velocity(stamps: Stamps, attitude: Array, span: int) -> Array:
-    """Returns mean angular velocity (N, 3) about each sample, container frame [rad/s].
+    """Returns the mean angular velocity (N, 3) [rad/s] about each sample, in the container frame.
 
     Args:
         stamps: (N,) rising [ns].

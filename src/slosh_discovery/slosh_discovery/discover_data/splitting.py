@@ -43,7 +43,7 @@ AT_REST_SHARE = 0.02
 
 
 class Part(NamedTuple):
-    """A section of a recording that becomes one measured motion [ns].
+    """A part of a recording that becomes one measured motion; its limits are stamps [ns].
 
     Attributes:
         start, end: of the inputs.
@@ -63,7 +63,7 @@ class RecordingParts(NamedTuple):
 
 
 def split(recording: BagRecording) -> RecordingParts:
-    """Splits a recording into parts."""
+    """Splits a recording into parts that each become one measured motion."""
     stamps, rest = recording.motion.stamps, _Rest(recording.heights)
     spans = recorded_spans(recording.motion)
     gaps = _gaps_in_motion(stamps, spans, recording.max_gap_ns)
@@ -92,7 +92,7 @@ def split(recording: BagRecording) -> RecordingParts:
 
 
 def recorded_spans(motion: RecordedMotion) -> list[MotionSpan]:
-    """Returns the time spans in which the container of a recording moves.
+    """Returns the time spans in which the recorded container moves.
 
     What is constant, as with a sensor that is mounted askew or has a bias, is no motion.
     """
@@ -105,7 +105,7 @@ def recorded_spans(motion: RecordedMotion) -> list[MotionSpan]:
 
 
 class _Rest:
-    """Decides from the heights whether the liquid is at rest."""
+    """Decides from measured heights whether the liquid is at rest."""
 
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
@@ -117,7 +117,7 @@ class _Rest:
         self._limit = max(AT_REST_NOISES * self._still.noise, AT_REST_SHARE * peak)
 
     def sloshes_before(self, stamp_ns: int, last_end_ns: int) -> bool:
-        """Whether the liquid still moves at a time, given the end of the last motion [ns]."""
+        """Returns whether the liquid still moves at a stamp, after the last motion ended [ns]."""
         if stamp_ns - last_end_ns > LONG_REST_NS:
             return False
         look_from = max(stamp_ns - LOOK_NS, last_end_ns)
@@ -125,7 +125,7 @@ class _Rest:
         return not rms <= self._limit  # without heights nobody knows
 
     def sloshes_at_the_start(self, stamp_ns: int, span: MotionSpan) -> bool:
-        """Whether a recording begins in the middle of a motion."""
+        """Returns whether a recording begins in the middle of a motion."""
         if span.start_ns - stamp_ns > LOOK_NS // 2:
             return False
         first = self._between(span.start_ns, span.start_ns + LOOK_NS // 10)
@@ -138,7 +138,7 @@ class _Rest:
 
 
 def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
-    """Returns the motions from the first one that begins at rest."""
+    """Returns the motions from the first one on that begins at rest."""
     for index in range(1, len(spans)):
         if not rest.sloshes_before(spans[index].start_ns, spans[index - 1].end_ns):
             return list(spans[index:])
@@ -146,7 +146,7 @@ def _until_rest(spans: Sequence[MotionSpan], rest: _Rest) -> list[MotionSpan]:
 
 
 class _Chain(NamedTuple):
-    """Motions that stay together [ns], and whether they continue earlier ones."""
+    """Successive motions that form one part, and whether they continue earlier motions."""
 
     start: int
     end: int
@@ -166,7 +166,7 @@ def _chains(spans: Sequence[MotionSpan], rest: _Rest) -> list[_Chain]:
 
 
 def _gaps_in_motion(stamps: Stamps, spans: Sequence[MotionSpan], max_gap_ns: int) -> Stamps:
-    """Returns the starts of input gaps during motions [ns]."""
+    """Returns the start stamps [ns] of gaps in the input during motions."""
     before = np.flatnonzero(np.diff(stamps) > max_gap_ns)
     starts, ends = stamps[before], stamps[before + 1]
     inside = [

@@ -1,4 +1,4 @@
-"""Bags in which the heights have their own clock and zero.
+"""Reads bags in which the heights have a clock and a zero of their own.
 
 Such a bag is one run. The measured times are shifted so that the heights lie over the motion as
 well as a model can tell; what is left of the offset is unknown and small.
@@ -38,7 +38,7 @@ ENDS_AT_REST = 0.5
 def unrelated_motion(
     name: str, recording: BagRecording, model: Model | None, tell: Tell
 ) -> MeasuredMotion:
-    """Reads the run of a bag with unrelated clocks.
+    """Reads the motion of a bag whose heights and inputs have unrelated clocks.
 
     Args:
         name: of the motion.
@@ -85,19 +85,19 @@ def unrelated_motion(
 
 
 def noted_model(facts: Mapping[str, str]) -> Model | None:
-    """Returns a model of the container in the bag's metadata with water; None: not given."""
+    """Returns a model of water in the container that the bag's metadata names, or None."""
     container = noted_container(facts)
     return None if container is None else plain(Model(container))
 
 
 def plain(model: Model) -> Model:
-    """Returns the 3D-NL model of a model's container and liquid."""
+    """Returns the 3D nonlinear model of a model's container and liquid, without its effects."""
     effectless = Model(model.container, model.liquid, model.damping_ratio)
     return effectless.spatial().nonlinear()
 
 
 def held_at_rest(motion: RecordedMotion, duration_ns: int) -> RecordedMotion:
-    """Extends a motion by the rest after its end.
+    """Extends a motion by a rest at its end, for a given duration [ns].
 
     A commanded motion ends where the container comes to rest; the camera goes on. The inputs go on
     with it: without acceleration, in the last attitude. A motion that is cut off stays as it is.
@@ -128,7 +128,7 @@ def held_at_rest(motion: RecordedMotion, duration_ns: int) -> RecordedMotion:
 def _offset(
     t: Array, motion: RecordedMotion, measured_t: Array, height: Array, model: Model | None
 ) -> tuple[float, str]:
-    """Returns measured clock minus motion's clock [s], and the method that found it."""
+    """Returns the clock offset, heights minus motion [s], and the method that found it."""
     felt = felt_acceleration(motion)
     moving = recorded_spans(motion)
     origin = int(motion.stamps[0])
@@ -156,7 +156,7 @@ def _peak_offset(t: Array, felt: Array, measured_t: Array, height: Array) -> flo
 
 
 def felt_acceleration(motion: RecordedMotion) -> Array:
-    """Returns the acceleration (N, 3) that excites the liquid, with gravity by tilt [m/s²].
+    """Returns the acceleration (N, 3) [m/s²] that excites the liquid, with gravity by tilt.
 
     Rz(ψ) Rᵀ (a + g ẑ) - g ẑ in axes that do not follow the yaw ψ. Only the offset is found by it:
     whether the model knows about tilt is for the discovery to find.

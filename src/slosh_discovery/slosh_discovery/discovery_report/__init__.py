@@ -1,4 +1,4 @@
-"""Results of a discovery: terminal text, HTML page, `discovery.json`."""
+"""Results of a discovery as terminal text, HTML page and `discovery.json`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contents of a discovery's page, text and `discovery.json`."""
+"""Content of a discovery's page, text and `discovery.json`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command that the reader may run next.
+    """A command that the user may run next.
 
     Attributes:
         purpose: what it does, a few words.
@@ -46,7 +46,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class DiscoveryReport:
-    """A finding with the additional information for its reader.
+    """The result of a discovery, with notes and commands for its reader.
 
     Attributes:
         finding: what was found.
@@ -67,12 +67,12 @@ class DiscoveryReport:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and remarks, each once."""
+        """Notes and remarks, without duplicates."""
         return tuple(dict.fromkeys((*self.notes, *self.finding.remarks)))
 
 
 def discovery_json(report: DiscoveryReport) -> str:
-    """Formats `discovery.json`: strict JSON, reproducible.
+    """Returns the text of `discovery.json`: strict JSON, identical for identical results.
 
     Numbers are in SI units, null: not known. The keys stay as they are within one number of
     `schema`; further keys may come.
@@ -114,14 +114,14 @@ def discovery_document(report: DiscoveryReport) -> Document:
 
 
 def _effect(effect: FoundEffect) -> Document:
-    """Returns an effect with the parameters' SI units, "1" for none."""
+    """Returns an effect as a dictionary with its parameters' SI units ("1" if dimensionless)."""
     sets = [effect.parameters, *(one.parameters for one in effect.by_group.values())]
     units = {name: si_unit(effect.name, name) for one in sets for name in one}
     return {**plain(effect), "units": units}
 
 
 def _gap(gap: HeightGap) -> Document:
-    """Returns root mean squares of the residual [m] by stage; null: no held-out motion.
+    """Returns rms residuals [m] before and after as a dictionary; null if nothing was held out.
 
     `closed`: see Gap; the other two are the shares by motions' role.
     """
@@ -137,7 +137,7 @@ def _gap(gap: HeightGap) -> Document:
 
 
 def _motion(finding: MotionFinding) -> Document:
-    """Returns a motion's facts; `peak`: highest measured height above zero [m]."""
+    """Returns a motion as a dictionary; `peak` is the highest measured height [m]."""
     motion = finding.motion
     before = residual_rms(finding, finding.before_heights)
     after = residual_rms(finding, finding.after_heights)
@@ -159,12 +159,12 @@ def _motion(finding: MotionFinding) -> Document:
 
 
 def _agreement(agreement: Agreement, residual: float) -> Document:
-    """Returns an agreement; `residual`: rms over all heights [m]; other keys: of the peak."""
+    """Returns the agreement of heights as a dictionary; `residual` is over all heights [m]."""
     return {"residual": residual, **plain(agreement)}
 
 
 def _candidate(candidate: Candidate) -> Document:
-    """Returns a candidate; `applicable`: whether it was fitted."""
+    """Returns a candidate model as a dictionary; `applicable` is whether it was fitted."""
     return {
         "effects": candidate.effects,
         "per_group": candidate.per_group,
@@ -175,7 +175,7 @@ def _candidate(candidate: Candidate) -> Document:
 
 
 def _separating(motion: SeparatingMotion, files: tuple[str, ...]) -> Document:
-    """Returns a separating motion; `file`: name of its table; null: not written."""
+    """Returns a separating motion as a dictionary; `file` is its table, or null if not written."""
     return {
         "names": motion.names,
         "description": motion.description,
@@ -196,5 +196,5 @@ def _proposal(proposal: Proposal) -> Document:
 
 
 def _model(model: Model) -> Document:
-    """Returns the model's short name and the text of its model.yaml."""
+    """Returns a model's short name and the text of its model.yaml as a dictionary."""
     return {"name": model.name, "text": format_model(model)}

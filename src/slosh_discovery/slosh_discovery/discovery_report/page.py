@@ -1,4 +1,4 @@
-"""Draws the charts and fills the page's template."""
+"""Draws the charts and fills the HTML template of a discovery's page."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ TURNING = 1e-3
 
 
 def render_discovery(report: DiscoveryReport) -> str:
-    """Renders the page as HTML; reproducible; every text in it is escaped."""
+    """Renders the page of a discovery as HTML; every text in it is escaped."""
     finding, document = report.finding, discovery_document(report)
     drawn = drawn_motions(finding)
     return _template().render(
@@ -106,7 +106,7 @@ def render_discovery(report: DiscoveryReport) -> str:
 
 
 def drawn_motions(finding: Finding) -> list[int]:
-    """Returns the indices of the drawn motions: held-out ones first, then by residual."""
+    """Returns the indices of the motions to draw: held-out ones first, then by residual."""
     motions = finding.motions
 
     def rank(index: int) -> tuple[bool, float]:
@@ -121,7 +121,7 @@ def drawn_motions(finding: Finding) -> list[int]:
 
 
 def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
-    """Returns the charts as SVG by name."""
+    """Returns the charts of the page as SVG, by name."""
     finding = report.finding
     charts: dict[str, str | None] = {}
     for index in drawn:
@@ -146,7 +146,7 @@ def _charts(report: DiscoveryReport, drawn: Sequence[int]) -> dict[str, Markup]:
 
 
 def _status(finding: Finding) -> str:
-    """Returns the colour class of the verdict."""
+    """Returns the CSS class that colours the verdict of the discovery."""
     if finding.verdict is Verdict.UNEXPLAINED:
         return "failed"
     doubtful = finding.verdict is Verdict.NAMED and not finding.confidence >= CONFIDENT
@@ -154,7 +154,7 @@ def _status(finding: Finding) -> str:
 
 
 def _winner(document: Document) -> int | None:
-    """Returns the index of the verdict's candidate; None: none."""
+    """Returns the index of the candidate model that the verdict names, or None."""
     names = {effect["name"] for effect in document["effects"]}
     apart = {effect["name"] for effect in document["effects"] if effect["by_group"]}
     tried = [entry for entry in enumerate(document["candidates"]) if entry[1]["applicable"]]
@@ -169,13 +169,13 @@ def _winner(document: Document) -> int | None:
 
 
 def _widest(candidates: Sequence[Document]) -> float:
-    """Returns the largest residual of all candidates: the full length of a bar [m]."""
+    """Returns the largest residual of all candidate models [m], which has the longest bar."""
     known = [value for row in candidates for value in (row["fit_rms"], row["holdout_rms"])]
     return max((value for value in known if value is not None), default=0.0)
 
 
 def _groups(rows: Sequence[Document]) -> list[dict[str, Any]]:
-    """Groups the rows of `where` by kind of part, with their indices."""
+    """Groups rows of the table of residuals by the kind of part, and keeps their indices."""
     found: dict[str, list[tuple[int, Document]]] = {}
     for index, row in enumerate(rows):
         found.setdefault(row["by"], []).append((index, row))
@@ -198,7 +198,7 @@ def _seen(document: Document) -> dict[int, str]:
 
 
 def _changes(base: str, model: str) -> list[tuple[bool, str]]:
-    """Returns the model's lines, and whether each is new relative to the base."""
+    """Returns the lines of a model file, each with whether it is new relative to the base."""
     lines = difflib.ndiff(base.splitlines(), model.splitlines())
     return [(line[0] == "+", line[2:]) for line in lines if line[0] in "+ "]
 
@@ -206,7 +206,7 @@ def _changes(base: str, model: str) -> list[tuple[bool, str]]:
 def parameter(
     path: str, effect: str, name: str, value: float | None, error: float | None
 ) -> Markup:
-    """Formats a fitted parameter's value, or its error for paths in `standard_errors`."""
+    """Formats a fitted parameter's value or standard error as HTML."""
     entry = shown_parameter(effect, name, *(NAN if v is None else v for v in (value, error)))
     text = data_element(f"{path}/parameters/{name}", value, entry.value)
     if error is not None:
@@ -220,7 +220,7 @@ def fitted(
     parameters: Mapping[str, Mapping[str, float | None]],
     under: str = "/parameters/",
 ) -> Markup:
-    """Formats the parameters of a candidate."""
+    """Formats the fitted parameters of a candidate model as HTML."""
     parts = []
     for effect, values in parameters.items():
         for name, value in values.items():
@@ -235,7 +235,7 @@ def fitted(
 def fitted_by_group(
     path: str, groups: Mapping[str, Mapping[str, Mapping[str, float | None]]]
 ) -> Markup:
-    """Formats a candidate's parameters that differ between groups."""
+    """Formats the parameters of a candidate model that differ between groups as HTML."""
     return Markup("; ").join(
         Markup("{}: {}").format(group, fitted(f"{path}/by_group/{group}", effects, "/"))
         for group, effects in groups.items()
@@ -243,7 +243,7 @@ def fitted_by_group(
 
 
 def named_set(names: Sequence[str], per_group: Sequence[str] = ()) -> Markup:
-    """Formats a set of effects; their names are not broken."""
+    """Formats a set of effects as HTML without line breaks inside their names."""
     ids = (
         Markup('<span class="id" title="{}">{}</span>').format(
             words.effect_meaning(name), shown_as
@@ -254,12 +254,12 @@ def named_set(names: Sequence[str], per_group: Sequence[str] = ()) -> Markup:
 
 
 def probability(path: str, value: float | None) -> Markup:
-    """Formats a probability."""
+    """Formats a probability as HTML."""
     return data_element(path, value, shown_confidence(NAN if value is None else value))
 
 
 def bar(value: float | None, length: float, kind: str) -> Markup:
-    """Draws a bar with full length `length`; nothing for an unknown value."""
+    """Draws a horizontal bar whose full length is `length`; nothing for an unknown value."""
     if value is None or not length > 0.0:
         return Markup("")
     width = f"{100.0 * float(np.clip(value / length, 0.0, 1.0)):.1f}"
@@ -280,7 +280,7 @@ def _template() -> Template:
 def heights_chart(
     finding: MotionFinding, moments: Mapping[str, float], size: Size, name: str
 ) -> str:
-    """Draws measured heights, base and found model over a motion [mm] as SVG.
+    """Draws measured heights and those of both models over time [mm] as SVG.
 
     Of wall heights by azimuth the highest are shown.
 
@@ -308,7 +308,7 @@ def heights_chart(
 
 
 def residual_chart(finding: MotionFinding, size: Size, name: str) -> str:
-    """Draws the residual before and after, with the band of the noise [mm], as SVG."""
+    """Draws the residuals of both models over time [mm], with the noise band, as SVG."""
     motion = finding.motion
     measured = motion.peak_heights
 
@@ -328,13 +328,13 @@ def residual_chart(finding: MotionFinding, size: Size, name: str) -> str:
 
 
 def acceleration_chart(motion: SeparatingMotion, size: Size, name: str) -> str:
-    """Draws the container's acceleration over a motion [m/s²] as SVG."""
+    """Draws the container's acceleration over time [m/s²] as SVG."""
     inputs = motion.inputs
     return _vector_chart(inputs.t, inputs.acceleration, 1.0, "acceleration [m/s²]", size, name)
 
 
 def turning_chart(motion: SeparatingMotion, size: Size, name: str) -> str | None:
-    """Draws tilt and yaw of the container [°], or its rates, as SVG; None: no rotation."""
+    """Draws the container's tilt and yaw [°], or rates [°/s], as SVG, or None without rotation."""
     inputs = motion.inputs
     turning = turning_of(inputs)
     if turning is None:
@@ -344,7 +344,7 @@ def turning_chart(motion: SeparatingMotion, size: Size, name: str) -> str | None
 
 
 def turning_of(inputs: Inputs) -> tuple[Array, str] | None:
-    """Returns (N, 2) tilt and yaw [rad], or (N, 3) rates [rad/s], and the axis label."""
+    """Returns tilt and yaw (N, 2) [rad] or rates (N, 3) [rad/s] with a label, or None."""
     if inputs.attitude is not None:
         x, y, z, w = (inputs.attitude / np.linalg.norm(inputs.attitude, axis=1)[:, None]).T
         upright = np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""Formats a finding as a short text for the terminal."""
+"""Formats the result of a discovery as a short text for the terminal."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Row = tuple[str, ...]
 
 
 def discovery_text(report: DiscoveryReport) -> str:
-    """Formats verdict, effects, gap, its largest parts, and the next commands."""
+    """Formats verdict, effects, errors and the next commands for the terminal."""
     finding = report.finding
     blocks = [
         [verdict_sentence(finding)],
@@ -81,14 +81,14 @@ def _parameters(effect: FoundEffect) -> list[str]:
 
 
 def _sets(effect: FoundEffect) -> list[tuple[str, FittedParameters]]:
-    """Returns an effect's parameters, or those of each group with its name."""
+    """Returns an effect's parameters, or those of each group with the group's name."""
     if effect.by_group:
         return [(f"{group}: ", one) for group, one in effect.by_group.items()]
     return [("", FittedParameters(effect.parameters, effect.standard_errors))]
 
 
 def _evidence(finding: Finding) -> list[str]:
-    """Formats the most probable explanations if the verdict is uncertain."""
+    """Returns lines on the most probable candidate models if the verdict is uncertain."""
     tried = [candidate for candidate in finding.candidates if not candidate.reason]
     if len(tried) < 2:
         return []
@@ -135,7 +135,7 @@ def _millimetres(value: float) -> str:
 
 
 def _where(finding: Finding) -> list[str]:
-    """Formats the worst part of each kind and the worst times; nothing if only noise remains."""
+    """Returns lines on the worst parts of the data and the worst times."""
     if finding.verdict is Verdict.NONE:
         return []
     rows: list[Row] = []
@@ -159,7 +159,7 @@ def _where(finding: Finding) -> list[str]:
 
 
 def worst_parts(rows: Sequence[WhereRow]) -> Iterator[WhereRow]:
-    """Yields the row with the largest share of each kind; of inputs the most correlated one."""
+    """Yields, for each kind of part, the row with the largest share of the error."""
     for by in dict.fromkeys(row.by for row in rows):
         group = [row for row in rows if row.by == by]
         index = largest_share(row.before if by == "input" else row.share for row in group)

@@ -1,4 +1,4 @@
-"""Texts and formatted figures of a finding, common to page, text and document."""
+"""Words and formatted numbers that the page, the text and the JSON of a discovery share."""
 
 from __future__ import annotations
 
@@ -44,27 +44,27 @@ SIGNIFICANT = 4
 
 
 def part_name(by: str) -> str:
-    """Returns the name of a kind of parts in `where`."""
+    """Returns the readable name of a kind of part of the data."""
     return PARTS.get(by, by)
 
 
 def effect_title(name: str) -> str:
-    """Returns an effect's title; of an unknown one its id."""
+    """Returns the title of an effect, or its id if the effect is unknown."""
     return EFFECTS[name].title if name in EFFECTS else name
 
 
 def effect_meaning(name: str) -> str:
-    """Returns the meaning of an effect in a sentence; of an unknown one nothing."""
+    """Returns the meaning of an effect in one sentence, or an empty text if it is unknown."""
     return EFFECTS[name].meaning if name in EFFECTS else ""
 
 
 def explanation(names: Iterable[str]) -> str:
-    """Formats a set of effects as one name."""
+    """Joins the names of effects to the name of a candidate model."""
     return " + ".join(names) or AS_IT_IS
 
 
 def marked(names: Iterable[str], per_group: Sequence[str]) -> list[str]:
-    """Marks the ids of effects with separate parameters for each group."""
+    """Marks the ids of effects that have separate parameters for each group."""
     return [f"{name} {PER_GROUP}" if name in per_group else name for name in names]
 
 
@@ -76,7 +76,7 @@ def listed(words: Sequence[str], last: str = "and") -> str:
 
 
 def headline(finding: Finding) -> str:
-    """Formats the verdict in a few words."""
+    """Summarises the verdict in a few words."""
     if finding.verdict is Verdict.NONE:
         return "Nothing is missing"
     if finding.verdict is Verdict.UNEXPLAINED:
@@ -99,7 +99,7 @@ def headline(finding: Finding) -> str:
 
 
 def verdict_sentence(finding: Finding) -> str:
-    """Formats the verdict in one sentence."""
+    """Describes the verdict in one sentence."""
     name = finding.base.name
     if finding.verdict is Verdict.NONE:
         return f"{name} lacks no effect that these motions show: its residual is noise."
@@ -125,7 +125,7 @@ def verdict_sentence(finding: Finding) -> str:
 
 
 def gap_sentence(finding: Finding) -> str:
-    """Formats the change of the gap in one sentence."""
+    """Describes the change of the error in one sentence."""
     gap = finding.gap
     held = math.isfinite(gap.holdout_before)
     before = gap.holdout_before if held else gap.fit_before
@@ -145,7 +145,7 @@ def gap_sentence(finding: Finding) -> str:
 
 
 def rivals(finding: Finding) -> list[tuple[str, ...]]:
-    """Returns the explanations of an ambiguous finding, the most probable first.
+    """Returns the candidate models of an ambiguous result, the most probable first.
 
     Where no effect stands in another's place, those that are about as likely as the first one.
     """
@@ -165,7 +165,7 @@ def rivals(finding: Finding) -> list[tuple[str, ...]]:
 def apart(
     sets: Sequence[tuple[str, ...]],
 ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Returns what all sets have in common, and the rest of each."""
+    """Returns the names that all sets contain, and the other names of each set."""
     if len(sets) < 2:
         return (), list(sets)
     common = tuple(name for name in sets[0] if all(name in names for names in sets))
@@ -173,7 +173,7 @@ def apart(
 
 
 def _split(effects: Iterable[FoundEffect]) -> tuple[list[FoundEffect], list[FoundEffect]]:
-    """Splits effects in new ones and those with changed parameters."""
+    """Splits effects into new ones and those that only got new parameters."""
     effects = list(effects)
     return (
         [effect for effect in effects if not effect.refitted],
@@ -183,7 +183,7 @@ def _split(effects: Iterable[FoundEffect]) -> tuple[list[FoundEffect], list[Foun
 
 @dataclass(frozen=True, slots=True)
 class ShownParameter:
-    """A formatted parameter.
+    """A parameter formatted for display.
 
     Attributes:
         name: as in model.yaml.
@@ -204,7 +204,7 @@ class ShownParameter:
 
 
 def shown_parameter(effect: str, name: str, value: float, error: float = NAN) -> ShownParameter:
-    """Formats a fitted parameter.
+    """Formats a fitted parameter with its standard error.
 
     Args:
         effect, name: whose; of an effect that is not known the unit is not either.
@@ -220,13 +220,13 @@ def shown_parameter(effect: str, name: str, value: float, error: float = NAN) ->
 
 
 def parameter_unit(effect: str, name: str) -> tuple[float, str]:
-    """Returns the scale from the SI unit to the shown unit, and its name."""
+    """Returns the factor from the SI unit to the displayed unit, and the displayed unit."""
     unit = si_unit(effect, name)
     return PARAMETER_UNITS.get(unit, (1.0, unit))
 
 
 def si_unit(effect: str, name: str) -> str:
-    """Returns a parameter's unit, "1" for none; empty: unknown."""
+    """Returns a parameter's SI unit: "1" if dimensionless, empty if unknown."""
     parameters = EFFECTS[effect].parameters if effect in EFFECTS else ()
     return next((entry.unit for entry in parameters if entry.name == name), "")
 
@@ -253,7 +253,7 @@ def residual_rms(finding: MotionFinding, heights: Array) -> float:
 
 
 def highest(values: Array, measured: Array) -> Array:
-    """Returns the maximum (M,) of a model's heights where measured [m].
+    """Returns the maximum (M,) [m] of a model's heights over the measured azimuths.
 
     Args:
         values: (M, K) the model's.
@@ -265,7 +265,7 @@ def highest(values: Array, measured: Array) -> Array:
 
 
 def largest_share(shares: Iterable[float]) -> int | None:
-    """Returns the index of the largest known share; None: none is known."""
+    """Returns the index of the largest known share, or None if none is known."""
     known = [(share, -index) for index, share in enumerate(shares) if math.isfinite(share)]
     return -max(known)[1] if known else None
 

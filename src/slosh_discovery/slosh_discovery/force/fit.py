@@ -1,4 +1,4 @@
-"""Least squares of a measured force: liquid, payload, and where and how late the sensor is.
+"""Fits a measured force by least squares: liquid, payload, sensor axes and sensor delay.
 
 Of the parameters, frequency, damping, delay and the stiffness of high waves are searched; masses
 and the sensor's zero follow linearly from them (variable projection, Golub and Pereyra 1973). The
@@ -28,7 +28,7 @@ STEP = 1e-4
 
 
 class Linear(NamedTuple):
-    """What follows from the searched parameters.
+    """Linear fit of masses and sensor zeros for given nonlinear parameters.
 
     Attributes:
         basis: (n, k, 2 + k L) unweighted columns: M, m₁, then each direction's zero.
@@ -43,7 +43,7 @@ class Linear(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceProblem:
-    """Residuals by the searched parameters: ln of frequency and damping over start, delay, α.
+    """Least-squares problem of the force fit as a function of its nonlinear parameters.
 
     Attributes:
         data: the record.
@@ -65,11 +65,11 @@ class ForceProblem:
 
     @property
     def size(self) -> int:
-        """Number of the searched parameters."""
+        """Number of the nonlinear parameters."""
         return 3 if self.stiffness is None else 4
 
     def values(self, vector: Array) -> dict[str, float]:
-        """The model's parameters."""
+        """Returns the model parameters by name."""
         found = {
             FREQUENCY: self.start[FREQUENCY] * math.exp(vector[0]),
             DAMPING: self.start[DAMPING] * math.exp(vector[1]),
@@ -79,14 +79,14 @@ class ForceProblem:
         return found
 
     def liquid(self, vector: Array) -> Array:
-        """(N, 3) the modes' acceleration, below the cutoff [m/s²]."""
+        """Returns the acceleration (N, 3) [m/s²] of the modes below the cutoff frequency."""
         force = modal_force(self.model, self.data.inputs, self.values(vector))
         if force is None or not np.isfinite(force).all():
             return np.zeros_like(self.data.drive)
         return self.data.below_cutoff(force)
 
     def basis(self, liquid: Array, rigid: Array, delay: float) -> Array:
-        """The columns of `Linear`."""
+        """Returns the columns (n, k, …) of the linear fit; see `Linear`."""
         data, k = self.data, self.across.shape[1]
         parts = [data.at(values @ self.across, delay) for values in (rigid, liquid)]
         zeros = data.offsets.shape[1]
@@ -98,7 +98,7 @@ class ForceProblem:
         return basis
 
     def linear(self, basis: Array) -> Linear:
-        """Masses and zeros for some columns."""
+        """Fits masses and sensor zeros to the measured force, given the columns."""
         measured = self.data.force @ self.sensor
         weighted = (basis * self.weights[:, :, None]).reshape(-1, basis.shape[2])
         wanted = (measured * self.weights).ravel()
@@ -106,11 +106,11 @@ class ForceProblem:
         return Linear(basis, values, basis @ values - measured)
 
     def solved(self, vector: Array, rigid: Array) -> Linear:
-        """All that follows from a vector."""
+        """Solves the linear fit for given nonlinear parameters."""
         return self.linear(self.basis(self.liquid(vector), rigid, float(vector[2])))
 
     def residuals(self, vector: Array, rigid: Array) -> Array:
-        """What is squared: the weighted residual, and α less what is expected of it."""
+        """Returns the residuals of the least squares: weighted force, and the prior of α."""
         found = (self.solved(vector, rigid).residual * self.weights).ravel()
         if self.stiffness is None:
             return found
@@ -118,19 +118,19 @@ class ForceProblem:
 
     @property
     def alpha_width(self) -> float:
-        """Standard deviation of α before any data, in noises of as many rows as remember."""
+        """Prior standard deviation of the stiffness parameter α, scaled to the rows' noise."""
         return TUNING.alpha_width / math.sqrt(self.memory)
 
     @property
     def memory(self) -> float:
-        """Rows over which a residual remembers."""
+        """Number of rows over which the residual is correlated."""
         t, rows = self.data.inputs.t, self.data.rows
         step = float(t[rows[1]] - t[rows[0]])
         return max(1.0, TUNING.memory * 2.0 * math.pi / self.start[FREQUENCY] / step)
 
 
 class Fit(NamedTuple):
-    """A fit.
+    """A fit of liquid, payload and sensor to a measured force.
 
     Attributes:
         problem: with the sensor's axes and the noise as found.
@@ -148,7 +148,7 @@ class Fit(NamedTuple):
 
 
 def fit_force(data: PreparedForce, model: Model) -> Fit:
-    """Fits a record.
+    """Fits liquid, payload and sensor to a force record.
 
     Args:
         data: the record.
@@ -180,7 +180,7 @@ def fit_force(data: PreparedForce, model: Model) -> Fit:
 
 
 def directions(rigid: Array) -> Array:
-    """(3, k) principal directions of the motion, those that hardly move left out."""
+    """Returns the principal directions (3, k) of the motion, without negligible ones."""
     centred = rigid - np.median(rigid, axis=0)
     _, sizes, rows = np.linalg.svd(centred, full_matrices=False)
     kept = rows[sizes > TUNING.across * sizes[0]]
@@ -190,7 +190,7 @@ def directions(rigid: Array) -> Array:
 
 
 def _rigid(data: PreparedForce, rigid: Array, across: Array) -> tuple[float, Array]:
-    """Delay [s] and the sensor's axes (3, k), as if the liquid were frozen."""
+    """Returns the delay [s] and the sensor's axes (3, k), assuming a frozen liquid."""
     span, step = TUNING.delay_span, TUNING.delay_step
     best: tuple[float, float, Array] | None = None
     total = np.linalg.norm((data.force - np.median(data.force, axis=0))[data.usable])
@@ -215,7 +215,7 @@ def _orthonormal(matrix: Array) -> Array:
 
 
 def _axes(problem: ForceProblem, rigid: Array, vector: Array, linear: Linear) -> Array:
-    """(3, k) the sensor's axes by payload and liquid together."""
+    """Returns the sensor's axes (3, k), estimated from payload and liquid together."""
     data, delay = problem.data, float(vector[2])
     pushed = linear.values[0] * rigid + linear.values[1] * problem.liquid(vector)
     columns = np.hstack([data.at(pushed @ problem.across, delay), data.offsets])
@@ -225,7 +225,7 @@ def _axes(problem: ForceProblem, rigid: Array, vector: Array, linear: Linear) ->
 
 
 def _scanned(problem: ForceProblem, rigid: Array, delay: float) -> Array:
-    """The vector of the natural frequency that explains most while the container rests."""
+    """Returns initial parameters whose natural frequency best explains the force at rest."""
     reach = math.log(TUNING.frequency_span)
     trials = np.linspace(-reach, reach, TUNING.frequency_trials)
     vectors = [np.array([trial, 0.0, delay, problem.stiffness or 0.0]) for trial in trials]
@@ -263,7 +263,7 @@ def _derivative(problem: ForceProblem, vector: Array, rigid: Array) -> Array:
 
 
 def _noise(data: PreparedForce, residual: Array) -> tuple[float, float]:
-    """Root mean square residual at rest and in motion [N]."""
+    """Returns the rms residual at rest and in motion [N]."""
     rest, moving = data.usable & ~data.moving, data.usable & data.moving
     sizes = [
         float(np.sqrt(np.mean(residual[rows] ** 2))) if rows.any() else math.nan
@@ -281,7 +281,7 @@ def _weights(data: PreparedForce, noise: tuple[float, float], count: int) -> Arr
 
 
 def _covariance(problem: ForceProblem, vector: Array, rigid: Array, linear: Linear) -> Array:
-    """Of the searched parameters and the two masses; see `Fit`."""
+    """Returns the covariance of the nonlinear parameters and the two masses; see `Fit`."""
     weights, searched = problem.weights, []
     for place in range(problem.size):
         moved = [vector.copy(), vector.copy()]

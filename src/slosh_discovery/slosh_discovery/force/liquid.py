@@ -1,4 +1,4 @@
-"""The force that accelerates the liquid, by the modal masses of its container.
+"""Computes the force that accelerates the liquid from the container's modal masses.
 
 A container that a sensor carries is pushed with P = M f + Σ mₙ ẍₙ, f the specific force less its
 rest, M the mass of container and liquid, mₙ and xₙ mass and displacement of a mode relative to the
@@ -26,7 +26,7 @@ STIFFNESS = f"{SPRING}.alpha"
 
 
 def liquid_model(model: Model) -> Model:
-    """The model with a second mode, and with high waves where its container has such an effect."""
+    """Returns the model with a second mode and, where the container has it, a stiffness term."""
     model = replace(model, modes=min(max(model.modes, 2), model.container.most_modes))
     if model.container.cornered or model.has(SPRING):
         return model
@@ -37,7 +37,7 @@ def liquid_model(model: Model) -> Model:
 
 
 def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array | None:
-    """(N, 3) Σ (mₙ/m₁) ẍₙ in the container's axes [m/s²]; None: the model cannot have the values.
+    """Returns Σ (mₙ/m₁) ẍₙ (N, 3) [m/s²] in the container's axes, or None if impossible.
 
     Args:
         model: the model.
@@ -64,13 +64,13 @@ def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array
 
 
 def turned(vectors: Array, angle: Array) -> Array:
-    """(N, 2) vectors turned by angles (N,) [rad]."""
+    """Returns the vectors (N, 2) rotated by angles (N,) [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     x, y = vectors.T
     return np.column_stack([c * x - s * y, s * x + c * y])
 
 
 def start_values(model: Model) -> dict[str, float]:
-    """Natural frequency [rad/s] and damping ratio as the model has them."""
+    """Returns the model's natural frequency [rad/s] and damping ratio as initial values."""
     damping = model.mode_constants()[0].damping_ratio
     return {FREQUENCY: model.mode_frequency(1), DAMPING: damping}

@@ -1,4 +1,4 @@
-"""Motion and force on one grid, below the frequency at which the arm and the sensor vibrate."""
+"""Resamples motion and force to one grid, below the vibration frequency of arm and sensor."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ORDER = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedForce:
-    """What the fit sees. N rows of the grid, n of those that are fitted.
+    """The data of a force fit: N rows of the time grid, n of which are fitted.
 
     Attributes:
         inputs: the motion on the grid, whose first container axes are level.
@@ -50,18 +50,18 @@ class PreparedForce:
     notes: tuple[str, ...]
 
     def below_cutoff(self, values: Array) -> Array:
-        """(N, …) the slow part."""
+        """Returns the low-pass filtered values (N, …)."""
         return np.asarray(sosfiltfilt(self.band, values, axis=0), dtype=np.float64)
 
     def at(self, values: Array, delay: float) -> Array:
-        """(n, C) values (N, C) as a sensor shows them that is late by a delay [s]."""
+        """Returns values (N, C) at the fitted rows (n, C), delayed by the sensor's delay [s]."""
         t = self.inputs.t
         wanted = t[self.rows] - delay
         return np.column_stack([np.interp(wanted, t, column) for column in values.T])
 
 
 def prepared(record: ForceRecord, model: Model) -> PreparedForce:
-    """A record as the fit takes it.
+    """Prepares a force record for the fit.
 
     Raises:
         SloshDiscoveryError: no motion, no force, or too little of both; one line.
@@ -92,7 +92,7 @@ def prepared(record: ForceRecord, model: Model) -> PreparedForce:
 
 
 def _checked(record: ForceRecord) -> tuple[Array, Array, list[str]]:
-    """Times and forces that are numbers, in order."""
+    """Returns valid times and forces in the order of time, and notes on the others."""
     name, notes = record.name, []
     finite = np.isfinite(record.force).all(axis=1) & np.isfinite(record.t)
     if np.count_nonzero(finite) < 2:
@@ -141,7 +141,7 @@ def _on_grid(record: ForceRecord, t: Array, frequency: float) -> Inputs:
 
 
 def _continuous(attitude: Array) -> Array:
-    """Quaternions of which each is on the side of the one before."""
+    """Returns quaternions with signs chosen so that neighbours do not jump."""
     unit = attitude / np.linalg.norm(attitude, axis=1)[:, None]
     flips = np.einsum("ij,ij->i", unit[1:], unit[:-1]) < 0.0
     signs = np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)])
@@ -149,7 +149,7 @@ def _continuous(attitude: Array) -> Array:
 
 
 def _levelled(attitude: Array) -> Array:
-    """Attitudes (N, 4) times the inverse of the first."""
+    """Returns attitudes (N, 4) relative to the first one."""
     x0, y0, z0, w0 = -attitude[0, 0], -attitude[0, 1], -attitude[0, 2], attitude[0, 3]
     x, y, z, w = attitude.T
     return np.column_stack([
@@ -161,7 +161,7 @@ def _levelled(attitude: Array) -> Array:
 
 
 def rotations(attitude: Array) -> Array:
-    """(N, 3, 3) world ← container of unit quaternions x, y, z, w (N, 4)."""
+    """Returns rotation matrices (N, 3, 3), world ← container, of unit quaternions (N, 4)."""
     x, y, z, w = attitude.T
     return np.moveaxis(
         np.array([
@@ -198,7 +198,7 @@ def _moving(name: str, drive: Array) -> Mask:
 
 
 def _offsets(moving: Mask) -> Array:
-    """(N, L) constant, drift and, for each motion, a rise to one in the course of it."""
+    """Returns offset columns (N, L): a constant, a drift, and a step for each motion."""
     count = len(moving)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(np.int8), [0]])))
     columns = [np.ones(count), np.linspace(-1.0, 1.0, count)]
@@ -209,7 +209,7 @@ def _offsets(moving: Mask) -> Array:
 
 
 def _measured(name: str, t: Array, grid: Array, notes: list[str]) -> Mask:
-    """(N,) whether the force was sampled round a moment."""
+    """Returns a mask (N,) of grid times around which the force was sampled."""
     steps = np.diff(t)
     gaps = np.flatnonzero(steps > max(TUNING.longest_gap, 3.0 * float(np.median(steps))))
     usable = np.ones(len(grid), dtype=np.bool_)
@@ -224,7 +224,7 @@ def _measured(name: str, t: Array, grid: Array, notes: list[str]) -> Mask:
 
 
 def _saturated(name: str, force: Array, notes: list[str]) -> Mask:
-    """(K,) where a channel stands at its highest or lowest value for several samples."""
+    """Returns a mask (K,) of samples at which a channel of the sensor is saturated."""
     found = np.zeros(len(force), dtype=np.bool_)
     swing = np.abs(force - np.median(force, axis=0)).max()
     for axis, column in zip("xyz", force.T, strict=True):

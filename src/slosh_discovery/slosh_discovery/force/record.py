@@ -1,4 +1,4 @@
-"""A measured force beside the motion of the container."""
+"""A measured force and the motion of the container."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_model.simulate import Inputs
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceRecord:
-    """A motion and the force that a sensor under the container measured.
+    """A motion, and the force that a sensor under the container measured during it.
 
     Attributes:
         name: of the recording.

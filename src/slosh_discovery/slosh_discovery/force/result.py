@@ -1,4 +1,4 @@
-"""What the force under a container tells, and in which unit it came."""
+"""Results of an identification from the force under a container."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceIdentification:
-    """What was identified.
+    """The values identified from a measured force.
 
     Attributes:
         name: of the recording.
@@ -67,7 +67,7 @@ UNITS = {NEWTON: 1.0, "kgf": 9.80665, "lbf": 4.4482216, "mN": 1e-3, "kN": 1e3, "
 
 
 def likely_unit(mass: float, expected: float) -> str:
-    """The unit in which a sloshing mass, in newtons taken, is the expected one [kg].
+    """Returns the unit of force in which the sloshing mass best matches the expected one [kg].
 
     Newton, where no unit fits much better: the mass may be another one.
     """

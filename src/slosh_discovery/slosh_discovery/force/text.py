@@ -1,4 +1,4 @@
-"""What a force told, as text, document and model."""
+"""Formats the result of a force identification as text, JSON and model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PLAIN = 0.9
 
 
 def force_text(found: ForceIdentification) -> str:
-    """A table of the numbers with their standard errors, and what must be known of them."""
+    """Formats the identified values with standard errors and notes as a text table."""
     turn = 2.0 * math.pi
     rows = [
         ("natural frequency", found.natural_frequency, 1.0 / turn, "Hz", 4),
@@ -52,7 +52,7 @@ def _line(name: str, one: Measured, factor: float, unit: str, digits: int) -> st
 
 
 def direction(vector: Array, prefix: str = "") -> str:
-    """An axis with its sign where a unit vector (3,) is near one, else its components."""
+    """Formats a unit vector (3,): the name of an axis if it is near one, else its components."""
     place = int(abs(vector).argmax())
     if abs(vector[place]) >= PLAIN:
         return f"{'+' if vector[place] > 0.0 else '-'}{prefix}{AXES[place]}"
@@ -60,7 +60,7 @@ def direction(vector: Array, prefix: str = "") -> str:
 
 
 def force_json(found: ForceIdentification) -> str:
-    """The document, SI units; frequencies in rad/s and in Hz."""
+    """Returns the result as JSON in SI units; frequencies in rad/s and in Hz."""
     hertz = {
         key: value / (2.0 * math.pi) if value is not None else None
         for key, value in _number(found.natural_frequency).items()
@@ -95,7 +95,7 @@ def _number(one: Measured) -> dict[str, float | None]:
 
 
 def identified_model(model: Model, found: ForceIdentification) -> Model:
-    """The model with the measured natural frequency and damping ratio."""
+    """Returns the model with the measured natural frequency and damping ratio."""
     share = found.natural_frequency.value / found.natural_frequency.model
     return replace(
         model,

@@ -1,4 +1,4 @@
-"""The tuning numbers of the identification from force."""
+"""Tuning numbers of the identification from force."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class ForceTuning:
-    """What is assumed about payload, sensor and liquid.
+    """Assumptions of the force fit about payload, sensor and liquid.
 
     `model_error` was set by twelve of the even seeds of `validation/studies/force_accuracy.py`,
     which reports the odd ones. The cutoff, and that high waves are nonlinear, were chosen on one

@@ -1,4 +1,4 @@
-"""A record and a model to what the force tells."""
+"""Runs an identification from a force record and a model to its result."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def identify_force(record: ForceRecord, model: Model) -> ForceIdentification:
 
 
 def _axis(fit: Fit, model: Model) -> int:
-    """The container's axis along which it moved most."""
+    """Returns the container's axis along which it moved most."""
     if not model.container.cornered:
         return X_AXIS
     return X_AXIS if abs(fit.problem.across[0, 0]) >= abs(fit.problem.across[1, 0]) else Y_AXIS
@@ -91,7 +91,7 @@ def _result(
     unit: str,
     notes: list[str],
 ) -> ForceIdentification:
-    """All in SI units, along the moved axis."""
+    """Creates the result in SI units from a fit."""
     container, newton = model.container, UNITS[unit]
     ratio = container.natural_frequency(1, axis) / container.natural_frequency(1, X_AXIS)
     values = fit.problem.values(fit.vector)
@@ -134,7 +134,7 @@ def _directions(across: Array, sensor: Array) -> tuple[tuple[Array, Array], ...]
 
 
 def unobserved(across: Array, data: PreparedForce, frequency: float) -> str:
-    """What the record cannot tell, in a sentence; empty: nothing of this."""
+    """Describes in a sentence what the record cannot determine; empty if it determines all."""
     parts = []
     if across.shape[1] == 1:
         parts.append(

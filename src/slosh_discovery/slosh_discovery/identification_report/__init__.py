@@ -1,4 +1,4 @@
-"""Results of an identification: text, page, `identification.json`."""
+"""Results of an identification as text, HTML page and `identification.json`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contents of an identification's page, text and `identification.json`."""
+"""Content of an identification's page, text and `identification.json`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Beside:
-    """Result of an earlier identification of this or another container.
+    """An earlier identification that is shown for comparison.
 
     Attributes:
         name: for people; its folder.
@@ -42,7 +42,7 @@ class Beside:
 
 @dataclass(frozen=True, slots=True)
 class IdentificationReport:
-    """An identification with the additional information for its reader.
+    """An identification, with notes and earlier results for its reader.
 
     Attributes:
         found: what was found.
@@ -63,18 +63,18 @@ class IdentificationReport:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and remarks, each once."""
+        """Notes and remarks, without duplicates."""
         return tuple(dict.fromkeys((*self.notes, *self.found.remarks)))
 
 
 def first_mode(result: IdentifiedModel, name: str) -> FoundParameter:
-    """Returns frequency or damping ratio of the first mode, fitted or derived."""
+    """Returns the first mode's frequency or damping ratio, fitted or derived."""
     entries = (*result.parameters, *result.derived)
     return next(entry for entry in entries if entry.name == name)
 
 
 def identification_json(report: IdentificationReport) -> str:
-    """Formats `identification.json`: strict JSON, reproducible.
+    """Returns the text of `identification.json`: strict JSON, identical for identical results.
 
     Numbers are in SI units, null: not known. The keys stay as they are within one number of
     `schema`; further keys may come.
@@ -177,5 +177,5 @@ def _beside(entry: Beside) -> Document:
 
 
 def _model(model: Model) -> Document:
-    """Returns the model's short name and the text of its model.yaml."""
+    """Returns a model's short name and the text of its model.yaml as a dictionary."""
     return {"name": model.name, "text": format_model(model)}

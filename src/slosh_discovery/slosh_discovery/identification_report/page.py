@@ -1,4 +1,4 @@
-"""Draws the charts and fills the page's template."""
+"""Draws the charts and fills the HTML template of an identification's page."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ CAP = 3.0
 
 
 def render_identification(report: IdentificationReport) -> str:
-    """Renders the page as HTML; reproducible; every text in it is escaped."""
+    """Renders the page of an identification as HTML; every text in it is escaped."""
     found, document = report.found, identification_document(report)
     drawn = drawn_motions(found.motions)
     speeds = [point for point in found.points if point.point.speed == point.point.speed]
@@ -95,7 +95,7 @@ def render_identification(report: IdentificationReport) -> str:
 
 
 def drawn_motions(motions: Sequence[FittedMotion]) -> list[int]:
-    """Returns the indices of the drawn motions: held out, and the first of each point."""
+    """Returns the indices of the motions to draw: held-out ones, and some operating points."""
     held = [index for index, motion in enumerate(motions) if motion.role is Role.HOLDOUT]
     firsts = {motion.point: index for index, motion in reversed(list(enumerate(motions)))}
     spread = sorted(set(firsts.values()) - set(held))
@@ -108,13 +108,13 @@ def drawn_motions(motions: Sequence[FittedMotion]) -> list[int]:
 
 
 def _noise_of(found: Identification, motion: FittedMotion) -> IdentifiedModel:
-    """Returns the model with which a motion is shown."""
+    """Returns the identified model whose noise is shown with a motion."""
     own = [one for one in found.single if one.label == motion.point]
     return own[0] if own else found.overall
 
 
 def _charts(report: IdentificationReport, drawn: Sequence[int], speeds: bool) -> dict[str, Markup]:
-    """Returns the charts as SVG by name."""
+    """Returns the charts of the page as SVG, by name."""
     found = report.found
     charts: dict[str, str] = {}
     for index in drawn:
@@ -134,13 +134,13 @@ def _charts(report: IdentificationReport, drawn: Sequence[int], speeds: bool) ->
 
 
 def _single_names(document: Document) -> list[str]:
-    """Returns the parameter names of the operating points' models, in order."""
+    """Returns the parameter names of the models of single operating points, in order."""
     rows = [entry["name"] for one in document["single"] for entry in one["parameters"]]
     return list(dict.fromkeys(rows))
 
 
 def _seen(document: Document, index: int) -> str:
-    """Describes a motion's chart in words, for screen readers."""
+    """Describes the chart of a motion in words, for screen readers."""
     row = document["motions"][index]
     return (
         f"Line chart of {row['name']}: measured up to {shown(row['peak'], 'mm')} mm; rms residual "
@@ -149,13 +149,13 @@ def _seen(document: Document, index: int) -> str:
 
 
 def _changes(base: str, model: str) -> list[tuple[bool, str]]:
-    """Returns the model's lines, and whether each is new relative to the base."""
+    """Returns the lines of a model file, each with whether it is new relative to the base."""
     lines = difflib.ndiff(base.splitlines(), model.splitlines())
     return [(line[0] == "+", line[2:]) for line in lines if line[0] in "+ "]
 
 
 def value(path: str, entry: Document, key: str = "value") -> Markup:
-    """Formats a number of a parameter in the shown unit, rounded by its error."""
+    """Formats a number of a parameter as HTML, in the displayed unit and rounded by its error."""
     known = NAN if entry[key] is None else entry[key]
     error = NAN if entry["error"] is None else entry["error"]
     if key == "error":
@@ -166,12 +166,12 @@ def value(path: str, entry: Document, key: str = "value") -> Markup:
 
 
 def unit(entry: Document) -> str:
-    """Returns the unit in which a parameter is shown."""
+    """Returns the unit in which a parameter is displayed."""
     return shown_value("", entry["unit"], 0.0, NAN).unit
 
 
 def correlation(path: str, number: float | None) -> Markup:
-    """Formats a correlation with two digits."""
+    """Formats a correlation with two digits as HTML."""
     return data_element(path, number, "–" if number is None else minus(f"{number:.2f}"))
 
 
@@ -183,7 +183,7 @@ def _template() -> Template:
 
 
 def heights_chart(motion: FittedMotion, size: Size, name: str) -> str:
-    """Draws measured heights and both models with the 95 % band [mm] as SVG.
+    """Draws measured heights and both models with the 95 % band over time [mm] as SVG.
 
     Of heights at several azimuths the one that moves most is shown.
     """
@@ -206,7 +206,7 @@ def heights_chart(motion: FittedMotion, size: Size, name: str) -> str:
 
 
 def residual_chart(motion: FittedMotion, noise: float, size: Size, name: str) -> str:
-    """Draws the residual before and after, with twice the noise [mm], as SVG."""
+    """Draws the residuals over time [mm], with two standard deviations of noise, as SVG."""
     column = _widest(motion)
 
     def draw(axes: Any) -> None:
@@ -225,7 +225,7 @@ def residual_chart(motion: FittedMotion, noise: float, size: Size, name: str) ->
 
 
 def speed_chart(points: Sequence[PointAgreement], size: Size, name: str) -> str:
-    """Draws the rms residual by operating speed [mm] (TM20, Fig. 9) as SVG."""
+    """Draws the rms residual [mm] over operating speed (TM20, Fig. 9) as SVG."""
     known = sorted(
         (point for point in points if np.isfinite(point.point.speed)),
         key=lambda point: point.point.speed,
@@ -254,7 +254,7 @@ def speed_chart(points: Sequence[PointAgreement], size: Size, name: str) -> str:
 def geometry_chart(
     found: Identification, beside: Sequence[Beside], quantity: str, size: Size, name: str
 ) -> str:
-    """Draws frequency or damping ratio by container size (TM20, Fig. 11) as SVG.
+    """Draws frequency or damping ratio over container size (TM20, Fig. 11) as SVG.
 
     Args:
         found: gives the point of this container.
@@ -287,7 +287,7 @@ def geometry_chart(
 
 
 def _curve(model: Model, quantity: str, sizes: Sequence[float]) -> tuple[Array, Array]:
-    """Returns the theoretical curve over container size at constant relative filling."""
+    """Returns a quantity's theoretical curve over container size, for equal relative filling."""
     grid = np.linspace(min(sizes) / REACH, max(sizes) * REACH, CURVE)
     bare = replace(model, effects=(), damping_ratio=None, natural_frequency=None, covariance=None)
     of: Callable[[Model], float] = (

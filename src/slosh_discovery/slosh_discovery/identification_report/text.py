@@ -19,7 +19,7 @@ MOST_DIGITS = 9
 
 
 def identification_text(report: IdentificationReport) -> str:
-    """Formats parameters, unidentifiable ones and the agreement by operating point."""
+    """Formats the parameters and the agreement at each operating point for the terminal."""
     found = report.found
     blocks = [
         [headline(report)],
@@ -33,7 +33,7 @@ def identification_text(report: IdentificationReport) -> str:
 
 
 def headline(report: IdentificationReport) -> str:
-    """Formats the identified parameters and the data in one sentence."""
+    """Summarises the identified parameters and the data in one sentence."""
     found = report.found
     motions = sum(point.repetitions for point in found.points)
     names = ", ".join(entry.name for entry in found.overall.parameters)
@@ -43,7 +43,7 @@ def headline(report: IdentificationReport) -> str:
 
 
 def held_sentence(held: Unidentified) -> str:
-    """Formats which parameter the motions do not determine, and which motion would."""
+    """Returns a sentence on a parameter that the motions do not determine, and on a remedy."""
     if held.with_others:
         text = (
             f"These motions cannot distinguish {held.name} from {' and '.join(held.with_others)}"
@@ -119,7 +119,7 @@ def shown_value(name: str, unit: str, value: float, error: float) -> ShownParame
 
 
 def rounded(unit: str, value: float, error: float) -> str:
-    """Formats a number with the rounding of a value of that error, in the shown unit."""
+    """Formats a number in the displayed unit, rounded according to its standard error."""
     return shown_value("", unit, value, error).value
 
 

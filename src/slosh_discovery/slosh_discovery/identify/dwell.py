@@ -1,4 +1,4 @@
-"""Residual vibration during a dwell: measured, as a straight line, and simulated."""
+"""Computes the liquid's residual vibration during a dwell, measured and simulated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slosh_metrics.surface_metrics import effective_difference, effective_height
 def dwell_vibration(
     motions: Sequence[MeasuredMotion], shown: Sequence[FittedMotion], half_width: float
 ) -> tuple[DwellVibration, ...]:
-    """Returns the residual vibration of motions with a profile, by operating point.
+    """Returns the residual vibration at each operating point, from motions with profiles.
 
     Args:
         motions: as measured.

@@ -60,36 +60,36 @@ class FittedVector:
 
     @property
     def colour(self) -> Colour:
-        """Autocorrelation of the sensor's noise."""
+        """Size and autocorrelation of the sensor's noise."""
         return self.noise.colour
 
     @property
     def values(self) -> Array:
-        """(P,) fitted values of the parameters."""
+        """Fitted values (P,) of the parameters."""
         return self.vector[: len(self.problem.parameters)]
 
     @property
     def shared(self) -> Array:
-        """(P, P) covariance of the parameters."""
+        """Covariance (P, P) of the parameters."""
         count = len(self.problem.parameters)
         return self.covariance[:count, :count]
 
     @property
     def standard_errors(self) -> Array:
-        """(P,) standard errors of the parameters."""
+        """Standard errors (P,) of the parameters."""
         errors: Array = np.sqrt(np.diag(self.shared))
         return errors
 
     @property
     def correlations(self) -> Array:
-        """(P, P) correlations of the parameters."""
+        """Correlations (P, P) of the parameters."""
         errors = self.standard_errors
         scale = np.where(errors > 0.0, errors, 1.0)
         correlations: Array = self.shared / np.outer(scale, scale)
         return correlations
 
     def interval(self, confidence: float = 0.95) -> tuple[Array, Array]:
-        """Returns (P,) lower and upper ends of the parameters' confidence intervals."""
+        """Returns lower and upper ends (P,) of the parameters' confidence intervals."""
         reach = self.quantile(confidence) * self.standard_errors
         return self.values - reach, self.values + reach
 
@@ -98,7 +98,7 @@ class FittedVector:
         return float(special.stdtrit(self.degrees, 0.5 + 0.5 * confidence))
 
     def band(self) -> Array:
-        """(N,) standard error of the predicted heights [m]."""
+        """Standard error (N,) of the predicted heights [m]."""
         variances = np.einsum("ij,jk,ik->i", self.jacobian, self.covariance, self.jacobian)
         band: Array = np.sqrt(np.maximum(variances, 0.0))
         return band
@@ -130,21 +130,21 @@ def fit(problem: Problem, start: Array) -> FittedVector:
 
 
 def _whitening(problem: Problem, before: White, vector: Array, residual: Array) -> White:
-    """Makes the whitening of a residual from its part not due to the inputs' noise."""
+    """Creates the whitening from a residual without the part that input noise causes."""
     left = before.without_inputs(residual)
     colour = estimate_colour(left, before.neighbours, problem.size)
     return White.of(problem, colour, driven_by(problem, vector) if before.shared else ())
 
 
 def information(problem: Problem, vector: Array, colour: Colour) -> Array:
-    """Returns the (P, P) information on the parameters with unknown nuisances."""
+    """Returns the information (P, P) on the parameters if nuisance parameters are free."""
     white = White.of(problem, colour, driven_by(problem, vector))
     derivative = white.applied(problem.derivative(vector))
     return shared_information(derivative.T @ derivative, len(problem.parameters))
 
 
 def shared_information(full: Array, count: int) -> Array:
-    """Returns (P, P) from the full information (V, V): Schur complement of the nuisances."""
+    """Returns the parameters' information (P, P) as Schur complement of the nuisance part."""
     own = full[count:, count:]
     mixed = full[:count, count:]
     shared: Array = full[:count, :count] - mixed @ np.linalg.pinv(own, SINGULAR, True) @ mixed.T
@@ -215,14 +215,14 @@ def _estimate(problem: Problem, noise: White, vector: Array, residual: Array) ->
 
 
 def _frame_scores(scores: Array, neighbours: Neighbours) -> Array:
-    """Returns the (F, V) sum of the scores of each image's heights."""
+    """Returns the sums (F, V) of the scores over the heights of each image."""
     summed = np.zeros((int(neighbours.frames[-1]) + 1, scores.shape[1]))
     np.add.at(summed, neighbours.frames, scores)
     return summed
 
 
 def _lags(colour: Colour, frames: int) -> int:
-    """Returns the number of lags in the covariance of neighbouring images."""
+    """Returns up to how many lags neighbouring images enter the covariance."""
     if colour.memory == colour.correlation:
         return TUNING.lags
     remembered = TUNING.memories / (1.0 - abs(colour.correlation))
@@ -230,7 +230,7 @@ def _lags(colour: Colour, frames: int) -> int:
 
 
 def _spread(scores: Array, lags: int) -> Array:
-    """Returns (V, V) variance of the sum of scores; neighbours have Bartlett weights."""
+    """Returns the variance (V, V) of the summed scores, with Bartlett weights for lags."""
     spread = scores.T @ scores
     for lag in range(1, min(lags, len(scores) - 1) + 1):
         together = scores[lag:].T @ scores[:-lag]
@@ -242,7 +242,7 @@ def _spread(scores: Array, lags: int) -> Array:
 
 
 def _scatter(problem: Problem, scores: Array, inverse: Array, covariance: Array) -> float:
-    """Returns the ratio of the scatter between motions to that by noise; at least 1.
+    """Returns the scatter of parameters between motions relative to that by noise; at least 1.
 
     Each motion's score says where it would draw the parameters; their scatter is compared with
     the covariance, the parameters taken together.

@@ -1,4 +1,4 @@
-"""Start value of a natural frequency's fit.
+"""Finds an initial natural frequency for a fit.
 
 A wave of a slightly wrong frequency falls out of step within a long record, and the sum of squares
 has a valley at each step. So frequencies around the model's are tried before the fit, each with
@@ -23,7 +23,7 @@ DAMPINGS = (1.0, 3.0, 8.0)
 
 
 def scanned_start(problem: Problem) -> Array:
-    """Returns the parameters' start (P,), with the frequency and damping that fit best."""
+    """Returns initial parameters (P,) with the natural frequency and damping that fit best."""
     starts = problem.starts
     names = [parameter.name for parameter in problem.parameters]
     if FREQUENCY not in names:
@@ -50,7 +50,7 @@ def scanned_start(problem: Problem) -> Array:
 
 
 def _distinct(problem: Problem) -> tuple[Trial, ...]:
-    """Returns some of the longest trials of different operating points."""
+    """Returns some of the longest trials at different operating points."""
     firsts = {trial.point: trial for trial in reversed(problem.trials)}
     longest = sorted(firsts.values(), key=lambda trial: -float(np.ptp(trial.prepared.t)))
     return tuple(longest[: TUNING.scan_trials])

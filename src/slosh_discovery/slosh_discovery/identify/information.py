@@ -1,4 +1,4 @@
-"""Determines which parameters the motions identify, and motions for the others."""
+"""Finds which parameters the motions identify, and motions that would identify the others."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Unidentified:
 def unidentified(
     problem: Problem, vector: Array, colour: Colour
 ) -> tuple[tuple[str, ...], list[Unidentified]]:
-    """Splits the parameters in identified and unidentified ones.
+    """Splits the parameters into identified and unidentified ones.
 
     The one that takes the largest part in the least known direction is held, of equals the one
     named last, until what is left is known.
@@ -97,7 +97,7 @@ def _with_help(
     places: Sequence[int],
     candidates: Sequence[tuple[CandidateMotion, Inputs, Array]],
 ) -> Unidentified:
-    """Adds the first motion that identifies a parameter about as well as the best does.
+    """Returns an unidentified parameter together with a motion that would identify it.
 
     Args:
         missing: the parameter.
@@ -120,7 +120,7 @@ def _with_help(
 def _candidates(
     problem: Problem, vector: Array, colour: Colour
 ) -> Iterator[tuple[CandidateMotion, Inputs, Array]]:
-    """Yields motions with the information (P, P) that each adds, scaled by widths."""
+    """Yields motions with the information (P, P) that each would add."""
     model = problem.model_at(vector)
     if model is None:
         return
@@ -137,7 +137,7 @@ def _candidates(
 
 
 def _answers_change(problem: Problem, vector: Array, inputs: Inputs) -> Array | None:
-    """Returns (N, P) changes of the heights by parameter [m per width]; None: no solution."""
+    """Returns height changes (N, P) by parameter [m per width], or None without a solution."""
     azimuths = problem.trials[0].prepared.azimuths
     columns = []
     for place, parameter in enumerate(problem.parameters):

@@ -1,4 +1,4 @@
-"""Parameters that can be fitted: damping, frequency, fill height, effects' parameters."""
+"""Parameters that can be fitted: damping, frequency, fill height and those of effects."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ALIASES = {"p": "accel_gain.gain", "fill_height": FILL_HEIGHT}
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """A parameter to fit.
+    """A parameter to be fitted.
 
     Attributes:
         name: as in model.yaml: `damping_ratio`, `natural_frequency`, `container.fill_height`,
@@ -52,7 +52,7 @@ class FreeParameter:
 
 
 def free_parameters(model: Model, names: Sequence[str]) -> tuple[FreeParameter, ...]:
-    """Returns the named parameters, with start values from the model.
+    """Returns the named parameters, with initial values from the model.
 
     Raises:
         SloshDiscoveryError: none of a name, a name twice, or none at all.
@@ -67,7 +67,7 @@ def free_parameters(model: Model, names: Sequence[str]) -> tuple[FreeParameter, 
 
 
 def fitted_model(model: Model, values: Mapping[str, float]) -> Model | None:
-    """Returns the model with given parameter values; None: impossible together."""
+    """Returns the model with given parameter values, or None if they are impossible."""
     named = {name.partition(".")[0] for name in values if name not in _OF_THE_MODEL}
     try:
         for effect in named:
@@ -123,7 +123,7 @@ def _effect_parameter(model: Model, name: str) -> FreeParameter:
 
 
 def _values(model: Model, effect: str) -> dict[str, float]:
-    """Returns an effect's parameters in the model, or values with practically no effect."""
+    """Returns an effect's parameters in the model, or values that have practically no effect."""
     for use in model.effects:
         if use.name == effect:
             return dict(use.parameters)

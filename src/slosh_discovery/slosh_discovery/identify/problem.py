@@ -1,4 +1,4 @@
-"""The least-squares problem: measured minus predicted heights by parameters and nuisances.
+"""Least-squares problem: residuals of the heights by parameters and nuisance parameters.
 
 Nuisances are a motion's own: the offset of its clock where inputs and heights have two, and the
 state in which a free decay begins. A still level that is unknown is taken out of the residual.
@@ -67,11 +67,11 @@ class Problem:
 
     @property
     def starts(self) -> Array:
-        """(P,) start values of the parameters."""
+        """Initial values (P,) of the parameters."""
         return np.array([parameter.start for parameter in self.parameters])
 
     def start(self, values: Array) -> Array:
-        """Returns the start vector (V,): parameters' values and matching nuisances."""
+        """Returns the initial vector (V,): parameters and matching nuisance parameters."""
         vector = np.zeros(self.size)
         vector[: len(values)] = values
         model = self.model_at(vector)
@@ -82,7 +82,7 @@ class Problem:
         return vector
 
     def bounds(self, start: Array) -> tuple[Array, Array]:
-        """Returns lower and upper bounds (V,)."""
+        """Returns lower and upper bounds (V,) of the unknowns."""
         reach = self.widths * np.where(np.arange(self.size) < len(self.parameters), 0.0, 1.0)
         for clock in self.clocks:
             reach[list(clock)] = DISCOVER.clock_span
@@ -95,7 +95,7 @@ class Problem:
 
     @property
     def widths(self) -> Array:
-        """(V,) prior widths of parameters and nuisances."""
+        """Prior widths (V,) of parameters and nuisance parameters."""
         widths = np.full(self.size, TUNING.clock_width)
         widths[: len(self.parameters)] = [parameter.width for parameter in self.parameters]
         gain = self.model.height_gains()[0]
@@ -104,12 +104,12 @@ class Problem:
         return widths
 
     def model_at(self, vector: Array) -> Model | None:
-        """Returns the model with the vector's parameters; None: they are impossible."""
+        """Returns the model with the vector's parameters, or None if they are impossible."""
         values = {p.name: float(v) for p, v in zip(self.parameters, vector, strict=False)}
         return fitted_model(self.model, values)
 
     def predicted(self, vectors: Sequence[Array]) -> list[list[Array | None]]:
-        """Returns heights (M, K) by vector and trial [m]; None: no solution."""
+        """Returns heights (M, K) [m] for each vector and trial, or None without a solution."""
         models = [self.model_at(vector) for vector in vectors]
         liquid = self._from_rest(models)
         return [
@@ -121,7 +121,7 @@ class Problem:
         ]
 
     def residuals(self, vectors: Sequence[Array]) -> Array:
-        """Returns (N, vectors) measured minus predicted [m], all kept heights in a row."""
+        """Returns measured minus predicted heights [m], one column (N,) for each vector."""
         columns = []
         for answers in self.predicted(vectors):
             parts = [self._part(t, a) for t, a in zip(self.trials, answers, strict=True)]
@@ -130,7 +130,7 @@ class Problem:
         return np.column_stack(columns) if columns else np.empty((count, 0))
 
     def derivative(self, vector: Array) -> Array:
-        """Returns derivatives (N, V) of the residual by central differences.
+        """Returns the derivatives (N, V) of the residual by central differences.
 
         A trial's residual knows its own nuisances alone, so that all trials' first ones are moved
         at a time, and so on.
@@ -149,7 +149,7 @@ class Problem:
         return jacobian
 
     def _moved_together(self) -> list[list[tuple[int, int | None]]]:
-        """Returns the groups of unknowns that are varied together, each with its trial."""
+        """Returns the groups of unknowns that can be varied in the same simulation."""
         groups: list[list[tuple[int, int | None]]] = [
             [(place, None)] for place in range(len(self.parameters))
         ]
@@ -162,7 +162,7 @@ class Problem:
         return groups
 
     def _moved(self, vector: Array, group: list[tuple[int, int | None]]) -> list[Array]:
-        """Returns the vector with a group a step forward and back, within the bounds."""
+        """Returns copies of the vector in which a group is varied, within the bounds."""
         places = [place for place, _ in group]
         lower, upper = self.bounds(vector)
         moved = []
@@ -173,7 +173,7 @@ class Problem:
         return moved
 
     def _from_rest(self, models: Sequence[Model | None]) -> list[dict[int, Array]]:
-        """Returns the liquid's heights of each model by the identity of the inputs."""
+        """Returns the liquid's heights of each model, by the identity of the inputs."""
         pairs: list[tuple[int, Inputs]] = []
         for number, model in enumerate(models):
             if model is not None:
@@ -218,7 +218,7 @@ class Problem:
 
 
 def state_basis(prepared: PreparedMotion) -> Array:
-    """Returns (4, D) observable states of a mode: x, y, velocities / ω [m].
+    """Returns a basis (4, D) of the observable states of a mode: x, y, velocities / ω [m].
 
     Heights along one line tell of the state along it; the maximum over the wall does not tell how
     the path is turned, and it is turned so that it begins on the x axis.
@@ -233,7 +233,7 @@ def state_basis(prepared: PreparedMotion) -> Array:
 
 
 def decayed(prepared: PreparedMotion, model: Model, state: Array) -> Array:
-    """Returns the liquid's heights (N, 2) at +x and +y in free decay from a state [m].
+    """Returns the liquid's heights (N, 2) [m] at +x and +y in free decay from a state.
 
     Args:
         prepared: the motion.
@@ -245,7 +245,7 @@ def decayed(prepared: PreparedMotion, model: Model, state: Array) -> Array:
 
 
 def guessed_state(prepared: PreparedMotion, model: Model) -> Array:
-    """Returns the initial state (D,), in `state_basis`, estimated from the measurement."""
+    """Estimates the initial state (D,), in `state_basis`, from the measured heights."""
     if prepared.azimuths is None:
         return _guess_from_maximum(prepared, model)
     basis, kept = state_basis(prepared), prepared.kept
@@ -270,7 +270,7 @@ def _response(inputs: Inputs, model: Model, state: Array) -> Response:
 
 
 def _guess_from_maximum(prepared: PreparedMotion, model: Model) -> Array:
-    """Estimates the state from the squared maximum: a constant and a wave at 2 × frequency.
+    """Estimates the initial state from the squared maximum height, which oscillates at 2ω.
 
     Both decay alike. An ellipse with the half axes P and Q gives (P² ± Q²)/2 of the two.
     """

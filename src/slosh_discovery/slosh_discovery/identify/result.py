@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Strategy(Enum):
-    """Number of operating points that a model covers (TM20, §2.4)."""
+    """Which operating points a model covers: all together or each by itself (TM20, §2.4)."""
 
     SOSM = "sosm"
     MOSM = "mosm"
@@ -29,7 +29,7 @@ class Strategy(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FoundParameter:
-    """A parameter with value, error and confidence interval.
+    """An identified parameter with value, standard error and confidence interval.
 
     Attributes:
         name: as in model.yaml; of derived ones their own.
@@ -51,7 +51,7 @@ class FoundParameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentifiedModel:
-    """A model and the data from which it was identified.
+    """An identified model and the data from which it was identified.
 
     Attributes:
         label: of the operating point; "all" for one of all motions.
@@ -84,7 +84,7 @@ class IdentifiedModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedMotion:
-    """A motion with the identified model's response.
+    """A motion with the response of the identified model.
 
     Attributes:
         name: of the motion.
@@ -120,7 +120,7 @@ class FittedMotion:
 
 @dataclass(frozen=True, slots=True)
 class PointAgreement:
-    """Agreement of the models with an operating point.
+    """Agreement of the models with the motions of an operating point.
 
     Attributes:
         point: the point.
@@ -158,7 +158,7 @@ class DwellVibration:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Identification(Shown):
-    """Models, parameters and figures of an identification.
+    """Models, parameters and residuals of an identification.
 
     Attributes:
         base: the model that came in.
@@ -184,7 +184,7 @@ class Identification(Shown):
 
     @property
     def model(self) -> Model:
-        """The model of all motions, with its covariance."""
+        """The model identified from all motions, with its covariance."""
         return self.overall.model
 
     def __repr__(self) -> str:
@@ -198,7 +198,7 @@ class Identification(Shown):
         )
 
     def to_pandas(self) -> DataFrame:
-        """Returns a table of the parameters: `before`, `value`, `error`, `lower`, `upper`, `unit`.
+        """Returns a pandas table of the parameters with error, interval and unit.
 
         Raises:
             ImportError: pandas is not installed.
@@ -213,7 +213,7 @@ class Identification(Shown):
         )
 
     def plot(self, motion: int = 0, axes: Axes | None = None) -> Axes:
-        """Draws the maximum measured height of a motion, and the identified model's.
+        """Draws the maximum heights of a motion, measured and of the identified model.
 
         Args:
             motion: which of `motions`.

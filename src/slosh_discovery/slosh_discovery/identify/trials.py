@@ -1,4 +1,4 @@
-"""Prepares measured motions for an identification: every sample, at its own time.
+"""Prepares measured motions for an identification: every sample at its own time.
 
 Motions with equal inputs are repetitions of one operating point; they are simulated once.
 """
@@ -31,7 +31,7 @@ SPEED_DIGITS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """A measured motion.
+    """A measured motion, prepared for an identification.
 
     Attributes:
         prepared: how it is compared with models.
@@ -54,13 +54,13 @@ class Trial:
 
     @property
     def count(self) -> int:
-        """Number of heights."""
+        """Number of measured heights."""
         return len(self.neighbours.before)
 
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoint:
-    """Motions with the same inputs.
+    """An operating point: motions with the same inputs.
 
     Attributes:
         label: for people; the speed, or the first motion's name.
@@ -106,7 +106,7 @@ def make_trials(
 
 
 def operating_speed(inputs: Inputs, ratio: float) -> float:
-    """Returns the speed n of a rise and dwell [1/min] from its duration; NaN: not one.
+    """Returns the speed [1/min] of a machine's rise and dwell; NaN for other motions.
 
     A stroke is a machine's where its record ends with the cycle, or the next stroke follows then.
     One after which the liquid is watched for long is a motion of its own, such as a free decay.
@@ -129,7 +129,7 @@ def operating_speed(inputs: Inputs, ratio: float) -> float:
 
 
 def _is_cyclic(inputs: Inputs, start: float, end: float, cycle: float) -> bool:
-    """Whether a dwell follows the first rise [s], then the record's end or another rise."""
+    """Returns whether a dwell follows the first rise and completes a machine cycle."""
     if inputs.t[-1] - end < TUNING.dwell_share * (start + cycle - end):
         return False
     if inputs.t[-1] - start <= TUNING.cycles * cycle:
@@ -156,7 +156,7 @@ def rise_span(inputs: Inputs) -> tuple[float, float]:
 
 
 def _is_stroke(inputs: Inputs, first: int, last: int) -> bool:
-    """Whether a motion is along one line to another position and stops there."""
+    """Returns whether a motion goes along one line to another position and stops there."""
     rows = slice(max(first - 1, 0), last + 2)
     t, acceleration = inputs.t[rows], inputs.acceleration[rows]
     _, sizes, directions = np.linalg.svd(acceleration, full_matrices=False)
@@ -171,13 +171,13 @@ def _is_stroke(inputs: Inputs, first: int, last: int) -> bool:
 
 
 def _integrated(rates: Array, t: Array) -> Array:
-    """Returns the integral (N,) from the first sample by the trapezoidal rule."""
+    """Returns the integral (N,) from the first sample on, by the trapezoidal rule."""
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(t)
     return np.concatenate([np.zeros(1), np.cumsum(steps)])
 
 
 def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
-    """Returns first and last row of the first rise; None: the container is at rest."""
+    """Returns the first and last row of the first rise, or None if the container rests."""
     size = np.linalg.norm(inputs.acceleration, axis=1)
     peak = float(size.max(initial=0.0))
     moving = np.flatnonzero(size > max(TUNING.rest * peak, TUNING.clear * sample_noise(size)))
@@ -193,7 +193,7 @@ def _rise_rows(inputs: Inputs) -> tuple[int, int] | None:
 
 
 def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
-    """Makes the labels of operating points unique."""
+    """Returns the operating points with unique labels."""
     labels = [point.label for point in points]
     return tuple(
         OperatingPoint(
@@ -208,7 +208,7 @@ def _distinct(points: Sequence[OperatingPoint]) -> tuple[OperatingPoint, ...]:
 def _place(
     inputs: Inputs, known: Sequence[Inputs], alike: Callable[[Inputs, Inputs], bool]
 ) -> int:
-    """Returns the index of an equal known input; if none, the number of known ones."""
+    """Returns the index of an equal known input, or their number if none is equal."""
     found = (number for number, other in enumerate(known) if alike(inputs, other))
     return next(found, len(known))
 
@@ -224,7 +224,7 @@ def _same(first: Inputs, second: Inputs) -> bool:
 
 
 def _repeated(first: Inputs, second: Inputs) -> bool:
-    """Whether two inputs are the same motion except for noise and start time."""
+    """Returns whether two inputs are the same motion except for noise and start time."""
     if (len(first.poses) > 0) != (len(second.poses) > 0):
         return False
     size = max(float(np.sum(one.acceleration**2)) for one in (first, second))
@@ -240,14 +240,14 @@ def _repeated(first: Inputs, second: Inputs) -> bool:
 
 
 def _centre(inputs: Inputs) -> float:
-    """Returns the centre of the squared acceleration over time [s]."""
+    """Returns the time [s] at the centre of the squared acceleration."""
     power = np.sum(inputs.acceleration**2, axis=1)
     total = float(np.sum(power))
     return float(np.sum(power * inputs.t)) / total if total > 0.0 else float(inputs.t[0])
 
 
 def _with_samples(inputs: Inputs, motion: MeasuredMotion) -> Inputs:
-    """Returns the inputs with additional samples at the heights' times."""
+    """Returns the inputs with additional samples at the times of the measured heights."""
     if not motion.same_clock:
         return inputs
     t = np.union1d(inputs.t, motion.t[motion.t >= inputs.t[0]])
@@ -255,7 +255,7 @@ def _with_samples(inputs: Inputs, motion: MeasuredMotion) -> Inputs:
 
 
 def _fine(inputs: Inputs) -> Inputs:
-    """Returns the inputs on a fine grid, for interpolation of heights."""
+    """Returns the inputs on a fine time grid, so that heights can be interpolated."""
     count = int(np.ceil((inputs.t[-1] - inputs.t[0]) / DISCOVER.fine_spacing))
     grid = np.linspace(inputs.t[0], inputs.t[-1], max(count, 1) + 1)
     dense = len(inputs.t) > count
@@ -297,7 +297,7 @@ def _prepared(motion: MeasuredMotion, inputs: Inputs, fine: Inputs) -> PreparedM
 
 
 def neighbours_of(trials: Sequence[Trial]) -> Neighbours:
-    """Returns the neighbours of the concatenated residuals of several trials."""
+    """Returns the preceding samples for the concatenated residuals of several trials."""
     starts = np.cumsum([0, *(trial.count for trial in trials)])
     frame_starts = np.cumsum([0, *(len(trial.prepared.t) for trial in trials)])
     own = [trial.neighbours for trial in trials]

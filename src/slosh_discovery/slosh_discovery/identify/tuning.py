@@ -9,7 +9,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class IdentifyTuning:
-    """Assumptions about parameters, motions and records.
+    """Assumptions of the identification about parameters, motions and recordings.
 
     Checked on simulated and measured runs by `validation/studies/identified_runs.py`. The unit "σ"
     is a standard deviation of the noise.

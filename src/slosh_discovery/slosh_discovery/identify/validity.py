@@ -1,4 +1,4 @@
-"""Operating speed up to which the surface is a straight line, and estimator limits.
+"""Finds the speed up to which the surface is a straight line, and the estimator's limits.
 
 A model of the surface's slope holds while the surface is a line (TM20, §2.3). How far it is from
 one is measured on profiles, speed by speed. A live estimator knows of no operating speed: what it
@@ -33,7 +33,7 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class LineError:
-    """Deviation of the surface from a line at an operating speed.
+    """Deviation of the surface from a straight line at one operating speed.
 
     Attributes:
         speed: n [1/min].
@@ -53,7 +53,7 @@ class LineError:
 
 @dataclass(frozen=True, slots=True)
 class LineLimit:
-    """Range of operating speeds in which the surface is a line.
+    """Range of operating speeds in which the surface is a straight line.
 
     Attributes:
         tolerance: the greatest ε̄ of a line [m].
@@ -72,7 +72,7 @@ class LineLimit:
 def line_limit(
     motions: Sequence[MeasuredMotion], ratio: float, tolerance: float = TOLERANCE
 ) -> LineLimit | None:
-    """Determines the range of speeds in which the surface is a line.
+    """Finds the range of speeds in which the surface is a straight line, or returns None.
 
     Args:
         motions: those with a profile and an operating speed count.
@@ -97,14 +97,14 @@ def line_limit(
 
 
 def count_within(errors: Sequence[float], tolerance: float) -> int:
-    """Returns how many speeds, from the slowest, keep the tolerance; NaN does not."""
+    """Returns how many speeds, counted from the slowest, keep the tolerance."""
     return next(
         (place for place, error in enumerate(errors) if not error <= tolerance), len(errors)
     )
 
 
 def error_at(speed: float, motions: Sequence[MeasuredMotion]) -> LineError | None:
-    """Returns ε̄ of a motion's repetitions while the container moves (TM20, §2.3)."""
+    """Returns the surface's deviation from a line at a speed (TM20, §2.3), or None."""
     found = []
     for motion in motions:
         start, end = rise_span(motion.inputs)
@@ -125,7 +125,7 @@ def error_at(speed: float, motions: Sequence[MeasuredMotion]) -> LineError | Non
 
 
 def seen_by_estimator(inputs: Inputs) -> tuple[float, float]:
-    """Returns the greatest acceleration and jerk as an estimator computes them [m/s², m/s³]."""
+    """Returns the greatest acceleration [m/s²] and jerk [m/s³] as the estimator computes them."""
     count = len(inputs.t)
     stamps = np.round((inputs.t - inputs.t[0]) * SECOND).astype(np.int64)
     samples = Samples(
@@ -137,7 +137,7 @@ def seen_by_estimator(inputs: Inputs) -> tuple[float, float]:
 
 
 def limited(model: Model, limit: LineLimit | None) -> Model:
-    """Returns the model with the limits of a line if faster motions exceeded them."""
+    """Returns the model with the limits of a straight surface, if faster motions exceeded them."""
     if limit is None or not limit.exceeded or not math.isfinite(limit.speed):
         return model
     last = next(error for error in limit.errors if error.speed == limit.speed)

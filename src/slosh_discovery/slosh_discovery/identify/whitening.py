@@ -1,4 +1,4 @@
-"""Whitens residuals of several trials: sensor noise and noise of the inputs."""
+"""Whitens the residuals of several trials, with the noise of the sensor and the inputs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Driven:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class White:
-    """Whitens the concatenated residuals of several trials.
+    """Whitening of the concatenated residuals of several trials.
 
     Attributes:
         neighbours: of the samples.
@@ -48,7 +48,7 @@ class White:
 
     @classmethod
     def of(cls, problem: Problem, colour: Colour, driven: tuple[Driven, ...]) -> White:
-        """Makes the whitening of a problem's residuals."""
+        """Creates the whitening for the residuals of a problem."""
         neighbours = neighbours_of(problem.trials)
         shared, scale = [], np.ones(len(neighbours.before))
         for one in driven:
@@ -69,7 +69,7 @@ class White:
         return white
 
     def without_inputs(self, residual: Array) -> Array:
-        """Subtracts from a residual (N,) [m] the expected effect of the inputs' noise."""
+        """Subtracts from a residual (N,) [m] the part that the inputs' noise probably causes."""
         if not self.shared:
             return residual
         law = Whitening.of(self.neighbours, self.colour.stddev, self.colour.memory)
@@ -80,7 +80,7 @@ class White:
 
 
 def driven_by(problem: Problem, vector: Array) -> tuple[Driven, ...]:
-    """Computes the effect of the inputs' noise on the heights of a problem's trials.
+    """Computes the effect of the inputs' noise on the heights of each trial.
 
     Args:
         problem: the data and what is free.

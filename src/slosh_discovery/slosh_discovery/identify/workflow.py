@@ -1,4 +1,4 @@
-"""The workflow of an identification: from measured motions to identified models."""
+"""Runs an identification from measured motions to identified models."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _limited(result: IdentifiedModel, line: LineLimit | None) -> IdentifiedModel
 
 
 def answered(motions: Sequence[MeasuredMotion], model: Model) -> tuple[FittedMotion, ...]:
-    """Returns a model's response to motions; fits only clocks and initial states.
+    """Returns a model's responses to motions; only clocks and initial states are fitted.
 
     Of the answers `before` and `after` are the same.
     """
@@ -142,7 +142,7 @@ def answered(motions: Sequence[MeasuredMotion], model: Model) -> tuple[FittedMot
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Identified:
-    """A result and its fit."""
+    """An identified model and its fit."""
 
     result: IdentifiedModel
     estimate: FittedVector
@@ -215,7 +215,7 @@ def _found(estimate: FittedVector) -> tuple[FoundParameter, ...]:
 
 
 def _derived(base: Model, estimate: FittedVector) -> tuple[FoundParameter, ...]:
-    """Derives the first mode's frequency and damping, and p, unless they are fitted."""
+    """Derives frequency and damping of the first mode, and factor p, unless they are fitted."""
     problem = estimate.problem
     names = [parameter.name for parameter in problem.parameters]
     wanted: list[tuple[str, str, Callable[[Model], float]]] = [
@@ -235,13 +235,13 @@ def _derived(base: Model, estimate: FittedVector) -> tuple[FoundParameter, ...]:
 
 
 def _factor(model: Model) -> float:
-    """Returns TM20's p = gain ω₀²/g [1/m], eq. (10)."""
+    """Returns the factor p = gain ω₀²/g [1/m] of TM20, eq. (10)."""
     gain = next((u.parameters["gain"] for u in model.effects if u.name == "accel_gain"), 1.0)
     return gain * model.mode_constants()[0].natural_frequency ** 2 / GRAVITY
 
 
 def _propagated(estimate: FittedVector, of: Callable[[Model], float]) -> tuple[float, float]:
-    """Evaluates a function of the model at the fit, with its standard error."""
+    """Evaluates a function of the fitted model, with its standard error."""
     problem, vector = estimate.problem, estimate.vector
     gradient = np.zeros(len(problem.parameters))
     for place, parameter in enumerate(problem.parameters):
@@ -262,7 +262,7 @@ def _sure(model: Model | None) -> Model:
 
 
 def _shown(base: Model, own: FittedVector, trial: Trial, label: str, role: Role) -> FittedMotion:
-    """Returns a trial with the responses of the base and of a fit that includes it."""
+    """Returns a trial with the responses of the base model and of the identified model."""
     prepared = trial.prepared
     after, offset = _heights_and_clock(own, trial)
     before, _ = _heights_and_clock(_answered(base, trial), trial)
@@ -291,13 +291,13 @@ def _shown(base: Model, own: FittedVector, trial: Trial, label: str, role: Role)
 
 
 def _answered(model: Model, trial: Trial) -> FittedVector:
-    """Computes a model's response to one trial with its own nuisances fitted."""
+    """Fits the clock offset and initial state of one trial for a given model."""
     problem = Problem(model, (), (trial,))
     return fit(problem, problem.start(np.empty(0)))
 
 
 def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, float]:
-    """Returns heights (M, K) on the measured clock and level [m], and the clock offset [s]."""
+    """Returns heights (M, K) [m] on the measured clock and level, and the clock offset [s]."""
     problem = estimate.problem
     place = problem.trials.index(trial)
     heights = problem.predicted([estimate.vector])[0][place]
@@ -311,7 +311,7 @@ def _heights_and_clock(estimate: FittedVector, trial: Trial) -> tuple[Array, flo
 
 
 def _own_part(estimate: FittedVector, trial: Trial, row: Array) -> Array:
-    """Returns a trial's part of a row of all kept heights."""
+    """Returns the part of a concatenated array that belongs to one trial."""
     trials = estimate.problem.trials
     place = trials.index(trial)
     start = sum(other.count for other in trials[:place])
@@ -380,7 +380,7 @@ def _line_remarks(line: LineLimit | None) -> tuple[str, ...]:
 
 
 def _noise_alone(estimate: FittedVector) -> bool:
-    """Whether the whitened residual is consistent with white noise in each motion."""
+    """Returns whether the whitened residual of each motion is consistent with white noise."""
     trials = estimate.problem.trials
     white = estimate.noise.applied(estimate.residual)
     for trial in trials:
@@ -393,7 +393,7 @@ def _noise_alone(estimate: FittedVector) -> bool:
 
 
 def _highest(heights: Array, kept: NDArray[np.bool_]) -> Array:
-    """Returns the maximum (M,) of the measured heights [m]; NaN: none."""
+    """Returns the maximum (M,) [m] of the measured heights; NaN where nothing was measured."""
     highest = np.where(kept, heights, -np.inf).max(axis=1)
     return np.where(kept.any(axis=1), highest, np.nan)
 

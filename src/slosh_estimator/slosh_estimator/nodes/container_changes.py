@@ -1,4 +1,4 @@
-"""Changes of the container: the estimator's service, what waits for its moment, and the topic."""
+"""Changes of the container while the estimator runs: service, schedule and topic."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _NAME = re.compile(r"[\w-][\w.-]*")
 
 
 class _Waiting(NamedTuple):
-    """A change that applies to inputs with later stamps than this one [ns]."""
+    """A change of the container that applies to inputs after a stamp [ns]."""
 
     after_ns: int
     held: HeldContainer
 
 
 class ContainerChanges:
-    """Answers `change_container`, keeps what lies ahead, and tells what applies.
+    """Serves `change_container`, schedules later changes and publishes the current one.
 
     Args:
         node: the estimator's.
@@ -75,18 +75,18 @@ class ContainerChanges:
         return str(self._node.get_parameter("container_frame").value)
 
     def reach(self, stamp_ns: int) -> None:
-        """Is told the stamp of each input before it is used [ns]."""
+        """Applies the changes that are due before an input with this stamp [ns] is used."""
         while stamp_ns > self.next_ns:
             self._take(self._waiting.pop(0).held)
             self._look_ahead()
 
     def facts(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Returns the current container and waiting changes, for the diagnostics."""
         waiting = {"container changes ahead": str(len(self._waiting))} if self._waiting else {}
         return {"container": self.held.described, **waiting}
 
     def load(self, model: Model) -> None:
-        """Replaces the model of what is held, as `load_model` does: neither name nor level change.
+        """Replaces the model of the current container, for the service `load_model`.
 
         Raises:
             SloshEstimatorError: nothing can change.
@@ -156,7 +156,7 @@ class ContainerChanges:
         return f"after {after_ns * 1e-9:.3f} s: {held.described}"
 
     def _requested(self, request: Any, before: HeldContainer) -> HeldContainer:
-        """What a request makes of what was held before."""
+        """Returns what the gripper will hold after a request."""
         model = None
         if request.model:
             model = parse_model(request.model, "model")

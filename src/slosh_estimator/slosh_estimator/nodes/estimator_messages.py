@@ -1,4 +1,4 @@
-"""Converts the estimator's messages to numbers and back."""
+"""Converts ROS messages of the estimator to numbers and back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from slosh_msgs_py.stamps import to_nanoseconds
 def imu_sample(
     message: Imu,
 ) -> tuple[int, tuple[float, float, float], tuple[float, float, float] | None]:
-    """Returns stamp, force, angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    """Returns stamp [ns], specific force and angular velocity (or None) of an Imu message."""
     f, w = message.linear_acceleration, message.angular_velocity
     reported = message.angular_velocity_covariance[0] >= 0.0 and w.x == w.x
     force = (f.x, f.y, f.z)
@@ -31,7 +31,7 @@ def imu_sample(
 
 
 def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
-    """Writes an estimate, but for its flags, into a message that is used again and again."""
+    """Writes an estimate, without its flags, into a reused message."""
     sample = estimate.sample
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(sample.stamp_ns, SECOND)
@@ -48,7 +48,7 @@ def fill(message: SloshEstimate, estimate: Estimate, wall: Wall) -> None:
 
 
 def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate) -> None:
-    """Writes what is estimated of a tray's containers at a stamp [ns]."""
+    """Writes the estimates of a tray's containers at a stamp [ns] into a message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(stamp_ns, SECOND)
     message.msh, message.azimuth = array("d", tray.msh), array("d", tray.azimuth)
@@ -56,7 +56,7 @@ def fill_tray(message: messages.TrayEstimate, stamp_ns: int, tray: TrayEstimate)
 
 
 def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> None:
-    """Writes the expected sensor measurement of an estimate, `delay` seconds late."""
+    """Writes into a message what the sensor should measure, with its delay [s]."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(estimate.sample.stamp_ns, SECOND)
     message.linear = estimate.linear.reading
@@ -67,7 +67,7 @@ def fill_reading(message: ExpectedReading, estimate: Estimate, delay: float) -> 
 def fill_state(
     message: messages.EstimatorState, state: EstimatorState, memory: Sequence[float]
 ) -> None:
-    """Writes the estimator's state; `memory`: state of the input's reader."""
+    """Writes the state of the estimator and of its input reader into a message."""
     sample = state.sample
     message.sample_stamp = sample.stamp_ns
     pose = sample.pose or ()

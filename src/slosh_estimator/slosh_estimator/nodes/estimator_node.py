@@ -1,4 +1,4 @@
-"""The estimator node: computes sloshing heights from acceleration, at the input's rate."""
+"""ROS node that computes sloshing heights from acceleration, at the input's rate."""
 
 from __future__ import annotations
 
@@ -76,13 +76,13 @@ PARAMETERS = (
         "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
     ),
     ParameterSpec(
-        "containers", "", "folder of model files NAME.yaml for change_container; empty: none"
+        "containers", "", "folder of model files NAME.yaml for change_container; empty if unused"
     ),
     ParameterSpec("input", "accel", "input of the models", choices=tuple(MESSAGE_TYPES)),
     ParameterSpec(
         "world_frame", "world", "frame of poses, and of accelerations along the world's axes; z up"
     ),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
     ParameterSpec(
         "urdf", "", "robot description (URDF, xacro) for the input joints; empty: the topic "
         f"{topics.ROBOT_DESCRIPTION}"
@@ -122,8 +122,8 @@ PARAMETERS = (
         "check_input", True, "check gravity, units and attitude of the input"
     ),
     ParameterSpec(
-        "second_source", AUTO, "motion or sensor with which the input is compared: axes, signs, "
-        "units; auto: the first that is published", choices=CHOICES,
+        "second_source", AUTO, "second source that is compared with the input to check axes, "
+        "signs and units; auto: the first one that is published", choices=CHOICES,
     ),
     ParameterSpec(
         "pose_window", POSE_WINDOW,
@@ -132,8 +132,8 @@ PARAMETERS = (
     ),
     ParameterSpec(
         "smoothing", 0.0,
-        "delay of what is differentiated [s], half of the window; longer is less noisy; it also "
-        "chooses the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
+        "delay of the differentiated input [s], half of the window; a longer one reduces noise; "
+        "it also sets the polynomial's degree; 0.0: as pose_window", (0.0, 1.0),
     ),
     ParameterSpec(
         "observer", True,
@@ -147,7 +147,7 @@ DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class EstimatorNode(PreparedNode):
-    """Converts messages, calls the core and publishes.
+    """ROS node of the estimator: converts messages, runs the models, publishes heights.
 
     Args:
         later: it gets ready by `run_node`.
@@ -190,7 +190,7 @@ class EstimatorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels of models and inputs, and checks them."""
+        """Compiles or loads the compiled code of models and inputs, and checks it."""
         load_telling(progress, "slosh_estimator.estimate_kernel")
         if self._values["observer"]:
             load_telling(progress, "slosh_estimator.observer.observer_kernel")
@@ -203,7 +203,7 @@ class EstimatorNode(PreparedNode):
         self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
 
     def _ask_for_the_robot(self) -> None:
-        """Reads the robot's description, or subscribes to it."""
+        """Reads the robot description from a file, or subscribes to its topic."""
         if self._values["urdf"]:
             self._urdf = read_urdf(self._values["urdf"])
             self._robot(self._values["urdf"])
@@ -228,13 +228,13 @@ class EstimatorNode(PreparedNode):
         self._robot(topic)
 
     def _robot(self, name: str) -> Robot:
-        """Makes the robot; refuses a description that does not fit."""
+        """Creates the robot from its description; raises an error if it does not fit."""
         values = self._values
         tool = values["tool_frame"] or values["container_frame"]
         return Robot(self._urdf, tool, values["world_frame"], name)
 
     def _felt(self, model: Model) -> Model:
-        """Returns the model that runs; with poses it includes gravity by tilt."""
+        """Returns the model to run; if the input has an attitude, gravity acts by tilt."""
         felt = model.feeling_gravity() if self._kind in WINDOWED else model
         self._added = "" if felt is model else ADDED
         if self._added:
@@ -242,7 +242,7 @@ class EstimatorNode(PreparedNode):
         return felt
 
     def begin(self) -> None:
-        """Subscribes to the input."""
+        """Subscribes to the input and starts the services."""
         self._set_names()
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
@@ -265,7 +265,7 @@ class EstimatorNode(PreparedNode):
         self.create_service(Trigger, topics.RESET, self._on_reset)
 
     def close(self) -> None:
-        """Ends the waits for calm."""
+        """Ends all goals that wait for calm liquid."""
         if self._observed is not None:
             self._observed.close()
 
@@ -287,7 +287,7 @@ class EstimatorNode(PreparedNode):
         )  # fmt: skip
 
     def _mount(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """Applies the mounting from fixed transforms, before any sample is used."""
+        """Applies the mounting from fixed transforms before any sample is used."""
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
@@ -302,7 +302,7 @@ class EstimatorNode(PreparedNode):
         return time.time_ns()
 
     def _reach(self, stamp_ns: int) -> None:
-        """Takes what the gripper holds from a moment on, before the first input behind it."""
+        """Applies container changes that are due before an input with this stamp [ns]."""
         if stamp_ns <= self._changes.next_ns:  # nearly always: the clock is not asked
             return
         if stamp_ns - self._now() <= self._values["max_age"] * SECOND:
@@ -342,7 +342,7 @@ class EstimatorNode(PreparedNode):
             self._report.latency(self._now() - sample.stamp_ns)
 
     def _tell_tray(self, sample: Sample, estimate: Estimate) -> None:
-        """Estimates the further containers; of many samples a second some are told."""
+        """Estimates the other containers of the tray; publishes some of the samples."""
         tray = self._others.update(sample, estimate)
         self._flags |= functools.reduce(operator.or_, tray.flags)
         if not 0 <= sample.stamp_ns - self._tray_ns < TUNING.tray_ns:
@@ -351,7 +351,7 @@ class EstimatorNode(PreparedNode):
             self._trays.publish(self._tray_message)
 
     def _take(self, held: HeldContainer) -> int:
-        """Goes on with what the gripper holds from the next input on; the last stamp before it."""
+        """Applies a change of the container; returns the stamp of the last input [ns]."""
         self._estimator.load_model(self._felt(held.model), fresh=held.fresh, empty=held.empty)
         self._container.update(held.recorded)
         self._announce_start()
@@ -388,7 +388,7 @@ class EstimatorNode(PreparedNode):
             self._observed.load(self._estimator.model)
 
     def _announce_start(self) -> None:
-        """Publishes the settings that the models use from the next sample on, from rest."""
+        """Publishes the settings that apply from the next sample on."""
         files = {"model": format_model(self._estimator.model)}
         if self._tray.is_tray:
             files[TRAY] = format_tray(self._tray.of(self._felt))
@@ -397,7 +397,7 @@ class EstimatorNode(PreparedNode):
         self._settings.publish(files, self._input.gate.last_ns or 0)
 
     def _on_change(self, changed: tuple[str, ...]) -> None:
-        """Applies changed limits to the next inputs."""
+        """Applies changed input limits to the next samples."""
         if self._observed is not None and "calm_tolerance" in changed:
             self._observed.set_tolerance(self._values["calm_tolerance"])
         if self.readiness.state == READY:
@@ -464,7 +464,7 @@ class EstimatorNode(PreparedNode):
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the estimator node."""
     return run_node(lambda: EstimatorNode(later=True))
 
 

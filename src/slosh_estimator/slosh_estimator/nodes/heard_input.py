@@ -1,4 +1,4 @@
-"""The estimator's input over ROS: topics, and conversion of messages to samples."""
+"""Receives the estimator's input over ROS and converts messages to samples."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ Told = Callable[[int, str, Vector, Vector | None], None]
 
 
 class HeardInput:
-    """Subscribes to an input.
+    """Subscribes to the topic of an input and converts its messages to samples.
 
     Args:
         node: the node.
@@ -111,7 +111,7 @@ class HeardInput:
             node.create_subscription(kind_of, topics.TF_STATIC, fixed, qos.EVENT)
 
     def _hear_fixed(self) -> None:
-        """Subscribes to fixed transforms, if their messages are installed."""
+        """Subscribes to fixed transforms, if their message package is installed."""
         try:
             kind = message_class(TF_TYPE)
         except SloshEstimatorError:
@@ -126,14 +126,14 @@ class HeardInput:
             self.poses.take(links, fixed=True)
 
     def _hear_moving(self) -> None:
-        """Subscribes to moving transforms of the poses' frame."""
+        """Subscribes to moving transforms, which give the container's pose."""
         if isinstance(self.poses, TransformPoses):
             self.poses.take(self._fixed.links, fixed=True)
             take = partial(self._on_transforms, fixed=False)
             self._node.create_subscription(message_class(TF_TYPE), topics.TF, take, qos.STREAM_IN)
 
     def _is_mounted(self, frame: str) -> bool:
-        """Whether the mounting of a frame is known; waits some time for transforms."""
+        """Returns whether a frame's mounting is known; waits some time for transforms."""
         if self._decided:
             return True
         found = self._settings.mounted(self._kind, frame, self._fixed)
@@ -155,11 +155,11 @@ class HeardInput:
 
     @property
     def contested(self) -> bool:
-        """Whether several publishers send where one is allowed, by the newest message."""
+        """Whether several publishers send on a topic that allows only one."""
         return self._speakers.contested
 
     def rivals(self) -> str:
-        """Names additional publishers in one line; empty: none."""
+        """Returns the names of extra publishers in one line; empty if there are none."""
         if self._is_shared:
             return self._too_many()
         found = self._rivals.look()
@@ -170,7 +170,7 @@ class HeardInput:
         return found
 
     def _too_many(self) -> str:
-        """Reports two publishers of the same joints in one line; empty: none known."""
+        """Returns a line about two publishers of the same joints; empty if there is one."""
         if not isinstance(self.poses, JointPoses):
             return ""
         name = self._node.resolve_topic_name(TOPIC_NAMES[self._kind])
@@ -181,11 +181,11 @@ class HeardInput:
         return f"{count} publishers on {name} for {self.poses.groups} set of joints: stop one"
 
     def trouble(self) -> str:
-        """Returns in one line why the messages give no pose; empty: they do."""
+        """Returns in one line why messages give no pose; empty if they do."""
         return self.poses.trouble() if self.poses is not None else ""
 
     def facts(self) -> dict[str, str]:
-        """Returns facts for the diagnostics."""
+        """Returns texts on the state of the input by name, for the diagnostics."""
         told = {} if self.poses is None else self.poses.facts()
         if self._unconnected:
             told["mounting"] = f"no fixed transform connects {self._unconnected!r}; by parameters"
@@ -282,7 +282,7 @@ class HeardInput:
 
 
 def message_class(name: str) -> Any:
-    """Returns the class of a message type.
+    """Returns the class of a ROS message type.
 
     Raises:
         SloshEstimatorError: it is not installed.

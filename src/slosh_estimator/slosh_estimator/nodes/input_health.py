@@ -1,4 +1,4 @@
-"""Reports changes of the estimator's input since the last check."""
+"""Reports faults of the estimator's input since the last check."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TOLD_NS = 30 * SECOND
 
 
 class InputHealth:
-    """Watches the counters of an input filter.
+    """Monitors an input for silence, dropped samples and faults.
 
     Args:
         node: the node.
@@ -43,7 +43,7 @@ class InputHealth:
         self._faulty_since = 0
 
     def facts(self, total: int) -> dict[str, str]:
-        """Returns facts about messages that others receive but this node does not.
+        """Returns diagnostic values on messages that others receive but this node does not.
 
         Args:
             total: messages that it has heard.
@@ -51,7 +51,7 @@ class InputHealth:
         return self._topic.facts(total)
 
     def faults(self, source: AnyInput) -> str:
-        """Describes new faults of sensor, driver or bus for some time; empty: none.
+        """Describes recent faults of sensor, driver or network; empty if there are none.
 
         Args:
             source: that reads the input.
@@ -65,7 +65,7 @@ class InputHealth:
         return "; ".join(texts) if texts and told else ""
 
     def look(self, gate: SampleGate) -> Health | None:
-        """Returns the current fault; None: none.
+        """Returns the input's current fault for the diagnostics, or None.
 
         Args:
             gate: that judges the input.
@@ -97,13 +97,13 @@ class InputHealth:
 
 
 def fault_facts(source: AnyInput) -> dict[str, str]:
-    """Returns all faults of sensor, driver or bus since the start."""
+    """Returns all faults of sensor, driver or network since the start."""
     texts = source.check.faults.texts()
     return {"input faults": "; ".join(texts)} if texts else {}
 
 
 def rate_facts(source: AnyInput) -> dict[str, str]:
-    """Returns the input's rate, the carried share of each mode, and the delay."""
+    """Returns the input's rate, its gain for each sloshing mode, and the delay."""
     sampling = source.sampling
     if not sampling.interval_ns:
         return {}

@@ -1,4 +1,4 @@
-"""Diagnostics of the monitor."""
+"""Diagnostics of the monitor node."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _INPUTS = {
 
 
 class MonitorHealth:
-    """Evaluates the monitor once a second.
+    """Evaluates the health of the monitor once a second.
 
     Args:
         node: the node.
@@ -38,7 +38,7 @@ class MonitorHealth:
         self._measured = self._unmatched = 0
 
     def look(self, now_ns: int, measured: int) -> Health:
-        """Returns level and sentence of the worst finding.
+        """Returns the level and the text of the most serious finding.
 
         Args:
             now_ns: the monitor's time [ns].
@@ -49,7 +49,7 @@ class MonitorHealth:
         return self._silence(now_ns) or self._blindness(now_ns) or self._state(now_ns, mismatch)
 
     def facts(self, counts: Mapping[str, int]) -> dict[str, str]:
-        """Returns facts about messages that others receive but the monitor does not.
+        """Returns diagnostic values on messages that others receive but the monitor does not.
 
         Args:
             counts: messages so far, by topic.
@@ -106,7 +106,7 @@ class MonitorHealth:
         return mismatch or (OK, f"{condition.name}{alone}")
 
     def _mismatch(self, measured: int) -> Health | None:
-        """Reports many measurements without a matching estimate since the last call."""
+        """Reports if many measurements since the last call have no matching estimate."""
         unmatched = self._core.unmatched
         came, self._measured = measured - self._measured, measured
         failed, self._unmatched = unmatched - self._unmatched, unmatched

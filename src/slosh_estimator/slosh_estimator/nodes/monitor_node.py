@@ -1,4 +1,4 @@
-"""The monitor node: compares the camera with the models and reports limit violations."""
+"""ROS node that compares the camera with the models and reports limit violations."""
 
 from __future__ import annotations
 
@@ -76,19 +76,19 @@ PARAMETERS = (
     ),
     _dynamic(
         "hold", _DEFAULT.hysteresis.hold_ns / 1e9,
-        "time that the value must stay there before the exceedance ends [s]", (0.0, 60.0),
+        "time that the value must stay below release before the exceedance ends [s]", (0.0, 60.0),
     ),
     _dynamic("timeout", _DEFAULT.timeout, "time without messages after which an input is "
                                           "stale [s]", (0.05, 0.4)),
     ParameterSpec("buffer", _DEFAULT.buffer, "time for which estimates are kept [s]", (0.1, 60.0)),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
     ParameterSpec("camera", True, "false: there is no camera; only the estimate is monitored"),
 )  # fmt: skip
 DYNAMIC = tuple(spec.name for spec in PARAMETERS if not spec.read_only)
 
 
 class MonitorNode(GuardedNode):
-    """Converts messages, calls the core and publishes."""
+    """ROS node of the monitor: converts messages, compares heights, publishes results."""
 
     def __init__(self) -> None:
         super().__init__("monitor")
@@ -142,7 +142,7 @@ class MonitorNode(GuardedNode):
         self._settings.publish_change(changed, self._core.change_settings(wanted))
 
     def _moved_rim(self) -> tuple[str, ...]:
-        """Takes the height that the model's rim allows; its name where it is another one now."""
+        """Updates the rim's height from the model; returns its name if it changed."""
         if self._model is None:
             return ()
         settings = MonitorSettings.from_parameters(self._given)
@@ -153,7 +153,7 @@ class MonitorNode(GuardedNode):
         return (RIM,)
 
     def _on_settings(self, message: NodeSettings) -> None:
-        """Takes the rim from the model in the estimator's settings."""
+        """Updates the rim and the tray from the estimator's published settings."""
         model = announced_model(message)
         if model is None:
             return
@@ -166,7 +166,7 @@ class MonitorNode(GuardedNode):
             self._on_change(changed)
 
     def _on_container(self, message: ContainerChange) -> None:
-        """Watches the limits of another container in later data."""
+        """Applies the limits of another container to later data."""
         try:
             model = parse_model(message.model, topics.CONTAINER) if message.model else None
         except ValueError as error:
@@ -252,7 +252,7 @@ class MonitorNode(GuardedNode):
                 self.get_logger().warning(motion.sentence)
 
     def _arrival(self) -> int:
-        """Returns the arrival time: steady clock, or simulated time with use_sim_time.
+        """Returns the arrival time [ns] by a steady clock, or by simulated time if in use.
 
         By that a slow simulation is no more silent than a fast one.
         """
@@ -306,7 +306,7 @@ class MonitorNode(GuardedNode):
 
 
 def event_message(event: Event, frame: str) -> LimitEvent:
-    """Makes the message of an event."""
+    """Converts a limit event to a message."""
     return filled(
         LimitEvent,
         stamp_ns=event.stamp_ns,
@@ -323,7 +323,7 @@ def event_message(event: Event, frame: str) -> LimitEvent:
 
 
 def announced_model(message: NodeSettings) -> Model | None:
-    """Returns the model in an estimator's settings message.
+    """Returns the model in a settings message of the estimator, or None.
 
     None: it is another node's, or a stranger's that cannot be read.
     """
@@ -337,7 +337,7 @@ def announced_model(message: NodeSettings) -> Model | None:
 
 
 def announced_tray(message: NodeSettings) -> Tray | None:
-    """The tray that an estimator's announcement says that it carries; None: as of the model."""
+    """Returns the tray that the estimator's settings name, or None if they are invalid."""
     try:
         document = parse_yaml(message.document, "settings of the estimator").value
         return parse_tray(document["files"][TRAY], "the estimator's tray")
@@ -346,7 +346,7 @@ def announced_tray(message: NodeSettings) -> Tray | None:
 
 
 class PredictionWatch:
-    """Compares a node's predictions with motions, and publishes the outcomes.
+    """Compares the predictions of a node with measured motions and publishes outcomes.
 
     Args:
         node: the node.
@@ -364,11 +364,11 @@ class PredictionWatch:
         )
 
     def reset(self) -> None:
-        """Resets the record."""
+        """Forgets all outcomes of predictions."""
         self._record.reset()
 
     def judge(self, motion: MotionAgreement) -> None:
-        """Processes a finished motion; publishes the outcome of its prediction."""
+        """Compares a finished motion with its prediction and publishes the outcome."""
         outcome = self._record.judge(motion)
         if outcome is None:
             return
@@ -377,7 +377,7 @@ class PredictionWatch:
         self._node.get_logger().info(f"planned motion {outcome.id}: {outcome.description}")
 
     def facts(self) -> dict[str, Any]:
-        """Returns facts for the diagnostics."""
+        """Returns the accuracy of the predictions by name, for the diagnostics."""
         record, last = self._record, self._record.last
         if last is None:
             return {"predictions": 0}
@@ -401,7 +401,7 @@ class PredictionWatch:
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the monitor node."""
     return run_node(MonitorNode)
 
 

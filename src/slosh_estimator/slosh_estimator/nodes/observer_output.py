@@ -1,4 +1,4 @@
-"""Connects the observer to the node: measured heights, fused states and calm topics."""
+"""Connects the observer to ROS: measured heights in, fused states and calmness out."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FIELDS = SurfaceHeights._fields
 
 
 class ObserverOutput:
-    """Runs the observer of a node and publishes its states.
+    """Runs the observer of the estimator node and publishes its states.
 
     Args:
         node: whose.
@@ -75,17 +75,17 @@ class ObserverOutput:
         self._watch = CalmWatch(self._watch.tolerance)
 
     def set_tolerance(self, tolerance: float) -> None:
-        """Sets the tolerance of a calm wave [m]."""
+        """Sets the wave height [m] up to which the liquid counts as calm."""
         self._watch = CalmWatch(tolerance)
 
     def close(self) -> None:
-        """Ends all waiting goals."""
+        """Ends all goals that wait for calm liquid."""
         for wait in self._waits:
             wait.done.set_result(None)
         self._action.destroy()
 
     def follow(self, sample: Sample, flags: int) -> None:
-        """Updates the observer by an input; flags: those of the estimate."""
+        """Advances the observer by one input sample, with the flags of its estimate."""
         state = self.observer.follow(sample, flags)
         if state is None:
             return
@@ -105,7 +105,7 @@ class ObserverOutput:
             self._tell()
 
     def facts(self) -> dict[str, Any]:
-        """Returns the counts for diagnostics."""
+        """Returns counts of used and rejected heights for the diagnostics."""
         counts = self.observer.counts
         return {f"heights {outcome.value}": counts[outcome] for outcome in Outcome}
 
@@ -116,7 +116,7 @@ class ObserverOutput:
             self.observer.take(wall_heights(stamp_ns, heights))
 
     def _look(self) -> None:
-        """Publishes STALE if the input has stopped, so that the last state is not `calm`."""
+        """Publishes the state STALE if the input has stopped."""
         if time.monotonic() - self._heard < TUNING.calm_silence:
             return
         calm = self._calm
@@ -145,7 +145,7 @@ class ObserverOutput:
 
 
 class _Wait:
-    """Goal that waits until the liquid is calm."""
+    """An action goal that waits until the liquid is calm."""
 
     def __init__(self, goal: Any, tolerance: float, timeout: float) -> None:
         self._goal, self._timeout = goal, timeout if timeout > 0.0 else math.inf
@@ -155,11 +155,11 @@ class _Wait:
         self.done: Future = Future()
 
     def update(self, state: FusedState) -> None:
-        """Updates the calm state by a fused state."""
+        """Updates the calmness from a fused state."""
         fill_calm(self._state, self._watch.update(state))
 
     def tell(self, told: Calm) -> None:
-        """Sends feedback to the client; ends when calm, timed out or cancelled."""
+        """Sends feedback to the client; ends the goal if calm, timed out or cancelled."""
         if told.reason == Calm.STALE:
             self._state = told
         self._state.header.frame_id = told.header.frame_id
@@ -185,7 +185,7 @@ class _Wait:
 
 
 def words(state: Calm) -> str:
-    """Returns why the liquid is not calm, in words."""
+    """Returns in words why the liquid is not calm."""
     return {
         Calm.MOVING: "the container moves",
         Calm.SETTLING: f"the wave reaches {1e3 * state.envelope:.1f} mm",
@@ -211,7 +211,7 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) ->
 
 
 def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> None:
-    """Writes an observer's state into a message that is used again and again."""
+    """Writes an observer's state into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
     message.first_stamp = state.first_ns
@@ -224,7 +224,7 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
 
 
 def fill_calm(message: Calm, state: CalmState) -> None:
-    """Writes a calm state into a reused message."""
+    """Writes the calmness of the liquid into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
     message.calm, message.reason, message.tolerance = (

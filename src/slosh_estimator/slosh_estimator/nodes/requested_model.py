@@ -1,4 +1,4 @@
-"""The model of a LoadModel request, which is untrusted."""
+"""Reads the model in a LoadModel request, whose content is untrusted."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
 
 
 def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
-    """Reads the model file named by a service's caller.
+    """Reads the model file that the caller of a service names.
 
     Args:
         path: of the file, on this machine.

@@ -1,4 +1,4 @@
-"""A second source of the container's motion beside the estimator's input: do both agree?"""
+"""Compares a second source of the container's motion with the estimator's input."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CHOICES = (AUTO, NONE, *SENSORS, *MOTIONS)
 
 
 class SecondSource:
-    """Hears a second source where there is one, and compares it with the input.
+    """Receives a second source of the motion, if there is one, and compares it.
 
     Args:
         node: the node.
@@ -72,7 +72,7 @@ class SecondSource:
         self._accused = False
 
     def told(self, stamp_ns: int, frame: str, force: Vector, rate: Vector | None) -> None:
-        """Takes what a sensor says."""
+        """Adds a sensor reading: specific force and angular velocity."""
         if self._heard is None:
             return
         if self._watch is None:
@@ -83,12 +83,12 @@ class SecondSource:
         self._watch.take_sensor(stamp_ns, force, rate)
 
     def follow(self, input_ns: int, *samples: Sample | None) -> None:
-        """Takes what follows from the input, which may be the motion of the two."""
+        """Adds samples of the estimator's input to the comparison."""
         if not self._senses:
             self._moved(input_ns, *samples)
 
     def _moved(self, _: int, *samples: Sample | None) -> None:
-        """Takes how the container moves."""
+        """Adds samples of the container's motion to the comparison."""
         if self._watch is None:
             return
         for one in samples:
@@ -96,7 +96,7 @@ class SecondSource:
                 self._watch.take_motion(one.stamp_ns, (one.ax, one.ay, one.az), one.pose)
 
     def look(self) -> tuple[str, str]:
-        """What is wrong with the input, and with the second source; empty: nothing is known."""
+        """Returns what is wrong with the input and with the second source, if anything."""
         if self._heard is None:
             self._choose()
             return "", ""
@@ -116,7 +116,7 @@ class SecondSource:
         return (told, "") if self._senses else ("", told)
 
     def facts(self) -> dict[str, str]:
-        """For the diagnostics."""
+        """Returns what the comparison of both sources found, for the diagnostics."""
         told = {f"second source {kind}": why for kind, why in self._refusals.items()}
         if self._heard is None:
             return told
@@ -131,7 +131,7 @@ class SecondSource:
 
     @property
     def _names(self) -> tuple[str, str]:
-        """The sensor's kind and the motion's."""
+        """Returns the input types of the sensor and of the source of the motion."""
         pair = self._kind, self._other
         return pair if self._senses else (pair[1], pair[0])
 
@@ -140,7 +140,7 @@ class SecondSource:
         return None if self._watch is None else self._watch.verdict
 
     def _choose(self) -> None:
-        """Listens to the first candidate that somebody publishes."""
+        """Subscribes to the first candidate source that has a publisher."""
         for kind in self._candidates:
             if not self._node.count_publishers(TOPIC_NAMES[kind]):
                 continue
@@ -167,7 +167,7 @@ class SecondSource:
             return
 
     def _has_robot(self) -> bool:
-        """Whether the robot's description is known; else it is asked for."""
+        """Returns whether the robot's description is known; requests it if not."""
         if not available():
             self._refusals[JOINTS] = HOW_TO_GET
         elif not self._urdf and not self._asked:
@@ -180,10 +180,10 @@ class SecondSource:
         return bool(self._urdf) and available()
 
     def _mounted(self, parameters: Mapping[str, Any]) -> InputSettings:
-        """What fixed transforms say of the second source."""
+        """Applies the mounting of the second source that fixed transforms give."""
         self._other_how = self._other_how.with_mounting(parameters)
         return self._other_how
 
 
 def _nothing(_: int, *samples: Sample | None) -> None:
-    """A sensor's samples follow from what it tells."""
+    """Ignores samples; used for sensors, whose raw readings are compared instead."""

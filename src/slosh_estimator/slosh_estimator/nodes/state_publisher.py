@@ -17,7 +17,7 @@ PERIOD_NS = SECOND // 4
 
 
 class StatePublisher:
-    """Publishes the state at intervals of the inputs' stamps.
+    """Publishes the estimator's state at regular intervals of the input stamps.
 
     Args:
         node: whose.
@@ -33,7 +33,7 @@ class StatePublisher:
         self._last_ns = -PERIOD_NS
 
     def look(self, stamp_ns: int, estimator: Estimator, source: AnyInput) -> None:
-        """Notes the stamp of a used input [ns]; publishes the state when due.
+        """Notes the stamp [ns] of a used input and publishes the state if it is due.
 
         Before the input's estimate goes out: in a recording, too, the state comes first.
         """

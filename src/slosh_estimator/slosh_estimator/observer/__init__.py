@@ -1,1 +1,1 @@
-"""The observer: corrects the open-loop estimate by measured heights."""
+"""Observer that corrects the model's estimate by measured heights."""

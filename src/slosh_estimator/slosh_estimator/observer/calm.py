@@ -1,4 +1,4 @@
-"""Tells whether the liquid is calm, and when it will be."""
+"""Determines whether the liquid is calm, and when it will be."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slosh_estimator.tuning import TUNING
 
 
 class CalmReason(IntEnum):
-    """Reason why the liquid is not calm; values as in Calm.msg."""
+    """Reason why the liquid is not calm; the values are those of Calm.msg."""
 
     CALM = 0
     MOVING = 1
@@ -21,7 +21,7 @@ class CalmReason(IntEnum):
 
 
 class CalmState(NamedTuple):
-    """State that tells whether the liquid is calm, if nothing moves from now on.
+    """Calmness of the liquid, assuming that the container does not move from now on.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -49,7 +49,7 @@ class CalmState(NamedTuple):
 
 
 class CalmWatch:
-    """Computes the calm state of successive fused states.
+    """Determines the calmness from successive fused states.
 
     The liquid becomes calm where its wave is surely within the tolerance for the rest of time. It
     stays so until the bound exceeds the tolerance clearly, or the container moves.
@@ -64,7 +64,7 @@ class CalmWatch:
         self._first_ns: int | None = None
 
     def update(self, state: FusedState) -> CalmState:
-        """Returns the calm state of a newer fused state."""
+        """Returns the calmness for the next fused state."""
         if self._first_ns is None:
             self._first_ns = state.stamp_ns
         bound = state.envelope + TUNING.bound * state.envelope_stddev
@@ -91,7 +91,7 @@ class CalmWatch:
         return CalmReason.SETTLING if state.envelope > self.tolerance else CalmReason.UNSURE
 
     def _waits(self, state: FusedState, bound: float) -> tuple[float, float, float]:
-        """Returns the time until calm and its bounds [s]."""
+        """Returns the time until the liquid is calm, with lower and upper bound [s]."""
         spread = math.exp(TUNING.bound * state.damping_stddev)
         lowest = state.envelope - TUNING.bound * state.envelope_stddev
         return (
@@ -101,7 +101,7 @@ class CalmWatch:
         )
 
     def _wait(self, height: float, decay: float) -> float:
-        """Returns the time in which a height decays to the tolerance [s]."""
+        """Returns the time in which a wave height decays to the tolerance [s]."""
         if not height > self.tolerance:
             return 0.0 if height == height else math.inf
         return math.log(height / self.tolerance) / decay if decay > 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""The observer: a model that is corrected by measured heights.
+"""Observer: a model whose state is corrected by measured heights.
 
 See `observer_kernel` for the equations. The open-loop estimate stays as it is, so that its
 comparison with the camera still shows a fault.
@@ -36,7 +36,7 @@ _UPRIGHT = np.empty((0, POSE_COUNT))
 
 
 class Observer:
-    """Runs a nonlinear model with an estimator's input and corrects it by measured heights.
+    """Runs a nonlinear model and corrects its state by measured heights.
 
     Measurements wait for the next state that is given, at most each TUNING.fused_ns, and for an
     input that is not older than they are. One whose normalised innovation is too large is
@@ -89,18 +89,18 @@ class Observer:
 
     @property
     def taken(self) -> int:
-        """Measurements so far that do not wait any more."""
+        """Number of measurements that were processed, whether used or rejected."""
         return sum(self.counts.values())
 
     def take(self, heights: WallHeights) -> None:
-        """Queues a measurement; earlier ones are used first."""
+        """Queues a measurement; measurements are used in the order of their stamps."""
         self._waiting.append(heights)
         if len(self._waiting) > TUNING.waiting_heights:
             self._judged_ns = self._waiting.popleft().stamp_ns
             self._note(Outcome.LATE)
 
     def follow(self, sample: Sample, flags: int = 0) -> FusedState | None:
-        """Steps the model by an input and returns the fused state.
+        """Advances the model by one input and returns the fused state, or None if not due.
 
         Args:
             sample: the input.
@@ -131,7 +131,7 @@ class Observer:
         return self._state()
 
     def state(self) -> ObserverState:
-        """Returns where it stands behind a fused state."""
+        """Returns the complete state of the observer."""
         kept = [self._ring[k % len(self._ring)] for k in range(self._first, self._count)]
         return ObserverState(
             self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
@@ -141,7 +141,7 @@ class Observer:
         )  # fmt: skip
 
     def take_up(self, state: ObserverState) -> None:
-        """Continues from where another observer with this model stood.
+        """Restores the state of another observer that has the same model.
 
         Raises:
             SloshEstimatorError: the state is one of another model or version; nothing changes.
@@ -165,7 +165,7 @@ class Observer:
         self._anchored_at = state.anchored_at
 
     def _step(self, sample: Sample, now: float) -> bool:
-        """Steps the model; False: it has left the physical range."""
+        """Advances the model; returns False if it left the physical range."""
         dt = (sample.stamp_ns - self._newest_ns) / 1e9 if self._count else 0.0
         if self._count - self._first >= len(self._ring) - 1:
             self._move_anchor()
@@ -181,7 +181,7 @@ class Observer:
         return inside
 
     def _follow_motion(self, sample: Sample) -> None:
-        """Restarts the average of the acceleration at rest after each motion."""
+        """Restarts the mean acceleration at rest after each motion."""
         self._motions.add_one(sample.stamp_ns, (sample.ax, sample.ay, sample.az))
         spans = self._motions.spans
         if not spans:
@@ -219,7 +219,7 @@ class Observer:
         return Outcome.USED
 
     def _is_another_wave(self, moment: float, points: Array) -> bool:
-        """Resets the state and uses the points if they fit a wave; False: they do not."""
+        """Resets the wave and fits it to points; returns False if they fit no wave."""
         shown = len(points) >= TUNING.shape_points
         if self._rejected < (TUNING.reopen if shown else TUNING.reopen_unseen):
             return False
@@ -231,12 +231,12 @@ class Observer:
         return False
 
     def _move_anchor(self) -> None:
-        """Moves the anchor to the middle of the ring, to free its oldest inputs."""
+        """Moves the reference time to the middle of the stored inputs, to free the oldest."""
         middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
         self._corrected(float(middle[kernel.TIME]), _NO_POINTS)
 
     def _corrected(self, moment: float, points: Array) -> bool:
-        """Corrects by points and moves the anchor to their time; False: they are rejected."""
+        """Corrects the state by measured points; returns False if they are rejected."""
         last = self._count - 1
         ratio = self._correct(
             self._store, self._ring, self._first, last, self._blocks, self._theta,
@@ -254,7 +254,7 @@ class Observer:
         return True
 
     def _restart(self, now: float, *, at_rest: bool) -> None:
-        """Resets the model to rest; at_rest: the liquid is at rest, else its state is unknown."""
+        """Resets the model to rest; `at_rest` says whether the liquid is known to rest."""
         run, modes = divided(self._store)
         elapsed = run["elapsed"].copy()
         modes[:] = self._constants
@@ -270,13 +270,13 @@ class Observer:
             self._spread(TUNING.rest_wave)
 
     def _forget(self) -> None:
-        """Resets the covariance at the anchor to that of an unknown wave."""
+        """Resets the covariance to that of an unknown wave."""
         states = len(self._covariance) - kernel.PARAMETERS
         self._covariance[states:, states:] = np.diag(self._slow_variance)
         self._spread(self._largest)
 
     def _spread(self, height: float) -> None:
-        """Sets the standard deviation of each wave's height at the anchor [m]."""
+        """Sets the prior standard deviation of each mode's wave height [m]."""
         states = len(self._covariance) - kernel.PARAMETERS
         self._covariance[:states], self._covariance[:, :states] = 0.0, 0.0
         place = height / self._blocks[:, kernel.GAIN]

@@ -1,4 +1,4 @@
-"""Compiled functions of the observer: an extended Kalman filter of the modal state.
+"""Compiled extended Kalman filter for the modal state of the liquid.
 
 The observer runs a model of its own with the estimator's input. Its state is, for each mode and
 axis, place q [m] and rate q̇ [m/s] of the mass, and four slow parameters: ε and κ with
@@ -81,7 +81,7 @@ MEAN_X, MEAN_Y, COUNT = range(3)
 
 @compiled
 def _oscillation(stiffness, decay, dt):  # type: ignore[no-untyped-def]
-    """Returns the transition matrix of ẍ + 2 decay ẋ + stiffness x = 0 over dt, row by row."""
+    """Returns the transition matrix of ẍ + 2 decay ẋ + stiffness x = 0 over dt, by rows."""
     squared = stiffness - decay * decay
     if squared > 1e-9:
         omega = math.sqrt(squared)
@@ -97,7 +97,7 @@ def _oscillation(stiffness, decay, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def _step(block, dt, lift, density, q, u):  # type: ignore[no-untyped-def]
-    """Propagates transition, sensitivity and noise of a block by dt; q, u: its state."""
+    """Propagates transition, sensitivity and noise of one mode axis with state q, u by dt."""
     decay = block[OMEGA] * block[ZETA]
     stiffness = block[OMEGA] * block[OMEGA] * lift
     a, b, c, d = _oscillation(stiffness, decay, dt)
@@ -120,7 +120,7 @@ def _step(block, dt, lift, density, q, u):  # type: ignore[no-untyped-def]
 
 @compiled
 def _between(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
-    """Propagates all blocks over a part of the time between two rows of the ring."""
+    """Propagates all mode axes over a part of the time between two stored inputs."""
     whole = two[TIME] - one[TIME]
     middle = (0.5 * (begin + end) - one[TIME]) / whole if whole > 0.0 else 1.0
     lift = one[LIFT] + middle * (two[LIFT] - one[LIFT])
@@ -134,7 +134,7 @@ def _between(blocks, one, two, begin, end):  # type: ignore[no-untyped-def]
 
 @compiled
 def _anchored(blocks):  # type: ignore[no-untyped-def]
-    """Resets transition, sensitivity and noise of all blocks at the anchor."""
+    """Resets transition, sensitivity and noise of all mode axes at the reference time."""
     for k in range(blocks.shape[0]):
         block = blocks[k]
         block[PHI:] = 0.0
@@ -143,7 +143,7 @@ def _anchored(blocks):  # type: ignore[no-untyped-def]
 
 @compiled
 def _rows(blocks, heights, size):  # type: ignore[no-untyped-def]
-    """Returns height rows by the state at the anchor (2, size) and height noise (2,)."""
+    """Returns the measurement matrix (2, size) of the heights, and their noise (2,)."""
     rows, noise = np.zeros((2, size)), np.zeros(2)
     states = 2 * blocks.shape[0]
     for k in range(blocks.shape[0]):
@@ -173,7 +173,7 @@ def _product(one, matrix, other):  # type: ignore[no-untyped-def]
 
 @compiled
 def _averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
-    """Updates the average of the acceleration of the liquid."""
+    """Updates the mean acceleration that acts on the liquid."""
     averages[COUNT] += 1.0
     share = max(1.0 / averages[COUNT], dt / (time + dt))
     averages[MEAN_X] += share * (run["ax"] - averages[MEAN_X])
@@ -182,7 +182,7 @@ def _averaged(run, averages, time, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-untyped-def]
-    """Writes the largest height that the wave still reaches if nothing moves from now on.
+    """Writes the largest height that the wave can still reach if the container rests.
 
     Each mode goes along an ellipse about the place where the liquid rests; its longer half axis is
     the height. The standard deviation is bounded from above.
@@ -219,7 +219,7 @@ def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-unty
 
 @compiled
 def _answer(store, blocks, covariance, averages, row, out):  # type: ignore[no-untyped-def]
-    """Writes the fused state of a row of the ring."""
+    """Writes the fused state that belongs to a stored input."""
     _envelope(store, blocks, covariance, averages, out)
     runs, modes = records(store)
     hx, hy = kernel.turned(row[HEIGHT_X], row[HEIGHT_Y], row[TURN])
@@ -252,7 +252,7 @@ def _answer(store, blocks, covariance, averages, row, out):  # type: ignore[no-u
 
 @compiled
 def _take_constants(store, blocks):  # type: ignore[no-untyped-def]
-    """Writes ω', ζ' and height gain of each block with the current effects."""
+    """Writes frequency, damping and height gain of each mode axis."""
     runs, modes = records(store)
     run = runs[0]
     for n in range(modes.shape[0]):
@@ -266,7 +266,7 @@ def _take_constants(store, blocks):  # type: ignore[no-untyped-def]
 
 @compiled
 def _change_constants(store, frequency, damping):  # type: ignore[no-untyped-def]
-    """Multiplies ω by exp(frequency) and ζ by exp(damping)."""
+    """Multiplies the natural frequency by exp(frequency), the damping by exp(damping)."""
     factor = math.exp(frequency)
     square = factor * factor
     modes = records(store)[1]
@@ -281,7 +281,7 @@ def _change_constants(store, frequency, damping):  # type: ignore[no-untyped-def
 
 @entry_point(void(CHANGED_1, CHANGED_2))
 def begin(store, blocks):  # type: ignore[no-untyped-def]
-    """Sets the anchor to the current state of the model.
+    """Sets the reference time of the filter to the current state of the model.
 
     Args:
         store: the observer's model, as `slosh_model.layout` has it.
@@ -300,7 +300,7 @@ def begin(store, blocks):  # type: ignore[no-untyped-def]
 def follow(  # type: ignore[no-untyped-def]
     store, poses, now, dt, ax, ay, az, yaw, ring, count, blocks, averages, noise, bound
 ):
-    """Propagates the state to the newest input.
+    """Propagates the filter to the newest input.
 
     Args:
         store: the observer's model; changed.
@@ -346,7 +346,7 @@ def follow(  # type: ignore[no-untyped-def]
 
 @entry_point(void(GIVEN_1, GIVEN_2, GIVEN_2, int64, GIVEN_2, GIVEN_1, CHANGED_1))
 def read(store, blocks, ring, count, covariance, averages, out):  # type: ignore[no-untyped-def]
-    """Writes the fused state at the newest input.
+    """Writes the fused state at the time of the newest input.
 
     Args:
         store, blocks, ring: as in `follow`.
@@ -360,7 +360,7 @@ def read(store, blocks, ring, count, covariance, averages, out):  # type: ignore
 
 @compiled
 def _transition(blocks, size):  # type: ignore[no-untyped-def]
-    """Returns the transition matrix (size, size) of the state since the anchor."""
+    """Returns the transition matrix (size, size) of the state since the reference time."""
     states = 2 * blocks.shape[0]
     transition = np.eye(size)
     for k in range(blocks.shape[0]):
@@ -384,7 +384,7 @@ def _product_by_transposed(one, other):  # type: ignore[no-untyped-def]
 
 @compiled
 def _carried_covariance(blocks, covariance, noise, elapsed):  # type: ignore[no-untyped-def]
-    """Propagates the covariance from the anchor in place: F P Fᵀ + Q."""
+    """Propagates the covariance from the reference time in place: F P Fᵀ + Q."""
     size, states = covariance.shape[0], 2 * blocks.shape[0]
     transition = _transition(blocks, size)
     # P is symmetric: F (F P)ᵀ is F P Fᵀ.
@@ -429,7 +429,7 @@ def _update(mean, covariance, rows, innovations, variances):  # type: ignore[no-
 
 @compiled
 def _widened(covariance, variance):  # type: ignore[no-untyped-def]
-    """Returns the covariance with one additional state of a given variance."""
+    """Returns the covariance with one more state, which has a given variance."""
     size = covariance.shape[0]
     wide = np.zeros((size + 1, size + 1))
     wide[:size, :size] = covariance
@@ -439,7 +439,7 @@ def _widened(covariance, variance):  # type: ignore[no-untyped-def]
 
 @compiled
 def _tested(covariance, rows, innovations, variances, shared, gate):  # type: ignore[no-untyped-def]
-    """Returns the normalised innovation divided by its limit."""
+    """Returns the normalised innovation of a measurement, divided by its limit."""
     count = innovations.shape[0]
     wide = _widened(covariance, shared)
     total = _update(np.zeros(wide.shape[0]), wide, rows, innovations, variances)
@@ -464,7 +464,7 @@ def _measured(  # type: ignore[no-untyped-def]
     points,
     mean,
 ):
-    """Corrects the covariance by a measurement and writes the correction of the mean.
+    """Updates the covariance by a measurement and writes the correction of the mean.
 
     Args:
         elapsed: since the measurement before [s]: errors of images that follow each other closely
@@ -516,7 +516,7 @@ def _measured(  # type: ignore[no-untyped-def]
 
 @compiled
 def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
-    """Adds a correction at the anchor to a later row of the ring."""
+    """Adds a correction at the reference time to a later stored state."""
     states = 2 * blocks.shape[0]
     by_gain = 2.0 * mean[states + FREQUENCY]
     row[HEIGHT_X] *= 1.0 + by_gain
@@ -535,7 +535,7 @@ def _corrected(blocks, mean, row):  # type: ignore[no-untyped-def]
 
 @compiled
 def _expected(blocks, one, two, moment):  # type: ignore[no-untyped-def]
-    """Interpolates heights along the modal axes, their rates and the angle between two rows."""
+    """Interpolates heights along the modal axes, their rates and the angle at a time."""
     whole = two[TIME] - one[TIME]
     share = (moment - one[TIME]) / whole if whole > 0.0 else 0.0
     heights = (
@@ -551,7 +551,7 @@ def _expected(blocks, one, two, moment):  # type: ignore[no-untyped-def]
 
 @compiled
 def _carry_correction(store, ring, at, last, blocks, mean, moment):  # type: ignore[no-untyped-def]
-    """Adds a correction to all later rows of the ring and to the model."""
+    """Adds a correction to all later stored states and to the model."""
     kept, start = ring.shape[0], moment
     if ring[at % kept, TIME] == moment:
         _corrected(blocks, mean, ring[at % kept])
@@ -569,7 +569,7 @@ def _carry_correction(store, ring, at, last, blocks, mean, moment):  # type: ign
 
 @compiled
 def _bounded(theta, mean, states, noise):  # type: ignore[no-untyped-def]
-    """Limits the correction so that ε and κ stay within their bounds."""
+    """Limits the correction so that the frequency and damping errors stay within bounds."""
     for i, most in ((FREQUENCY, noise[MOST_FREQUENCY]), (DAMPING, noise[MOST_DAMPING])):
         mean[states + i] = min(max(mean[states + i], -most - theta[i]), most - theta[i])
 
@@ -584,7 +584,7 @@ def correct(  # type: ignore[no-untyped-def]
     store, ring, first, last, blocks, theta, covariance, noise, since, moment, cornered, reaches,
     points,
 ):  # fmt: skip
-    """Corrects the state by a measurement that may be delayed.
+    """Corrects the state by a measurement, which may be delayed.
 
     Args:
         store: the observer's model at the newest input; changed.

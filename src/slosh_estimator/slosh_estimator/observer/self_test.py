@@ -41,7 +41,7 @@ class _Arrays:
         ]
 
     def follow(self, at: int) -> tuple[object, ...]:
-        """Returns the arguments of `follow` at an input."""
+        """Returns the arguments of `follow` for the input with this index."""
         return (
             self.store, self.poses, *self.inputs[at], self.ring, at, self.blocks, self.averages,
             self.noise, TUNING.runaway,

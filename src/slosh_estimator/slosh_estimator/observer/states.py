@@ -1,4 +1,4 @@
-"""What goes into the observer and what comes out of it."""
+"""Data types of the observer's inputs and outputs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TOLD_FIELDS: Final = (
 
 
 class WallHeights(NamedTuple):
-    """Heights of the liquid on the wall at one moment.
+    """Measured heights of the liquid on the container's wall at one time.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -37,7 +37,7 @@ class WallHeights(NamedTuple):
 
 
 class Outcome(Enum):
-    """Outcome of a measurement: used, rejected, too late or without a height."""
+    """How a measurement was treated: used, rejected, too late, or without a height."""
 
     USED = "used"
     REJECTED = "rejected"
@@ -46,7 +46,7 @@ class Outcome(Enum):
 
 
 class FusedState(NamedTuple):
-    """State of the liquid from the model and the measurements.
+    """State of the liquid that fuses the model with the measurements.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -88,19 +88,19 @@ class FusedState(NamedTuple):
 
     @property
     def uncorrected(self) -> float:
-        """Time since the last used measurement [s]; infinite: none."""
+        """Time since the last measurement that was used [s]; infinite before the first one."""
         if self.corrected_ns is None:
             return math.inf
         return max(self.stamp_ns - self.corrected_ns, 0) / 1e9
 
     @property
     def trusted(self) -> bool:
-        """Whether it is more certain than an uncorrected estimate."""
+        """Whether the state is more certain than an estimate without measurements."""
         return self.corrected_ns is not None and self.msh_stddev <= TUNING.trusted_stddev
 
 
 def told_fields(state: FusedState, counts: Mapping[Outcome, int]) -> dict[str, float]:
-    """Returns the numbers of FusedEstimate.msg by field name, without the modal state.
+    """Returns the values for FusedEstimate.msg by field name, without the modal state.
 
     Args:
         state: to tell.
@@ -116,7 +116,7 @@ def told_fields(state: FusedState, counts: Mapping[Outcome, int]) -> dict[str, f
 
 
 class ObserverState(NamedTuple):
-    """All that an observer's next fused states depend on, but motions; see ObserverState.msg."""
+    """State of an observer; restoring it gives the same results; see ObserverState.msg."""
 
     stamp_ns: int
     first_ns: int

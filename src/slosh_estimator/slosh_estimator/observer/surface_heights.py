@@ -1,4 +1,4 @@
-"""Reads the heights on the wall from a FreeSurface message."""
+"""Reads heights on the container's wall from a FreeSurface message."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NO_POINTS = np.empty((0, 3))
 
 
 class SurfaceHeights(NamedTuple):
-    """Fields of FreeSurface.msg, in its units."""
+    """The fields of FreeSurface.msg, in the same units."""
 
     msh: float
     msh_stddev: float
@@ -33,7 +33,7 @@ class SurfaceHeights(NamedTuple):
 
 
 def wall_heights(stamp_ns: int, surface: SurfaceHeights) -> WallHeights:
-    """Returns heights and azimuths: both view edges, the highest point, the zero line.
+    """Returns measured wall heights with azimuths: both image edges, crest and zero line.
 
     A fitted wave has no height a quarter of a turn beside its maximum. A side view shows the two
     edges alone. Heights that are lower bounds or do not show this moment are left out.
@@ -60,7 +60,7 @@ def wall_heights(stamp_ns: int, surface: SurfaceHeights) -> WallHeights:
 
 
 def _known(stddev: float) -> float:
-    """Returns a standard deviation [m] with a default and a lower limit."""
+    """Returns a standard deviation [m] with a lower limit; a default if it is not finite."""
     if not math.isfinite(stddev):
         return TUNING.usual_stddev
     return max(stddev, TUNING.least_stddev)

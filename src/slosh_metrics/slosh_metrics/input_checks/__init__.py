@@ -1,1 +1,1 @@
-"""Streaming checks of an input's gravity, units, frames and faults."""
+"""Checks of an input stream: gravity, units, frames and sensor faults."""

@@ -1,4 +1,4 @@
-"""Detects rest by constancy rather than small values, for motions and input checks.
+"""Detects when a container is at rest: when its acceleration is constant, not small.
 
 A vector is averaged over bins of BIN_NS. A stretch of bins is constant as long as each bin lies
 near the mean of those before it. What "near" means follows the sensor's noise, which the second
@@ -32,14 +32,14 @@ STRETCH_MEMORY = 13 + TUNING.looked_back
 
 
 class Bin(NamedTuple):
-    """Mean of the samples in a bin: its number (stamp // BIN_NS) and the values."""
+    """Mean of the samples in a time bin, with the bin's number (stamp // BIN_NS)."""
 
     number: int
     mean: tuple[float, ...]
 
 
 class Bins:
-    """Averages vectors over bins; equal results for single samples and blocks.
+    """Averages vectors over time bins; samples may come one by one or in blocks.
 
     Args:
         width: numbers in a vector.
@@ -63,7 +63,7 @@ class Bins:
         return closed
 
     def add_many(self, stamps: Integers, values: Array) -> list[tuple[int, Bin]]:
-        """Adds samples; returns completed bins, each with the row that completes it.
+        """Adds samples; returns each completed bin with the row of the sample that completes it.
 
         Args:
             stamps: (N,) [ns], N > 0.
@@ -93,7 +93,7 @@ class Bins:
         return closed
 
     def close(self, number: int = -(2**62)) -> Bin | None:
-        """Ends the current bin and begins another; None: it was empty."""
+        """Ends the current bin and begins the next; returns None if the bin was empty."""
         found = None
         if self._count:
             found = Bin(self._number, tuple(total / self._count for total in self._sums))
@@ -102,17 +102,17 @@ class Bins:
         return found
 
     def memory(self, base: int) -> list[float]:
-        """Returns the state; numbers of bins count from `base`."""
+        """Returns the state as numbers; bin numbers are relative to `base`."""
         return [_told(self._number, base), float(self._count), *self._sums]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a `memory`."""
+        """Restores a state that `memory` returned."""
         number, count, *sums = memory
         self._number, self._count, self._sums = _heard(number, base), round(count), sums
 
 
 class Stretch:
-    """The constant section to which the newest bin belongs.
+    """The section of constant values to which the newest time bin belongs.
 
     Args:
         tolerance: how far from the mean a bin of a noiseless sensor may lie.
@@ -128,7 +128,7 @@ class Stretch:
         self.restart()
 
     def restart(self) -> None:
-        """Resets the section."""
+        """Begins a new section of constant values."""
         self.mean: Vector = (0.0, 0.0, 0.0)
         self.count = 0
         self._start = self._last = self._all = 0
@@ -138,28 +138,28 @@ class Stretch:
 
     @property
     def unbroken(self) -> bool:
-        """Whether all bins since the start belong to the section."""
+        """Whether all bins since the start belong to one constant section."""
         return self._all == self.count
 
     @property
     def first(self) -> bool:
-        """Whether the section is only its first bin, without earlier ones."""
+        """Whether the section consists only of the first bin since the start."""
         return self.count == 1 and math.isnan(self._two[0])
 
     @property
     def seconds(self) -> float:
-        """Duration of the section [s]."""
+        """Duration of the constant section [s]."""
         return (self._last + 1 - self._start) * BIN if self.count else 0.0
 
     @property
     def noise(self) -> float:
-        """Standard deviation of a bin's noise in one axis."""
+        """Standard deviation of the noise of a bin's mean along one axis."""
         if not self._bends:
             return 0.0
         return sorted(self._bends)[len(self._bends) // 2] / _MEDIAN
 
     def take(self, number: int, value: Vector) -> bool:
-        """Adds a bin; returns whether it continues the section."""
+        """Adds a bin; returns whether it continues the constant section."""
         one, two = self._one, self._two
         bend = math.sqrt(sum((value[i] - 2.0 * one[i] + two[i]) ** 2 for i in range(3)))
         if bend == bend:  # two bins are known before it
@@ -183,14 +183,14 @@ class Stretch:
         return continues
 
     def memory(self, base: int) -> list[float]:
-        """Returns the state; numbers of bins count from `base`."""
+        """Returns the state as numbers; bin numbers are relative to `base`."""
         bends = [*self._bends, *[math.nan] * (TUNING.looked_back - len(self._bends))]
         counts = float(self.count), float(self._all)
         places = [_told(self._start, base), _told(self._last, base), *counts]
         return [*places, *self.mean, *self._one, *self._two, *bends]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a `memory`."""
+        """Restores a state that `memory` returned."""
         start, last, count, total, mx, my, mz, ox, oy, oz, tx, ty, tz, *bends = memory
         self._start, self._last = _heard(start, base), _heard(last, base)
         self.count, self._all, self.mean = round(count), round(total), (mx, my, mz)
@@ -199,7 +199,7 @@ class Stretch:
 
 
 def _told(number: int, base: int) -> float:
-    """Encodes a bin's number exactly as a float; NaN: none."""
+    """Returns a bin's number relative to `base` as a float, or NaN if there is no bin."""
     return math.nan if number <= -(2**61) else float(number - base)
 
 

@@ -1,4 +1,4 @@
-"""Finds a constant part of an acceleration (gravity, tilt, bias) that no motion can have."""
+"""Finds a constant in an acceleration, such as gravity, tilt or bias, while at rest."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ConstantFinder:
         self.restart()
 
     def restart(self) -> None:
-        """Resets the integration after a gap."""
+        """Restarts the integration of the acceleration after a gap."""
         self.stretch.restart()
         self._earlier: Vector | None = None
         self._departed = False
@@ -38,7 +38,7 @@ class ConstantFinder:
         self._speed, self._time, self._last = _ZERO, 0.0, -(2**62)
 
     def take(self, number: int, mean: Vector, felt: Vector | None = None) -> Vector | None:
-        """Adds a bin; returns the constant at rest, None if unknown.
+        """Adds a bin; returns the constant acceleration at rest, or None if unknown.
 
         Args:
             number: of the bin.
@@ -71,12 +71,12 @@ class ConstantFinder:
         return constant if self._is_no_acceleration(constant) else None
 
     def adopt(self, constant: Vector) -> None:
-        """Sets a constant as the input's bias, which is subtracted."""
+        """Sets a constant as the bias of the input, which is then subtracted."""
         self._earlier, self._departed, self.bias = None, False, constant
         self._speed, self._time = _ZERO, 0.0
 
     def _is_no_acceleration(self, constant: Vector) -> bool:
-        """Whether the integral shows that a constant is not a motion of the container."""
+        """Returns whether a constant acceleration cannot be a real motion, by its integral."""
         left = math.dist(constant, self.bias)
         if left * self.stretch.seconds > TOP_SPEED:
             return True
@@ -91,14 +91,14 @@ class ConstantFinder:
         return reached >= 0.5 * TOP_SPEED and rest <= 0.25 * left * self._time
 
     def memory(self, base: int) -> list[float]:
-        """Returns the state; numbers of bins count from `base`."""
+        """Returns the state as numbers; bin numbers are relative to `base`."""
         last = float(self._last - base) if self._time else math.nan
         earlier = self._earlier or (math.nan,) * 3
         own = [*self._speed, self._time, last, *earlier, float(self._departed), *self.bias]
         return [*own, *self.stretch.memory(base)]
 
     def take_up(self, memory: Sequence[float], base: int) -> None:
-        """Restores a `memory`."""
+        """Restores a state that `memory` returned."""
         vx, vy, vz, self._time, last, ex, ey, ez, departed, bx, by, bz, *stretch = memory
         self.bias = bx, by, bz
         self._speed = vx, vy, vz

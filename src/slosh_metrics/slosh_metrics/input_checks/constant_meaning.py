@@ -1,4 +1,4 @@
-"""Interprets a constant of an input: gravity, wrong unit, mounting, or bias.
+"""Explains a constant acceleration at rest: gravity, wrong unit, mounting or bias.
 
 Of an acceleration without gravity nothing is left at rest. Of a specific force +g along the
 container's z axis is left. Of an attitude the direction of up, which is the container's +z.
@@ -31,7 +31,7 @@ _UPRIGHT: Vector = (0.0, 0.0, 1.0)
 
 
 class Doubt(NamedTuple):
-    """A fault of an input.
+    """A suspected fault of an input.
 
     Attributes:
         text: cause and remedy in one sentence.
@@ -43,7 +43,7 @@ class Doubt(NamedTuple):
 
 
 def acceleration_doubt(c: Vector, what: str = "the acceleration at rest") -> Doubt | None:
-    """Interprets a constant acceleration at rest; None: no fault.
+    """Explains a constant acceleration at rest, or returns None if it is no fault.
 
     Args:
         c: gravity should be excluded [m/s²].
@@ -84,7 +84,7 @@ def acceleration_doubt(c: Vector, what: str = "the acceleration at rest") -> Dou
 
 
 def force_doubt(f: Vector, rotation: Matrix) -> Doubt | None:
-    """Interprets a constant specific force at rest; None: no fault.
+    """Explains a constant specific force at rest, or returns None if it is no fault.
 
     Args:
         f: in the container's axes; right is +g along z [m/s²].
@@ -117,7 +117,7 @@ def force_doubt(f: Vector, rotation: Matrix) -> Doubt | None:
 
 
 def attitude_doubt(up: Vector, rotation: Matrix, *, first: bool = False) -> Doubt | None:
-    """Interprets the attitude of a container at rest; None: no fault.
+    """Explains the attitude of a container at rest, or returns None if it is no fault.
 
     Args:
         up: the world's z axis in the container's axes.
@@ -142,7 +142,7 @@ def attitude_doubt(up: Vector, rotation: Matrix, *, first: bool = False) -> Doub
 
 
 def direction(v: Vector) -> str:
-    """Describes a direction: the nearest axis, and the frame that it suggests."""
+    """Describes a vector by its nearest axis and the frame convention that it suggests."""
     place = max(range(3), key=lambda axis: abs(v[axis]))
     sign = "+" if v[place] > 0.0 else "-"
     axis = tuple(math.copysign(float(i == place), v[i]) for i in range(3))
@@ -161,7 +161,7 @@ def angle(a: Vector, b: Vector) -> float:
 
 
 def upright_rotation(up: Vector, rotation: Matrix) -> Vector:
-    """Returns roll, pitch, yaw [rad] of container ← sensor that turns `up` to +z.
+    """Returns roll, pitch, yaw [rad] of the sensor mounting that turns `up` to +z.
 
     Args:
         up: what should be +z, in the container's axes with the rotation so far.
@@ -176,7 +176,7 @@ def upright_rotation(up: Vector, rotation: Matrix) -> Vector:
 
 
 def _shortest_turn(up: Vector) -> Matrix:
-    """Returns the smallest rotation that turns a direction to +z (Rodrigues)."""
+    """Returns the smallest rotation matrix that turns a direction to +z (Rodrigues)."""
     size = math.hypot(*up)
     x, y, z = up[0] / size, up[1] / size, up[2] / size
     if z < -1.0 + 1e-12:
@@ -186,7 +186,7 @@ def _shortest_turn(up: Vector) -> Matrix:
 
 
 def _contained(c: Vector) -> str:
-    """Returns the remedy for gravity contained in an acceleration."""
+    """Returns the remedy for an acceleration that contains gravity."""
     where = direction(c)
     if where.startswith("+z"):
         return "gravity is contained, along +z: subtract 9.81 from the z axis"
@@ -202,7 +202,7 @@ def _contained(c: Vector) -> str:
 
 
 def _mounting(f: Vector, rotation: Matrix, link: str) -> str:
-    """Describes wrong sensor axes with the remedy; empty: they are right."""
+    """Describes wrong sensor axes and the remedy; empty if they are right."""
     tilt = angle(f, _UPRIGHT)
     if tilt <= WRONG_TILT:
         return ""
@@ -214,7 +214,7 @@ def _mounting(f: Vector, rotation: Matrix, link: str) -> str:
 
 
 def _or_tilt(c: Vector) -> str:
-    """Adds that a horizontal constant of 1 m/s² may also be a tilt."""
+    """Returns text that a horizontal constant may also come from a tilt."""
     if abs(c[2]) > 0.5 * math.hypot(*c):
         return ""
     return f", or the sensor is tilted by {math.degrees(math.asin(1.0 / GRAVITY)):.1f}°"

@@ -1,4 +1,4 @@
-"""Checks an inertial sensor: gravity's size and direction, mounting, unit of rates."""
+"""Checks an inertial sensor: gravity, mounting and unit of the angular velocity."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _UP: Vector = (0.0, 0.0, 1.0)
 
 
 class ImuCheck(Check):
-    """Checks specific forces and angular velocities.
+    """Checks specific forces and angular velocities of an inertial sensor.
 
     Args:
         rotation: container ← sensor that was used.
@@ -63,7 +63,7 @@ class ImuCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Adds a sample; returns whether it is doubtful.
+        """Adds a sample; returns whether the input is doubtful.
 
         Args:
             stamp_ns: the moment [ns].
@@ -108,7 +108,7 @@ class ImuCheck(Check):
             self._blame(Cause(CONSTANT, force))
 
     def _spins_askew(self, rate: Vector, force: Vector) -> bool:
-        """Whether the container spins about an axis that shows a misaligned sensor.
+        """Returns whether the container spins about an axis that shows a tilted sensor.
 
         It has not been upright in the sensor's eyes, and spins about what it takes for vertical.
         """
@@ -124,7 +124,7 @@ class ImuCheck(Check):
         return self._spun >= SPUN
 
     def _rest(self, force: Vector, *, certain: bool) -> None:
-        """Evaluates a constant specific force in the container's axes; certain: at rest.
+        """Checks a constant specific force in container axes at rest.
 
         One of gravity's size from the first sample on is that of a rest, too.
         """
@@ -141,7 +141,7 @@ class ImuCheck(Check):
         self._up = self._stood = _unit(force)
 
     def _is_honest(self, force: Vector) -> bool:
-        """Whether a force other than that of upright rest may be right.
+        """Returns whether a force other than that of an upright rest may be correct.
 
         A container that was upright, or that has been turned by its rates, may stand or move
         tilted. What is left of the force beside gravity as it was turned accelerates it.
@@ -154,7 +154,7 @@ class ImuCheck(Check):
         return away * self._finder.stretch.seconds <= TOP_SPEED or away <= GRAVITY * FOLLOWED
 
     def _turn(self, number: int, rate: Vector, force: Vector) -> None:
-        """Integrates the up direction, and slowly corrects it by the measured force.
+        """Integrates the vertical direction; corrects it slowly by the measured force.
 
         So it is twice: from the first force on, and from upright on.
         """
@@ -196,7 +196,7 @@ class ImuCheck(Check):
 
 
 def _turned_back(v: Vector, rate: Vector, seconds: float) -> Vector:
-    """Rotates a fixed vector against a rotation with constant rate (Rodrigues)."""
+    """Rotates a fixed vector into a frame that turned at a constant rate (Rodrigues)."""
     speed = math.hypot(*rate)
     if speed == 0.0:
         return v
@@ -211,7 +211,7 @@ def _turned_back(v: Vector, rate: Vector, seconds: float) -> Vector:
 
 
 def _is_weight(force: Vector) -> bool:
-    """Whether a specific force has gravity's size, as for a misaligned sensor.
+    """Returns whether a specific force has the magnitude of gravity.
 
     A container that accelerates level feels g / cos(lean): it must be nearer to g than to that.
     """
@@ -221,7 +221,7 @@ def _is_weight(force: Vector) -> bool:
 
 
 def _leant(v: Vector, to: Vector, share: float) -> Vector:
-    """Moves a direction towards another one by a share."""
+    """Moves a direction towards another direction by a fraction."""
     share = min(share, 1.0)
     return _unit(
         (

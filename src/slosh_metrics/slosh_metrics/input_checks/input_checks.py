@@ -1,4 +1,4 @@
-"""Streaming checks of an input's gravity, units, frames and mounting.
+"""Checks gravity, units, frames and mounting of an input stream.
 
 Every check also watches for what sensors and drivers do to samples; see `input_faults`.
 
@@ -59,14 +59,14 @@ _ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 class Cause(NamedTuple):
-    """Reason for doubting an input, with the vector that shows it."""
+    """Suspected cause of an input fault, with the vector that shows it."""
 
     kind: int = NONE
     vector: Vector = _ZERO
 
 
 class Check(ABC):
-    """Base of the checks: bins, doubt, saved state.
+    """Base class of the input checks: time bins, suspected faults, saved state.
 
     Attributes:
         doubt: what is wrong now; None: nothing is known to be.
@@ -90,13 +90,13 @@ class Check(ABC):
         self._bins = Bins(self.WIDTH)
 
     def memory(self, stamp_ns: int) -> list[float]:
-        """Returns the state after the sample of this stamp [ns]."""
+        """Returns the state after the sample with this stamp [ns]."""
         base = stamp_ns // BIN_NS
         cause = [float(self._cause.kind), *self._cause.vector]
         return [*cause, *self._bins.memory(base), *self._remembered(base)]
 
     def take_up(self, stamp_ns: int, memory: Sequence[float]) -> None:
-        """Restores the state of another check after the sample of this stamp [ns]."""
+        """Restores another check's state after the sample with this stamp [ns]."""
         base, bins = stamp_ns // BIN_NS, 6 + self.WIDTH
         kind, x, y, z = memory[:4]
         self._blame(Cause(round(kind), (x, y, z)))
@@ -124,23 +124,23 @@ class Check(ABC):
 
     @abstractmethod
     def _doubt_of(self, cause: Cause) -> Doubt | None:
-        """Returns the doubt of a cause; None: no fault."""
+        """Returns the suspected fault for a cause, or None if it is no fault."""
 
     @abstractmethod
     def _take(self, closed: Bin) -> None:
-        """Evaluates the mean of a complete bin."""
+        """Evaluates the mean of a completed time bin."""
 
     @abstractmethod
     def _remembered(self, base: int) -> list[float]:
-        """Returns the state of this kind of check, relative to a bin's number."""
+        """Returns the state of the derived check; bin numbers are relative to `base`."""
 
     @abstractmethod
     def _remember(self, memory: Sequence[float], base: int) -> None:
-        """Restores such a state."""
+        """Restores the state of the derived check."""
 
 
 class AccelCheck(Check):
-    """Checks accelerations without gravity, in axes with z up."""
+    """Checks accelerations without gravity in axes whose z points up."""
 
     MEMORY = 4 + 5 + FINDER_MEMORY
 
@@ -149,7 +149,7 @@ class AccelCheck(Check):
         self._finder = ConstantFinder()
 
     def add(self, stamp_ns: int, acceleration: Vector, *, restarted: bool = False) -> bool:
-        """Adds a sample [m/s²]; returns whether it is doubtful."""
+        """Adds an acceleration [m/s²]; returns whether the input is doubtful."""
         if restarted:
             self._restart()
         self.faults.take(stamp_ns, acceleration)
@@ -161,7 +161,7 @@ class AccelCheck(Check):
     def add_many(
         self, stamps: Integers, accelerations: Array, restarted: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Adds samples; returns which (N,) are doubtful, the same as `add`.
+        """Adds accelerations; returns which of them (N,) are doubtful.
 
         Args:
             stamps: (N,) [ns].
@@ -209,7 +209,7 @@ class AccelCheck(Check):
 
 
 class PoseCheck(Check):
-    """Checks poses of the container: metres, upright at rest, order of the quaternion.
+    """Checks poses of the container: unit, attitude at rest, order of the quaternion.
 
     Args:
         rotation: container ← tool that was used.
@@ -233,7 +233,7 @@ class PoseCheck(Check):
         *,
         restarted: bool = False,
     ) -> bool:
-        """Adds a pose of the container [m]; returns whether it is doubtful."""
+        """Adds a pose of the container [m]; returns whether the input is doubtful."""
         if restarted:
             self._restart()
         x, y, z, w = quaternion
@@ -245,7 +245,7 @@ class PoseCheck(Check):
         return self.doubtful
 
     def add_many(self, stamps: Integers, position: Array, quaternion: Array) -> None:
-        """Adds consecutive poses: stamps (N,) [ns], (N, 3) [m], (N, 4), N > 0."""
+        """Adds consecutive poses: stamps (N,) [ns], positions (N, 3) [m], quaternions (N, 4)."""
         x, y, z, w = quaternion.T
         # As in `add`.
         other = 1.0 - 2.0 / (x * x + y * y + z * z + w * w) * (y * y + z * z)
@@ -303,7 +303,7 @@ class PoseCheck(Check):
 
 
 def too_fast(size: float) -> Doubt:
-    """Makes the doubt for an impossible acceleration [m/s²], by the speed it would cause."""
+    """Returns the suspected fault for an acceleration [m/s²] that no robot arm can reach."""
     return Doubt(
         f"an acceleration of {size:.4g} m/s² for {BIN:g} s changes the speed by "
         f"{size * BIN:.3g} m/s, and no arm moves faster than {TOP_SPEED:g} m/s: is it in mm/s²? "

@@ -1,4 +1,4 @@
-"""Faults of a recorded acceleration: clipped, frozen, mixed sources, missing sections.
+"""Finds faults of a recorded acceleration: clipped, frozen, mixed or missing samples.
 
 What a sensor, a driver or a bus does to an input looks like physics that a model lacks: so it is
 looked for first, in tables, bags and live windows alike. Everything here is a function of samples.
@@ -35,7 +35,7 @@ MIXED_INPUT = "several publishers are mixed on its topic; stop one of them and r
 
 
 class FaultKind(Enum):
-    """Kind of a fault."""
+    """Kind of an input fault: clipped, frozen, mixed or missing samples."""
 
     CLIPPED = "clipped"
     FROZEN = "frozen"
@@ -44,7 +44,7 @@ class FaultKind(Enum):
 
 
 class InputFault(NamedTuple):
-    """A fault of an input.
+    """A fault in a recorded or live input.
 
     Attributes:
         kind: what is wrong.
@@ -62,7 +62,7 @@ class InputFault(NamedTuple):
     value: float = float("nan")
 
     def text(self) -> str:
-        """Describes fault, time and remedy in one sentence without a full stop."""
+        """Describes the fault, its time and its remedy in one sentence without a full stop."""
         when = f"from {self.start:.2f} to {self.end:.2f} s"
         when += f" and {self.times - 1} times more" if self.times > 1 else ""
         if self.kind is FaultKind.CLIPPED:
@@ -84,7 +84,7 @@ class InputFault(NamedTuple):
 
 
 def find_input_faults(t: Array, acceleration: Array) -> tuple[InputFault, ...]:
-    """Finds the faults of an input, each kind (and each clipped axis) once, by time.
+    """Finds the faults of an input; each kind is listed once, in order of time.
 
     Args:
         t: (N,) increasing [s].
@@ -120,24 +120,24 @@ class FaultWatch:
         self._values = np.empty((0, 3))
 
     def take(self, stamp_ns: int, acceleration: tuple[float, float, float]) -> None:
-        """Adds a sample [m/s²]; fast, since `look` does the work."""
+        """Stores a sample [m/s²] quickly; `look` analyses it later."""
         self._taken.append((stamp_ns, acceleration))
         if len(self._taken) >= TUNING.most_taken:
             self.look()
 
     def look(self) -> None:
-        """Analyses the samples once they fill a window."""
+        """Analyses the stored samples if they fill a window."""
         taken, self._taken = self._taken, []
         if taken:
             stamps, values = zip(*taken, strict=True)
             self.add(np.array(stamps, dtype=np.int64), np.array(values))
 
     def texts(self) -> list[str]:
-        """Returns the faults so far, one sentence each."""
+        """Returns one sentence for each fault that was found so far."""
         return [fault.text() for fault in self.faults]
 
     def add(self, stamps: NDArray[np.int64], accelerations: Array) -> None:
-        """Adds samples.
+        """Adds samples and searches them for faults.
 
         Args:
             stamps: (N,) increasing, and after those before [ns].
@@ -149,7 +149,7 @@ class FaultWatch:
             self.finish()
 
     def finish(self) -> None:
-        """Analyses the remaining samples; more may follow."""
+        """Analyses the remaining samples at the end of a part."""
         if self._taken:
             self.look()
         if not len(self._stamps):
@@ -176,7 +176,7 @@ class FaultWatch:
 
 
 def _equal(one: InputFault, other: InputFault) -> bool:
-    """Whether both are clipped at the same value, or both not clipped."""
+    """Returns whether two faults have the same clipping value, or neither has one."""
     return one.value == other.value or (math.isnan(one.value) and math.isnan(other.value))
 
 
@@ -212,7 +212,7 @@ def _clipped(t: Array, acceleration: Array) -> Iterator[InputFault]:
 
 
 def _goes_on(values: Array, start: int, end: int, least: float, quantum: float) -> bool:
-    """Whether extrapolation from both sides exceeds a flat top by a minimum."""
+    """Returns whether the curve would rise above a flat top if extended from both sides."""
     before, after = (
         values[max(start - TUNING.beside, 0) : start],
         values[end : end + TUNING.beside][::-1],
@@ -223,7 +223,7 @@ def _goes_on(values: Array, start: int, end: int, least: float, quantum: float) 
 
 
 def _cut_off(values: Array, top: float, least: float, quantum: float) -> bool:
-    """Whether values (`beside`,) rise along a bend whose apex lies clearly above the top."""
+    """Returns whether values rise to an apex clearly above the flat top."""
     first, middle, last = np.diff(values).tolist()
     bend = middle - last
     # The value next to the top may lie between a ramp's last one and the top.
@@ -237,7 +237,7 @@ def _cut_off(values: Array, top: float, least: float, quantum: float) -> bool:
 
 
 def _is_rough(values: Array) -> bool:
-    """Whether all values (N, A) have noise, so that repeated equal values are a fault."""
+    """Returns whether the values (N, A) are noisy, so that repeated values are a fault."""
     if any(_is_coarse(column) for column in values.T):
         return False
     first, second, third = (np.linalg.norm(np.diff(values, n, axis=0), axis=1) for n in (1, 2, 3))
@@ -252,13 +252,13 @@ def _is_rough(values: Array) -> bool:
 
 
 def _is_coarse(values: Array) -> bool:
-    """Whether values are rounded so coarsely that repeated equal values are normal."""
+    """Returns whether the values are rounded so coarsely that repeated values are normal."""
     step = _step(values)
     return step > 0.0 and not float(np.median(np.abs(np.diff(values, 3)))) > TUNING.fine * step
 
 
 def _step(values: Array) -> float:
-    """Returns the step of which all values are multiples; 0: none."""
+    """Returns the step of which all values are multiples, or 0 if there is none."""
     levels = np.unique(values)
     step = float(np.diff(levels).min(initial=np.inf))
     if not TUNING.exact * float(np.abs(levels).max()) < step < np.inf:
@@ -299,7 +299,7 @@ def _frozen(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _jump(steps: Array, start: int, end: int) -> float:
-    """Returns the change of the values at the end of a repetition [m/s²]."""
+    """Returns the jump of the values at the end of a repetition [m/s²]."""
     return float(steps[end - 1]) if end - 1 < len(steps) else 0.0
 
 
@@ -333,7 +333,7 @@ def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _unevenness(t: Array, run: NDArray[np.int64]) -> tuple[tuple[float, float], ...]:
-    """Returns the mean change of intervals, and the mean interval [s].
+    """Returns how uneven sample intervals are, with and without a second publisher [s].
 
     Of all samples around a run of rows, and of those that are not of the run's publisher.
     """
@@ -357,6 +357,6 @@ def _missing(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _runs(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Returns start row and end row (exclusive) of each run of marked samples."""
+    """Returns the start and end row (exclusive) of each run of marked samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""Checks of a complete motion: a table, a trajectory, a path.
+"""Checks a complete motion in a table, a trajectory or a path.
 
 The samples go through the streaming checks. Beyond them, a whole motion has two ends: it begins
 and ends at rest, so a constant that both ends and the mean show is no acceleration.
@@ -25,7 +25,7 @@ _LONGEST = 1e9
 
 
 class InputDoubt(str):
-    """A line that reports a doubtful input.
+    """A line of text that reports a doubtful input.
 
     Attributes:
         wrong: whether the answer is wrong then; else it is worth a look.
@@ -35,25 +35,25 @@ class InputDoubt(str):
     wrong: bool
 
     def __new__(cls, text: str, wrong: bool = True) -> InputDoubt:
-        """Make a line."""
+        """Creates a line of text that reports a doubtful input."""
         made = super().__new__(cls, text)
         made.wrong = wrong
         return made
 
     @classmethod
     def of(cls, doubt: Doubt) -> InputDoubt:
-        """Makes the line of a check's doubt."""
+        """Creates the line from a suspected fault."""
         return cls(doubt.text, doubt.wrong)
 
     def about(self, path: object) -> InputDoubt:
-        """Returns the line with the file that it concerns."""
+        """Returns the line preceded by the path of the file."""
         return InputDoubt(f"{path}: {self}", self.wrong)
 
 
 def motion_doubts(
     t: Array, acceleration: Array, attitude: Array | None = None, position: Array | None = None
 ) -> tuple[InputDoubt, ...]:
-    """Returns what looks wrong in a motion, one sentence each; empty: nothing.
+    """Returns one sentence for each suspected fault of a motion.
 
     Args:
         t: (N,) rising [s].
@@ -88,7 +88,7 @@ def motion_doubts(
 
 
 def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> list[InputDoubt]:
-    """Returns what looks wrong in poses."""
+    """Returns one sentence for each suspected fault of poses."""
     check = PoseCheck()
     turns = np.tile((0.0, 0.0, 0.0, 1.0), (len(stamps), 1)) if attitude is None else attitude
     if len(stamps):
@@ -98,7 +98,7 @@ def _pose_doubts(stamps: Integers, position: Array, attitude: Array | None) -> l
 
 
 def _first_rest(stamps: Integers, acceleration: Array) -> int:
-    """Returns the number of initial rows with constant acceleration (container at rest)."""
+    """Returns the number of rows before the container starts to move."""
     bins, stretch = Bins(3), Stretch(TOLERANCE, MOST)
     for row, (number, (x, y, z)) in bins.add_many(stamps, acceleration):
         if not stretch.take(number, (x, y, z)) and not stretch.first:
@@ -107,7 +107,7 @@ def _first_rest(stamps: Integers, acceleration: Array) -> int:
 
 
 def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDoubt]:
-    """Evaluates both ends and the mean of a motion."""
+    """Checks the acceleration at both ends of a motion, and its mean."""
     if t[-1] < REST:
         return []
     steps = np.diff(t)[:, None]
@@ -129,7 +129,7 @@ def _ends_doubt(t: Array, stamps: Integers, acceleration: Array) -> list[InputDo
 
 
 def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
-    """Checks the mean acceleration of a motion without rest at its ends."""
+    """Checks the mean acceleration of a motion that is not at rest at its ends."""
     size = math.hypot(*mean)
     in_g = (
         seconds >= TUNING.shortest_table
@@ -149,7 +149,7 @@ def _mean_doubt(mean: Vector, peak: float, seconds: float) -> list[InputDoubt]:
 
 
 def _constant_ends(stamps: Integers, acceleration: Array) -> tuple[Vector, Vector] | None:
-    """Returns the constants at both ends that last at least REST; None: not at both."""
+    """Returns the constant accelerations at both ends of a motion, or None."""
     found: list[Vector] = []
     for rows in (slice(None), slice(None, None, -1)):
         times = stamps[rows] if rows.step is None else stamps[-1] - stamps[rows]

@@ -1,1 +1,1 @@
-"""Whether a sensor is mounted, scaled and signed as it is said to be, by another source."""
+"""Checks by a second source whether a sensor's mounting, scale and signs are right."""

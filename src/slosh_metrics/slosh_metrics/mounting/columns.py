@@ -1,4 +1,4 @@
-"""A sensor and a motion on one time axis, smoothed alike.
+"""Brings the data of a sensor and a motion to one time axis with equal smoothing.
 
 Both sides are averaged by three boxes in turn, so that what a pose's filter has smoothed already,
 and a sensor's vibration, do not matter. The motion is told in the container's own axes first.
@@ -26,7 +26,7 @@ COLUMNS = 18
 
 
 class SensorColumns(NamedTuple):
-    """What a sensor tells, as it comes.
+    """Samples of a sensor as received.
 
     Attributes:
         stamps: (N,) rising [ns].
@@ -40,7 +40,7 @@ class SensorColumns(NamedTuple):
 
 
 class MotionColumns(NamedTuple):
-    """How a container moves.
+    """Samples of the container's motion.
 
     Attributes:
         stamps: (N,) rising [ns].
@@ -58,7 +58,7 @@ class MotionColumns(NamedTuple):
 
 
 class Aligned(NamedTuple):
-    """Both on one time axis.
+    """Sensor and motion on one time axis.
 
     Attributes:
         motion: (N, COLUMNS).
@@ -79,7 +79,7 @@ class Aligned(NamedTuple):
 
 
 def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
-    """The columns (N, COLUMNS) of a motion.
+    """Returns the columns (N, COLUMNS) of a motion: accelerations and rotations.
 
     Args:
         motion: of the container.
@@ -103,7 +103,7 @@ def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
 def aligned(
     sensor: SensorColumns, stamps: Integers, motion: Array, begin: int, end: int
 ) -> tuple[Aligned, ...]:
-    """A sensor and a motion between two moments, smoothed by each of the widths.
+    """Aligns a sensor and a motion between two stamps, for each smoothing width.
 
     Args:
         sensor: at least two samples.
@@ -134,7 +134,7 @@ def aligned(
 
 
 def smoothed(t: Array, values: Array, at: Array, box: float) -> Array:
-    """Values (N, K) at times t (N,), averaged about others (M,), evenly spaced.
+    """Returns values (M, K) at evenly spaced times, smoothed by three moving averages.
 
     By three boxes of a width [s].
     """
@@ -160,7 +160,7 @@ def smoothed(t: Array, values: Array, at: Array, box: float) -> Array:
 
 
 def _reached(t: Array, at: Array) -> BoolArray:
-    """Whether samples at times (N,) lie close enough on both sides of others (M,)."""
+    """Returns which times (M,) have samples close enough on both sides."""
     after = np.searchsorted(t, at)
     inside = (after > 0) & (after < len(t))
     right = np.clip(after, 1, len(t) - 1)
@@ -169,7 +169,7 @@ def _reached(t: Array, at: Array) -> BoolArray:
 
 
 def matrices(quaternions: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of quaternions (N, 4) x, y, z, w, of any length but zero."""
+    """Returns rotation matrices (N, 3, 3) of quaternions x, y, z, w (N, 4) of any length."""
     x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
     rows = (
         1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w),
@@ -181,7 +181,7 @@ def matrices(quaternions: Array) -> Array:
 
 
 def crosses(vectors: Array) -> Array:
-    """Matrices (N, 3, 3) that multiply by vectors (N, 3) from the left: [v]× u = v × u."""
+    """Returns the cross-product matrices (N, 3, 3) of vectors (N, 3): [v]× u = v × u."""
     x, y, z = vectors.T
     zero = np.zeros_like(x)
     found: Array = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Which of the mountings, gravities and hands explains a sensor."""
+"""Finds the mounting, gravity sign and handedness that best explain a sensor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TURNS = 30
 
 
 class Side(NamedTuple):
-    """Rows of both sides: sensor, acceleration, gravity's reaction, all (N, 3)."""
+    """Sensor readings, accelerations and reactions to gravity, (N, 3) each."""
 
     s: Array
     a: Array
@@ -26,7 +26,7 @@ class Side(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """A hypothesis.
+    """A hypothesis on the mounting of a sensor, with its error and prior odds.
 
     Attributes:
         rotation, gain, gravity: M, k and h.
@@ -44,7 +44,7 @@ class Answer(NamedTuple):
 
 
 def best_hypothesis(side: Side, told: Array) -> Answer:
-    """The hypothesis that is believed."""
+    """Returns the most probable hypothesis on the mounting."""
     found = [_solved(side, told, start, handed) for handed in (1.0, -1.0) for start in _GRAVITIES]
     best = min(found, key=lambda answer: answer.error)
     variance = variance_of(side, best)
@@ -59,24 +59,24 @@ def best_hypothesis(side: Side, told: Array) -> Answer:
 
 
 def size_of(answer: Answer) -> float:
-    """How large 1 m/s² is in the sensor's unit, by the motion or by gravity."""
+    """Returns the sensor's reading for 1 m/s², from the motion or from gravity."""
     return max(answer.gain, abs(answer.gravity), 1e-9)
 
 
 def variance_of(side: Side, answer: Answer) -> float:
-    """The variance of one component of the sensor's error [(its unit)²]."""
+    """Returns the variance of one component of the sensor's error [its unit squared]."""
     return answer.error / 3.0 + least_variance(side, answer)
 
 
 def least_variance(side: Side, answer: Answer) -> float:
-    """The variance that the error has at least, however well all agrees [(its unit)²]."""
+    """Returns the smallest variance that is assumed for the sensor's error [its unit squared]."""
     a = side.a - side.a.mean(axis=0)
     floor = TUNING.noise + TUNING.share * math.sqrt(float(np.mean(np.sum(a * a, axis=1))))
     return (floor * size_of(answer)) ** 2
 
 
 def _solved(side: Side, told: Array, start: float, handed: float) -> Answer:
-    """The best mounting and gains from a hypothesis on."""
+    """Fits mounting and gains, starting from a hypothesis."""
     s, a, u = side
     with_a, with_u, size = s.T @ a, s.T @ u, float(np.sum(s * s))
     own = np.array(
@@ -111,7 +111,7 @@ def _solved(side: Side, told: Array, start: float, handed: float) -> Answer:
 
 
 def unmirrored(rotation: Array, told: Array) -> Array:
-    """A mirrored mounting with one of the sensor's axes reversed, so that little is left to turn.
+    """Returns a mirrored mounting with the one axis reversed that leaves the least rotation.
 
     Args:
         rotation: (3, 3) of determinant -1, sensor ← container.

@@ -1,4 +1,4 @@
-"""By how much a sensor is late against a motion, whatever its mounting."""
+"""Finds the delay of a sensor relative to a motion, whatever its mounting is."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _EACH = 2
 
 
 def _first_row(both: Aligned, lag: float) -> tuple[int, float]:
-    """The sensor's row for the first one of the motion, and the share of the next one."""
+    """Returns the sensor row that belongs to the motion's first row, and a fraction of a row."""
     shift = lag / TUNING.step + both.lags
     first = min(max(math.floor(shift), 0), 2 * both.lags - 1)
     return first, shift - first
 
 
 def known_rows(both: Aligned, lag: float) -> BoolArray:
-    """Rows (N,) of the motion of which both sides are known, at a lag of the sensor [s]."""
+    """Returns a mask (N,) of the rows in which sensor and motion are known, for a delay [s]."""
     first, _ = _first_row(both, lag)
     count = len(both.used)
     rows: BoolArray = both.used.copy()
@@ -33,7 +33,7 @@ def known_rows(both: Aligned, lag: float) -> BoolArray:
 
 
 def shifted(both: Aligned, lag: float, rows: BoolArray) -> tuple[Array, Array]:
-    """Force and rate of a sensor that is late by a lag [s], at some rows of the motion."""
+    """Returns force and angular velocity of a sensor at given rows, corrected by a delay [s]."""
     first, share = _first_row(both, lag)
     count = len(both.used)
     force, rate = (
@@ -45,7 +45,7 @@ def shifted(both: Aligned, lag: float, rows: BoolArray) -> tuple[Array, Array]:
 
 
 def coarse_lag(both: Aligned) -> float | None:
-    """By how much the sensor is late [s]; None: too little of both is known.
+    """Returns the delay of the sensor [s], or None with too little data.
 
     Without the mounting: the singular values of the correlation say how much of the sensor any
     rotation could explain, with gravity and without.
@@ -74,7 +74,7 @@ def coarse_lag(both: Aligned) -> float | None:
 
 
 def _unexplained(s: Array, v: Array) -> float:
-    """The mean square of readings (N, 3) that no rotation and gain of vectors (N, 3) explains."""
+    """Returns the mean square of readings (N, 3) that no rotation and gain explains."""
     s, v = s - s.mean(axis=0), v - v.mean(axis=0)
     size = float(np.sum(v * v))
     whole = float(np.sum(s * s))

@@ -1,4 +1,4 @@
-"""How a sensor is mounted, scaled and delayed, by a motion that another source tells.
+"""Fits the mounting, scale and delay of a sensor to a motion known from another source.
 
     s(t + lag) = M (k (a + L p) + h u) + noise
 
@@ -47,7 +47,7 @@ from slosh_metrics.mounting.tuning import TUNING
 
 
 class TurnFit(NamedTuple):
-    """What a gyroscope's rates say.
+    """What a gyroscope's angular velocities say about unit and mounting.
 
     Attributes:
         gain: its unit in rad/s.
@@ -61,7 +61,7 @@ class TurnFit(NamedTuple):
 
 
 class MountingFit(NamedTuple):
-    """How a sensor is mounted.
+    """The fitted mounting of a sensor.
 
     Attributes:
         rotation: (3, 3) sensor ← container; determinant -1: an axis is mirrored.
@@ -94,7 +94,7 @@ class MountingFit(NamedTuple):
 
 
 def fit_mounting(both: Aligned, told: Array, arm: Array) -> MountingFit | None:
-    """Compares a sensor with a motion.
+    """Fits the mounting of a sensor to a motion, or returns None with too little data.
 
     Args:
         both: sides.
@@ -137,7 +137,7 @@ def fit_mounting(both: Aligned, told: Array, arm: Array) -> MountingFit | None:
 
 
 def _without_noise(covariance: Array, fine: Solution, problem: Problem) -> Array:
-    """The covariance (3, 3) of the turn, where what is not explained is noise of the motion.
+    """Returns the covariance (3, 3) of the rotation if unexplained readings are motion noise.
 
     Such noise looks like information about turns, in all directions alike.
     """
@@ -149,7 +149,7 @@ def _without_noise(covariance: Array, fine: Solution, problem: Problem) -> Array
 
 
 def best_fit(widths: Sequence[Aligned], told: Array, arm: Array) -> MountingFit | None:
-    """The comparison by the narrowest smoothing that explains the motion, or the best one.
+    """Returns the fit with the narrowest smoothing that explains the motion, or the best one.
 
     Args:
         widths: both sides, by the width of the smoothing.
@@ -172,7 +172,7 @@ def _worth(fit: MountingFit) -> tuple[bool, float]:
 
 
 def _explained(side: Side, fine: Solution) -> float:
-    """The part of what the motion adds to gravity that is explained."""
+    """Returns the share of the motion, without gravity, that the fit explains."""
     still = side.s - fine.at.gravity * side.u @ fine.at.rotation.T
     constant = side.s - side.s.mean(axis=0)
     moved = min(float(np.sum(constant * constant)), float(np.sum(still * still)))
@@ -182,7 +182,7 @@ def _explained(side: Side, fine: Solution) -> float:
 def _with_rates(
     problem: Problem, best: Answer, rates: Rates | None, told: Array
 ) -> tuple[TurnFit | None, Solution]:
-    """The solution, with the angular velocities where they agree with the accelerations."""
+    """Returns the solution that also uses angular velocities, if they fit the accelerations."""
     alone = refined(problem, best, None)
     if rates is None:
         return None, alone

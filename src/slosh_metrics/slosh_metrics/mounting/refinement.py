@@ -1,4 +1,4 @@
-"""All unknowns of a mounting together, from a hypothesis on (Gauss and Newton's method).
+"""Refines all unknowns of a mounting together by the Gauss-Newton method.
 
 In the container's axes the reading is y = Mᵀ s; a turn of M by a small θ changes it by y × θ.
 """
@@ -23,7 +23,7 @@ _STEPS = 12
 
 
 class Rates(NamedTuple):
-    """Angular velocities (N, 3): as heard, in rad/s by their gain, their slope, as they are."""
+    """Angular velocities (N, 3) of the gyroscope with unit and slope, and the true ones."""
 
     heard: Array
     slope: Array
@@ -32,14 +32,14 @@ class Rates(NamedTuple):
 
     @classmethod
     def of(cls, heard: Array, slope: Array, true: Array) -> Rates:
-        """Their gain is that of their sizes: no rotation changes it."""
+        """Estimates the gyroscope's unit by the magnitudes, which no rotation changes."""
         gain = math.sqrt(float(np.sum(heard * heard)) / float(np.sum(true * true)))
         scale = 1.0 / gain if gain > 0.0 else 1.0
         return cls(heard * scale, slope * scale, true, gain)
 
 
 class Problem(NamedTuple):
-    """What is fitted, and what is known before.
+    """Data and prior knowledge of a mounting fit.
 
     Attributes:
         s: (N, 3) readings.
@@ -59,7 +59,7 @@ class Problem(NamedTuple):
 
 
 class Unknowns(NamedTuple):
-    """What is looked for: M, k, h, p, the sensor's bias, its lag [s], the gyroscope's bias."""
+    """Unknowns of the mounting fit: rotation, gains, position, biases and delay [s]."""
 
     rotation: Array
     gain: float
@@ -70,7 +70,7 @@ class Unknowns(NamedTuple):
     drift: Array
 
     def moved(self, step: Array) -> Unknowns:
-        """The same after a step (UNKNOWNS,); the lag stays within what is linear."""
+        """Returns the unknowns after a step (UNKNOWNS,); the delay stays in its linear range."""
         lag = min(max(self.lag + float(step[LAG]), -TUNING.step), TUNING.step)
         return Unknowns(
             self.rotation @ exponential(step[TURN]), self.gain + float(step[GAIN]),
@@ -80,7 +80,7 @@ class Unknowns(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """The best unknowns.
+    """The fitted unknowns with their covariance.
 
     Attributes:
         at: them.
@@ -96,7 +96,7 @@ class Solution(NamedTuple):
 
 
 def refined(problem: Problem, start: Answer, rates: Rates | None) -> Solution:
-    """The solution near a hypothesis.
+    """Returns the solution of the mounting fit near a hypothesis.
 
     Args:
         problem: what is fitted.
@@ -135,7 +135,7 @@ def _turn_variance() -> float:
 
 
 def _prior(size: float) -> Array:
-    """What is known before, as inverse variances (UNKNOWNS,)."""
+    """Returns the inverse prior variances of the unknowns (UNKNOWNS,)."""
     prior = np.zeros(UNKNOWNS)
     prior[TURN], prior[PLACE] = 1.0 / TUNING.doubt**2, 1.0 / TUNING.arm**2
     prior[BIAS], prior[DRIFT] = 1.0 / (TUNING.bias * size) ** 2, 1.0 / TUNING.drift**2
@@ -143,7 +143,7 @@ def _prior(size: float) -> Array:
 
 
 def _forces(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
-    """Errors (3 N,) of the readings, in standard deviations, and what the unknowns change."""
+    """Returns the normalised errors (3 N,) of the readings and their derivatives."""
     lever = problem.motion[:, ARM].reshape(-1, 3, 3)
     y = (problem.s + at.lag * problem.slope) @ at.rotation
     a, u = problem.motion[:, ACCELERATION] + lever @ at.place, problem.motion[:, UP]
@@ -157,7 +157,7 @@ def _forces(problem: Problem, at: Unknowns) -> tuple[Array, Array]:
 
 
 def _turns(rates: Rates, at: Unknowns) -> tuple[Array, Array]:
-    """The same of the angular velocities."""
+    """Returns the normalised errors (3 N,) of the angular velocities and their derivatives."""
     z = (rates.heard + at.lag * rates.slope) @ at.rotation
     slope = np.zeros((len(z), 3, UNKNOWNS))
     slope[:, :, TURN], slope[:, :, DRIFT] = -crosses(z), np.eye(3)
@@ -168,7 +168,7 @@ def _turns(rates: Rates, at: Unknowns) -> tuple[Array, Array]:
 
 
 def _spread(left: Array, slope: Array) -> Array:
-    """The covariance of the gradient, by sums over blocks of readings."""
+    """Returns the covariance of the gradient from sums over blocks of readings."""
     size = 3 * max(round(TUNING.block / TUNING.step), 1)
     sums = np.add.reduceat(left[:, None] * slope, np.arange(0, len(left), size), axis=0)
     factor = len(sums) / max(len(sums) - 3, 1)

@@ -1,4 +1,4 @@
-"""Rotations that a mounting may be: the nearest one, its axes in words, roll, pitch and yaw."""
+"""Finds the nearest rotation of a mounting and describes its axes in words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NAMES = ("x", "y", "z")
 
 
 def nearest(matrix: Array, handed: float = 1.0) -> Array:
-    """The orthogonal matrix (3, 3) of that determinant whose product with another is largest.
+    """Returns the orthogonal matrix (3, 3) nearest to a matrix, with given handedness.
 
     By singular values (Kabsch 1976).
     """
@@ -24,7 +24,7 @@ def nearest(matrix: Array, handed: float = 1.0) -> Array:
 
 
 def rotation_vector(matrix: Array) -> Array:
-    """Axis times angle (3,) of a rotation matrix, the angle in [0, π]."""
+    """Returns the rotation vector (3,) of a rotation matrix, with an angle in [0, π]."""
     skew = 0.5 * np.array(
         [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
     )
@@ -43,7 +43,7 @@ def rotation_vector(matrix: Array) -> Array:
 
 
 def exponential(turn: Array) -> Array:
-    """The rotation matrix (3, 3) of axis times angle (3,) (Rodrigues)."""
+    """Returns the rotation matrix (3, 3) of a rotation vector (3,) (Rodrigues)."""
     angle = float(np.linalg.norm(turn))
     x, y, z = turn
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -54,7 +54,7 @@ def exponential(turn: Array) -> Array:
 
 
 def axis_rotations() -> list[Array]:
-    """The 24 rotations (3, 3) that take axes to axes."""
+    """Returns the 24 rotation matrices (3, 3) that map coordinate axes to coordinate axes."""
     found = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
@@ -66,14 +66,14 @@ def axis_rotations() -> list[Array]:
 
 
 def snapped(rotation: Array, within: float) -> Array:
-    """The nearest of the 24 rotations where it is no further than that [rad]; else as it is."""
+    """Returns the nearest of the 24 axis rotations if within an angle [rad], else the input."""
     near = max(axis_rotations(), key=lambda one: float(np.sum(one * rotation)))
     away = float(np.linalg.norm(rotation_vector(near.T @ rotation)))
     return near if away <= within else rotation
 
 
 def axes_in_words(rotation: Array) -> str:
-    """Along which axes of the container those of the sensor point.
+    """Describes along which axes of the container the axes of the sensor point.
 
     Args:
         rotation: (3, 3) sensor ← container, each row one of the sensor's axes.
@@ -86,7 +86,7 @@ def axes_in_words(rotation: Array) -> str:
 
 
 def axis_in_words(direction: Array) -> str:
-    """A line in words: the axis near it, or the components."""
+    """Describes a line by the axis that it is near, or by its components."""
     place = int(np.argmax(np.abs(direction)))
     if abs(direction[place]) > math.cos(math.radians(25.0)) * float(np.linalg.norm(direction)):
         return _NAMES[place]
@@ -95,7 +95,7 @@ def axis_in_words(direction: Array) -> str:
 
 
 def roll_pitch_yaw(matrix: Array) -> tuple[float, float, float]:
-    """Angles about fixed axes [rad] of Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Returns the fixed-axis angles roll, pitch, yaw [rad] of Rz(yaw) Ry(pitch) Rx(roll)."""
     sine = -float(matrix[2, 0])
     if abs(sine) > 1.0 - 1e-9:  # upright: roll and yaw turn about one axis
         turn = math.atan2(-float(matrix[0, 1]), float(matrix[1, 1]))
@@ -108,5 +108,5 @@ def roll_pitch_yaw(matrix: Array) -> tuple[float, float, float]:
 
 
 def _short(angle: float) -> float:
-    """-π is π."""
+    """Returns an angle with -π replaced by π."""
     return math.pi if math.isclose(angle, -math.pi, abs_tol=1e-9) else angle

@@ -1,4 +1,4 @@
-"""The tuning numbers of the comparison of a sensor with a motion."""
+"""Tuning numbers for the comparison of a sensor with a motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class MountingTuning:
-    """What is assumed about sensors and motions.
+    """Assumptions about sensors and motions for the mounting check.
 
     Set on the mountings of even seeds of `validation/studies/mountings.py`. "se" is the standard
     error.

@@ -1,4 +1,4 @@
-"""What a comparison of a sensor with a motion says: right, wrong with the remedy, or not known."""
+"""Judges the mounting of a sensor: right, wrong with a remedy, or not known."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _NOISY = "anything: the motion is too small for its noise; move faster, or publi
 
 
 class Expected(NamedTuple):
-    """What a sensor is said to be.
+    """The mounting of a sensor as it is configured.
 
     Attributes:
         rotation: (3, 3) container ← sensor.
@@ -50,7 +50,7 @@ class Expected(NamedTuple):
 
 
 class MountingVerdict(NamedTuple):
-    """What is known about a mounting.
+    """What is known about a sensor's mounting.
 
     Attributes:
         wrong: what is wrong, with the remedy, a clause each; empty: nothing is known to be.
@@ -70,7 +70,7 @@ class MountingVerdict(NamedTuple):
 
 
 def judge(fit: MountingFit, expected: Expected) -> MountingVerdict:
-    """Compares what was found with what was said."""
+    """Compares the fitted mounting with the configured one."""
     told = expected.rotation.T
     mirrored = np.linalg.det(fit.rotation) < 0.0
     rotation = unmirrored(fit.rotation, told) if mirrored else fit.rotation
@@ -96,13 +96,13 @@ def judge(fit: MountingFit, expected: Expected) -> MountingVerdict:
 
 
 def _errors(covariance: Array) -> tuple[Array, Array]:
-    """Standard errors (3,) of turns [rad] about axes, the columns of (3, 3)."""
+    """Returns standard errors (3,) [rad] of rotations and their axes, the columns of (3, 3)."""
     values, axes = np.linalg.eigh(covariance)
     return np.sqrt(np.maximum(values, 0.0)), axes
 
 
 def _same_motion(fit: MountingFit) -> bool:
-    """Whether the sensor shows the motion at all."""
+    """Returns whether the sensor shows the container's motion at all."""
     return fit.explained >= TUNING.explained and fit.gain > TUNING.sure * fit.gain_error
 
 
@@ -128,7 +128,7 @@ def _scale(fit: MountingFit, expected: Expected) -> Iterator[str]:
 
 
 def unit_of(fit: MountingFit) -> str | None:
-    """The unit of the accelerations; empty: m/s²; None: it is none of UNITS.
+    """Returns the unit of the accelerations: empty for m/s², or None if it is not a known one.
 
     Noise in the motion makes the gain small by the part that is not explained, noise of the
     sensor makes it large by the same: the true one lies between.
@@ -144,7 +144,7 @@ def unit_of(fit: MountingFit) -> str | None:
 
 
 def _unit(gain: float, units: Mapping[str, float]) -> str:
-    """The unit with a gain; empty: none."""
+    """Returns the unit that has a given gain, or an empty text."""
     for name, own in units.items():
         if abs(gain / own - 1.0) <= TUNING.unit:
             return name
@@ -152,14 +152,14 @@ def _unit(gain: float, units: Mapping[str, float]) -> str:
 
 
 def _factor(gain: float) -> str:
-    """How values in a unit become right."""
+    """Describes the factor that corrects values with a wrong gain."""
     if gain < 1.0:
         return f"{1.0 / gain:.4g} times as much"
     return f"divided by {gain:.4g}"
 
 
 def _gravity(fit: MountingFit, expected: Expected) -> Iterator[str]:
-    """Gravity in its own unit: `right` of it, of which the fit has found `part`."""
+    """Yields what is wrong with gravity in the readings, and its remedy."""
     unit = unit_of(fit)
     scale = fit.gain if unit is None else UNITS.get(unit, 1.0)
     part, slack = fit.gravity / scale, TUNING.sure * fit.gravity_error / scale

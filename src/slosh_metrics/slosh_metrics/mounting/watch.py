@@ -1,4 +1,4 @@
-"""Compares a sensor with a motion as both come: live, in a recording, in a test."""
+"""Compares a sensor with a motion while samples of both arrive."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ MOST = 100_000
 
 
 class _Motion(NamedTuple):
-    """A motion that has ended: from when to when [ns]."""
+    """Time span of a motion that has ended [ns]."""
 
     begin: int
     end: int
 
 
 class MountingWatch:
-    """Takes both sides, and judges after each motion.
+    """Collects samples of sensor and motion, and judges the mounting after each motion.
 
     Args:
         expected: what the sensor is said to be.
@@ -62,7 +62,7 @@ class MountingWatch:
         self._kept: list[tuple[Aligned, ...]] = []
 
     def take_sensor(self, stamp_ns: int, force: Vector, rate: Vector | None = None) -> None:
-        """Takes a reading, in the sensor's own axes and unit; what cannot be is left out."""
+        """Adds a sensor reading in the sensor's axes and unit; ignores impossible values."""
         if not _possible(force):
             return
         if not self._sensor_ns or stamp_ns > self._sensor_ns[-1]:
@@ -75,7 +75,7 @@ class MountingWatch:
     def take_motion(
         self, stamp_ns: int, acceleration: Vector, pose: Sequence[float] | None
     ) -> None:
-        """Takes how the container moves.
+        """Adds the acceleration and rotation of the container at a stamp.
 
         Args:
             stamp_ns: the moment [ns].
@@ -97,7 +97,7 @@ class MountingWatch:
             self._moved = stamp_ns
 
     def look(self, *, finished: bool = False) -> bool:
-        """Judges a motion that has ended; returns whether there was one.
+        """Judges the mounting after a motion has ended; returns whether one has.
 
         Args:
             finished: whether nothing more comes.
@@ -154,7 +154,7 @@ class MountingWatch:
         return sum(len(one[0].used) for one in self._kept) * TUNING.step
 
     def _drop(self, before_ns: int) -> None:
-        """Forgets what no later motion needs."""
+        """Drops samples that no later motion needs."""
         last = before_ns - _PART_NS - 2 * _MARGIN_NS
         for stamps, values in ((self._sensor_ns, self._sensor), (self._motion_ns, self._motion)):
             while stamps and stamps[0] < last:
@@ -162,25 +162,25 @@ class MountingWatch:
                 values.popleft()
 
     def _forget(self) -> None:
-        """Begins anew: time went back."""
+        """Clears all samples, because time went back."""
         for part in (self._sensor, self._motion, self._sensor_ns, self._motion_ns):
             part.clear()
         self._begin = self._moved = 0
 
 
 def _possible(values: Vector) -> bool:
-    """Whether a sensor may say so, in whatever unit."""
+    """Returns whether a sensor may read these values in any unit."""
     x, y, z = values
     return -MOST_SAID < x < MOST_SAID and -MOST_SAID < y < MOST_SAID and -MOST_SAID < z < MOST_SAID
 
 
 def _sees(verdict: MountingVerdict) -> bool:
-    """Whether a motion shows how the sensor is turned."""
+    """Returns whether a motion suffices to determine the orientation of the sensor."""
     return not verdict.unseen or verdict.error < TUNING.unseen
 
 
 def joined(parts: Sequence[Aligned]) -> Aligned:
-    """Several motions as one: nothing is known between them."""
+    """Joins the aligned samples of several motions, with gaps between them."""
     if len(parts) == 1:
         return parts[0]
     lags = parts[0].lags

@@ -1,4 +1,4 @@
-"""Effect: the acceleration is scaled by a wrong factor."""
+"""Effect: the acceleration input has a wrong scale factor."""
 
 from __future__ import annotations
 

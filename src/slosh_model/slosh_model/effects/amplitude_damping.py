@@ -1,4 +1,4 @@
-"""Effect: damping grows with the wave's height."""
+"""Effect: damping increases with the height of the wave."""
 
 from __future__ import annotations
 

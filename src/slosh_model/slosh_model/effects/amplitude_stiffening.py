@@ -1,4 +1,4 @@
-"""Effect: in a rectangle the frequency decreases with amplitude; in shallow liquid it rises."""
+"""Effect: in a rectangle the frequency falls with amplitude, or rises in shallow liquid."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FIRST = 2.0
 
 @compiled
 def frequency_shift(depth):  # type: ignore[no-untyped-def]
-    """Returns Δ(ω²)/ω² of a standing wave per (kA)²; A: first-order height at the wall.
+    """Returns Δ(ω²)/ω² of a standing wave per (kA)², with A its height at the wall.
 
     Args:
         depth: kh; below about 0.6 the third order is too little.
@@ -26,7 +26,7 @@ def frequency_shift(depth):  # type: ignore[no-untyped-def]
 
 @compiled
 def _spring(omega, xi, reach, fill, q):  # type: ignore[no-untyped-def]
-    """Returns the force per mass of a cubic spring with the third-order frequency shift.
+    """Returns the specific force of a cubic spring that gives the third-order frequency shift.
 
     Waves so high that the third order says nothing any more are kept from running away.
     """

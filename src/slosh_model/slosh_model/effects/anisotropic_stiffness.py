@@ -1,4 +1,4 @@
-"""Effect: the container is not quite round, with two frequencies along two axes."""
+"""Effect: the container is not quite round and has two natural frequencies along two axes."""
 
 from __future__ import annotations
 

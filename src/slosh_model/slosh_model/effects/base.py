@@ -1,4 +1,4 @@
-"""Base of the effects: stages, parameters, hooks."""
+"""Base classes of the effects: stages, parameters and equations."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
 
     def check(self, owner: str, value: float) -> float:
-        """Returns the value as float; refuses a value out of bounds.
+        """Returns the value as a float, or raises an error if it is out of bounds.
 
         Raises:
             SloshModelError: it is not a finite number within the bounds.
@@ -96,7 +96,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A physical or measurement effect that a model may include.
+    """A physical effect or measurement error that a model may include.
 
     Attributes:
         name: id, as in model.yaml.
@@ -154,11 +154,11 @@ class Effect:
     drift: Callable[[Parameters], float] | None = None
 
     def fits(self, section: str) -> bool:
-        """Whether the effect applies to a container of that section."""
+        """Returns whether the effect applies to containers with this cross-section."""
         return not self.sections or section in self.sections
 
     def complete(self, given: Parameters) -> dict[str, float]:
-        """Returns all parameters in order: given ones, checked, and defaults.
+        """Returns all parameters in order: the given ones and defaults.
 
         Raises:
             SloshModelError: a parameter is unknown, missing or out of bounds.

@@ -1,4 +1,4 @@
-"""Effect: the first mode drives second-order waves, so that crests exceed troughs."""
+"""Effect: the first mode drives second-order waves, so that crests are higher than troughs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _REFINED = 4
 
 @compiled
 def _advance(memory, at, along, square, k, overlap, radius, fill, damping, dt):  # type: ignore[no-untyped-def]
-    """Advances one of a cylinder's bound modes over an interval."""
+    """Advances one second-order mode of a cylinder over a time step."""
     first = FIRST * math.tanh(FIRST * fill / radius)
     rate = k * math.tanh(k * fill / radius)
     rise = overlap * (0.5 * k * k - rate * first) / (radius * radius)
@@ -44,7 +44,7 @@ def _advance(memory, at, along, square, k, overlap, radius, fill, damping, dt): 
 
 @compiled
 def _wall(x, y, mean, double_c, double_s, azimuth):  # type: ignore[no-untyped-def]
-    """Returns height, slope and curvature at an azimuth."""
+    """Returns height, slope and curvature of the surface at an azimuth on the wall."""
     c, s = math.cos(azimuth), math.sin(azimuth)
     c2, s2 = c * c - s * s, 2.0 * c * s
     first, second = x * c + y * s, double_c * c2 + double_s * s2
@@ -54,13 +54,13 @@ def _wall(x, y, mean, double_c, double_s, azimuth):  # type: ignore[no-untyped-d
 
 @compiled
 def _to_the_crest(slope, curvature):  # type: ignore[no-untyped-def]
-    """Returns a bounded Newton step towards a maximum [rad]."""
+    """Returns a Newton step towards a maximum [rad], limited in size."""
     return max(-_NEAR, min(slope / max(-curvature, 1e-12), _NEAR))
 
 
 @compiled
 def _highest(x, y, mean, double_c, double_s):  # type: ignore[no-untyped-def]
-    """Returns the maximum over the wall [m] by Newton's method from the best grid point."""
+    """Returns the maximum wall height [m], by Newton's method from the best grid point."""
     start = math.atan2(y, x)
     most, place = -math.inf, start
     for k in range(_ANGLES):
@@ -80,7 +80,7 @@ def _highest(x, y, mean, double_c, double_s):  # type: ignore[no-untyped-def]
 
 @compiled
 def _advance_cylinder(memory, place, moved, wall, damping, dt):  # type: ignore[no-untyped-def]
-    """Advances the mean rise, and the cosine and sine part of the double wave."""
+    """Advances the axisymmetric mode and both parts of the cos 2φ mode over a time step."""
     radius, fill = wall[WALL_RADIUS], wall[WALL_FILL]
     px, py = place
     # The first mode's potential at the still level, by how fast the wall's height changes.

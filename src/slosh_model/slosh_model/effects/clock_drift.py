@@ -1,4 +1,4 @@
-"""Effect: the heights' clock has another rate than the inputs' clock."""
+"""Effect: the clock of the measured heights runs at another rate than that of the inputs."""
 
 from __future__ import annotations
 

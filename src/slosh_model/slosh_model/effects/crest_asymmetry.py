@@ -1,4 +1,4 @@
-"""Effect: crests are sharper than troughs."""
+"""Effect: wave crests are sharper than troughs."""
 
 from __future__ import annotations
 

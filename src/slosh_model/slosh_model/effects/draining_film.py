@@ -1,4 +1,4 @@
-"""Effect: the wet wall drains slowly and is taken for liquid; measured heights fall slowly."""
+"""Effect: liquid that drains from the wall is taken for the surface, so readings fall slowly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: the liquid swings as a nonlinear pendulum (L → NL in a rectangle)."""
+"""Effect: the liquid swings as a nonlinear pendulum in a rectangle (L → NL)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SMALL = 1e-4
 
 @compiled
 def _axis(omega, zeta, x, v, a):  # type: ignore[no-untyped-def]
-    """Returns the change of one axis: force [m/s²] and relative mass.
+    """Returns specific force [m/s²] and added relative mass of the pendulum along one axis.
 
     The mass makes a sine of all that pulls in proportion to the displacement, gravity and vertical
     acceleration alike: 1 + m = θ/sin(θ). The force does the rest.

@@ -1,4 +1,4 @@
-"""Effect: damping grows with the liquid's speed."""
+"""Effect: damping increases with the speed of the liquid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: modes that the model omits follow the acceleration quasi-statically."""
+"""Effect: modes that the model omits follow the acceleration without delay."""
 
 from __future__ import annotations
 

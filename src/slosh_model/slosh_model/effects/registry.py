@@ -1,4 +1,4 @@
-"""Registry of the effects, and layout of their parameters for the compiled kernel."""
+"""Registry of all effects, and the positions of their parameters in compiled code."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ READING_MEMORY, READING_MEMORY_COUNT = _starts(
 
 
 def find_effect(name: str) -> Effect:
-    """Returns the effect with that name.
+    """Returns the effect with this name.
 
     Raises:
         SloshModelError: there is none; the text lists the names.

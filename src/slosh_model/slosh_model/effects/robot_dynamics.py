@@ -1,4 +1,4 @@
-"""Effect: the arm follows the commanded acceleration as a second-order system."""
+"""Effect: the robot arm follows the commanded acceleration as a second-order system."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _STEP = 0.1  # of 1/ω; the error per step is below 1e-7 of the signal
 
 @compiled
 def _follow(y, v, a, m, b, h, omega, zeta):  # type: ignore[no-untyped-def]
-    """Advances one axis of the arm by a Runge-Kutta step; a, m, b: command at its points."""
+    """Advances one axis of the robot arm's response by a Runge-Kutta step."""
     k1 = omega * omega * (a - y) - 2.0 * zeta * omega * v
     v2 = v + 0.5 * h * k1
     k2 = omega * omega * (m - y - 0.5 * h * v) - 2.0 * zeta * omega * v2

@@ -1,4 +1,4 @@
-"""Effect: the second antisymmetric mode sloshes, too."""
+"""Effect: the second antisymmetric mode sloshes as well."""
 
 from __future__ import annotations
 

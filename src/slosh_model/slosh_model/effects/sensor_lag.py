@@ -1,4 +1,4 @@
-"""Effect: the sensor follows the height as a first-order low pass."""
+"""Effect: the height sensor acts as a first-order low-pass filter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: the sensor's reference plane is tilted, so that heights depend on the azimuth."""
+"""Effect: the sensor's reference plane is tilted, so that errors depend on the azimuth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effect: the mass slides on a paraboloid with a cubic spring and a Bessel surface (L → NL)."""
+"""Effect: nonlinear sloshing in a cylinder, a mass on a paraboloid (L → NL, DL22)."""
 
 from __future__ import annotations
 

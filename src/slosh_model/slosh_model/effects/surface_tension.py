@@ -1,4 +1,4 @@
-"""Effect: surface tension restores the wave together with gravity."""
+"""Effect: surface tension adds to the restoring force of gravity."""
 
 from __future__ import annotations
 

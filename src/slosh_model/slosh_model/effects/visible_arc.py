@@ -1,4 +1,4 @@
-"""Effect: the camera sees only part of the wall, and measures the maximum there."""
+"""Effect: the camera sees only part of the wall and measures the maximum there."""
 
 from __future__ import annotations
 

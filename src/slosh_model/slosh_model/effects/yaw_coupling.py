@@ -1,4 +1,4 @@
-"""Effect: the container's yaw drags the liquid along."""
+"""Effect: rotation of the container about its axis drags the liquid along."""
 
 from __future__ import annotations
 

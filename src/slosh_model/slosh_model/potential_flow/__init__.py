@@ -1,1 +1,1 @@
-"""Sloshing modes by potential flow; uncached ones need scikit-fem."""
+"""Computes sloshing modes by potential flow; uncached modes need scikit-fem."""

@@ -1,4 +1,4 @@
-"""Modes of a body of revolution: the linear eigenproblem of the free surface.
+"""Computes the sloshing modes of bodies of revolution by an eigenvalue problem.
 
 The potential φ(r, z) cos θ of the liquid obeys Laplace's equation, no flow crosses the wall, and
 at the still surface ∂φ/∂z = λφ with λ = ω²/g (Faltinsen & Timokha, *Sloshing*, 2009, ch. 4). With
@@ -52,7 +52,7 @@ of the mass above the still surface, and both damping terms."""
 def revolution_modes(
     profile: Sequence[Piece], level: float, count: int
 ) -> tuple[ModeNumbers, ...]:
-    """Computes the first modes of a body of revolution.
+    """Computes the first sloshing modes of a body of revolution.
 
     Args:
         profile: from the floor's centre, or a core's top, to the rim [m].
@@ -95,7 +95,7 @@ def revolution_modes(
 
 
 def region(profile: Sequence[Piece], level: float) -> tuple[list[Side], Size, float]:
-    """Returns half the liquid's meridian section in units of R, and initial triangle sizes.
+    """Returns half of the liquid's meridian section, scaled by R, and initial mesh sizes.
 
     Returns:
         sides "wall", "surface" and "axis"; the size; R, the surface's outer radius [m].
@@ -113,7 +113,7 @@ def region(profile: Sequence[Piece], level: float) -> tuple[list[Side], Size, fl
 
 
 def _size(sides: Sequence[Side], width: float) -> Size:
-    """Makes the size function: fine at the surface, at bends, corners and narrow places."""
+    """Returns a mesh size function that is fine at the surface, at bends and at corners."""
     base = width / TUNING.surface_parts
     annular = all(side.name != "axis" for side in sides)
     places, sizes = [], []
@@ -143,7 +143,7 @@ def _size(sides: Sequence[Side], width: float) -> Size:
 
 
 def _solved(mesh: Any, count: int) -> tuple[Array, tuple[Array, Array]]:
-    """Solves the eigenproblem on a mesh; returns mode constants and surface shapes (count, S)."""
+    """Solves the eigenvalue problem on a mesh; returns mode constants and surface shapes."""
     fem = library()
     inside, surface, wall = bases(mesh, "surface", "wall")
 
@@ -186,13 +186,13 @@ def _solved(mesh: Any, count: int) -> tuple[Array, tuple[Array, Array]]:
 
 
 def _along_surface(w: Any) -> Any:
-    """Returns |∇φ|² r of the velocity along the still surface."""
+    """Returns the integrand |∇φ|² r of the velocity along the still surface."""
     r, u = w.x[0], w["u"]
     return r * ((u + r * u.grad[0]) ** 2 + u * u)
 
 
 class _Wall:
-    """Integrals over the wall."""
+    """Integrals of the potential over the wall."""
 
     def __init__(self, fem: Any, basis: Any) -> None:
         self._basis = basis
@@ -209,7 +209,7 @@ class _Wall:
         self._moment, self._layer = fem.Functional(moment), fem.Functional(layer)
 
     def of(self, u: Array) -> tuple[float, float]:
-        """Returns ∫ φ (z n_r − r n_z) r ds, and ∫|∇φ|² r ds of the velocity along the wall."""
+        """Returns the wall integrals of φ (z n_r − r n_z) r and of |∇φ|² r."""
         known = self._basis.interpolate(u)
         moment, layer = (
             form.assemble(self._basis, u=known) for form in (self._moment, self._layer)
@@ -218,7 +218,7 @@ class _Wall:
 
 
 def _bulk(fem: Any, basis: Any, u: Array) -> float:
-    """Returns ∫|∇∇φ|² r dA; second derivatives from a continuous gradient."""
+    """Returns the integral of |∇∇φ|² r over the liquid's section."""
     grad = basis.interpolate(u).grad
     slopes = [basis.project(grad[k]) for k in range(2)]
 

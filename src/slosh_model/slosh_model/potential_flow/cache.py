@@ -1,4 +1,4 @@
-"""Cache of computed modes, in the folder of the compiled code."""
+"""Cache of computed modes on disk, next to the compiled code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slosh_model.shapes.mode_numbers import ModeNumbers
 
 @cache
 def _version() -> str:
-    """Returns a digest of the code that computes the modes."""
+    """Returns a digest of the source code that computes the modes."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     for path in (*sorted(folder.glob("*.py")), *sorted((folder.parent / "shapes").glob("*.py"))):
@@ -30,7 +30,7 @@ def _path(key: str) -> Path:
 
 
 def read(key: str) -> tuple[ModeNumbers, ...] | None:
-    """Reads cached modes; None: none, or incomplete."""
+    """Reads modes from the cache, or returns None if they are missing or incomplete."""
     try:
         rows = json.loads(_path(key).read_bytes())
         return tuple(

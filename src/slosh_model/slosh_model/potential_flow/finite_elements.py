@@ -1,4 +1,4 @@
-"""Common parts of both eigenproblems: curved second-order elements, refinement."""
+"""Finite elements for both eigenvalue problems: curved elements and mesh refinement."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ _TRUSTED = (0.6, 1.5)
 
 
 def available() -> bool:
-    """Whether scikit-fem is installed."""
+    """Returns whether scikit-fem is installed."""
     return importlib.util.find_spec("skfem") is not None
 
 
 @cache
 def library() -> Any:
-    """Imports scikit-fem.
+    """Imports scikit-fem, or raises an error if it is not installed.
 
     Raises:
         SloshModelError: it is not installed.
@@ -58,7 +58,7 @@ def library() -> Any:
 
 
 def curved(mesh: Triangles, sides: Sequence[Side]) -> Any:
-    """Makes a second-order mesh of scikit-fem with curved, named boundaries."""
+    """Creates a second-order mesh with curved, named boundaries."""
     fem = library()
     straight = fem.MeshTri(mesh.points.T.copy(), mesh.corners.T.copy())
     made = fem.MeshTri2.from_mesh(straight)
@@ -75,7 +75,7 @@ def curved(mesh: Triangles, sides: Sequence[Side]) -> Any:
 
 
 def bases(mesh: Any, *parts: str) -> list[Any]:
-    """Makes second-order bases inside a mesh, and on parts of its boundary."""
+    """Creates second-order bases inside a mesh and on parts of its boundary."""
     fem = library()
     mapping = mesh.mapping()
     # Its own tolerance is below the rounding of triangles that are small beside their distance.
@@ -91,12 +91,12 @@ def bases(mesh: Any, *parts: str) -> list[Any]:
 
 
 def scaled(piece: Piece, origin: Array, scale: float) -> Piece:
-    """Returns a piece in units of a scale, relative to an origin."""
+    """Returns a curve relative to an origin, divided by a scale."""
     return replace(piece, at=lambda t: (piece.at(t) - origin) / scale)
 
 
 def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tuple[Array, Array]:
-    """Returns the lowest eigenvalues of K x = λ M x, with eigenvectors as columns.
+    """Returns the lowest eigenvalues of K x = λ M x, and eigenvectors as columns.
 
     Args:
         stiffness, mass: K and M, sparse and symmetric.
@@ -144,7 +144,7 @@ def refined(
 
 
 def _stands(numbers: Sequence[Array], change: float) -> bool:
-    """Whether the first three extrapolated ω changed by less than a tolerance."""
+    """Returns whether the first three frequencies changed by less than a tolerance."""
     before, now = (_extrapolated(numbers[k - 1], numbers[k])[:3, 0] for k in (-2, -1))
     return bool((np.abs(np.sqrt(now / before) - 1.0) < change).all())
 

@@ -1,4 +1,4 @@
-"""Triangulates a plane region with smooth boundary pieces; refines along the boundary.
+"""Triangulates a plane region with a smooth boundary, and refines it at the boundary.
 
 The points of the edge are as far apart as a size function says, and points inside are added at
 circumcentres of triangles that are too large for it (Delaunay refinement: Shewchuk, Comput. Geom.
@@ -27,7 +27,7 @@ _GRADING = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """A piece of a region's boundary.
+    """A curve on the boundary of a region, with a name.
 
     Attributes:
         piece: its course, with the region to the left.
@@ -40,7 +40,7 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
-    """Triangles, and the position of their edges on the boundary.
+    """A triangular mesh, and the position of its edges on the boundary.
 
     Attributes:
         points: (N, 2) [m].
@@ -58,7 +58,7 @@ class Triangles:
 
 
 def graded(sources: Array, sizes: Array) -> Size:
-    """Makes the largest size function with given sizes at points and bounded growth."""
+    """Returns the largest mesh size function with given sizes at points and limited growth."""
 
     def size(places: Array) -> Array:
         found = np.full(len(places), np.inf)
@@ -75,7 +75,7 @@ def graded(sources: Array, sizes: Array) -> Size:
 
 
 def triangulated(sides: Sequence[Side], size: Size) -> Triangles:
-    """Triangulates the region within the sides, which are in counter-clockwise order.
+    """Triangulates the region inside boundary curves in counter-clockwise order.
 
     Raises:
         SloshModelError: the region is too intricate.
@@ -105,7 +105,7 @@ def _attempt(sides: Sequence[Side], size: Size) -> Triangles | None:
 
 
 def _edge(sides: Sequence[Side], size: Size) -> tuple[Array, Integers, Array]:
-    """Returns points along the boundary, with the side and the end shares of each part."""
+    """Returns points along the boundary, with the curve and position of each part."""
     places, index, shares = [], [], []
     t = np.linspace(0.0, 1.0, _FINE)
     for number, side in enumerate(sides):
@@ -143,7 +143,7 @@ def _filled(points: Array, size: Size) -> Array:
 
 
 def _spread(places: Array, apart: Array) -> Array:
-    """Returns the points without those too close to an earlier one."""
+    """Returns the points that are not too close to an earlier one."""
     kept: list[int] = []
     for i in range(len(places)):
         away = np.hypot(*(places[kept] - places[i]).T)
@@ -165,7 +165,7 @@ def _circumcircles(triangles: Array) -> tuple[Array, Array]:
 
 
 def _inside(points: Array, edge: Array) -> Integers:
-    """Returns the corners (M, 3) of Delaunay triangles inside the edge, counter-clockwise."""
+    """Returns the corners (M, 3) of Delaunay triangles inside the boundary."""
     found: Integers = np.asarray(scipy.spatial.Delaunay(points).simplices, dtype=np.int64)
     at = points[found]
     u, v = at[:, 1] - at[:, 0], at[:, 2] - at[:, 0]
@@ -177,7 +177,7 @@ def _inside(points: Array, edge: Array) -> Integers:
 
 
 def _within(places: Array, edge: Array) -> BoolArray:
-    """Whether points lie inside a polygon."""
+    """Returns whether points lie inside a polygon."""
     a, b = edge, np.roll(edge, -1, axis=0)
     x, y = places[:, 0, None], places[:, 1, None]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -188,7 +188,7 @@ def _within(places: Array, edge: Array) -> BoolArray:
 
 
 def _smoothed(points: Array, corners: Integers, fixed: int) -> Array:
-    """Moves every point except the first ones to the mean of its neighbours."""
+    """Moves every mesh point except the first ones to the mean of its neighbours."""
     ends = _all_edges(corners)
     total, count = np.zeros_like(points), np.zeros(len(points))
     for one, other in ((0, 1), (1, 0)):
@@ -202,12 +202,12 @@ def _smoothed(points: Array, corners: Integers, fixed: int) -> Array:
 
 
 def _all_edges(corners: Integers) -> Integers:
-    """Returns the triangles' edges (3 M, 2); inner ones appear twice."""
+    """Returns the triangles' edges (3 M, 2); each inner edge appears twice."""
     return np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
 
 
 def divided(mesh: Triangles, sides: Sequence[Side]) -> Triangles:
-    """Divides each triangle in four; new boundary points lie on the sides."""
+    """Divides each triangle into four; new boundary points lie on the boundary curves."""
     pairs = np.sort(_all_edges(mesh.corners), axis=1)
     unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
@@ -238,7 +238,7 @@ def divided(mesh: Triangles, sides: Sequence[Side]) -> Triangles:
 
 
 def on_sides(sides: Sequence[Side], side: Integers, shares: Array) -> Array:
-    """Returns positions (E, 2) on sides at given shares of their length."""
+    """Returns positions (E, 2) on boundary curves for relative positions along them."""
     places = np.empty((len(shares), 2))
     for number, one in enumerate(sides):
         these = side == number

@@ -1,4 +1,4 @@
-"""Modes of a prism (vertical walls over any outline): the plane Neumann problem.
+"""Computes the sloshing modes of prisms (vertical walls) by a plane Neumann problem.
 
 φ = F(x, y) cosh k(z + h) / cosh kh with ΔF + k²F = 0 in the outline and ∂F/∂n = 0 on it, thus
 ω² = gk tanh kh (Lamb 1932, § 257). An outline with an axis of symmetry has modes that an
@@ -47,7 +47,7 @@ _MOST_SEARCHED = 200
 
 
 class PlaneModes(NamedTuple):
-    """The modes along one axis of an outline, of whatever depth; lengths of a scale.
+    """The sloshing modes along one axis of an outline, for any depth, in scaled lengths.
 
     Attributes:
         axis: 0 along x, 1 along y.
@@ -67,7 +67,7 @@ class PlaneModes(NamedTuple):
 
 
 def prism_modes(plane: Sequence[PlaneModes], depth: float) -> tuple[ModeNumbers, ...]:
-    """The first modes along x, then as many along y.
+    """Returns the first sloshing modes along x, then as many along y.
 
     Args:
         plane: those of the outline.
@@ -77,7 +77,7 @@ def prism_modes(plane: Sequence[PlaneModes], depth: float) -> tuple[ModeNumbers,
 
 
 def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
-    """The modes of an outline, along x and along y.
+    """Computes the sloshing modes of an outline along x and along y.
 
     Args:
         outline: closed, counter-clockwise, its centre in the origin, symmetric about an axis [m].
@@ -110,7 +110,7 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
 
 
 def _mirrored(places: Array, axis: int) -> bool:
-    """Whether an outline is symmetric in a coordinate."""
+    """Returns whether an outline is symmetric in one coordinate."""
     other = places.copy()
     other[:, axis] *= -1.0
     away = np.full(len(other), np.inf)
@@ -124,7 +124,7 @@ def _mirrored(places: Array, axis: int) -> bool:
 
 
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
-    """Returns the half left of the symmetry axis, rotated to the x axis, in units of a scale.
+    """Returns half of a symmetric outline, rotated so that its axis is x, and scaled.
 
     Where the axis is y, x and y change places, which reverses the direction.
     """
@@ -146,7 +146,7 @@ def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
 
 
 def _quarter(half: Sequence[Side]) -> list[Side]:
-    """Returns the part of a half to the right of its middle."""
+    """Returns the quarter of an outline to the right of the half's middle."""
     wall = []
     for side in half[:-1]:
         cuts = side.piece.shares_at(0.0, 0)
@@ -198,7 +198,7 @@ def _filled(plane: PlaneModes, depth: float) -> list[ModeNumbers]:
 
 
 def _layer(k: float, depth: float, row: Sequence[float]) -> float:
-    """Returns ½ ∫|∇φ|² over walls, floor and surface film, relative to that of the liquid."""
+    """Returns the relative dissipation in boundary layers: half the integral of |∇φ|²."""
     # cosh⁻² by exp(-x): a deep container must not overflow.
     decay = math.exp(-2.0 * k * depth)
     squared = 4.0 * decay / (1.0 + decay) ** 2
@@ -211,7 +211,7 @@ def _layer(k: float, depth: float, row: Sequence[float]) -> float:
 
 
 def _size(sides: Sequence[Side]) -> Size:
-    """Makes a uniform size function, finer at bends and sharp corners."""
+    """Returns a uniform mesh size function that is finer at bends and sharp corners."""
     t = np.linspace(0.0, 1.0, 65)
     edge = [side.piece.at(t) for side in sides]
     everything = np.vstack(edge)
@@ -232,7 +232,7 @@ def _size(sides: Sequence[Side]) -> Size:
 
 
 def _solved(mesh: Any, along: bool, count: int) -> tuple[Array, tuple[float, float, list[float]]]:
-    """Solves the eigenproblem on a mesh; returns mode constants, area and crest ratios."""
+    """Solves the eigenvalue problem on a mesh; returns mode constants, area and crests."""
     fem = library()
     inside, wall = bases(mesh, "wall")
     stiffness = fem.BilinearForm(
@@ -297,7 +297,7 @@ def _driven(
 def _merged(
     values: Array, vectors: Array, offsets: Array, spread: float
 ) -> tuple[Array, Array, Array]:
-    """Merges modes of equal frequency to their combination that an acceleration excites.
+    """Merges modes of equal frequency into the combination that an acceleration excites.
 
     Returns:
         eigenvalues, vectors as columns, and the share of each in a straight surface.

@@ -21,7 +21,7 @@ def bending(at: Array) -> Array:
 
 
 def sharp_corners(sides: Sequence[Side]) -> list[tuple[Array, float]]:
-    """Returns corners off the axis with a singular gradient (power π/angle - 1).
+    """Returns corners at which the gradient is singular, with mesh sizes there.
 
     Returns:
         the place of each, and the size there relative to that beside it.

@@ -1,4 +1,4 @@
-"""Tuning numbers of the eigenproblems."""
+"""Tuning numbers of the eigenvalue problems."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slosh_base.tuning import number
 
 @dataclass(frozen=True, slots=True)
 class PotentialFlowTuning:
-    """Initial mesh sizes; checked against exact eigenvalues by the tests."""
+    """Initial mesh sizes of the eigenvalue problems."""
 
     # finite_elements.py, by axisymmetric.py and plane.py
     change: float = number(1e-5, "1", "relative change of ω by a division that ends them")

@@ -1,4 +1,4 @@
-"""Contours of containers: consecutive smooth pieces in a plane.
+"""Contours of containers: consecutive smooth curves in a plane.
 
 A profile is the wall of a body of revolution, r to the right and z up, from the floor to the rim;
 an outline is the wall of a prism as seen from above.
@@ -34,7 +34,7 @@ _FINE = 257  # places of a piece at which it is looked at
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A smooth piece of a contour.
+    """A smooth curve that is part of a contour.
 
     Attributes:
         at: (N,) shares of the way along it, 0 … 1, to (N, 2) places [m].
@@ -45,20 +45,20 @@ class Piece:
     straight: bool = False
 
     def part(self, start: float, end: float) -> Piece:
-        """Returns the piece between two shares of its length, reversed if the end is smaller."""
+        """Returns the part of the curve between two relative positions, perhaps reversed."""
         return replace(self, at=lambda t: self.at(start + (end - start) * np.asarray(t)))
 
     def one(self, t: float) -> Array:
-        """Returns the position (2,) at one share."""
+        """Returns the position (2,) at one relative position along the curve."""
         place: Array = self.at(np.array([t]))[0]
         return place
 
     def fine(self) -> Array:
-        """Returns closely spaced positions (N, 2) along the piece."""
+        """Returns closely spaced positions (N, 2) along the curve."""
         return self.at(np.linspace(0.0, 1.0, _FINE))
 
     def shares_at(self, value: float, axis: int) -> list[float]:
-        """Returns the shares at which a coordinate crosses a value, in increasing order."""
+        """Returns the relative positions at which a coordinate crosses a value, in order."""
         t = np.linspace(0.0, 1.0, _FINE)
         above = self.at(t)[:, axis] >= value
         found = []
@@ -75,13 +75,13 @@ class Piece:
 
 
 def line(start: Point, end: Point) -> Piece:
-    """Makes a straight piece."""
+    """Creates a straight line between two points."""
     a, b = np.array(start), np.array(end)
     return Piece(lambda t: a + np.asarray(t)[:, None] * (b - a), straight=True)
 
 
 def arc(centre: Point, radii: Point, start: float, end: float) -> Piece:
-    """Makes an elliptic arc between two angles [rad], counter-clockwise from the right."""
+    """Creates an elliptic arc between two angles [rad], counter-clockwise from the right."""
 
     def at(t: Array) -> Array:
         angle = start + (end - start) * np.asarray(t)
@@ -92,7 +92,7 @@ def arc(centre: Point, radii: Point, start: float, end: float) -> Piece:
 
 
 def through(points: Sequence[Point], *, smooth: bool) -> tuple[Piece, ...]:
-    """Makes pieces through points, split at the corners.
+    """Creates curves through points, split at the corners.
 
     Args:
         points: two or more, no two in succession the same.
@@ -119,7 +119,7 @@ def _curve(places: Array) -> Piece:
 
 
 def checked_points(points: object, key: str, least: int) -> Points:
-    """Checks points of a contour in metres.
+    """Checks and returns the points of a contour [m].
 
     Raises:
         SloshModelError: no list of finite pairs, too few or too many, twice the same in
@@ -222,5 +222,5 @@ def wetted(profile: Sequence[Piece], level: float, key: str = "profile") -> tupl
 
 
 def ends_at(pieces: Sequence[Piece]) -> tuple[Array, Array]:
-    """Returns start and end (2,) of a chain of pieces."""
+    """Returns the start and end point (2,) of a chain of curves."""
     return pieces[0].one(0.0), pieces[-1].one(1.0)

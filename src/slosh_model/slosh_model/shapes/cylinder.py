@@ -1,4 +1,4 @@
-"""The upright circular cylinder, in closed form."""
+"""Upright circular cylinder, with sloshing modes in closed form."""
 
 from __future__ import annotations
 
@@ -57,42 +57,42 @@ class Cylinder(Container):
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """The radius along both axes [m]."""
+        """Radius, the distance to the wall along both axes [m]."""
         return self.radius, self.radius
 
     @property
     def volume(self) -> float:
-        """Volume πR²h [m³]."""
+        """Volume πR²h of the liquid [m³]."""
         return math.pi * self.radius**2 * self.fill_height
 
     @property
     def described(self) -> str:
-        """Text of its dimensions [mm]."""
+        """Text that describes the cylinder's dimensions [mm]."""
         return f"radius {1e3 * self.radius:g} mm, filled to {1e3 * self.fill_height:g} mm"
 
     @property
     def size(self) -> float:
-        """The radius [m]."""
+        """Radius of the cylinder [m]."""
         return self.radius
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension `size`."""
+        """Name of the characteristic dimension, 'radius'."""
         return "radius"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns mₙ/m_F, the share of the liquid's mass in mode n (DL22, eq. (4))."""
+        """Returns mₙ/m_F, the fraction of the liquid's mass in mode n (DL22, eq. (4))."""
         xi = bessel_derivative_root(n)
         slenderness = xi * self.fill_height / self.radius
         return 2.0 * self.depth_factor(n) / (slenderness * (xi**2 - 1.0))
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns 4 h mₙ/(m_F R) (DL22, eq. (22))."""
+        """Returns the height gain of a plane surface, 4 h mₙ/(m_F R) (DL22, eq. (22))."""
         slenderness = self.fill_height / self.radius
         return 4.0 * slenderness * self.mass_ratio(n)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the gain of the Bessel surface: ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
+        """Returns the height gain of the Bessel surface, ξₙ² h mₙ/(m_F R) (DL22, eq. (24))."""
         return self.plane_gain(n) * self.root(n) ** 2 / 4.0
 
     def widened(self, factor: float) -> Self:
@@ -100,7 +100,7 @@ class Cylinder(Container):
         return replace(self, radius=self.radius * factor)
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """Returns ζ₁ of a smooth cylinder.
+        """Returns the damping ratio ζ₁ of a smooth cylinder by an empirical formula.
 
         The empirical formula in Ibrahim, *Liquid Sloshing Dynamics* (2005), and Dodge, *The New
         "Dynamic Behavior of Liquids in Moving Containers"* (2000).

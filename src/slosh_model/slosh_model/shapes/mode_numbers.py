@@ -1,4 +1,4 @@
-"""Computed constants of a mode without closed form."""
+"""Constants of sloshing modes that have no closed form."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST, MOST = 3, 6
 
 @dataclass(frozen=True, slots=True)
 class ModeNumbers:
-    """A mode along one axis of a container at its fill height.
+    """Computed constants of one sloshing mode along one axis.
 
     Attributes:
         axis: 0 along x, 1 along y; 0 alone for a round container.
@@ -53,7 +53,7 @@ class ModeNumbers:
             raise SloshModelError(f"axis = {self.axis!r} must be 0 (x) or 1 (y)", ("axis",))
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """Returns ζ for a liquid of viscosity ν [m²/s]."""
+        """Returns the damping ratio ζ for a liquid of viscosity ν [m²/s]."""
         layer = self.layer_damping * math.sqrt(kinematic_viscosity)
         return layer + self.bulk_damping * kinematic_viscosity
 
@@ -65,7 +65,7 @@ _KINKED = ("crest_ratio", "crest_place")
 def interpolated(
     at: Sequence[float], rows: Sequence[Sequence[ModeNumbers]], place: float
 ) -> tuple[ModeNumbers, ...]:
-    """Modes at a place between others: by the polynomial through all of them.
+    """Interpolates mode constants by a polynomial through the given ones.
 
     Args:
         at: (N,) increasing.

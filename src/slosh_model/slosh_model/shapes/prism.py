@@ -34,7 +34,7 @@ _QUARTER = 0.5 * math.pi
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class PrismaticContainer(SolvedContainer):
-    """A container with vertical walls, whose liquid follows its yaw.
+    """A container with vertical walls, whose liquid rotates with it about the z axis.
 
     Raises:
         SloshModelError: an impossible outline, fill height or rim height.
@@ -57,12 +57,12 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def widening(self) -> float:
-        """Change of the radius with height [1]: zero for vertical walls."""
+        """Change of the radius with height [1]; zero for vertical walls."""
         return 0.0
 
     @property
     def cornered(self) -> bool:
-        """Whether heights along x and y add up: an upper bound over the wall.
+        """Whether the wave heights along x and y add up to the maximum.
 
         Not where every direction is alike, as in a hexagon.
         """
@@ -76,7 +76,7 @@ class PrismaticContainer(SolvedContainer):
         return (along, across) if self.cornered else (max(along, across),) * 2
 
     def curved_gain(self, n: int, axis: int = 0) -> float:
-        """Returns the wall height per displacement [1]; for equivalent axes the larger one."""
+        """Returns a mode's wall height per displacement [1]; for equivalent axes the larger."""
         if self.cornered:
             return self.numbers(n, axis).height_per_displacement
         both = [self.numbers(1, one).reach for one in (0, 1)]
@@ -84,16 +84,16 @@ class PrismaticContainer(SolvedContainer):
 
     @property
     def places(self) -> Array:
-        """(N, 2) positions on the outline, with its centre in the origin [m]."""
+        """Positions (N, 2) on the outline [m], relative to its centre."""
         return np.vstack([piece.fine()[:-1] for piece in self.contour])
 
     @property
     def highest_fill(self) -> float:
-        """The walls have no end [m]."""
+        """Highest possible fill height [m]; infinite, since the walls have no end."""
         return math.inf
 
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Computes its first modes along x and along y."""
+        """Computes the first sloshing modes along x and along y."""
         from slosh_model.potential_flow.plane import prism_modes
 
         # Another fill height has the same outline.
@@ -101,23 +101,23 @@ class PrismaticContainer(SolvedContainer):
         return prism_modes(_plane_modes(outline, count), self.fill_height)
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Returns a straight line, since the shape along x is not stored."""
+        """Returns a straight line, since the surface shape along x is not stored."""
         places = np.linspace(0.0, self.reaches[0], 2)
         return places, places / places[-1]
 
     @property
     def size(self) -> float:
-        """Its extent along x [m]."""
+        """Extent of the container along x [m]."""
         return float(np.ptp(self.places[:, 0]))
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension `size`."""
+        """Name of the characteristic dimension, 'width'."""
         return "width"
 
     @property
     def described(self) -> str:
-        """Text of its dimensions [mm]."""
+        """Text that describes the container's dimensions [mm]."""
         wide, deep = (1e3 * np.ptp(self.places, axis=0)).tolist()
         return f"{self.shape} {wide:.4g} × {deep:.4g} mm, filled to {1e3 * self.fill_height:g} mm"
 
@@ -129,7 +129,7 @@ class PrismaticContainer(SolvedContainer):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Prism(PrismaticContainer):
-    """Vertical walls over any outline that is symmetric about x or about y.
+    """A container with vertical walls over any outline that is symmetric about x or y.
 
     >>> from slosh_model.shapes import Prism
     >>> square = ((0.0, 0.0), (0.06, 0.0), (0.06, 0.06), (0.0, 0.06))
@@ -164,7 +164,7 @@ class Prism(PrismaticContainer):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """The outline, counter-clockwise, with its centre in the origin."""
+        """The outline as counter-clockwise curves about its centre."""
         pieces = self._as_given
         area, centre = area_and_centre(pieces)
         moved = [_moved(piece, centre) for piece in pieces]
@@ -179,7 +179,7 @@ class Prism(PrismaticContainer):
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Tray(PrismaticContainer):
-    """A rectangle with round corners.
+    """A rectangular container with rounded corners.
 
     Attributes:
         width: inner width along x [m].

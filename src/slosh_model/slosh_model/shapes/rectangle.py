@@ -1,4 +1,4 @@
-"""The upright rectangle, in closed form."""
+"""Upright rectangular container, with sloshing modes in closed form."""
 
 from __future__ import annotations
 
@@ -76,36 +76,36 @@ class Rectangle(Container):
 
     @property
     def volume(self) -> float:
-        """Volume W d h [m³]."""
+        """Volume W d h of the liquid [m³]."""
         return self.width * self.depth * self.fill_height
 
     @property
     def described(self) -> str:
-        """Text of its dimensions [mm]."""
+        """Text that describes the container's dimensions [mm]."""
         sides = f"width {1e3 * self.width:g} mm, depth {1e3 * self.depth:g} mm"
         return f"{sides}, filled to {1e3 * self.fill_height:g} mm"
 
     @property
     def size(self) -> float:
-        """The width [m]."""
+        """Width of the container [m]."""
         return self.width
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension `size`."""
+        """Name of the characteristic dimension, 'width'."""
         return "width"
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns mₙ/m_F = 2 R tanh(ξₙ h/R)/(ξₙ³ h) (Ibrahim 2005, ch. 5; Dodge 2000, ch. 3)."""
+        """Returns mₙ/m_F, the fraction of the liquid's mass in mode n (Ibrahim 2005, ch. 5)."""
         xi = self.root(n)
         return 2.0 * self.depth_factor(n, axis) * self.reaches[axis] / (xi**3 * self.fill_height)
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns ωₙ² R/g: a plane that follows a static tilt (TM20, eq. (9), η = θ w/2)."""
+        """Returns the height gain ωₙ² R/g of a plane surface (TM20, eq. (9), η = θ w/2)."""
         return self.root(n) * self.depth_factor(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns the gain of a standing wave sin(ξₙ x/R): 2/ξₙ² of the line's."""
+        """Returns the height gain of a standing wave sin(ξₙ x/R), 2/ξₙ² of the plane's."""
         return 2.0 / self.root(n) ** 2 * self.plane_gain(n, axis)
 
     def widened(self, factor: float) -> Self:
@@ -113,7 +113,7 @@ class Rectangle(Container):
         return replace(self, width=self.width * factor, depth=self.depth * factor)
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """Returns ζ₁ along the longer side, from boundary layers (Keulegan 1959)."""
+        """Returns the damping ratio ζ₁ along the longer side by boundary layers, Keulegan 1959."""
         along, across = max(self.width, self.depth), min(self.width, self.depth)
         axis = X_AXIS if self.width >= self.depth else Y_AXIS
         omega, k = self.natural_frequency(1, axis), math.pi / along

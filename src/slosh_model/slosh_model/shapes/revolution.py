@@ -30,7 +30,7 @@ INSIDE = 1.001
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class RevolvedContainer(SolvedContainer):
-    """A body of revolution.
+    """A container that is a body of revolution.
 
     Raises:
         SloshModelError: an impossible profile, fill height or rim height.
@@ -63,38 +63,38 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def open_ended(self) -> bool:
-        """Whether the contour ends at an arbitrary point instead of the rim."""
+        """Whether the contour ends at an arbitrary point instead of at the rim."""
         return False
 
     @property
     def level(self) -> float:
-        """Height of the still surface in the contour's z [m]."""
+        """Height of the still surface in the z coordinate of the contour [m]."""
         return self.floor + self.fill_height
 
     @property
     def floor(self) -> float:
-        """Height of the deepest point in the contour's z [m]."""
+        """Height of the deepest point in the z coordinate of the contour [m]."""
         return float(min(piece.fine()[:, 1].min() for piece in self.contour))
 
     @property
     def top(self) -> float:
-        """Height of the contour's end above the deepest point [m]."""
+        """Height of the contour's end above its deepest point [m]."""
         return float(self.contour[-1].one(1.0)[1]) - self.floor
 
     @property
     def highest_fill(self) -> float:
-        """The contour's end [m]."""
+        """Highest possible fill height [m], at the contour's end."""
         return self.top
 
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Computes its first modes."""
+        """Computes the first sloshing modes."""
         from slosh_model.potential_flow.axisymmetric import revolution_modes
 
         return revolution_modes(self.contour, self.level, count)
 
     @property
     def widening(self) -> float:
-        """dr/dz of the wall at the still surface [1]."""
+        """Change dr/dz of the wall's radius with height at the still surface [1]."""
         below, at = wetted(self.contour, self.level)[-1].at(np.array([0.999, 1.0]))
         return float((at[0] - below[0]) / max(at[1] - below[1], 1e-12))
 
@@ -105,12 +105,12 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def size_name(self) -> str:
-        """Name of the dimension `size`."""
+        """Name of the characteristic dimension, 'surface radius'."""
         return "surface radius"
 
     @property
     def described(self) -> str:
-        """Text of its dimensions [mm]."""
+        """Text that describes the container's dimensions [mm]."""
         return (
             f"{self.shape}, surface radius {1e3 * self.size:.4g} mm, filled to "
             f"{1e3 * self.fill_height:g} mm"
@@ -129,12 +129,12 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def wall_line(self) -> tuple[Array, Array, Array]:
-        """Lengths along the wall from the still surface, heights above it, and radii there [m]."""
+        """Lengths along the wall, heights above the still surface, and radii there [m]."""
         return _joined(self._upwards, self._downwards)
 
     @property
     def wall(self) -> Wall:
-        """Its wall about the still level."""
+        """The container's wall near the still level."""
         lengths, heights, radii = self.wall_line
         rim = math.nan if self.rim_height is None else self.rim_height - self.fill_height
         ratio, place = self.crest(1)
@@ -143,7 +143,7 @@ class RevolvedContainer(SolvedContainer):
         return Wall(heights, lengths, radii, rim, leans=leans, **inside)
 
     def surface_shape(self, n: int) -> tuple[Array, Array]:
-        """Returns positions from the axis or core to the wall [m], and a mode's height there."""
+        """Returns positions from the axis or core to the wall [m], and a mode's heights there."""
         rows = (
             self.numbers(n).surface
             or solved_modes(self, LEAST if n <= LEAST else MOST)[n - 1].surface
@@ -153,7 +153,7 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def silhouette(self) -> Array:
-        """(N, 2) the contour up to the rim, z from the still surface [m]."""
+        """Returns the contour (N, 2) up to the rim, z from the still surface [m]."""
         ends = (np.linspace(0.0, 1.0, 2 if piece.straight else 65) for piece in self.contour)
         places = np.vstack([piece.at(t) for piece, t in zip(self.contour, ends, strict=True)])
         rim = self.floor + (self.rim_height or self.top)
@@ -161,7 +161,7 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def _upwards(self) -> list[Piece]:
-        """The wall above the still surface, upwards."""
+        """Returns the wall above the still surface, upwards."""
         found: list[Piece] = []
         for piece in reversed(self.contour):
             cuts = piece.shares_at(self.level, 1)
@@ -172,13 +172,13 @@ class RevolvedContainer(SolvedContainer):
 
     @property
     def _downwards(self) -> list[Piece]:
-        """The wall below the still surface, downwards."""
+        """Returns the wall below the still surface, downwards."""
         return [piece.part(1.0, 0.0) for piece in reversed(wetted(self.contour, self.level))]
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class Revolution(RevolvedContainer):
-    """A body of revolution with a profile through points.
+    """A body of revolution whose profile is given by points.
 
     >>> from slosh_model.shapes import Revolution
     >>> Revolution(profile=((0.0, 0.0), (0.03, 0.0), (0.04, 0.09)), fill_height=0.06)
@@ -216,7 +216,7 @@ class Revolution(RevolvedContainer):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """The profile through the points."""
+        """The profile through the given points."""
         return through(self.profile, smooth=self.smooth)
 
     def widened(self, factor: float) -> Self:
@@ -225,7 +225,7 @@ class Revolution(RevolvedContainer):
 
 
 def cut_above(places: Array, height: float) -> Array:
-    """Returns consecutive points from the first up to where they exceed a height."""
+    """Returns consecutive points up to the place where they exceed a height."""
     above = np.flatnonzero(places[:, 1] > height)
     above = above[above > np.argmin(places[:, 1])]
     if not len(above):
@@ -236,7 +236,7 @@ def cut_above(places: Array, height: float) -> Array:
 
 
 def _joined(above: Sequence[Piece], below: Sequence[Piece]) -> tuple[Array, Array, Array]:
-    """Lengths along a wall from the still surface, heights above it, and radii there [m].
+    """Returns lengths along a wall, heights above the still surface, and radii there [m].
 
     Where the wall goes down again on its way, the place is the one that is reached first.
     """

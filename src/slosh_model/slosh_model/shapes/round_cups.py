@@ -1,4 +1,4 @@
-"""Bodies of revolution defined by a few lengths: cups, bowls, flasks and bottles."""
+"""Bodies of revolution that are defined by a few lengths: cups, bowls, flasks, bottles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _QUARTER = 0.5 * math.pi
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class RoundCup(RevolvedContainer):
-    """A body of revolution defined by lengths in metres."""
+    """A body of revolution that is defined by lengths in metres."""
 
     wide: ClassVar[tuple[str, ...]] = ()
     """Its lengths across the axis."""
@@ -66,7 +66,7 @@ class Cone(RoundCup):
 
     @property
     def contour(self) -> tuple[Piece, ...]:
-        """The profile: one line."""
+        """The profile: one straight line."""
         return (line((0.0, 0.0), (self.top_radius, self.height)),)
 
 
@@ -171,7 +171,7 @@ class Beaker(RoundCup):
 
     @property
     def open_ended(self) -> bool:
-        """Whether the rim's height is unknown."""
+        """Whether the height of the rim is unknown."""
         return self.height is None
 
     @property
@@ -261,6 +261,6 @@ def _along(*points: Point) -> tuple[Piece, ...]:
 
 
 def _foot(radius: float, foot: float) -> tuple[Piece, Piece]:
-    """Returns a floor with a rounded edge."""
+    """Returns the profile of a floor with a rounded edge."""
     flat = radius - foot
     return line((0.0, 0.0), (flat, 0.0)), arc((flat, foot), (foot, foot), -_QUARTER, 0.0)

@@ -1,4 +1,4 @@
-"""Containers whose modes have no closed form; computed once and stored with the model."""
+"""Containers whose modes have no closed form; computed once and stored in the model file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WIDENING = 0.1
 
 @dataclass(frozen=True, slots=True)
 class ModeTable:
-    """The computed modes of a container in its model file.
+    """The computed modes of a container as stored in its model file.
 
     Attributes:
         digest: of the container to which they belong.
@@ -47,7 +47,7 @@ class ModeTable:
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class SolvedContainer(Container):
-    """A container defined by its contour.
+    """A container that is defined by its contour and whose modes are computed.
 
     Its models are linear: the nonlinear answer is the linear one.
 
@@ -76,11 +76,11 @@ class SolvedContainer(Container):
     @property
     @abstractmethod
     def contour(self) -> tuple[Piece, ...]:
-        """The contour [m]: the profile of a body of revolution, the outline of a prism."""
+        """The contour [m]: a profile of a body of revolution, or the outline of a prism."""
 
     @abstractmethod
     def solved(self, count: int) -> tuple[ModeNumbers, ...]:
-        """Computes the first modes along each axis.
+        """Computes the first sloshing modes along each axis.
 
         Raises:
             SloshModelError: scikit-fem is missing, or the contour too intricate.
@@ -89,15 +89,15 @@ class SolvedContainer(Container):
     @property
     @abstractmethod
     def widening(self) -> float:
-        """Slope of the wall at the surface: change of radius with height [1]."""
+        """Slope of the wall at the still surface: change of radius with height [1]."""
 
     @property
     def digest(self) -> str:
-        """Digest of everything that its modes depend on."""
+        """Digest of everything on which the modes depend."""
         return _digest(self)
 
     def numbers(self, n: int, axis: int = X_AXIS) -> ModeNumbers:
-        """Returns the n-th mode along an axis.
+        """Returns the constants of the n-th mode along an axis.
 
         Raises:
             SloshModelError: n is not in 1 … MOST, or it cannot be computed.
@@ -122,10 +122,10 @@ class SolvedContainer(Container):
     @property
     @abstractmethod
     def highest_fill(self) -> float:
-        """Fill height up to which its contour goes [m]."""
+        """Highest possible fill height [m], at the contour's end."""
 
     def filled_to(self, fill_height: float, rim_height: float | None) -> Self:
-        """The same with another fill height; modes of one near by are interpolated.
+        """Returns the container with another fill height; modes are interpolated if close.
 
         Raises:
             SloshModelError: an impossible fill height, or modes that cannot be computed.
@@ -139,7 +139,7 @@ class SolvedContainer(Container):
 
     @property
     def _own(self) -> tuple[ModeNumbers, ...]:
-        """The stored modes; empty if they belong to other dimensions."""
+        """Returns the stored modes, or none if they belong to other dimensions."""
         if self.table is None or self.table.digest != self.digest:
             return ()
         return self.table.rows
@@ -149,25 +149,25 @@ class SolvedContainer(Container):
         return along or tuple(row for row in rows if row.axis == X_AXIS)
 
     def root(self, n: int) -> float:
-        """Returns ωₙ²R/g along x, the eigenvalue of the literature."""
+        """Returns ωₙ²R/g along x, the eigenvalue that the literature tabulates."""
         own = self.numbers(n)
         return own.natural_frequency**2 * own.reach / GRAVITY
 
     def natural_frequency(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns ωₙ [rad/s]."""
+        """Returns the natural frequency ωₙ [rad/s]."""
         return self.numbers(n, axis).natural_frequency
 
     @property
     def reaches(self) -> tuple[float, float]:
-        """Distance from the axis to the wall heights along x and along y [m]."""
+        """Distances from the axis to the places of the wall heights along x and y [m]."""
         return self.numbers(1, 0).reach, self.numbers(1, 1).reach
 
     def mass_ratio(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns mₙ/m_F."""
+        """Returns mₙ/m_F, the fraction of the liquid's mass that sloshes in mode n."""
         return self.numbers(n, axis).mass_ratio
 
     def plane_gain(self, n: int, axis: int = X_AXIS) -> float:
-        """Returns `curved_gain`; the rest to a plane surface is quasi-static."""
+        """Returns the same gain as `curved_gain`; the rest to a plane is quasi-static."""
         return self.curved_gain(n, axis)
 
     def curved_gain(self, n: int, axis: int = X_AXIS) -> float:
@@ -179,21 +179,21 @@ class SolvedContainer(Container):
         return self.numbers(n, axis).mass_height
 
     def crest(self, n: int, axis: int = X_AXIS) -> tuple[float, float]:
-        """Returns the maximum height relative to the wall's, and its position [m]."""
+        """Returns a mode's maximum height relative to that at the wall, and its position [m]."""
         own = self.numbers(n, axis)
         return own.crest_ratio, own.crest_place
 
     def damping_ratio(self, kinematic_viscosity: float) -> float:
-        """Returns ζ₁ from the mode's flow."""
+        """Returns the damping ratio ζ₁, computed from the flow of the mode."""
         return self.mode_damping(kinematic_viscosity, 1)
 
     def mode_damping(self, kinematic_viscosity: float, n: int) -> float:
-        """Returns ζₙ from the mode's flow."""
+        """Returns the damping ratio ζₙ, computed from the flow of the mode."""
         return self.numbers(n).damping_ratio(kinematic_viscosity)
 
     @property
     def linear_height(self) -> float:
-        """Height above which waves are nonlinear [m]: steep, or on an inclined wall."""
+        """Height above which waves are nonlinear [m]: too steep, or on a sloping wall."""
         steep = STEEP * GRAVITY / self.natural_frequency(1) ** 2
         slope = abs(self.widening)
         return min(
@@ -218,7 +218,7 @@ def _digest(container: SolvedContainer) -> str:
 def _neighbours(
     container: SolvedContainer,
 ) -> tuple[tuple[float, ...], tuple[tuple[ModeNumbers, ...], ...]]:
-    """Fill heights about that of a container, in increasing order, and the modes at each."""
+    """Returns fill heights near that of a container, and the modes at each of them."""
     middle = container.fill_height
     reach = min(NEAR, 0.6 * middle, 0.6 * (container.highest_fill - middle))
     turns = (math.cos(math.pi * k / (NODES - 1)) for k in reversed(range(NODES)))
@@ -229,7 +229,7 @@ def _neighbours(
 
 @lru_cache(maxsize=256)
 def solved_modes(container: SolvedContainer, count: int) -> tuple[ModeNumbers, ...]:
-    """Returns the first modes of a container along each axis, cached or computed.
+    """Returns the first modes of a container along each axis, from the cache or computed.
 
     Raises:
         SloshModelError: they cannot be computed.

@@ -1,4 +1,4 @@
-"""Contours and computed modes in a model file."""
+"""Reads and writes contours and computed modes of a model file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LONGEST = 64_000
 
 
 def points_of(value: Any, path: KeyPath, folder: Path) -> Any:
-    """Parses a list of pairs, or reads the pairs of a .csv file.
+    """Parses a list of coordinate pairs, or reads them from a .csv file.
 
     Args:
         value: of the model file.
@@ -68,7 +68,7 @@ def _csv_points(path: Path, keys: KeyPath) -> tuple[tuple[float, ...], ...]:
 
 
 def solved_section(container: Container, count: int) -> dict[str, Any]:
-    """Returns the model file's keys of at least `count` computed modes."""
+    """Returns the entries of a model file that hold at least `count` computed modes."""
     table = cast(SolvedContainer, container).with_table(count).table
     assert table is not None
     rows = [
@@ -81,7 +81,7 @@ def solved_section(container: Container, count: int) -> dict[str, Any]:
 def with_solved(
     container: Container, document: Mapping[str, Any]
 ) -> tuple[Container, tuple[Any, KeyPath]]:
-    """Returns a container with the modes in its model file, and the number in use.
+    """Returns a container with the modes that its model file contains.
 
     Raises:
         SloshModelError: modes of another container, of one that needs none, or impossible ones.

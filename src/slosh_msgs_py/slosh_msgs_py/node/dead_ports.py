@@ -1,4 +1,4 @@
-"""Works around Fast DDS's handling of shared-memory ports of killed processes.
+"""Works around Fast DDS reusing shared-memory ports of killed processes.
 
 Whoever wrote to a killed process goes on writing into its port's memory until somebody finds out,
 which takes as many seconds as there are processes, and never happens where it was killed between
@@ -54,7 +54,7 @@ _FORGOTTEN = 30.0
 
 
 class DeadPorts:
-    """Holds the locks of dead ports.
+    """Locks the shared-memory ports of killed processes, so that they are not reused.
 
     Any number of processes may do so. It takes two hundredths of a second to look: nothing for a
     process that has to keep pace, once it does.
@@ -75,7 +75,7 @@ class DeadPorts:
         self.names: tuple[str, ...] = ()
 
     def look(self, now: float | None = None, *, close: bool = False) -> tuple[str, ...]:
-        """Locks newly dead ports, and releases those that are no longer open anywhere.
+        """Locks ports of recently killed processes, and releases ports that are no longer in use.
 
         Args:
             now: steady time [s].
@@ -98,7 +98,7 @@ class DeadPorts:
             return self.names
 
     def _hold(self, port: str, close: bool) -> None:
-        """Locks a dead port; raises OSError if it is not dead or belongs to another user."""
+        """Locks a killed process's port; raises OSError if the port is in use."""
         path, lock = self._folder / port, self._folder / f"{port}_el"
         if _is_gone(path):
             self._held[port] = shared(lock)
@@ -109,7 +109,7 @@ class DeadPorts:
                 self._mark(path, in_place=True)
 
     def _mark(self, path: Path, *, in_place: bool = False) -> None:
-        """Closes a port; writers that have it mapped are notified in its memory."""
+        """Marks a shared-memory port as closed for the processes that still write to it."""
         if in_place:
             _turn_away(path)
         aside = path.with_name(f"{path.name}_closed_{os.getpid()}")
@@ -122,7 +122,7 @@ class DeadPorts:
         aside.unlink()
 
     def _release(self, port: str) -> None:
-        """Releases a port; the last holder makes it available. Call it with the lock held."""
+        """Releases a port, which becomes available if no other process holds it."""
         descriptor = self._held.pop(port)
         if is_alone(descriptor):
             path = self._folder / port
@@ -131,11 +131,11 @@ class DeadPorts:
         os.close(descriptor)
 
     def _is_for_all(self, port: str) -> bool:
-        """Whether several processes may listen on a port, so that it is never taken over."""
+        """Whether several processes may listen on a port, so that it must not be locked."""
         return (self._folder / f"{port}_sl").exists()
 
     def close(self) -> None:
-        """Releases all ports."""
+        """Releases all locked ports."""
         with self._lock:
             for port in list(self._held):
                 self._release(port)
@@ -146,7 +146,7 @@ _AT_START = DeadPorts()
 
 
 def hold_dead_ports() -> None:
-    """Locks the dead ports while this process starts, and for a minute more.
+    """Locks the ports of killed processes while this process starts, and a minute longer.
 
     To be called before it opens a port of its own. Who looks after the killed process holds its
     ports for longer.
@@ -158,12 +158,12 @@ def hold_dead_ports() -> None:
 
 
 def held_dead_ports() -> tuple[str, ...]:
-    """Returns the names of the ports that this process locks during its start."""
+    """Returns the names of the shared-memory ports that this process locks at its start."""
     return _AT_START.names
 
 
 def free_dead_ports(folder: Path = Path("/dev/shm"), patience: float = _LONGEST_HELD) -> list[str]:
-    """Deletes ports that killed processes have left locked or closed.
+    """Deletes shared-memory ports that killed processes have left behind.
 
     Without a locked one it takes milliseconds, with one `patience`. Whoever comes next makes the
     port anew. Of a port on which somebody alive listens only the mutex goes.
@@ -209,7 +209,7 @@ def _is_listened_to(port: Path) -> bool:
 
 
 def _turn_away(port: Path) -> None:
-    """Marks an open port as closed in its memory; ignores unexpected contents."""
+    """Marks an open port as closed in its shared memory."""
     with contextlib.suppress(OSError), port.open("r+b", buffering=0) as memory:
         head = memory.read(_FLAGS_AT + 1)
         number = int(port.name.rpartition("port")[2]).to_bytes(4, sys.byteorder)
@@ -220,7 +220,7 @@ def _turn_away(port: Path) -> None:
 
 
 def _is_gone(port: Path) -> bool:
-    """Whether a port's file is missing or replaced by the mark."""
+    """Whether a port's file is missing or has been marked as closed."""
     return not port.exists() or _is_closed(port)
 
 
@@ -230,7 +230,7 @@ def _is_young(port: Path) -> bool:
 
 
 def _is_closed(port: Path) -> bool:
-    """Whether a port's file is replaced by the mark."""
+    """Whether a port's file has been marked as closed."""
     try:
         return port.stat().st_size == len(_BROKEN) and port.read_bytes() == _BROKEN
     except OSError:  # gone, or another's
@@ -238,7 +238,7 @@ def _is_closed(port: Path) -> bool:
 
 
 def _is_locked(mutex: Path) -> bool:
-    """Whether a semaphore's count, the low half of its first eight bytes, is zero."""
+    """Whether a semaphore is locked, i.e. its count is zero."""
     try:
         head = mutex.read_bytes()[:8]
     except OSError:
@@ -247,7 +247,7 @@ def _is_locked(mutex: Path) -> bool:
 
 
 def mapped_ports(maps: Path) -> set[tuple[int, str]]:
-    """Returns number and name of the port files that a process has open, even deleted ones.
+    """Returns number and name of the port files that a process has mapped.
 
     Args:
         maps: the process's list of its memory.
@@ -263,7 +263,7 @@ def mapped_ports(maps: Path) -> set[tuple[int, str]]:
 
 
 def _ports_in_use(processes: Path) -> set[str]:
-    """Returns the names of the ports that this user's processes have open."""
+    """Returns the names of the ports that this user's processes have mapped."""
     ports: set[str] = set()
     for maps in processes.glob("[0-9]*/maps"):
         with contextlib.suppress(OSError):
@@ -273,7 +273,7 @@ def _ports_in_use(processes: Path) -> set[str]:
 
 @contextlib.contextmanager
 def held(lock: Path) -> Iterator[None]:
-    """Locks a file exclusively.
+    """Locks a file exclusively within a `with` block.
 
     Raises:
         BlockingIOError: somebody else holds it.
@@ -287,7 +287,7 @@ def held(lock: Path) -> Iterator[None]:
 
 
 def shared(lock: Path, *, make: bool = True) -> int:
-    """Locks a file shared with others.
+    """Takes a shared lock on a file and returns its descriptor.
 
     Args:
         lock: its path.
@@ -304,7 +304,7 @@ def shared(lock: Path, *, make: bool = True) -> int:
 
 
 def is_alone(descriptor: int) -> bool:
-    """Whether no other process shares the lock of a file; then the lock becomes exclusive."""
+    """Makes a file's shared lock exclusive; returns False if another process shares it."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

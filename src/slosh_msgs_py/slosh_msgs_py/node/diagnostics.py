@@ -1,4 +1,4 @@
-"""Publishes /diagnostics at 1 Hz: rates, drops, latency, and the node's health."""
+"""Publishes a node's diagnostics at 1 Hz: rates, drops, latency and health."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Health = tuple[bytes, str]
 
 
 class DiagnosticsReporter:
-    """Counts a node's activity and reports it once a second.
+    """Counts a node's activity and publishes its diagnostics once a second.
 
     The timer runs on a steady clock: with use_sim_time and no /clock the node still reports, and
     says so in place of what follows from it.
@@ -82,14 +82,14 @@ class DiagnosticsReporter:
             self._other_clock += 1
 
     def latency_percentiles(self) -> tuple[float, float]:
-        """Returns median and maximum of the recent latencies [s]; NaN: none."""
+        """Returns median and maximum of recent latencies [s], NaN if there are none."""
         if not self._latencies:
             return float("nan"), float("nan")
         ordered = sorted(self._latencies)
         return ordered[len(ordered) // 2] * 1e-9, ordered[-1] * 1e-9
 
     def report(self) -> None:
-        """Publishes a report."""
+        """Publishes the diagnostics now."""
         state = self._readiness.state
         if state != READY:
             sentence = f"not ready, {self._readiness.sentence}"
@@ -115,7 +115,7 @@ class DiagnosticsReporter:
         self._publisher.publish(self._array(level, sentence, pairs))
 
     def _judged(self) -> Health:
-        """Returns the node's health, or exceptions of its callbacks since the last report."""
+        """Returns the node's health, or an error if callbacks have raised exceptions."""
         try:
             health = self._health()
         except Exception as error:
@@ -132,7 +132,7 @@ class DiagnosticsReporter:
         return health
 
     def _time_stands_still(self) -> bool:
-        """Whether simulated time has not advanced since the last report."""
+        """Whether simulated time has stopped since the last diagnostics."""
         clock = self._node.get_clock()
         if not clock.ros_time_is_active:
             return False

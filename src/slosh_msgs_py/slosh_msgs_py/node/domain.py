@@ -1,4 +1,4 @@
-"""Finds a DDS domain that no other process on this machine uses.
+"""Finds a DDS domain id that no other process on this machine uses.
 
 A demonstration, a recording, a test must not hear the one beside it. What is claimed is a name
 in the kernel: two processes cannot hold it, and it is free when its holder has ended, however.
@@ -24,7 +24,7 @@ _FIRST_PORT, _PORTS = 7400, 250
 
 @contextmanager
 def own_domain(first: int | None = None) -> Iterator[int]:
-    """Claims an unused domain while the context is open.
+    """Reserves an unused DDS domain id within a `with` block.
 
     Args:
         first: the number, modulo how many there are, from which a free one is looked for; None:
@@ -52,7 +52,7 @@ def own_domain(first: int | None = None) -> Iterator[int]:
 
 @contextmanager
 def claimed_namespace(domain: int, namespace: str) -> Iterator[bool]:
-    """Claims the name of a cell while the context is open.
+    """Reserves a cell's namespace within a `with` block; yields whether it was free.
 
     Args:
         domain: DDS domain.
@@ -78,7 +78,7 @@ def _bound(claim: socket.socket, address: str) -> bool:
 
 
 def spoken_domains(table: Path = Path("/proc/net/udp")) -> set[int]:
-    """Returns the domains in use by processes of this machine.
+    """Returns the DDS domain ids that processes of this machine use.
 
     Args:
         table: the kernel's list of UDP sockets; where there is none, nothing is known.

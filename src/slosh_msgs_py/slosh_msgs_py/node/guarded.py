@@ -1,4 +1,4 @@
-"""Nodes that keep running after exceptions in callbacks.
+"""Node base class that keeps running after exceptions in callbacks.
 
 Whatever others send, a node must not fall by it. What is known to be wrong is refused where it is
 read, with its reason; here is the last catch, for what nobody thought of: the message is lost, the
@@ -26,7 +26,7 @@ Callback = Callable[..., Any]
 
 
 class Faults:
-    """Counts and reports exceptions of callbacks.
+    """Counts and reports exceptions raised in callbacks.
 
     Args:
         tell: is given a line the first time, the tenth, the hundredth, and so on.
@@ -44,7 +44,7 @@ class Faults:
         return self._counts.total()
 
     def add(self, where: str, error: Exception) -> str:
-        """Adds an exception; returns it as one line.
+        """Counts an exception and returns it as a line of text.
 
         Args:
             where: the topic or service.
@@ -62,13 +62,13 @@ class Faults:
         return self._last
 
     def news(self) -> str:
-        """Returns new exceptions since the last call in one line; empty: none."""
+        """Returns the exceptions since the last call in one line; empty if there are none."""
         new, self._reported = self.total - self._reported, self.total
         return f"{self._last} ({new} since the last report)" if new else ""
 
 
 class GuardedNode(Node):
-    """A node with guarded callbacks for messages, services and timers.
+    """A node that keeps running when a callback raises an exception.
 
     Attributes:
         faults: what they stumbled over.
@@ -84,7 +84,7 @@ class GuardedNode(Node):
         super().__init__(name, **options)
 
     def get_logger(self) -> PlainLogger:
-        """Returns the node's logger, which prints each message as one plain line."""
+        """Returns the node's logger, which prints each message as one line."""
         if self._plain_logger is None:
             self._plain_logger = PlainLogger(super().get_logger().name)
         return self._plain_logger
@@ -97,7 +97,7 @@ class GuardedNode(Node):
         qos_profile: QoSProfile | int,
         **options: Any,
     ) -> Any:
-        """Makes a subscription as Node does, with a guarded callback; detects QoS mismatches."""
+        """Creates a subscription that survives callback exceptions and detects QoS mismatches."""
         guarded = self._guarded(callback, topic)
         if isinstance(qos_profile, QoSProfile):
             watch = self.mismatches.of_subscription(topic, qos_profile)
@@ -107,7 +107,7 @@ class GuardedNode(Node):
     def create_publisher(
         self, msg_type: Any, topic: str, qos_profile: QoSProfile | int, **options: Any
     ) -> Any:
-        """Makes a publisher as Node does; detects QoS mismatches."""
+        """Creates a publisher that detects QoS mismatches."""
         if isinstance(qos_profile, QoSProfile):
             watch = self.mismatches.of_publisher(topic, qos_profile)
             options.setdefault("event_callbacks", watch)
@@ -116,14 +116,14 @@ class GuardedNode(Node):
     def create_timer(
         self, timer_period_sec: float, callback: Callback, *arguments: Any, **options: Any
     ) -> Any:
-        """Makes a timer as Node does, with a guarded callback."""
+        """Creates a timer that survives exceptions in its callback."""
         guarded = self._guarded(callback, "timer")
         return super().create_timer(timer_period_sec, guarded, *arguments, **options)
 
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Callback, *arguments: Any, **options: Any
     ) -> Any:
-        """Makes a service as Node does; a failed callback is reported to the caller."""
+        """Creates a service that reports exceptions in its callback to the client."""
 
         @functools.wraps(callback)
         def guarded(request: Any, response: Any) -> Any:
@@ -138,11 +138,11 @@ class GuardedNode(Node):
         return super().create_service(srv_type, srv_name, guarded, *arguments, **options)
 
     def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
-        """Sets parameters as Node does; refusals of start-only parameters name a remedy."""
+        """Sets parameters; for one that can be set only at the start, explains what to do."""
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Sets parameters as Node does; refusals of start-only parameters name a remedy."""
+        """Sets all parameters or none; explains parameters that can be set only at the start."""
         fixed = [
             parameter.name
             for parameter in parameter_list
@@ -169,27 +169,27 @@ class GuardedNode(Node):
 
 
 class PlainLogger(RcutilsLogger):
-    """A logger of rclpy that prints every message as one plain line.
+    """A logger that prints every message as one line without control characters.
 
     One method for each severity: rclpy refuses two severities from one place in the sources.
     """
 
     def debug(self, message: str, **options: Any) -> bool:
-        """Logs at level debug."""
+        """Logs a message at level debug."""
         return bool(super().debug(plain_line(message), **options))
 
     def info(self, message: str, **options: Any) -> bool:
-        """Logs at level info."""
+        """Logs a message at level info."""
         return bool(super().info(plain_line(message), **options))
 
     def warning(self, message: str, **options: Any) -> bool:
-        """Logs at level warning."""
+        """Logs a message at level warning."""
         return bool(super().warning(plain_line(message), **options))
 
     def error(self, message: str, **options: Any) -> bool:
-        """Logs at level error."""
+        """Logs a message at level error."""
         return bool(super().error(plain_line(message), **options))
 
     def fatal(self, message: str, **options: Any) -> bool:
-        """Logs at level fatal."""
+        """Logs a message at level fatal."""
         return bool(super().fatal(plain_line(message), **options))

@@ -26,7 +26,7 @@ PATIENCE = 20.0
 
 
 class Inheritance(NamedTuple):
-    """Pipes that a node's process inherits.
+    """Pipe ends that a node process inherits from its parent.
 
     Attributes:
         descriptors: files that it inherits.
@@ -38,7 +38,7 @@ class Inheritance(NamedTuple):
 
 
 class Lifelines:
-    """The pipes of a process that starts nodes."""
+    """Pipes through which node processes notice the end of the process that started them."""
 
     def __init__(self) -> None:
         # Python opens files for this process alone: what it starts beside the nodes holds no end.
@@ -46,7 +46,7 @@ class Lifelines:
         self._others, self._others_end = os.pipe()
 
     def of_node(self, *, last: bool) -> Inheritance:
-        """Returns the pipes that a node inherits.
+        """Returns the pipe ends that a node process inherits.
 
         Args:
             last: it ends after all that are not.
@@ -56,13 +56,13 @@ class Lifelines:
         return Inheritance((*reads, *holds), {VARIABLE: ",".join(map(str, reads))})
 
     def close(self) -> None:
-        """Closes the pipes, which ends nodes that still run."""
+        """Closes the pipes, which makes all nodes end that still run."""
         for descriptor in (self._starter, self._starter_end, self._others, self._others_end):
             os.close(descriptor)
 
 
 def watch_lifelines(ended: Callable[[], None]) -> None:
-    """Starts a thread that calls `ended` when the parent process is gone.
+    """Starts a thread that calls `ended` when the parent process has ended.
 
     Who ends last is called when the others have ended, too, or after PATIENCE.
     """
@@ -83,7 +83,7 @@ def watch_lifelines(ended: Callable[[], None]) -> None:
 
 
 def _pipes(text: str) -> Sequence[int]:
-    """Parses the descriptors in a text; none if one is not a pipe."""
+    """Parses pipe descriptors from a text; empty if any of them is not a pipe."""
     with contextlib.suppress(OSError, ValueError):
         descriptors = [int(word) for word in text.split(",")]
         if all(stat.S_ISFIFO(os.fstat(descriptor).st_mode) for descriptor in descriptors):
@@ -92,7 +92,7 @@ def _pipes(text: str) -> Sequence[int]:
 
 
 def _until_end(descriptor: int, deadline: float | None) -> None:
-    """Waits until a pipe's writer has closed it, at most until a deadline [s]."""
+    """Waits until the other end of a pipe is closed, or until a deadline [s]."""
     poll = select.poll()
     poll.register(descriptor, 0)  # an end is told unasked
     left = None if deadline is None else 1e3 * max(deadline - time.monotonic(), 0.0)

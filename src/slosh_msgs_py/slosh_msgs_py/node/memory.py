@@ -1,4 +1,4 @@
-"""Returns free memory of a node to the system."""
+"""Returns a node's unused memory to the operating system."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LARGE = 10_000
 
 
 def give_back_memory() -> None:
-    """Returns free memory of the process to the system.
+    """Returns the process's unused memory to the operating system.
 
     A large message is unpacked into many small objects; when they are gone the C library keeps
     their memory. Only glibc can be asked for it; elsewhere nothing happens.
@@ -24,7 +24,7 @@ def give_back_memory() -> None:
 
 
 class LargeMessages:
-    """Returns the memory of large messages to the system after they are answered.
+    """Returns memory to the operating system after large messages have been processed.
 
     Args:
         node: whose messages they are.
@@ -35,7 +35,7 @@ class LargeMessages:
         node.create_timer(1.0, self._give_back)
 
     def add(self, points: int) -> None:
-        """Notes a message with a number of points."""
+        """Registers a received message that has a given number of trajectory points."""
         self._was_large |= points > LARGE
 
     def _give_back(self) -> None:

@@ -1,4 +1,4 @@
-"""Detects topics whose messages cannot pass because of incompatible QoS.
+"""Detects topics on which incompatible QoS prevents communication.
 
 To the middleware that is no error: nothing comes, as if nobody spoke. It tells by an event, once,
 when it meets such an end; which one it is, and whether it is still there, the graph tells.
@@ -23,7 +23,7 @@ _INFINITE = 2**62
 
 
 class _Met:
-    """A topic with an incompatible end.
+    """A topic with an incompatible publisher or subscriber.
 
     Attributes:
         own: QoS of the node's own end.
@@ -36,7 +36,7 @@ class _Met:
 
 
 class Mismatches:
-    """The incompatible ends of a node's topics.
+    """Tracks incompatible publishers and subscribers of a node's topics.
 
     Args:
         node: the node.
@@ -48,16 +48,16 @@ class Mismatches:
         self._published: dict[str, _Met] = {}
 
     def of_subscription(self, topic: str, asked: QoSProfile) -> SubscriptionEventCallbacks:
-        """Makes the event handler of a subscription from its topic and QoS."""
+        """Creates the event handler that detects QoS mismatches of a subscription."""
         return SubscriptionEventCallbacks(incompatible_qos=self._note(self._read, topic, asked))
 
     def of_publisher(self, topic: str, offered: QoSProfile) -> PublisherEventCallbacks:
-        """Makes the event handler of a publisher from its topic and QoS."""
+        """Creates the event handler that detects QoS mismatches of a publisher."""
         watch = self._note(self._published, topic, offered)
         return PublisherEventCallbacks(incompatible_qos=watch)
 
     def look(self) -> str:
-        """Describes incompatible ends with reason and remedy in one line; empty: none."""
+        """Describes all QoS mismatches with reason and remedy; empty if there are none."""
         unheard = _lines(
             self._read, self._node.get_publishers_info_by_topic, "cannot be received",
             lambda own, other: _reason(other, own),
@@ -80,7 +80,7 @@ def _lines(
     what: str,
     reason: Callable[[QoSProfile, QoSProfile], str],
 ) -> list[str]:
-    """Describes incompatible ends, one line each; removes topics whose ends are gone.
+    """Describes QoS mismatches, one line each; forgets topics whose mismatch has gone.
 
     Args:
         met: topics on which such an end was met.
@@ -100,7 +100,7 @@ def _lines(
 
 
 def _told(end: TopicEndpointInfo) -> QoSProfile:
-    """Returns an end's QoS without the graph's infinite placeholder times."""
+    """Returns an endpoint's QoS without placeholder values for infinite durations."""
     given = end.qos_profile
     has_deadline = given.deadline.nanoseconds < _INFINITE
     return QoSProfile(
@@ -116,7 +116,7 @@ def _line(topic: str, end: TopicEndpointInfo, what: str, why: str) -> str:
 
 
 def _reason(offered: QoSProfile, asked: QoSProfile) -> str:
-    """Returns why a publisher and a subscription are incompatible; empty: they are not."""
+    """Returns why the QoS of publisher and subscriber are incompatible; empty if they match."""
     _, text = qos_check_compatible(offered, asked)
     parts = (part.strip() for part in text.split(";"))
     return ", ".join(part.removeprefix(_ERROR) for part in parts if part.startswith(_ERROR))

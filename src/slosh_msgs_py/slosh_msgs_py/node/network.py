@@ -19,7 +19,7 @@ ALONE = ("LOCALHOST", "OFF")
 
 
 def network_environment(given: Mapping[str, str]) -> dict[str, str]:
-    """Returns the variables that restrict a process to this machine, unless set otherwise.
+    """Returns environment variables that restrict ROS to this machine, unless set otherwise.
 
     Args:
         given: the process's environment; what it sets stays.
@@ -31,5 +31,5 @@ def network_environment(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def bound() -> None:
-    """Restricts this process before it starts ROS."""
+    """Restricts this process to local communication, before ROS is started."""
     os.environ.update(network_environment(os.environ))

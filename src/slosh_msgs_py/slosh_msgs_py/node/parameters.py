@@ -1,4 +1,4 @@
-"""Parameters: one declaration gives type, default, bounds and description.
+"""Declares ROS parameters with type, default, bounds and description.
 
 A value that does not fit is refused with the reason, at start-up and later. An integer is accepted
 where a float is needed, and a list of integers where a list of floats is.
@@ -38,7 +38,7 @@ _INTEGERS = {
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """A parameter of a node.
+    """Declaration of a node's parameter.
 
     Attributes:
         name: its name.
@@ -59,7 +59,7 @@ class ParameterSpec:
     length: int | None = None
 
     def descriptor(self) -> ParameterDescriptor:
-        """Makes the descriptor that `ros2 param describe` shows."""
+        """Returns the descriptor that `ros2 param describe` shows."""
         about = self.description
         if self.choices:
             about += f" (one of {', '.join(self.choices)})"
@@ -73,7 +73,7 @@ class ParameterSpec:
         return descriptor
 
     def converted(self, given: Parameter) -> Parameter | None:
-        """Returns the parameter with integers converted to floats if needed; None: wrong type."""
+        """Converts integers to floats if needed; returns None for a wrong type."""
         wanted = _TYPES[type(self.default)]
         if given.type_ == wanted:
             return given
@@ -84,7 +84,7 @@ class ParameterSpec:
         return Parameter(self.name, wanted, float(given.value))
 
     def wrong_type(self, given: Parameter) -> str:
-        """Describes a wrong type and the needed one in one line."""
+        """Describes in one line which type was given and which is needed."""
         wanted, found = (
             kind.name.lower().replace("_", " ")
             for kind in (_TYPES[type(self.default)], given.type_)
@@ -95,7 +95,7 @@ class ParameterSpec:
         return f"{self.name} = {value!r}: type {wanted} is needed, not {found}"
 
     def refusal(self, value: Any) -> str | None:
-        """Returns why a value of the right type is invalid; None: it is valid."""
+        """Returns why a value of the right type is invalid, or None if it is valid."""
         if self.choices and value not in self.choices:
             return f"{self.name} = {value!r} must be one of {', '.join(self.choices)}"
         if self.length is not None and len(value) != self.length:
@@ -115,7 +115,7 @@ def declare(
     check: Callable[[Mapping[str, Any]], object] | None = None,
     apply: Callable[[tuple[str, ...]], object] | None = None,
 ) -> dict[str, Any]:
-    """Declares the parameters of a node.
+    """Declares the parameters of a node and checks their values.
 
     A later change is checked first, and refused as a whole with the reason. It is applied after
     the node has accepted it.
@@ -139,7 +139,7 @@ def declare(
     wrong: list[str] = []
 
     def convert(changes: list[Parameter]) -> list[Parameter]:
-        """Stores values of a wrong type for `judge`, since rclpy's refusal names no parameter."""
+        """Converts changed values to the declared types; records values of a wrong type."""
         wrong.clear()
         return [_fitting(node, by_name.get(change.name), change, wrong) for change in changes]
 
@@ -174,7 +174,7 @@ def declare(
 def _fitting(
     node: Node, spec: ParameterSpec | None, change: Parameter, wrong: list[str]
 ) -> Parameter:
-    """Converts a change's type; if that fails, returns the present value, and the reason."""
+    """Converts a changed value to its type, or keeps the present value and adds an error."""
     converted = change if spec is None else spec.converted(change)
     if spec is None or converted is not None:
         return converted or change
@@ -183,13 +183,13 @@ def _fitting(
 
 
 def _given(node: Node) -> dict[str, Parameter]:
-    """Returns the parameters set at the node's start; rclpy has no public access to them."""
+    """Returns the parameters given at the node's start, which rclpy does not make public."""
     given: dict[str, Parameter] = getattr(node, "_parameter_overrides", {})
     return given
 
 
 def _name_unknown(node: Node) -> None:
-    """Warns of unknown parameters given to the node, which ROS ignores silently.
+    """Warns of parameters given to the node that it does not declare.
 
     It is no error: a file for several nodes may set, for all of them, what only one has.
     """
@@ -214,5 +214,5 @@ def _declare_one(node: Node, spec: ParameterSpec) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Returns a parameter's value as plain Python; rclpy gives an array for a list."""
+    """Converts a parameter's value to built-in Python types; rclpy gives arrays for lists."""
     return value if isinstance(value, bool | int | float | str) else list(value)

@@ -1,4 +1,4 @@
-"""Nodes that compile code before they can work."""
+"""Node base class for nodes that must compile code before they can work."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class PreparedNode(GuardedNode, ABC):
 
     @abstractmethod
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the needed code, in a separate thread.
+        """Compiles or loads the code that the node needs, in a separate thread.
 
         Args:
             progress: is told what is compiled, where something is.
@@ -40,34 +40,34 @@ class PreparedNode(GuardedNode, ABC):
 
     @abstractmethod
     def begin(self) -> None:
-        """Starts the node's work, in the executor's thread."""
+        """Starts the node's work; called in the executor's thread."""
 
     def _watch(
         self, health: Callable[[], Health], facts: Callable[[], Mapping[str, Any]]
     ) -> DiagnosticsReporter:
-        """Makes the diagnostics; `health` and `facts` are called only when the node is ready."""
+        """Creates the diagnostics; `health` and `facts` are called only when the node is ready."""
         self._report = DiagnosticsReporter(self, health, facts, self.readiness)
         return self._report
 
     def _get_ready(self, *, later: bool) -> None:
-        """Finishes the constructor: prepares now, or later."""
+        """Finishes the constructor; prepares the node now unless `later` is set."""
         if not later:
             self.prepare(self.compiles)
             self.is_prepared()
 
     def compiles(self, what: str) -> None:
-        """Reports which function is compiled; the first time also in the log."""
+        """Reports the function that is being compiled; logs the first one."""
         if not self.readiness.doing:
             self.get_logger().warning(f"not ready yet: {what}")
         self.readiness.compiles(what)
 
     def waits(self, what: str) -> None:
-        """Reports the reason of waiting, also in the log."""
+        """Reports and logs why the node has to wait."""
         self.get_logger().warning(f"not ready: {what}")
         self.readiness.waits(what)
 
     def is_prepared(self) -> None:
-        """Starts the node's work and reports it at once."""
+        """Starts the node's work after preparation and publishes diagnostics at once."""
         self.begin()
         if self.readiness.doing:
             did = "compiled; " if self.readiness.state == COMPILING else ""
@@ -76,13 +76,13 @@ class PreparedNode(GuardedNode, ABC):
         self._report.report()
 
     def tell_news(self) -> None:
-        """Reports the state at once if it has changed."""
+        """Publishes diagnostics at once if the start-up state has changed."""
         if self.readiness.news():
             self._report.report()
 
 
 class Preparation:
-    """Prepares a node in a thread.
+    """Thread that prepares a node.
 
     Attributes:
         error: why it cannot be prepared; None: it can, or it is not known yet.
@@ -96,7 +96,7 @@ class Preparation:
 
     @property
     def runs(self) -> bool:
-        """Whether the preparation is running."""
+        """Whether the preparation thread is still running."""
         return self._thread.is_alive()
 
     def _run(self) -> None:

@@ -1,4 +1,4 @@
-"""State of a node's start, for its diagnostics and for processes that wait for it."""
+"""State of a node's start-up, for diagnostics and for waiting processes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Progress = Callable[[str], None]
 
 
 class Readiness:
-    """State of a node's start.
+    """State of a node's start-up: compiling, waiting or ready.
 
     Attributes:
         state: STARTING, COMPILING, WAITING or READY.
@@ -33,15 +33,15 @@ class Readiness:
         self._told = state, ""
 
     def compiles(self, doing: str) -> None:
-        """Sets the state: something must be compiled first."""
+        """Sets the state to compiling, with a description of what is compiled."""
         self.state, self.doing = COMPILING, doing
 
     def waits(self, doing: str) -> None:
-        """Sets the state: something must arrive first."""
+        """Sets the state to waiting, with a description of what is missing."""
         self.state, self.doing = WAITING, doing
 
     def is_ready(self) -> None:
-        """Sets the state: the node is ready."""
+        """Sets the state to ready."""
         self.state, self.doing = READY, ""
 
     def news(self) -> bool:
@@ -51,5 +51,5 @@ class Readiness:
 
     @property
     def sentence(self) -> str:
-        """The state with its text."""
+        """The state and its description, as one text."""
         return f"{self.state}: {self.doing}" if self.doing else self.state

@@ -1,4 +1,4 @@
-"""Detects more than one publisher on a topic that allows one."""
+"""Detects several publishers on a topic that should have only one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNKNOWN = "unknown node"
 
 
 def node_of(info: TopicEndpointInfo) -> str:
-    """Returns the full name of the node of a publisher or a subscription.
+    """Returns the full node name of a publisher or subscription.
 
     Names come on their own way, later or, on a busy machine, not at all: until then each process
     is a node of its own, and two of them are two.
@@ -33,7 +33,7 @@ def node_of(info: TopicEndpointInfo) -> str:
 
 
 class Rivals:
-    """Tracks the publishers of a topic that a node reads.
+    """Watches the publishers of a topic that a node subscribes to.
 
     Args:
         node: the node.
@@ -46,7 +46,7 @@ class Rivals:
         self._since: float | None = None
 
     def look(self) -> str:
-        """Names additional publishers in one line; empty: none.
+        """Names the additional publishers of the topic in one line; empty if there are none.
 
         Is to be asked about once a second.
         """

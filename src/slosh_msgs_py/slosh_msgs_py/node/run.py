@@ -56,7 +56,7 @@ def run_node(
     finished: Callable[[Any], bool] = lambda node: False,
     threads: int = 1,
 ) -> int:
-    """Runs a node until a signal (SIGINT, SIGTERM, SIGHUP), its own end or its parent's.
+    """Runs a node until a signal arrives, the node has finished or the parent process ends.
 
     A node that has not got what it needs yet is prepared first; see `PreparedNode`. One that has
     an attribute `failure` when it is finished, a text, has failed.
@@ -117,7 +117,7 @@ def run_node(
 
 
 def _prepare(node: PreparedNode, preparation: Preparation, executor: Any, stop: _StopFlag) -> None:
-    """Prepares a node while it publishes diagnostics; a stop request ends it."""
+    """Runs a node's preparation while diagnostics are published; a stop request ends it."""
     with contextlib.suppress(ExternalShutdownException):
         while preparation.runs and not stop.requested:
             executor.spin_once(timeout_sec=_POLL)
@@ -129,7 +129,7 @@ def _prepare(node: PreparedNode, preparation: Preparation, executor: Any, stop: 
 
 
 def _spin_once(node: Node, executor: Any) -> None:
-    """Serves waiting callbacks; also reports failures outside callbacks, such as decoding."""
+    """Runs waiting callbacks; counts exceptions, such as those of invalid messages."""
     try:
         executor.spin_once(timeout_sec=_POLL)
     except ExternalShutdownException:
@@ -149,7 +149,7 @@ def _exit_code(node: Node) -> int:
 
 
 def initialise(arguments: Sequence[str] | None) -> None:
-    """Starts ROS, restricted to this machine by default; leaves signals to the process.
+    """Starts ROS in this process, restricted to this machine by default.
 
     Raises:
         SloshMessageError: a command line or parameter file that it cannot read.
@@ -169,7 +169,7 @@ def initialise(arguments: Sequence[str] | None) -> None:
 
 
 def make_heard(factory: Callable[[], _Node]) -> _Node:
-    """Makes a process's first node that others can reach; see `shared_memory`."""
+    """Creates a process's first node so that other processes can reach it over shared memory."""
     # What hears is the participant: it lives from the first node of the process to the last.
     first = _participant()
     for _ in range(ATTEMPTS):
@@ -186,7 +186,7 @@ def make_heard(factory: Callable[[], _Node]) -> _Node:
 
 
 class _Hearing:
-    """Checks whether others can still reach this process; see `shared_memory`.
+    """Checks whether other processes can still reach this one; see `shared_memory`.
 
     Attributes:
         lost: whether they do no more.
@@ -198,7 +198,7 @@ class _Hearing:
         self._look_at = time.monotonic() + HEARING_PERIOD
 
     def is_lost(self) -> bool:
-        """Checks occasionally; the connection is lost if two checks in a row fail."""
+        """Whether two successive checks have found that this process cannot be reached."""
         if time.monotonic() >= self._look_at:
             # From now on: who stood still for long does not look three times at once.
             self._look_at = time.monotonic() + HEARING_PERIOD
@@ -208,14 +208,14 @@ class _Hearing:
 
 
 def _participant() -> Node:
-    """Makes a node that does nothing, without services and logging."""
+    """Creates a minimal node without services and logging."""
     return rclpy.create_node(
         f"_start_{os.getpid()}", start_parameter_services=False, enable_rosout=False
     )
 
 
 class _StopFlag:
-    """A flag set from outside; the node ends between two callbacks."""
+    """A flag that a signal sets, so that the node ends between two callbacks."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -225,7 +225,7 @@ class _StopFlag:
                 signal.signal(number, self._set)
 
     def starter_ended(self) -> None:
-        """Handles the end of the parent process."""
+        """Requests a stop because the parent process has ended."""
         self.requested = True
         with contextlib.suppress(OSError):  # it may have been the reader
             print("parent process exited; shutting down", file=sys.stderr)
@@ -235,7 +235,7 @@ class _StopFlag:
 
 
 def make_executor() -> Any:
-    """Makes the executor: events by default, SLOSH_EXECUTOR=single for the classic one.
+    """Creates the executor: event-based, or single-threaded if SLOSH_EXECUTOR=single.
 
     The events executor takes half the processor time of the single-threaded one. Its `spin()`
     delivers nothing in some releases, a loop of `spin_once()` works in all.
@@ -266,7 +266,7 @@ def watch_clock(set_back: Callable[[], None]) -> None:
 
 
 def wake_timers(node: Node) -> None:
-    """Restarts all timers of a node, with a whole period each."""
+    """Restarts all timers of a node with a full period."""
     for timer in list(node.timers):
         with contextlib.suppress(InvalidHandle):  # the node has ended meanwhile
             timer.reset()
@@ -283,5 +283,5 @@ def _watch(set_back: Callable[[], None]) -> None:
 
 
 def _ahead() -> int:
-    """Returns the difference of the system clock and the steady clock [ns]."""
+    """Returns the system clock minus the monotonic clock [ns]."""
     return time.time_ns() - time.monotonic_ns()

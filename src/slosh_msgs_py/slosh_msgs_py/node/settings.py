@@ -1,4 +1,4 @@
-"""The latched `settings` topic: a node's settings, needed to replay a recording."""
+"""Publishes a node's settings, which are needed to replay a recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slosh_msgs_py.stamps import to_time
 
 
 class SettingsPublisher:
-    """Publishes a node's settings.
+    """Publishes a node's settings on a latched topic.
 
     Args:
         node: the node.
@@ -40,7 +40,7 @@ class SettingsPublisher:
         self._publisher = node.create_publisher(NodeSettings, topics.SETTINGS, qos.EVENT)
 
     def publish(self, files: Mapping[str, str], stamp_ns: int = 0) -> None:
-        """Announces a start, or a new start with other settings or from rest.
+        """Publishes all settings when a node starts or starts its computation again.
 
         Args:
             files: text of each file that the node has read, by the parameter that names it.
@@ -50,7 +50,7 @@ class SettingsPublisher:
         self._send(stamp_ns)
 
     def publish_change(self, changed: Sequence[str], stamp_ns: int) -> None:
-        """Announces changed parameters of a running node.
+        """Publishes changed parameters of a running node.
 
         Before the node's start was announced nothing is published: the start tells the values.
 

@@ -33,7 +33,7 @@ _FIRST_PORT = 7400
 
 
 def is_deaf(process: Path = Path("/proc/self"), of_others: Collection[str] | None = None) -> bool:
-    """Whether shared memory is in use but its port is not open or belongs to others.
+    """Whether this process cannot receive messages over its shared-memory port.
 
     Args:
         process: folder with `fd`, a folder with a link to each open file, and `maps`, the memory
@@ -55,7 +55,7 @@ def is_deaf(process: Path = Path("/proc/self"), of_others: Collection[str] | Non
 
 
 def remove_leftovers(folder: Path = Path("/dev/shm"), now: float | None = None) -> int:
-    """Deletes segments of this user's ended processes.
+    """Deletes shared-memory segments of this user's ended processes.
 
     Args:
         folder: where the segments are.
@@ -75,7 +75,7 @@ def remove_leftovers(folder: Path = Path("/dev/shm"), now: float | None = None) 
 
 
 def _remove_free(segment: Path, lock: Path) -> int:
-    """Deletes a segment whose lock is free; returns its size.
+    """Deletes a shared-memory segment whose lock is free; returns its size [bytes].
 
     Raises:
         OSError: somebody holds it, or it is not ours.
@@ -88,7 +88,7 @@ def _remove_free(segment: Path, lock: Path) -> int:
 
 
 def _number(port: Path) -> int:
-    """Returns the inode number of a port; -1: none."""
+    """Returns the inode number of a port's file, or -1 if there is none."""
     try:
         return port.stat().st_ino
     except OSError:

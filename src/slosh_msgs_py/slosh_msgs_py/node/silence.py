@@ -1,4 +1,4 @@
-"""Explains why nothing arrives on a topic, and since when."""
+"""Explains why no messages arrive on a topic, and for how long."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONG: Final = 5.0
 
 
 class SilentTopic:
-    """A topic that a node subscribes to.
+    """Watches a subscribed topic for the absence of messages.
 
     Args:
         node: the node.
@@ -35,15 +35,15 @@ class SilentTopic:
 
     @property
     def seconds(self) -> float:
-        """Time since the last useful message [s]."""
+        """Time since the last valid message [s]."""
         return time.monotonic() - self._since
 
     def heard(self) -> None:
-        """Notes that a useful message has arrived."""
+        """Registers that a valid message has arrived."""
         self._since = time.monotonic()
 
     def facts(self, total: int) -> dict[str, str]:
-        """Returns the fact UNHEARD if messages are published but do not arrive; else nothing.
+        """Returns a diagnostics entry if messages are published but not received; else empty.
 
         Args:
             total: how many messages have come so far, of use or not.
@@ -56,7 +56,7 @@ class SilentTopic:
         return {UNHEARD: f"{self.full_name} {self._type_name}"}
 
     def reason(self) -> str:
-        """Describes why nothing arrives, as far as the middleware knows."""
+        """Describes why no messages arrive, as far as the middleware knows."""
         name = self.full_name
         types = self._types()
         if not types:

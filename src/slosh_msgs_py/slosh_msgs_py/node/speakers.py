@@ -1,4 +1,4 @@
-"""Detects several publishers on a topic from the messages themselves.
+"""Detects several publishers on a topic from their messages' sequence numbers.
 
 Each publisher numbers its messages, and the middleware hands the numbers over, though not whose
 they are. One publisher's numbers rise, by as much more than one as messages were lost in the time
@@ -30,7 +30,7 @@ MOST = 8
 
 
 class SpeakerWatch:
-    """Tracks the sequence numbers of a topic's messages.
+    """Tracks the sequence numbers of a topic's messages to detect several publishers.
 
     Attributes:
         contested: whether several publishers speak, as of the newest message.
@@ -45,7 +45,7 @@ class SpeakerWatch:
         self._joined_ns = -BESIDE_NS
 
     def take(self, number: int | None, arrival_ns: int, matched: int = 1) -> bool:
-        """Adds a message; returns `contested`.
+        """Processes a message; returns whether several publishers are active.
 
         Args:
             number: that its publisher gave it; None: the middleware tells none.
@@ -69,7 +69,7 @@ class SpeakerWatch:
         return self.contested
 
     def _change(self, number: int, arrival_ns: int) -> None:
-        """Handles a message of another publisher than before."""
+        """Handles a message that comes from a different publisher than the previous one."""
         before = self._own
         known = next((one for one in self._others if one.fits(number, arrival_ns)), None)
         if known is not None:
@@ -88,7 +88,7 @@ class SpeakerWatch:
 
 
 class _Stream:
-    """The messages of one publisher.
+    """Sequence number and timing of the messages of one publisher.
 
     Attributes:
         number, at_ns: of its newest message, and when that was received [ns].
@@ -101,13 +101,13 @@ class _Stream:
         self.number, self.at_ns, self.interval_ns = number, at_ns, 0.0
 
     def follow(self, number: int, at_ns: int) -> None:
-        """Adds the publisher's next message."""
+        """Updates sequence number and timing with the publisher's next message."""
         spacing = (at_ns - self.at_ns) / (number - self.number)
         self.interval_ns += (spacing - self.interval_ns) * (0.1 if self.interval_ns else 1.0)
         self.number, self.at_ns = number, at_ns
 
     def fits(self, number: int, at_ns: int) -> bool:
-        """Whether a message may be the next one, with a plausible number of losses."""
+        """Whether a message could be the publisher's next one, allowing for lost messages."""
         missing = number - self.number - 1
         if missing < 0:
             return False
@@ -117,12 +117,12 @@ class _Stream:
         return self.interval_ns > 0.0 and missing <= LOST_SHARE * passed / self.interval_ns
 
     def is_silent(self, now_ns: int) -> bool:
-        """Whether the publisher is overdue."""
+        """Whether the publisher's next message is overdue."""
         return now_ns - self.at_ns > max(PAUSE_NS, PAUSES * self.interval_ns)
 
 
 class WithInfo:
-    """Calls a function with message and info, in every executor.
+    """Callback wrapper that passes on message and message info with every executor.
 
     The executor finds out from the signature what a callback wants. rclpy's events executor then
     hands over both as one pair, the others as two arguments.
@@ -133,6 +133,6 @@ class WithInfo:
         self.__signature__ = inspect.signature(use)
 
     def __call__(self, *given: Any) -> None:
-        """Calls the function."""
+        """Calls the wrapped callback with a message and its info."""
         message, info = given if len(given) == 2 else given[0]
         self._use(message, info)

@@ -1,4 +1,4 @@
-"""What the gripper holds, for the predictor and the planner."""
+"""Follows changes of the container in the gripper, for predictor and planner."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from slosh_msgs_py import qos, topics
 
 
 class ContainerWatch:
-    """Follows what the gripper holds.
+    """Follows changes of the container that the gripper holds.
 
     Args:
         node: the node.
@@ -33,7 +33,7 @@ class ContainerWatch:
         )
 
     def model(self) -> Model:
-        """The model of the container.
+        """Model of the container that the gripper holds.
 
         Raises:
             SloshEstimatorError: the gripper is empty.

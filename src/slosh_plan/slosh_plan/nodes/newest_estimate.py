@@ -1,4 +1,4 @@
-"""The newest estimate, polled on demand."""
+"""Reads the newest estimate only when it is needed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ UNKNOWN = (
 
 
 class NewestEstimate:
-    """Subscribes to estimates without a callback, and takes the newest on demand.
+    """Subscribes to estimates without a callback; the newest one is read when needed.
 
     A thousand messages a second must not wake the process. So the subscription is one of a hidden
     node that no executor has. A callback group that never executes is not enough: the events
@@ -55,7 +55,7 @@ class NewestEstimate:
         return self._reader.create_subscription(kind, name, lambda _: None, qos.NEWEST_IN)
 
     def state(self) -> LiquidState:
-        """Returns the present state of the liquid, from the observer if that is trusted.
+        """Returns the present state of the liquid, from the observer if it is accurate enough.
 
         Raises:
             SloshEstimatorError: nobody tells, or what is told is old or no known state.
@@ -93,7 +93,7 @@ class NewestEstimate:
         return self._last.get(kind)
 
     def _age(self, message: Any) -> float:
-        """Returns the age of a message [s]."""
+        """Returns the age of a message [s] by its stamp."""
         now = self._node.get_clock().now().nanoseconds
         return float(now - to_nanoseconds(message.header.stamp)) / SECOND
 

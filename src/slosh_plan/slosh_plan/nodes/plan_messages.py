@@ -1,4 +1,4 @@
-"""Converts a PlanRequest to plain values, and a plan to a MotionPlan."""
+"""Converts a PlanRequest to plain values, and a plan to a MotionPlan message."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ MOST_WAYPOINTS = 5_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RequestedPath:
-    """The path of a request.
+    """The path that a planning request contains.
 
     Attributes:
         waypoints: of the container; None: the joints' path is given.
@@ -57,11 +57,11 @@ class RequestedPath:
 
     @property
     def attitude(self) -> Array | None:
-        """(4,) constant attitude of the container; None: not rotated, or given by the joints."""
+        """Attitude (4,) of the container, or None if upright or determined by joints."""
         return None if self.waypoints is None else self.waypoints.attitude
 
     def path(self, model: Model, stopped: Callable[[], bool]) -> Path:
-        """Returns the smooth path.
+        """Returns the smooth path through the waypoints.
 
         Raises:
             SloshPlanError: there is none.
@@ -75,12 +75,12 @@ class RequestedPath:
 
 
 def points_of(request: Any) -> tuple[Any, Any]:
-    """Returns the points of a request's two trajectories."""
+    """Returns the points of both trajectories in a request: container and joints."""
     return request.trajectory.points, request.joint_trajectory.points
 
 
 def path_of(request: Any, robot: CarryingRobot | None) -> RequestedPath:
-    """Makes the path of a request.
+    """Reads the path from a planning request.
 
     Args:
         request: of the service or the action.
@@ -105,7 +105,7 @@ def path_of(request: Any, robot: CarryingRobot | None) -> RequestedPath:
 
 
 def waypoints_of(request: Any) -> Waypoints:
-    """Makes the waypoints of a request.
+    """Reads the container's waypoints from a planning request.
 
     Raises:
         SloshEstimatorError, SloshPlanError: there is none, or it cannot be one.
@@ -123,7 +123,7 @@ def waypoints_of(request: Any) -> Waypoints:
 
 
 def _kept(attitude: Array) -> Array:
-    """Returns the common attitude (4,) of attitudes (N, 4).
+    """Returns the attitude (4,) that all attitudes (N, 4) share.
 
     Raises:
         SloshEstimatorError: it changes.
@@ -141,7 +141,7 @@ def _kept(attitude: Array) -> Array:
 
 
 def limits_of(request: Any) -> PlanLimits:
-    """Makes the limits of a request.
+    """Reads the limits from a planning request.
 
     Raises:
         SloshPlanError: a limit that is none.
@@ -162,7 +162,7 @@ def limits_of(request: Any) -> PlanLimits:
 
 
 def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan:
-    """Makes the message of a plan; header and names are those of the request."""
+    """Creates the MotionPlan message of a plan."""
     found, upper = answer.found, answer.upper or (math.nan, math.nan)
     places = np.empty((0, 3)) if asked.waypoints is None else asked.waypoints.position
     run = execution_of(found.motion, places)

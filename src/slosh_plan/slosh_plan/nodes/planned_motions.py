@@ -1,4 +1,4 @@
-"""Predicts the liquid's response to each message of `planned_trajectory`."""
+"""Predicts the liquid's response to each message on the topic `planned_trajectory`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NAME = "the planned motion"
 
 
 class PlannedMotions:
-    """Receives planned trajectories and publishes predictions.
+    """Receives planned trajectories and publishes predictions for them.
 
     Args:
         node: the node.
@@ -75,7 +75,7 @@ class PlannedMotions:
         )  # fmt: skip
 
     def health(self) -> Health | None:
-        """Returns a warning about a motion that is not over; None: none."""
+        """Returns a warning if the motion in progress exceeds a limit, or None."""
         last = self._last
         if last is None or last.state == MotionPrediction.KEPT:
             return None

@@ -1,4 +1,4 @@
-"""The planner node: the fastest motion along a path that keeps the liquid low."""
+"""ROS node that plans the fastest motion along a path within limits of the sloshing height."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ PARAMETERS = (
     ParameterSpec(
         "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
     ),
-    ParameterSpec("urdf", "", "robot's description, for paths of its joints; empty: none"),
-    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
+    ParameterSpec("urdf", "", "URDF file of the robot, for joint paths; empty if not needed"),
+    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
     ParameterSpec(
-        "joint_limits", "", "MoveIt's joint_limits.yaml, besides the URDF's limits; empty: none"
+        "joint_limits", "", "MoveIt's joint_limits.yaml, to override URDF limits; empty if unused"
     ),
 )  # fmt: skip
 REPLY = 0.2
@@ -66,7 +66,7 @@ PERIOD = 0.5
 
 
 class PlannerNode(PreparedNode):
-    """Converts messages, calls the core and answers; one plan at a time.
+    """ROS node of the planner: converts messages, plans and answers, one plan at a time.
 
     Its callbacks take seconds: it needs an executor with THREADS.
 
@@ -89,12 +89,12 @@ class PlannerNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels for one and for many motions."""
+        """Compiles or loads the compiled code for single and for many simulations."""
         for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts answering."""
+        """Starts the service and the action."""
         self._settings.publish({"model": format_model(self._model)})
         self._container = ContainerWatch(self, self._model, self._on_container)
         self._estimate = NewestEstimate(self)
@@ -113,12 +113,12 @@ class PlannerNode(PreparedNode):
         )  # fmt: skip
 
     def _on_container(self) -> None:
-        """Plans for another container from the next request on."""
+        """Applies a change of the container to the next requests."""
         files = {"model": format_model(self._container.held.model)}
         self._settings.publish(files, int(self.get_clock().now().nanoseconds))
 
     def close(self) -> None:
-        """Stops a running plan."""
+        """Stops a running plan and the action."""
         self._closing.set()
         if self._busy.acquire(timeout=CLOSING):
             self._busy.release()
@@ -159,7 +159,7 @@ class PlannerNode(PreparedNode):
     def _answer(
         self, request: Any, answer: Any, longest: float, watch: Watch, most: int | None = None
     ) -> None:
-        """Plans; writes success, message and plan, with at most `most` rows."""
+        """Plans a motion and writes success, message and plan, with at most `most` rows."""
         self._large.add(max(map(len, plan_messages.points_of(request))))
         try:
             if not self._busy.acquire(blocking=False):
@@ -178,7 +178,7 @@ class PlannerNode(PreparedNode):
     def _planned(
         self, request: Any, longest: float, watch: Watch, most: int | None
     ) -> tuple[Any, str]:
-        """Returns the plan's message and a sentence."""
+        """Returns the message of a plan, and a sentence that describes it."""
         path = request.model_path
         if path:
             model = model_at(path, self.get_logger().warning, topics.PLAN)
@@ -221,14 +221,14 @@ class PlannerNode(PreparedNode):
 
 
 class GoalFeedback:
-    """Sends a goal's progress to the client: at each change, and twice a second."""
+    """Sends the progress of a plan to the client, at changes and twice a second."""
 
     def __init__(self, goal: Any) -> None:
         self._goal = goal
         self._told = PlanProgress("", math.inf, -math.inf)
 
     def tell(self, progress: PlanProgress) -> None:
-        """Processes progress reports at any rate."""
+        """Receives the progress of a plan at any rate and sends it as feedback."""
         told = self._told
         same = (progress.phase, progress.duration) == (told.phase, told.duration)
         if same and progress.elapsed - told.elapsed < PERIOD:
@@ -246,7 +246,7 @@ class GoalFeedback:
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the planner node."""
     return run_node(lambda: PlannerNode(later=True), threads=THREADS)
 
 

@@ -1,4 +1,4 @@
-"""Converts trajectories and `predict` requests to plain values, and results to responses.
+"""Converts `predict` requests to plain values, and predictions to responses.
 
 Of several bodies in a trajectory the first is the container.
 """
@@ -26,7 +26,7 @@ Points = PointArrays | Sequence[Any]
 
 
 def trajectory_of(request: Any, arm: Arm | None) -> Trajectory:
-    """Makes the motion of a request.
+    """Reads the container's motion from a prediction request.
 
     Args:
         request: of the service.
@@ -60,7 +60,7 @@ def trajectory_of(request: Any, arm: Arm | None) -> Trajectory:
 
 
 def limits_of(request: Any) -> HeightLimits:
-    """Makes the limits of a request.
+    """Reads the height limits from a prediction request.
 
     Raises:
         SloshPlanError: a limit that is none.
@@ -71,7 +71,7 @@ def limits_of(request: Any) -> HeightLimits:
 
 
 def error_of(request: Any) -> ModelError:
-    """Makes the model's measured error of a request.
+    """Reads the model's measured error from a prediction request.
 
     Raises:
         SloshPlanError: impossible values.
@@ -80,12 +80,12 @@ def error_of(request: Any) -> ModelError:
 
 
 def horizon_of(request: Any) -> float | None:
-    """Returns the horizon of a request [s]; None: the default."""
+    """Returns how long to predict after the motion's end [s], or None for the default."""
     return given(request.horizon, 0.0) or None
 
 
 def fill(response: Any, prediction: Prediction) -> None:
-    """Writes a prediction."""
+    """Writes a prediction into a response."""
     linear, nonlinear = prediction.linear, prediction.nonlinear
     response.peak_linear, response.peak_nonlinear = linear.peak, nonlinear.peak
     response.peak_time, response.azimuth = nonlinear.peak_time, nonlinear.azimuth
@@ -106,7 +106,7 @@ def fill_unknown(response: Any) -> None:
 
 
 def fill_scales(response: Any, scales: SafeScales) -> None:
-    """Writes the safe time scales."""
+    """Writes the safe time scales into a response."""
     response.time_scale = scales.safe_from
     response.safe_from = [low for low, _ in scales.intervals]
     response.safe_to = [high for _, high in scales.intervals]
@@ -114,12 +114,12 @@ def fill_scales(response: Any, scales: SafeScales) -> None:
 
 
 def given(value: float, otherwise: float) -> float:
-    """Returns a number of a request, or a default for NaN or 0."""
+    """Returns a number of a request, or a default if it is NaN or 0."""
     return otherwise if value == 0.0 or math.isnan(value) else value
 
 
 def trajectory_of_points(points: Points, name: str) -> Trajectory:
-    """Makes a motion from trajectory points: by accelerations if all have one, else by poses.
+    """Creates a motion from trajectory points, by accelerations if all have one, else by poses.
 
     Raises:
         SloshEstimatorError, SloshPlanError: it cannot be one, or its fields contradict each other.
@@ -144,7 +144,7 @@ def trajectory_of_points(points: Points, name: str) -> Trajectory:
 def read_points(
     points: Points, most: int = MOST_POINTS, remedy: str = "cut the motion or thin it out"
 ) -> PointArrays:
-    """Reads the points as arrays.
+    """Reads trajectory points as arrays; raises an error if there are too many.
 
     Raises:
         SloshEstimatorError: there are more than `most`.
@@ -155,7 +155,7 @@ def read_points(
 
 
 def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
-    """Returns positions (N, 3) [m], attitudes (N, 4); None if points lack a transform.
+    """Returns positions (N, 3) [m] and attitudes (N, 4), or None if they are not given.
 
     The attitude is None, too, where the container stands unturned throughout. A rotation of zeros
     is upright.
@@ -169,13 +169,13 @@ def poses_of(points: PointArrays) -> tuple[Array | None, Array | None]:
 
 
 def _linear_of(points: PointArrays, field: str) -> Array | None:
-    """Returns the linear part (N, 3) of the points' twist; None: not all have one."""
+    """Returns the linear part (N, 3) of the points' twists, or None if one lacks it."""
     twists = points.values[field]
     return None if twists is None else twists[:, :3]
 
 
 def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
-    """Returns the container's motion of a JointTrajectory.
+    """Computes the container's motion from a JointTrajectory message.
 
     Velocities and accelerations count where all points have them.
 
@@ -189,7 +189,7 @@ def trajectory_of_joints(message: Any, arm: Arm, name: str) -> Trajectory:
 
 
 def joint_columns(message: Any, name: str) -> tuple[tuple[str, ...], Array, list[Array]]:
-    """Returns joints, times (N,) [s] and positions of a JointTrajectory, with derivatives.
+    """Returns joint names, times (N,) [s] and joint values from a JointTrajectory message.
 
     Raises:
         SloshEstimatorError: points whose number of values is not that of the joints.

@@ -1,4 +1,4 @@
-"""The predictor node: predicts how high the liquid rises before the robot moves."""
+"""ROS node that predicts how high the liquid will rise before the robot moves."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ PARAMETERS = (
     ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
     ParameterSpec("scales", COUNT, "number of time scales tested per request", (10, 10_000)),
     ParameterSpec(
-        "limit", 0.02, "limit of the height on planned motions [m]; 0: none", (0.0, 10.0),
+        "limit", 0.02, "height limit during planned motions [m]; 0 for no limit", (0.0, 10.0),
         read_only=False,
     ),
     ParameterSpec(
-        "residual_limit", 0.0, "limit of the height after their end [m]; 0: none", (0.0, 10.0),
+        "residual_limit", 0.0, "height limit after their end [m]; 0 for no limit", (0.0, 10.0),
         read_only=False,
     ),
     ParameterSpec(
@@ -51,15 +51,15 @@ PARAMETERS = (
         "least distance of the liquid to the rim [m]; 0: the rim itself", (0.0, 1.0),
         read_only=False,
     ),
-    ParameterSpec("urdf", "", "robot's description, for motions of its joints; empty: none"),
-    ParameterSpec("tool_frame", "", "link of the robot that is the container"),
-    ParameterSpec("container_frame", "container", "the container's frame, on all output"),
+    ParameterSpec("urdf", "", "URDF file of the robot, for joint motions; empty if not needed"),
+    ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
+    ParameterSpec("container_frame", "container", "container's frame in all published messages"),
 )  # fmt: skip
 LIMITS = ("limit", "residual_limit")
 
 
 class PredictorNode(PreparedNode):
-    """Converts messages, calls the core and answers; predicts planned motions unasked.
+    """ROS node of the predictor: converts messages, predicts and answers.
 
     Args:
         later: it gets ready by `run_node`.
@@ -80,12 +80,12 @@ class PredictorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels for one and for many motions."""
+        """Compiles or loads the compiled code for single and for many simulations."""
         for module in ("slosh_model.kernel", "slosh_model.batch_kernel"):
             load_telling(progress, module)
 
     def begin(self) -> None:
-        """Starts answering."""
+        """Starts the service and the predictions of planned motions."""
         self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
         self._container = ContainerWatch(self, self._model, self._on_container)
@@ -135,7 +135,7 @@ class PredictorNode(PreparedNode):
         return response
 
     def _answer(self, request: PredictSlosh.Request, response: PredictSlosh.Response) -> str:
-        """Fills the response; returns a sentence."""
+        """Writes the prediction into the response; returns a sentence that describes it."""
         model = self._model_of(request.model_path)
         motion = predict_messages.trajectory_of(request, self._arm)
         limits = predict_messages.limits_of(request)
@@ -179,7 +179,7 @@ class PredictorNode(PreparedNode):
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the predictor node."""
     return run_node(lambda: PredictorNode(later=True))
 
 

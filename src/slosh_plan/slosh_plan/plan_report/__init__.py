@@ -1,1 +1,1 @@
-"""Results of a plan: the page and the document `plan.json`."""
+"""Results of a plan as HTML page and as document `plan.json`."""

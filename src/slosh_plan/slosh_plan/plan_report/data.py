@@ -1,4 +1,4 @@
-"""Contents of a plan's page and JSON document."""
+"""Content of a plan's page and JSON document."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownMotion:
-    """A drawn motion along the path.
+    """A motion along the path that the page shows.
 
     Attributes:
         title: for people.
@@ -34,24 +34,24 @@ class ShownMotion:
 
     @property
     def times(self) -> Array:
-        """(M,) times of the heights, which continue after the motion's end [s]."""
+        """Times (M,) [s] of the heights, which continue after the motion's end."""
         return STEP * np.arange(len(self.found.msh), dtype=np.float64)
 
     @property
     def acceleration(self) -> Array:
-        """(N,) magnitude of the acceleration [m/s²]."""
+        """Magnitude (N,) of the acceleration [m/s²]."""
         return np.asarray(np.linalg.norm(self.found.motion.acceleration, axis=1))
 
     @property
     def jerk(self) -> Array:
-        """(N - 1,) magnitude of the jerk from finite differences [m/s³]."""
+        """Magnitude (N - 1,) of the jerk [m/s³], by finite differences."""
         steps = np.diff(self.found.motion.acceleration, axis=0)
         return np.asarray(np.linalg.norm(steps, axis=1) / STEP)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanReport:
-    """A plan with the motions for comparison.
+    """A plan with other motions for comparison.
 
     Attributes:
         plan: the plan.
@@ -77,7 +77,7 @@ class PlanReport:
 
     @property
     def upper(self) -> tuple[float, float] | None:
-        """Upper ends of the band: of the peak, and of the height after the end [m]."""
+        """Upper ends of the 95 % band [m], for the peak and the height after the end, or None."""
         if self.band is None:
             return None
         end = len(self.planned.found.motion.t) - 1
@@ -85,7 +85,7 @@ class PlanReport:
 
     @property
     def motions(self) -> tuple[ShownMotion, ...]:
-        """The motions for comparison, then the planned one, without duplicates."""
+        """The motions for comparison and then the planned one, without duplicates."""
         before = () if self.proposal is None else (self.proposal,)
         if self.scaled.found is self.planned.found:
             return (*before, self.planned)
@@ -93,7 +93,7 @@ class PlanReport:
 
 
 def plan_json(report: PlanReport) -> str:
-    """Formats `plan.json`: strict JSON, reproducible."""
+    """Returns the text of `plan.json`: strict JSON, identical for identical plans."""
     return json.dumps(plan_document(report), indent=2, allow_nan=False) + "\n"
 
 

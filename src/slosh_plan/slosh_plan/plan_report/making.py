@@ -1,4 +1,4 @@
-"""Makes the contents of a plan's page: motion by the waypoints' times, heights' band."""
+"""Creates the content of a plan's page, with motions and heights for comparison."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLANNED, PROPOSAL = "planned", "the waypoints’ own times"
 
 
 def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = "") -> PlanReport:
-    """Makes the contents of a plan's page.
+    """Creates the content of a plan's page.
 
     Args:
         model: with which it was planned.
@@ -52,7 +52,7 @@ def make_report(model: Model, plan: Plan, waypoints: Waypoints, subtitle: str = 
 
 
 def proposed_motion(waypoints: Waypoints) -> PlannedMotion:
-    """Returns the rest-to-rest motion with the waypoints' own times, at 1 kHz.
+    """Returns the rest-to-rest motion with the times of the waypoints, at 1 kHz.
 
     Raises:
         SloshPlanError: they make none: too few, gaps, accelerations of another unit.
@@ -70,7 +70,7 @@ def proposed_motion(waypoints: Waypoints) -> PlannedMotion:
 
 
 def height_band(model: Model, found: CheckedMotion, attitude: Array | None) -> Array | None:
-    """Returns lower and upper heights of a motion by the covariance of the parameters.
+    """Returns lower and upper heights of a motion from the parameters' covariance, or None.
 
     Along each principal axis of the covariance the model is simulated two standard errors to
     either side, and what the heights rise and fall by adds up as squares. It is not linearised: a

@@ -1,4 +1,4 @@
-"""Draws the charts and fills the page's template."""
+"""Draws the charts and fills the HTML template of a plan's page."""
 
 from __future__ import annotations
 
@@ -75,13 +75,13 @@ class ChartSeries:
 
 
 def drawn(report: PlanReport) -> list[ShownMotion]:
-    """Returns the motions in the charts over time."""
+    """Returns the motions that the charts over time show."""
     longest = LONGER * report.scaled.found.motion.duration
     return [one for one in report.motions if one.found.motion.duration <= longest]
 
 
 def ends(report: PlanReport) -> tuple[float, float]:
-    """Returns the ends of the common time axis [s]."""
+    """Returns the start and end [s] of the time axis that all charts share."""
     longest = max(one.found.motion.duration for one in drawn(report))
     after = min(
         AFTER_SHARE * longest, report.planned.times[-1] - report.planned.found.motion.t[-1]
@@ -90,19 +90,19 @@ def ends(report: PlanReport) -> tuple[float, float]:
 
 
 def speed_series(report: PlanReport) -> ChartSeries:
-    """Returns the speed along the path."""
+    """Returns the chart data of the speed along the path."""
     lines = [(one.found.motion.t, one.found.motion.speed) for one in drawn(report)]
     return ChartSeries("speed [m/s]", 1.0, lines, None)
 
 
 def acceleration_series(report: PlanReport) -> ChartSeries:
-    """Returns ‖a‖ and its limit."""
+    """Returns the chart data of the acceleration ‖a‖ and its limit."""
     lines = [(one.found.motion.t, one.acceleration) for one in drawn(report)]
     return ChartSeries("‖a‖ [m/s²]", 1.0, lines, report.plan.limits.acceleration)
 
 
 def jerk_series(report: PlanReport) -> ChartSeries:
-    """Returns ‖da/dt‖ and its limit."""
+    """Returns the chart data of the jerk ‖da/dt‖ and its limit."""
     lines = [(one.found.motion.t[1:], one.jerk) for one in drawn(report)]
     return ChartSeries("‖jerk‖ [m/s³]", 1.0, lines, report.plan.limits.jerk)
 
@@ -111,7 +111,7 @@ SERIES = {"speed": speed_series, "acceleration": acceleration_series, "jerk": je
 
 
 def heights_series(report: PlanReport) -> ChartSeries:
-    """Returns the wall height and its limit."""
+    """Returns the chart data of the wall height and its limit."""
     lines = [(one.times, one.found.msh) for one in drawn(report)]
     return ChartSeries("height [mm]", 1e3, lines, report.plan.limits.height)
 
@@ -135,7 +135,7 @@ def series_chart(report: PlanReport, series: ChartSeries, size: Size, name: str)
 
 
 def heights_chart(report: PlanReport, size: Size, name: str) -> str:
-    """Draws heights with the planned motion's band and both limits as SVG."""
+    """Draws heights over time as SVG, with the planned motion's 95 % band and both limits."""
     series, planned = heights_series(report), report.planned
 
     def draw(axes: Any) -> None:
@@ -159,7 +159,7 @@ def heights_chart(report: PlanReport, size: Size, name: str) -> str:
 
 
 def line_style(report: PlanReport, motion: ShownMotion) -> tuple[str, float, Any]:
-    """Returns colour, width and dashes of a motion's lines."""
+    """Returns colour, width and dash style of a motion's lines."""
     if motion is report.planned:
         return NONLINEAR, 1.8, "-"
     if motion is report.proposal:
@@ -168,7 +168,7 @@ def line_style(report: PlanReport, motion: ShownMotion) -> tuple[str, float, Any
 
 
 def views(report: PlanReport) -> dict[str, tuple[int, int]]:
-    """Returns the views of the path: name and shown axes."""
+    """Returns the views of the path: name, and the two axes that are shown."""
     spans = np.ptp(report.planned.found.motion.position, axis=0)
     along = 0 if spans[0] >= spans[1] else 1
     if spans[2] < FLAT:
@@ -185,7 +185,7 @@ def tick_spacing(duration: float) -> float:
 
 
 def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name: str) -> str:
-    """Draws the path with waypoints and dots at equal times as SVG."""
+    """Draws the path as SVG, with waypoints and dots at equal time steps."""
     motion = report.planned.found.motion
     first, second = axes_shown
     place = 1e3 * motion.position
@@ -211,7 +211,7 @@ def path_chart(report: PlanReport, axes_shown: tuple[int, int], size: Size, name
 
 
 def _top(series: ChartSeries) -> float:
-    """Returns the axis's upper end: the planned motion fits, others are limited."""
+    """Returns the upper end of the vertical axis, by the limit and the planned motion."""
     planned = float(np.max(series.lines[-1][1]))
     if series.limit is not None:
         return HEADROOM * max(series.limit, planned)
@@ -219,7 +219,7 @@ def _top(series: ChartSeries) -> float:
 
 
 def render_plan(report: PlanReport) -> str:
-    """Renders the page as HTML; reproducible; every text in it is escaped."""
+    """Renders the page of a plan as HTML; every text in it is escaped."""
     document = plan_document(report)
     planned = len(document["motions"]) - 1
     return _template().render(
@@ -239,7 +239,7 @@ def render_plan(report: PlanReport) -> str:
 
 
 def headline(document: Document) -> str:
-    """Formats the plan in one sentence."""
+    """Summarises the plan in one sentence."""
     motion, limits = document["motions"][-1], document["limits"]
     return (
         f"{shown(motion['duration'], 's')} s along {shown(document['path']['length'], 'm')} m, "
@@ -248,7 +248,7 @@ def headline(document: Document) -> str:
 
 
 def interval_excess(document: Document) -> float:
-    """Returns by how much the interval's upper end exceeds a limit [m]; 0: not at all."""
+    """Returns by how much the interval's upper end exceeds a limit [m], or 0."""
     if document["upper"] is None:
         return 0.0
     limits = document["limits"]
@@ -269,7 +269,7 @@ def seen(document: Document) -> str:
 
 
 def _charts(report: PlanReport) -> dict[str, str]:
-    """Returns the charts as SVG by name."""
+    """Returns the charts of the page as SVG, by name."""
     charts = {}
     for width, size, low in (("wide", WIDE, LOW), ("narrow", NARROW, LOW_NARROW)):
         charts[f"height-{width}"] = heights_chart(report, size, f"height-{width}")
@@ -282,7 +282,7 @@ def _charts(report: PlanReport) -> dict[str, str]:
 
 
 def _key(report: PlanReport, number: int) -> str:
-    """Returns the style class of a motion's legend entry."""
+    """Returns the CSS class of a motion's legend entry."""
     motion = report.motions[number]
     if motion is report.planned:
         return "nonlinear"

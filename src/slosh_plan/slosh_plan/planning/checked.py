@@ -1,15 +1,19 @@
-"""Checks motions by simulation at the motion's sample rate."""
+"""Checks planned motions by simulation at their sample rate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from slosh_base.types import Array
 from slosh_model import Inputs, Model, wall_heights
+from slosh_model.standing import Standing
+from slosh_model.standing_use import standing_use
+from slosh_model.tray import TrayContainer
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.time_law import PlannedMotion
@@ -20,22 +24,41 @@ PERIODS = 8.0
 TOLERANCE = 1e-9
 
 
+class LooseContainer(NamedTuple):
+    """A container that stands on a tray.
+
+    Attributes:
+        standing: how it stands.
+        place: of the centre of its still surface in the tray's frame [m].
+    """
+
+    standing: Standing
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def of(cls, one: TrayContainer) -> LooseContainer | None:
+        """Returns how a container of a tray stands; None: it is held."""
+        return None if one.standing is None else cls(one.standing, one.place)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CheckedMotion:
-    """A motion with its simulated extremes.
+    """A motion with the maximum heights that its simulation gives.
 
     Attributes:
         motion: the motion.
         msh: (M,) maximum height over the wall at the motion's rate, over motion and horizon [m].
         peak: largest height, in the motion or after it [m].
         residual: largest height after the motion's end [m].
-        upper, residual_upper: upper ends of their intervals (95 %) [m]; the heights themselves
-            where the model's error is not asked for.
+        upper, residual_upper: upper ends of their intervals (95 %) [m], or the greatest heights
+            of all scenarios; the heights themselves where neither is asked for.
         acceleration: largest ‖a‖ [m/s²].
         jerk: largest change of the acceleration from row to row, by time [m/s³].
         tilt, tilt_rate, tilt_acceleration: the largest [rad, rad/s, rad/s²]; 0: there is none.
         joints: shares of the joints' limits that are used, by their names in JOINT_LIMITS; empty:
             the joints are not known.
+        standing: shares of friction and base that a container uses that stands loosely, by their
+            names in STANDING_LIMITS; empty: it is held.
     """
 
     motion: PlannedMotion
@@ -50,12 +73,14 @@ class CheckedMotion:
     tilt_rate: float
     tilt_acceleration: float
     joints: Mapping[str, float] = field(default_factory=dict)
+    standing: Mapping[str, float] = field(default_factory=dict)
 
     def excess(self, limits: PlanLimits) -> dict[str, float]:
-        """Returns the relative excess of each limit; at most 0: the limit is kept."""
+        """Returns the relative excess over each limit; a value up to 0 means it is kept."""
         plain = ("acceleration", "jerk", "tilt_rate", "tilt_acceleration")
         shares = {name: getattr(self, name) / getattr(limits, name) - 1.0 for name in plain}
-        shares |= {name: used / getattr(limits, name) - 1.0 for name, used in self.joints.items()}
+        used = {**self.joints, **self.standing}
+        shares |= {name: share / getattr(limits, name) - 1.0 for name, share in used.items()}
         return shares | {
             "height": self.upper / limits.height - 1.0,
             "residual": self.residual_upper / limits.residual - 1.0,
@@ -63,18 +88,18 @@ class CheckedMotion:
         }
 
     def keeps(self, limits: PlanLimits, tolerance: float = TOLERANCE) -> bool:
-        """Whether the motion keeps every limit within a relative tolerance."""
+        """Returns whether the motion keeps every limit within a relative tolerance."""
         return max(self.excess(limits).values()) <= tolerance
 
 
 def horizon(model: Model) -> float:
-    """Returns the simulated time after a motion [s]."""
+    """Returns how long to simulate after a motion's end [s]."""
     return PERIODS * first_period(model)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Checker:
-    """Simulates motions from rest.
+    """Simulates motions that start from rest.
 
     Attributes:
         model: the model.
@@ -82,15 +107,29 @@ class Checker:
         error: the model's measured error: with it, and the covariance of the model's parameters
             where there is one, heights have intervals, whose upper ends count; None: the heights
             themselves do.
+        scenarios: models with other parameters, whose heights count as the model's own do.
+        loose: how the container stands where it is not held; None: it is held.
     """
 
     model: Model
     attitude: Array | None = None
     error: ModelError | None = None
+    scenarios: tuple[Model, ...] = ()
+    loose: LooseContainer | None = None
+
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """The model, and its variants with other likely parameters."""
+        return (self.model, *self.scenarios)
 
     def __call__(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Returns the simulated extremes of motions."""
+        """Returns the simulated maximum heights of motions."""
         found = checked(self.model, motions, self.attitude)
+        if self.loose is not None:
+            found = [replace(one, standing=self._use(one.motion)) for one in found]
+        for scenario in self.scenarios:
+            others = checked(scenario, motions, self.attitude)
+            found = [_higher(*pair) for pair in zip(found, others, strict=True)]
         if self.error is None:
             return found
         spread = np.zeros((len(motions), 2))
@@ -100,19 +139,36 @@ class Checker:
         return [
             replace(
                 one,
-                upper=one.peak + self.error.half_width(peak, one.peak),
-                residual_upper=one.residual + self.error.half_width(after, one.residual),
+                upper=one.upper + self.error.half_width(peak, one.upper),
+                residual_upper=one.residual_upper
+                + self.error.half_width(after, one.residual_upper),
             )
             for one, (peak, after) in zip(found, np.sqrt(spread).tolist(), strict=True)
         ]
 
+    def _use(self, motion: PlannedMotion) -> dict[str, float]:
+        """Returns the shares of friction and base that a motion uses."""
+        assert self.loose is not None
+        inputs = _with_rest(motion, horizon(self.model), self.attitude)
+        standing, place = self.loose
+        return standing_use(self.model, standing, inputs, np.array(place))._asdict()
+
     def glance(self, motions: Sequence[PlannedMotion]) -> list[CheckedMotion]:
-        """Simulates motions without the covariance, for a lower bound."""
+        """Simulates motions without parameter uncertainty, as a lower bound."""
         return replace(self, model=replace(self.model, covariance=None))(motions)
 
 
+def _higher(one: CheckedMotion, other: CheckedMotion) -> CheckedMotion:
+    """Returns a motion with upper heights raised to those of another model, where higher."""
+    return replace(
+        one,
+        upper=max(one.upper, other.peak),
+        residual_upper=max(one.residual_upper, other.residual),
+    )
+
+
 def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
-    """Returns variances from one standard error to either side."""
+    """Returns variances of peak and residual from models one standard error to either side."""
     if not math.isfinite(one.peak + other.peak):
         return math.inf, math.inf
     return (0.25 * (one.peak - other.peak) ** 2, 0.25 * (one.residual - other.residual) ** 2)
@@ -121,25 +177,51 @@ def _squared(one: CheckedMotion, other: CheckedMotion) -> tuple[float, float]:
 def checked(
     model: Model, motions: Sequence[PlannedMotion], attitude: Array | None
 ) -> list[CheckedMotion]:
-    """Simulates motions from rest.
+    """Simulates motions that start from rest.
 
     Args:
         model: the model.
         motions: any number.
         attitude: (4,) quaternion that the container keeps; None: upright.
     """
-    inputs = []
-    for motion in motions:
-        rest = np.zeros((int(np.ceil(horizon(model) / motion.step)), 3))
-        acceleration = np.concatenate([motion.acceleration, rest])
-        t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
-        inputs.append(Inputs(t, acceleration, attitudes(motion, attitude, len(t))))
+    inputs = [_with_rest(motion, horizon(model), attitude) for motion in motions]
     heights = wall_heights(model, inputs)
-    return [_checked(model, one, both) for one, both in zip(motions, heights, strict=True)]
+    return [
+        _checked(motion, _finite(msh_of(model.container, both)))
+        for motion, both in zip(motions, heights, strict=True)
+    ]
+
+
+def heights_after(
+    models: Sequence[Model], motion: PlannedMotion, attitude: Array | None
+) -> Iterator[Array]:
+    """Simulates a motion with many models; yields each model's maximum wall heights [m].
+
+    Args:
+        models: that differ in their parameters; the first one's horizon is that of all.
+        motion: the motion.
+        attitude: (4,) quaternion that the container keeps; None: upright.
+    """
+    inputs = _with_rest(motion, horizon(models[0]), attitude)
+    for model, heights in zip(models, wall_heights(models, inputs), strict=True):
+        yield _finite(msh_of(model.container, heights))
+
+
+def _with_rest(motion: PlannedMotion, seconds: float, attitude: Array | None) -> Inputs:
+    """Returns a motion and the rest after it as input of a model."""
+    rest = np.zeros((int(np.ceil(seconds / motion.step)), 3))
+    acceleration = np.concatenate([motion.acceleration, rest])
+    t: Array = motion.step * np.arange(len(acceleration), dtype=np.float64)
+    return Inputs(t, acceleration, attitudes(motion, attitude, len(t)))
+
+
+def _finite(msh: Array) -> Array:
+    """Returns heights [m] with infinity in place of values that are not finite."""
+    return np.where(np.isfinite(msh), msh, np.inf)
 
 
 def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array | None:
-    """Returns quaternions (rows, 4) over a motion and the rest after it; None: upright.
+    """Returns quaternions (rows, 4) over a motion and the rest after it, or None if upright.
 
     Args:
         motion: the motion.
@@ -152,9 +234,7 @@ def attitudes(motion: PlannedMotion, attitude: Array | None, rows: int) -> Array
     return None if attitude is None else np.tile(attitude, (rows, 1))
 
 
-def _checked(model: Model, motion: PlannedMotion, heights: Array) -> CheckedMotion:
-    msh = msh_of(model.container, heights)
-    msh = np.where(np.isfinite(msh), msh, np.inf)
+def _checked(motion: PlannedMotion, msh: Array) -> CheckedMotion:
     steps = np.linalg.norm(np.diff(motion.acceleration, axis=0), axis=1)
     peak, residual = float(msh.max()), float(msh[len(motion.t) - 1 :].max())
     return CheckedMotion(

@@ -1,9 +1,10 @@
-"""The collocation problem of a search: intervals combined, with sparse derivatives."""
+"""Collocation problem of a path: all intervals combined, with sparse derivatives."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from slosh_plan.planning.interval import (
     StateLayout,
     curve_of,
 )
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import Leg, Path
 
 Indices = NDArray[np.int64]
@@ -28,13 +30,13 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegUnknowns:
-    """Indices of a leg's unknowns among all.
+    """Indices of the unknowns of one leg of the path.
 
     Attributes:
         duration: of the leg.
         states: (n + 1, K).
         controls: (n, D).
-        middles: (n, 4).
+        middles: (n, 4 for each liquid).
     """
 
     duration: int
@@ -44,8 +46,8 @@ class LegUnknowns:
 
     @classmethod
     def after(cls, begin: int, count: int, layout: StateLayout) -> LegUnknowns:
-        """Makes the indices for `count` intervals, from the `begin`-th unknown on."""
-        shapes = ((count + 1, layout.size), (count, layout.driven), (count, LIQUID))
+        """Creates the indices of `count` intervals, starting at the index `begin`."""
+        shapes = ((count + 1, layout.size), (count, layout.driven), (count, layout.waves))
         arrays, at = [], begin + 1
         for shape in shapes:
             arrays.append(np.arange(at, at + shape[0] * shape[1]).reshape(shape))
@@ -59,7 +61,7 @@ class LegUnknowns:
 
     @property
     def of_intervals(self) -> Indices:
-        """(n, size) unknowns of each interval, in its own order."""
+        """Indices (n, size) of each interval's unknowns, in the interval's own order."""
         count = len(self.controls)
         durations = np.full((count, 1), self.duration)
         return np.hstack(
@@ -69,7 +71,7 @@ class LegUnknowns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Some constraints: values, and the non-zero entries of their derivatives."""
+    """A group of constraints: values, and the non-zero entries of their derivatives."""
 
     values: Expression
     lower: Array
@@ -83,22 +85,30 @@ class _Part:
 
 
 class CollocationProblem:
-    """Unknowns, constraints and derivatives of a search.
+    """Unknowns, constraints and derivatives of the optimal control problem.
 
     Args:
-        flow: the liquid.
+        flows: the liquids.
         path: the path.
         yaw: of the container [rad].
         counts: intervals of each leg.
         layout: of the states.
+        loose: how the container stands on its tray; None: it is held.
 
     Attributes:
-        legs: where each leg's unknowns stand; behind them all stands the residual's `share`.
+        legs: where each leg's unknowns stand; behind them all stands a residual's
+            `share` for each liquid.
         lower, upper: bounds of the demands.
     """
 
     def __init__(
-        self, flow: Flow, path: Path, yaw: float, counts: Sequence[int], layout: StateLayout
+        self,
+        flows: tuple[Flow, ...],
+        path: Path,
+        yaw: float,
+        counts: Sequence[int],
+        layout: StateLayout,
+        loose: LooseTerms | None = None,
     ) -> None:
         ca = casadi()
 
@@ -106,15 +116,16 @@ class CollocationProblem:
         for count in counts:
             begin = self.legs[-1].end if self.legs else 0
             self.legs.append(LegUnknowns.after(begin, count, layout))
-        size = self.legs[-1].end + 1
+        size = self.legs[-1].end + len(flows)
         self._x = ca.MX.sym("x", size)
         self._limits = ca.MX.sym("limits", len(LIMITS))
         self._weights: list[Expression] = []
         parts = [
-            self._intervals(Interval(flow, yaw, layout, count, leg.demands), leg, place)
+            self._intervals(Interval(flows, yaw, layout, count, leg.demands, loose), leg, place)
             for count, leg, place in zip(counts, path.legs, self.legs, strict=True)
         ]
-        parts += [self._residual(flow, layout), self._joins(flow, path, layout)]
+        parts += [self._residual(flow, n, layout) for n, flow in enumerate(flows)]
+        parts.append(self._joins(flows, path, layout))
         self.lower = np.concatenate([part.lower for part in parts])
         self.upper = np.concatenate([part.upper for part in parts])
         self._values = ca.vertcat(*(part.values for part in parts))
@@ -122,7 +133,7 @@ class CollocationProblem:
         self._hessian = self._assembled_hessian(parts, size)
 
     def solver(self, options: dict[str, Any]) -> Any:
-        """Makes IPOPT's solver of the problem."""
+        """Creates IPOPT's solver for the problem."""
         ca = casadi()
 
         x, limits, weights = self._x, self._limits, ca.vertcat(*self._weights)
@@ -138,7 +149,7 @@ class CollocationProblem:
         return ca.nlpsol("plan", "ipopt", problem, derivatives | options)
 
     def sizes(self) -> dict[str, int]:
-        """Numbers of unknowns, constraints and parameters by their names in CasADi."""
+        """Numbers of unknowns, constraints and parameters by their CasADi names."""
         return {"x": self._x.numel(), "g": len(self.lower), "p": len(LIMITS)}
 
     def _intervals(self, interval: Interval, leg: Leg, place: LegUnknowns) -> _Part:
@@ -171,13 +182,15 @@ class CollocationProblem:
             of_intervals[:, second].ravel(),
         )
 
-    def _residual(self, flow: Flow, layout: StateLayout) -> _Part:
-        """Returns the constraint on the residual wave at the end."""
+    def _residual(self, flow: Flow, number: int, layout: StateLayout) -> _Part:
+        """Returns the constraint on the residual wave of one of the liquids at the end."""
         ca = casadi()
 
-        where = [*self.legs[-1].states[-1, layout.liquid].tolist(), self._x.numel() - 1]
+        own = slice(LIQUID * number, LIQUID * (number + 1))
+        where = self.legs[-1].states[-1, layout.liquid][own].tolist()
+        where.append(self.legs[-1].end + number)
         unknowns, limit = ca.SX.sym("unknowns", LIQUID + 1), ca.SX.sym("limit")
-        liquid = unknowns[:LIQUID] * layout.scale[layout.liquid]
+        liquid = unknowns[:LIQUID] * layout.scale[layout.liquid][own]
         found = ca.vertcat(*flow.residual(liquid, limit, unknowns[LIQUID]))
         weights = ca.SX.sym("weights", found.numel())
         slopes = ca.Function("slopes", [unknowns, limit], [ca.jacobian(found, unknowns)])
@@ -201,8 +214,8 @@ class CollocationProblem:
             place[second],
         )
 
-    def _joins(self, flow: Flow, path: Path, layout: StateLayout) -> _Part:
-        """Returns constraints between legs: rest at corners; continuous tilt and liquid."""
+    def _joins(self, flows: tuple[Flow, ...], path: Path, layout: StateLayout) -> _Part:
+        """Returns constraints between legs: rest at corners, continuous tilt and liquid."""
         ca = casadi()
 
         rows: list[tuple[dict[int, float], float]] = []
@@ -217,8 +230,10 @@ class CollocationProblem:
                 rows += [({at: 1.0}, 0.0) for at in last[CHAIN : CHAIN * layout.driven]]
             if n == 0:
                 rows += [({at: 1.0}, 0.0) for at in first[2:]]
-                for axis, lean in enumerate(leg.lean()):
-                    at = first[layout.liquid][axis]
+                for (number, flow), (axis, lean) in product(
+                    enumerate(flows), enumerate(leg.lean())
+                ):
+                    at = first[layout.liquid][LIQUID * number + axis]
                     rows.remove(({at: 1.0}, 0.0))
                     rest = -lean / flow.frequency[axis] ** 2
                     rows.append(({at: 1.0}, rest / float(layout.scale[layout.liquid][axis])))

@@ -1,4 +1,4 @@
-"""A planned motion in a controller's form, with the times at its waypoints."""
+"""Converts a planned motion for a controller, with the times at its waypoints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _AHEAD = 1024
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
-    """The motion for a controller.
+    """A planned motion for a controller, with the rows at the waypoints.
 
     Attributes:
         t: (N,) time from 0, strictly increasing [s].
@@ -35,7 +35,7 @@ class Execution:
 
 
 def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
-    """Adds rows to a motion at the times when it passes waypoints.
+    """Adds rows to a motion at the times at which it passes the waypoints.
 
     Args:
         motion: along a path through the waypoints.
@@ -59,7 +59,7 @@ def execution_of(motion: PlannedMotion, waypoints: Array) -> Execution:
 
 
 def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
-    """Returns when a motion passes each waypoint (M, 3), in order [s]."""
+    """Returns the times [s] at which a motion passes each waypoint (M, 3), in order."""
     starts, steps = motion.position[:-1], np.diff(motion.position, axis=0)
     squares = np.maximum((steps**2).sum(axis=1), 1e-30)
     times, row, share = np.empty(len(waypoints)), 0, 0.0
@@ -81,7 +81,7 @@ def passing_times(motion: PlannedMotion, waypoints: Array) -> Array:
 
 
 def _first_nearest(away: Array) -> int:
-    """Returns the nearest row of the first near ones, or of all if none is near."""
+    """Returns the row of the first close approach to a waypoint, or else the nearest row."""
     near = away <= TUNING.near
     if not near.any():
         return int(np.argmin(away))
@@ -92,7 +92,7 @@ def _first_nearest(away: Array) -> int:
 
 
 def _between(motion: PlannedMotion, velocity: Array, moment: float) -> tuple[Array, Array, Array]:
-    """Interpolates position, velocity, acceleration at a time; the jerk is constant."""
+    """Interpolates position, velocity and acceleration at a time, for a constant jerk."""
     row = int(np.searchsorted(motion.t, moment)) - 1
     since, step = moment - motion.t[row], motion.t[row + 1] - motion.t[row]
     jerk = (motion.acceleration[row + 1] - motion.acceleration[row]) / step

@@ -1,4 +1,4 @@
-"""The first mode's equations as CasADi expressions, for planning.
+"""The equations of the first sloshing mode as CasADi expressions.
 
 The same equations as in the model's effects `vertical_acceleration`, `surface_nonlinearity` (DL22,
 eqs. (11), (14)) and `pendulum_nonlinearity` (TM20, eq. (6)); the search uses no others. What it
@@ -21,13 +21,13 @@ Expression = Any
 
 
 def casadi() -> Any:
-    """Imports CasADi on first use."""
+    """Imports CasADi when it is first used."""
     return importlib.import_module("casadi")
 
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """The parameters of a model's first mode.
+    """Parameters of a model's first sloshing mode, with its equations.
 
     Attributes:
         frequency: ω along the container's x and y [rad/s].
@@ -52,7 +52,7 @@ class Flow:
     vertical: bool
 
     def acceleration(self, q: Expression, a: Expression) -> list[Expression]:
-        """Returns q̈ [m/s²] of q = (x, y, ẋ, ẏ) for the container's acceleration in its axes."""
+        """Returns q̈ [m/s²] of q = (x, y, ẋ, ẏ) for an acceleration in container axes."""
         lift = 1.0 + a[2] / GRAVITY if self.vertical else 1.0
         if self.pendulum:
             return [self._swing(q[n], q[n + 2], a[n], lift, self.frequency[n]) for n in (0, 1)]
@@ -90,7 +90,7 @@ class Flow:
         return [x + y, x - y, -x - y, y - x] if self.cornered else [x * x + y * y]
 
     def residual(self, q: Expression, limit: Expression, share: Expression) -> list[Expression]:
-        """Returns expressions that are at most 0 if a free linear wave keeps a limit [m].
+        """Returns expressions that are at most 0 if the residual wave keeps a limit [m].
 
         The wave runs on an ellipse whose half axes a, b follow from a² + b² = E, ab = L; its
         largest height is a ≤ 1 where 1 - E + L² ≥ 0 and E ≤ 2 (heights by the limit).
@@ -110,7 +110,7 @@ class Flow:
 
 
 def flow_of(model: Model) -> Flow:
-    """Makes the equations of a model's first mode."""
+    """Creates the equations of a model's first mode."""
     mode = model.mode_constants()[0]
     acting = model.acting
     curved = acting.get("surface_nonlinearity")

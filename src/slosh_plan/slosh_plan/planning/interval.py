@@ -1,7 +1,7 @@
-"""One interval of a search as CasADi functions.
+"""One time interval of the collocation problem as CasADi functions.
 
 Place along a leg, and the tilt where one is allowed, are polynomials of the time between two
-nodes; the liquid's first mode obeys its equations at the nodes and half-way between two
+nodes; the first mode of each liquid obeys its equations at the nodes and half-way between two
 (Hermite-Simpson collocation, of the fourth order), so that nothing is integrated step by step. All
 but the path's curve are functions of scalars, which CasADi evaluates and differentiates several
 times faster than the same in matrices.
@@ -19,7 +19,8 @@ from slosh_base.types import Array
 from slosh_model.constants import GRAVITY
 from slosh_plan.planning.flow import Expression, Flow, casadi
 from slosh_plan.planning.joint_demands import CURVE, JointDemands
-from slosh_plan.planning.limits import JOINT_LIMITS
+from slosh_plan.planning.limits import JOINT_LIMITS, STANDING_LIMITS
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import DEGREE, Leg
 from slosh_plan.tuning import TUNING
 
@@ -29,9 +30,10 @@ LIQUID = 4
 """States of the liquid: x, y, ẋ, ẏ."""
 LIMITS = (
     "height", "residual", "acceleration", "jerk", "tilt", "tilt_rate", "tilt_acceleration",
-    *JOINT_LIMITS,
+    *STANDING_LIMITS, *JOINT_LIMITS,
 )  # fmt: skip
 JERK = LIMITS.index("jerk")
+STANDING = slice(LIMITS.index("friction"), LIMITS.index("tipping") + 1)
 JOINTS = slice(LIMITS.index(JOINT_LIMITS[0]), len(LIMITS))
 SHARES = (0.0, 0.5, 1.0)
 """Of an interval, where its demands are looked at."""
@@ -39,74 +41,84 @@ SHARES = (0.0, 0.5, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class StateLayout:
-    """Layout of a node's state: s and its rates, the same of the tilts, the liquid.
+    """Layout of a node's state: path position, tilts, their rates, and the liquids.
 
     Attributes:
         tilting: whether the container tilts, about its x and its y.
+        liquids: number of liquids that the motion drives: of the model, and of other models
+            whose heights keep the limits, too.
     """
 
     tilting: bool
+    liquids: int = 1
 
     @property
     def driven(self) -> int:
-        """Number of quantities with a third derivative as control: s and the tilts."""
+        """Number of quantities whose third derivative is a control: path position and tilts."""
         return 3 if self.tilting else 1
 
     @property
     def size(self) -> int:
-        """Size of the state."""
-        return CHAIN * self.driven + LIQUID
+        """Number of entries of the state."""
+        return CHAIN * self.driven + self.waves
+
+    @property
+    def waves(self) -> int:
+        """Number of states of all liquids."""
+        return LIQUID * self.liquids
 
     @property
     def scale(self) -> Array:
-        """(size,) scale of the state, so that the solver's numbers are about 1."""
+        """Scale (size,) of each state, so that the solver's numbers are about 1."""
         tilt = [0.2, 1.0, 10.0] * (self.driven - 1)
-        return np.array([1.0, 1.0, 10.0, *tilt, 0.01, 0.01, 0.2, 0.2])
+        return np.array([1.0, 1.0, 10.0, *tilt, *([0.01, 0.01, 0.2, 0.2] * self.liquids)])
 
     @property
     def control_scale(self) -> Array:
-        """(driven,) scale of the third derivatives."""
+        """Scale (driven,) of the third derivatives."""
         return np.array([50.0, *([100.0] * (self.driven - 1))])
 
     @property
     def liquid(self) -> slice:
-        """Indices of the liquid in the state."""
-        return slice(self.size - LIQUID, self.size)
+        """Indices of the liquids in the state."""
+        return slice(self.size - self.waves, self.size)
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The constraints of one interval of a leg.
+    """The constraints of one time interval of a leg.
 
     Its unknowns are the leg's duration, the states at both ends, the controls and the liquid
     half-way, one below the other.
 
     Attributes:
-        flow: the liquid.
+        flows: the liquids.
         yaw: of the container [rad].
         layout: of the states.
         count: intervals of the leg.
         joints: that carry the container; None: its path is given, not theirs.
+        loose: how the container stands on its tray; None: it is held.
     """
 
-    flow: Flow
+    flows: tuple[Flow, ...]
     yaw: float
     layout: StateLayout
     count: int
     joints: JointDemands | None = None
+    loose: LooseTerms | None = None
 
     @property
     def curve(self) -> int:
-        """Number of the leg's interpolated columns."""
+        """Number of columns that are interpolated along the leg of the path."""
         return CURVE if self.joints is None else self.joints.width
 
     @property
     def size(self) -> int:
-        """Number of unknowns."""
-        return 1 + 2 * self.layout.size + self.layout.driven + LIQUID
+        """Number of unknowns of the interval."""
+        return 1 + 2 * self.layout.size + self.layout.driven + self.layout.waves
 
     def places(self) -> Any:
-        """Makes a function from the unknowns to s [m] at start, middle and end."""
+        """Returns a function from the unknowns to s [m] at start, middle and end."""
         ca = casadi()
 
         unknowns = ca.SX.sym("unknowns", self.size)
@@ -115,7 +127,7 @@ class Interval:
         return ca.Function("places", [unknowns], [ca.vertcat(*(law[0] for law in laws))])
 
     def demands(self) -> tuple[Any, Any, Any]:
-        """Makes the function of the constraints, their Jacobian and the Hessian of their sum.
+        """Returns functions for the constraints, their Jacobian and their Hessian.
 
         Functions of the unknowns, the limits, three places and the curve there, and, the last
         one, of the multipliers; the Hessian is an upper triangle. The curve is given by its Taylor
@@ -138,7 +150,7 @@ class Interval:
         )
 
     def bounds(self) -> tuple[Array, Array]:
-        """Returns the bounds of the constraints."""
+        """Returns lower and upper bounds of the constraints."""
         ca = casadi()
 
         unknowns, limits = ca.SX.sym("unknowns", self.size), ca.SX.sym("limits", len(LIMITS))
@@ -177,18 +189,18 @@ class Interval:
         return zero, kept
 
     def _parts(self, unknowns: Expression) -> tuple[Expression, list[Expression], Expression, Any]:
-        """Returns step [s], both states, controls and the liquid at the middle, in SI units."""
+        """Returns time step, both states, controls and the liquid at the middle in SI units."""
         ca = casadi()
 
         layout = self.layout
-        sizes = np.cumsum([0, 1, layout.size, layout.size, layout.driven, LIQUID]).tolist()
+        sizes = np.cumsum([0, 1, layout.size, layout.size, layout.driven, layout.waves]).tolist()
         duration, first, last, control, half = ca.vertsplit(unknowns, sizes)
         states = [first * layout.scale, last * layout.scale]
         liquid = half * layout.scale[layout.liquid]
         return duration / self.count, states, control * layout.control_scale, liquid
 
     def _driven(self, full: Expression, thirds: Expression, time: Expression) -> list[Expression]:
-        """Extrapolates the driven quantities over a time after a node."""
+        """Extrapolates path position and tilts by a time after a node."""
         found: list[Expression] = []
         for n in range(self.layout.driven):
             chain = [full[CHAIN * n + k] for k in range(CHAIN)]
@@ -198,7 +210,7 @@ class Interval:
     def _there(
         self, full: Expression, curve: Expression, limits: Expression
     ) -> tuple[Expression, list[Expression]]:
-        """Returns the liquid's rate in a state, and expressions that must be at most 1."""
+        """Returns the time derivative of the liquid's state, and the constraints in a state."""
         ca = casadi()
 
         tangent, bend, _ = ca.vertsplit(curve[:CURVE], 3)
@@ -209,13 +221,19 @@ class Interval:
                 kept.append((full[CHAIN + n] ** 2 + full[2 * CHAIN + n] ** 2) / limit**2)
         if self.joints is not None:
             kept += self.joints.demands(curve, full, limits[JOINTS])
-        q = full[self.layout.liquid]
-        kept += self.flow.heights(q, limits[0])
         felt = self._felt(full, acceleration, curve)
-        return ca.vertcat(q[2], q[3], *self.flow.acceleration(q, felt)), kept
+        rates: list[Expression] = []
+        for n, flow in enumerate(self.flows):
+            q = full[self.layout.liquid][LIQUID * n : LIQUID * (n + 1)]
+            kept += flow.heights(q, limits[0])
+            pushed = flow.acceleration(q, felt)
+            rates += [q[2], q[3], *pushed]
+            if self.loose is not None and n == 0:
+                kept += self.loose.demands(q, pushed, felt, limits[STANDING])
+        return ca.vertcat(*rates), kept
 
     def _felt(self, full: Expression, acceleration: Expression, curve: Expression) -> Expression:
-        """Returns the acceleration in the container's axes, with gravity if it tilts."""
+        """Returns the acceleration in container axes, with gravity if the container tilts."""
         ca = casadi()
 
         if self.joints is not None:
@@ -230,7 +248,7 @@ class Interval:
 
 
 def curve_of(leg: Leg) -> Any:
-    """Makes a function from s to `terms`: three derivatives of the curve, each to 2nd order.
+    """Returns a function from s to the curve's derivatives, each expanded to second order.
 
     A spline through many of their values: one look-up in place of three.
     """
@@ -260,13 +278,13 @@ def _expanded(terms: Expression, distance: Expression, width: int) -> Expression
 
 
 def _later(chain: list[Expression], third: Expression, t: Expression) -> list[Expression]:
-    """Extrapolates a value and two derivatives with a constant third derivative."""
+    """Extrapolates a value and its two derivatives with a constant third derivative."""
     s, v, a = chain
     return [s + t * (v + t * (a / 2 + t * third / 6)), v + t * (a + t * third / 2), a + t * third]
 
 
 def _jerk(curve: Expression, at: Expression, third: Expression) -> Expression:
-    """Returns d³x/dt³ in the world's axes."""
+    """Returns the jerk d³x/dt³ in world axes."""
     tangent, bend, change = casadi().vertsplit(curve, 3)
     return tangent * third + 3 * bend * at[1] * at[2] + change * at[1] ** 3
 

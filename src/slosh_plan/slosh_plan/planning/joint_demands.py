@@ -1,4 +1,4 @@
-"""Constraints of robot joints in a search, as CasADi expressions.
+"""Constraints on robot joints in the optimisation, as CasADi expressions.
 
 A joint moves along its path as q(s), so that q̇ = q′ṡ, q̈ = q″ṡ² + q′s̈ and q⃛ = q‴ṡ³ + 3q″ṡs̈ + q′s⃛.
 Torques are τ = α s̈ + β ṡ² + γ, as in Bobrow, Dubowsky and Gibson, Int. J. Robotics Research 4(3),
@@ -26,7 +26,7 @@ ORDERS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointDemands:
-    """The joints' constraints by the interpolated columns of a path.
+    """Constraints on the joints, computed from the interpolated columns of a path.
 
     Attributes:
         limits: of the joints.
@@ -38,19 +38,19 @@ class JointDemands:
 
     @property
     def width(self) -> int:
-        """Number of the leg's interpolated columns."""
+        """Number of columns that are interpolated along the leg of the path."""
         count = len(self.limits.names)
         return CURVE + TURN + ORDERS * count * (2 if self.torques else 1)
 
     def turned(self, curve: Expression) -> Expression:
-        """Returns the rotation (3, 3) from the world's axes to those of the liquid."""
+        """Returns the rotation matrix (3, 3) from world axes to the axes of the liquid."""
         ca = casadi()
         return ca.reshape(curve[CURVE : CURVE + TURN], 3, 3).T
 
     def demands(
         self, curve: Expression, state: Expression, shares: Expression
     ) -> list[Expression]:
-        """Returns the constraints of velocities, accelerations and torques.
+        """Returns the constraints on joint velocities, accelerations and torques.
 
         Args:
             curve: the columns at a place.
@@ -75,7 +75,7 @@ class JointDemands:
     def jerks(
         self, curve: Expression, at: list[Expression], third: Expression, shares: Expression
     ) -> list[Expression]:
-        """Returns the constraints of the joints' jerks.
+        """Returns the constraints on joint jerks.
 
         Args:
             curve: the columns at a place.
@@ -91,7 +91,7 @@ class JointDemands:
         return found
 
     def _terms(self, curve: Expression, block: int) -> Iterator[tuple[int, list[Expression]]]:
-        """Yields three terms of each joint: of its derivatives (block 0) or torque (block 1)."""
+        """Yields three terms for each joint, as path derivatives or as torque terms."""
         count = len(self.limits.names)
         begin = CURVE + TURN + block * ORDERS * count
         for n in range(count):
@@ -99,7 +99,7 @@ class JointDemands:
 
 
 def joint_columns(slope: Array, bend: Array, change: Array, torques: Array | None) -> Array:
-    """Returns the joints' columns (N, C) for `JointDemands`.
+    """Returns the interpolated columns (N, C) of the joints for `JointDemands`.
 
     Args:
         slope, bend, change: (N, J) the joints' first three derivatives by s.

@@ -30,7 +30,7 @@ SWITCHES = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLimits:
-    """Limits of joints, (J,) each; infinite: no limit.
+    """Limits of joints, (J,) each; infinite if a joint has no limit.
 
     Attributes:
         names: of the joints.
@@ -48,7 +48,7 @@ class JointLimits:
     torque: Array
 
     def check_positions(self, position: Array, where: str, tolerance: float = 1e-6) -> None:
-        """Raises SloshPlanError if positions (N, J) exceed limits; names joint and position."""
+        """Raises SloshPlanError if a joint position (N, J) exceeds its limits."""
         outside = np.maximum(self.lower - position, position - self.upper)
         if outside.max() > tolerance:
             row, joint = np.unravel_index(int(np.argmax(outside)), outside.shape)
@@ -62,7 +62,7 @@ class JointLimits:
 def limits_of(
     arm: Arm, joints: Sequence[str], given: Mapping[str, Mapping[str, float]] | None = None
 ) -> JointLimits:
-    """Returns the joints' limits of the description, overridden by given ones.
+    """Returns the joint limits of the robot's description, overridden by given ones.
 
     Args:
         arm: the robot.
@@ -79,7 +79,7 @@ def limits_of(
 
 
 def read_joint_limits(path: Path) -> dict[str, dict[str, float]]:
-    """Reads MoveIt's joint_limits.yaml: limits by joint and name.
+    """Reads MoveIt's joint_limits.yaml; returns limits by joint and name.
 
     Scaling factors and other keys of MoveIt's are passed over.
 

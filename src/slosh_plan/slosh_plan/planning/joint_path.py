@@ -1,4 +1,4 @@
-"""The path of a container carried by a robot along a joint path.
+"""The path of a container that a robot carries along a path of its joints.
 
 The joints move on smooth curves q(s); the container's position and attitude follow from the
 robot's kinematics, and are splines through many of them.
@@ -33,7 +33,7 @@ LYING = math.radians(45.0)
 
 @dataclass(frozen=True, kw_only=True)
 class JointLeg(Leg):
-    """A leg by joint path length s; `spline` is the container's position over s [m].
+    """A leg parameterised by joint path length s; `spline` is the container's position [m].
 
     Attributes:
         joints: (J,) the joints over s [rad or m].
@@ -49,7 +49,7 @@ class JointLeg(Leg):
     follows_yaw: bool
 
     def columns(self, s: Array) -> Array:
-        """Returns the columns (N, C) for a search; see `JointDemands`."""
+        """Returns the columns (N, C) that the search interpolates; see `JointDemands`."""
         motion = Leg.columns(self, s)
         turned = self._liquid_axes(s).reshape(len(s), -1)
         slope, bend, change = (self.joint_derivative(s, order) for order in (1, 2, 3))
@@ -57,7 +57,7 @@ class JointLeg(Leg):
         return np.column_stack([motion, turned, joint_columns(slope, bend, change, torques)])
 
     def joint_derivative(self, s: Array, order: int) -> Array:
-        """Returns the joint positions (N, J) or their derivative by s."""
+        """Returns the joint positions (N, J), or their derivatives by s."""
         return np.asarray(self.joints(np.clip(s, 0.0, self.length), order))
 
     def torque_terms(self, s: Array) -> Array:
@@ -67,18 +67,18 @@ class JointLeg(Leg):
         return found.reshape(len(s), 3, -1)
 
     def lean(self) -> tuple[float, float]:
-        """Gravity along the floor of the container at rest at the start [m/s²]."""
+        """Gravity along the container's floor at rest at the start of the leg [m/s²]."""
         x, y, _ = GRAVITY * self._liquid_axes(np.zeros(1))[0, :, 2]
         return float(x), float(y)
 
     def attitudes(self, s: Array) -> Array:
-        """Returns the container's quaternions (N, 4)."""
+        """Returns the container's quaternions (N, 4) at path positions s."""
         found: Array = np.asarray(self.attitude(np.clip(s, 0.0, self.length)))
         length: Array = np.linalg.norm(found, axis=1, keepdims=True)
         return found / length
 
     def _liquid_axes(self, s: Array) -> Array:
-        """Returns the rotation (N, 3, 3) from world to container axes; round ones without yaw."""
+        """Returns the rotation matrices (N, 3, 3) from world axes to the axes of the liquid."""
         quaternions = self.attitudes(s)
         back: Array = Rotation.from_quat(quaternions).inv().as_matrix()
         if self.follows_yaw:
@@ -96,7 +96,7 @@ def joint_path(
     name: str = "the path",
     stopped: Callable[[], bool] = never,
 ) -> Path:
-    """Makes the container's path for a joint path through points.
+    """Creates the container's path from a path of the joints through points.
 
     Args:
         arm: the robot.
@@ -148,7 +148,7 @@ def _carried(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
-    """Motion of the joints.
+    """Motion of the robot's joints.
 
     Attributes:
         limits: of the joints, and their names.
@@ -165,7 +165,7 @@ class JointMotion:
     torque: Array | None
 
     def shares(self, step: float) -> dict[str, float]:
-        """Returns the largest used shares of the joints' limits, by the names of JOINT_LIMITS.
+        """Returns the largest used fraction of each kind of joint limit.
 
         Args:
             step: between two rows [s].
@@ -180,7 +180,7 @@ class JointMotion:
 
 
 def joints_along(leg: JointLeg, s: Array, rate: Array, change: Array) -> JointMotion:
-    """Computes the joint motion at positions s of a leg, given ds/dt and d²s/dt², (N,) each."""
+    """Computes the joint motion at path positions s, given ds/dt and d²s/dt², (N,) each."""
     assert leg.demands is not None
     slope, bend = leg.joint_derivative(s, 1), leg.joint_derivative(s, 2)
     v, v2, a = rate[:, None], (rate**2)[:, None], change[:, None]
@@ -195,7 +195,7 @@ def joints_along(leg: JointLeg, s: Array, rate: Array, change: Array) -> JointMo
 
 
 def gathered(parts: Sequence[JointMotion]) -> JointMotion:
-    """Concatenates the motions of legs, each from rest to rest."""
+    """Concatenates the joint motions of legs, each from rest to rest."""
     columns = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in ("position", "velocity", "acceleration", "attitude")

@@ -1,4 +1,4 @@
-"""Finds the fastest of some known time laws, slowed until every limit holds.
+"""Finds the fastest of several known time laws that keeps all limits.
 
 Whether a law is safe is not monotone in its duration: waves of its parts add up or cancel. So the
 durations are gone through from the fastest that acceleration and jerk allow, and each is
@@ -44,7 +44,7 @@ def septic(u: Array) -> tuple[Array, Array, Array]:
 
 
 def _steady(share: float) -> UnitLaw:
-    """Makes a law of constant speed between two smooth ramps, for curved paths."""
+    """Returns a time law of constant speed between two smooth ramps, for curved paths."""
 
     def law(u: Array) -> tuple[Array, Array, Array]:
         u = np.clip(u, 0.0, 1.0)
@@ -78,7 +78,7 @@ UNIT_LAWS: Mapping[str, UnitLaw] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class KnownLaw:
-    """A law on every leg of a path; leg times go with the square roots of lengths.
+    """A known time law on every leg of a path, for any duration.
 
     Attributes:
         path: the path.
@@ -91,12 +91,12 @@ class KnownLaw:
     legs: tuple[PacedLeg, ...]
 
     def laws(self, duration: float) -> list[Law]:
-        """Returns the laws of the legs for a duration of the motion [s]."""
+        """Returns the time laws of the legs for a total duration [s]."""
         durations = leg_durations(self.path, duration)
         return [self._law(leg, time) for leg, time in zip(self.legs, durations, strict=True)]
 
     def motion(self, duration: float, step: float = STEP) -> PlannedMotion:
-        """Makes the motion of a duration with a sample interval [s]."""
+        """Creates the motion with a total duration and a sample interval [s]."""
         durations = leg_durations(self.path, duration)
         return motion_along(self.path, self.laws(duration), durations, step)
 
@@ -110,7 +110,7 @@ class KnownLaw:
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A law slowed so that it keeps the limits.
+    """A known time law, slowed so that it keeps the limits.
 
     Attributes:
         law: its name.
@@ -124,7 +124,7 @@ class Scaled:
 
 
 def known_laws(path: Path) -> dict[str, KnownLaw]:
-    """Returns the laws along a path by name; straight legs need only one pace."""
+    """Returns the known time laws along a path, by name."""
     paces = PACES if any(curved(leg) for leg in path.legs) else {"": PACES[""]}
     found: dict[str, KnownLaw] = {}
     for words, pace in paces.items():
@@ -136,7 +136,7 @@ def known_laws(path: Path) -> dict[str, KnownLaw]:
 def best_scaled(
     check: Checker, path: Path, limits: PlanLimits, watch: Watch | None = None
 ) -> Scaled | None:
-    """Returns the fastest known law within the limits; None: none up to LONGEST.
+    """Returns the fastest known law that keeps the limits, or None.
 
     Where the watch is stopped, the fastest so far.
     """
@@ -152,7 +152,7 @@ def best_scaled(
 
 
 def leg_durations(path: Path, duration: float) -> tuple[float, ...]:
-    """Returns the legs' durations in a motion of a duration [s]."""
+    """Returns the durations of the legs for a total duration [s]."""
     roots = [math.sqrt(leg.length) for leg in path.legs]
     return tuple(duration * root / sum(roots) for root in roots)
 
@@ -164,7 +164,7 @@ def fastest(
     longest: float = LONGEST,
     stopped: Callable[[], bool] = never,
 ) -> CheckedMotion | None:
-    """Returns the shortest scanned duration that keeps the limits.
+    """Returns the motion with the shortest duration that keeps the limits, or None.
 
     All durations are simulated with few rows, and those that may keep the limits with all.
 
@@ -202,7 +202,7 @@ def _durations(least: float, longest: float) -> Iterator[float]:
 
 
 def _least(make: Make, limits: PlanLimits) -> float:
-    """Returns the duration that speed, acceleration and jerk allow (1/T, 1/T², 1/T³)."""
+    """Returns the shortest duration [s] that the limits of speed, acceleration and jerk allow."""
     trial = 4.0
     motion = make(trial, STEP)
     acceleration = float(np.linalg.norm(motion.acceleration, axis=1).max())
@@ -219,7 +219,7 @@ def _least(make: Make, limits: PlanLimits) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Speed by curvature κ: proportional to (κ² + (floor · κ̄)²)^(-power / 2); κ̄: RMS.
+    """Rule for the speed along a curved path as a function of its curvature.
 
     Attributes:
         power: 0: an even speed; 1/3: the two-thirds power law, at which an ellipse is gone through
@@ -243,7 +243,7 @@ PACES: Mapping[str, Pace] = MappingProxyType(
 
 @dataclass(frozen=True)
 class PacedLeg:
-    """A leg parameterised by a pace, from 0 to 1.
+    """A leg with a new parameter from 0 to 1, along which the speed follows a rule.
 
     Attributes:
         leg: the leg.
@@ -265,12 +265,12 @@ class PacedLeg:
         return (spline, spline.derivative(), spline.derivative(2))
 
     def along(self, place: Array, rate: Array, change: Array) -> tuple[Array, Array, Array]:
-        """Converts the parameter and its time derivatives to s and its derivatives."""
+        """Converts the parameter and its time derivatives to s and its time derivatives."""
         s, slope, bend = (np.asarray(spline(np.clip(place, 0.0, 1.0))) for spline in self.splines)
         return s, slope * rate, bend * rate**2 + slope * change
 
 
 def curved(leg: Leg) -> bool:
-    """Whether a leg is curved, so that paces differ."""
+    """Returns whether a leg is curved, so that the rule for the speed matters."""
     bends = np.linalg.norm(leg.at(np.linspace(0.0, leg.length, TUNING.leg_points + 1))[2], axis=1)
     return bool(np.ptp(bends) * leg.length > TUNING.straight)

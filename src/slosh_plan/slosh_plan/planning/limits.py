@@ -1,4 +1,4 @@
-"""Limits of a planned motion."""
+"""Limits of a planned motion: sloshing height, acceleration, jerk, tilt, joints."""
 
 from __future__ import annotations
 
@@ -21,13 +21,15 @@ TILT_RATE, TILT_ACCELERATION = math.radians(120.0), math.radians(1200.0)
 LARGEST_TILT = math.radians(45.0)
 JOINT_LIMITS = ("joint_velocity", "joint_acceleration", "joint_jerk", "joint_torque")
 """Of a robot's joints, as shares of the limits that the robot has."""
+STANDING_LIMITS = ("friction", "tipping")
+"""Of a container that stands loosely, as shares of what holds it."""
 LARGEST = 1e6
 """Of any limit: more is a unit mistaken for another."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits(HeightLimits):
-    """Limits of a motion, including the liquid's height; all hold at every time.
+    """Limits of a motion, including the liquid's height; they apply at all times.
 
     >>> limits = PlanLimits(height=0.020, residual=0.010)  # m
     >>> round(limits.lowered(0.002).height, 3)
@@ -41,6 +43,8 @@ class PlanLimits(HeightLimits):
             vector that tilts it [rad/s, rad/s²]; its angular velocity is not larger.
         joint_velocity, joint_acceleration, joint_jerk, joint_torque: shares of the joints' own
             limits that a motion of joints may use.
+        friction, tipping: share of the friction that a container that stands loosely may use, and
+            how far the centre of pressure may move, as a share of its base's radius.
 
     Raises:
         SloshPlanError: a limit that is not positive and finite; heights may be infinite.
@@ -55,12 +59,14 @@ class PlanLimits(HeightLimits):
     joint_acceleration: float = 1.0
     joint_jerk: float = 1.0
     joint_torque: float = 1.0
+    friction: float = 1.0
+    tipping: float = 1.0
 
     def __post_init__(self) -> None:
         HeightLimits.__post_init__(self)
         for name, unit in UNITS.items():
             value = getattr(self, name)
-            most = 1.0 if name in JOINT_LIMITS else LARGEST
+            most = 1.0 if name in (*JOINT_LIMITS, *STANDING_LIMITS) else LARGEST
             if not (math.isfinite(value) and 0.0 < value <= most):
                 bounds = f"must lie above 0 and not above {most:g}"
                 raise SloshPlanError(f"limit of {name} = {value:g} {unit} {bounds}")
@@ -71,7 +77,7 @@ class PlanLimits(HeightLimits):
             )
 
     def under_rim(self, model: Model) -> Self:
-        """As of HeightLimits; a height after the end that is not limited is limited as well."""
+        """Returns the limits, lowered to the rim where that is lower, also after the end."""
         kept = HeightLimits.under_rim(self, model)
         return replace(kept, residual=min(kept.residual, kept.height))
 
@@ -100,5 +106,6 @@ class PlanLimits(HeightLimits):
 UNITS = {
     "acceleration": "m/s²", "jerk": "m/s³", "tilt_rate": "rad/s", "tilt_acceleration": "rad/s²",
     **dict.fromkeys(JOINT_LIMITS, "of the robot's limit"),
+    **dict.fromkeys(STANDING_LIMITS, "of what holds the container"),
 }  # fmt: skip
 """The limits that must be above 0 and finite, with their units."""

@@ -18,8 +18,9 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_plan.planning.collocation import CollocationProblem
 from slosh_plan.planning.flow import Flow, casadi
-from slosh_plan.planning.interval import LIMITS, LIQUID, StateLayout
+from slosh_plan.planning.interval import LIMITS, StateLayout
 from slosh_plan.planning.limits import LARGEST, PlanLimits
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import never
 from slosh_plan.tuning import TUNING
@@ -32,20 +33,20 @@ _OPTIONS = {
 
 
 def available() -> bool:
-    """Whether CasADi is installed."""
+    """Returns whether CasADi is installed."""
     return importlib.util.find_spec("casadi") is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegGuess:
-    """Start of a leg's motion and the liquid, at n + 1 nodes evenly spaced in time.
+    """Initial guess for a leg's motion and the liquid, at evenly spaced times.
 
     Attributes:
         duration: of the leg [s].
         states: (n + 1, K) as `StateLayout` has them: s [m] and its first two derivatives, the
-            tilts [rad] and theirs where there are any, the liquid's x, y, ẋ, ẏ.
+            tilts [rad] and theirs where there are any, each liquid's x, y, ẋ, ẏ.
         controls: (n, D) third derivatives of s and of the tilts between nodes.
-        middles: (n, 4) the liquid half-way between nodes.
+        middles: (n, 4 for each liquid) the liquids half-way between nodes.
     """
 
     duration: float
@@ -56,7 +57,7 @@ class LegGuess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathSolution:
-    """Result of a search: the motion, and the solver's status.
+    """Result of an optimisation: the motion, and the solver's status.
 
     Attributes:
         legs: the motion: where the next search may start.
@@ -72,21 +73,22 @@ class PathSolution:
 
 
 def node_counts(durations: Sequence[float]) -> tuple[int, ...]:
-    """Returns the number of intervals of each leg."""
+    """Returns the number of collocation intervals of each leg."""
     total = sum(durations)
     count = min(max(TUNING.nodes_per_second * total, TUNING.fewest_nodes), TUNING.most_nodes)
     return tuple(max(TUNING.fewest_on_a_leg, round(count * part / total)) for part in durations)
 
 
 class PathSearch:
-    """The problem of one path and one number of nodes, with the limits as parameters.
+    """Optimisation for one path and number of nodes, with the limits as parameters.
 
     Args:
-        flow: the liquid.
+        flows: the liquids: of the model, and of others that keep the limits, too.
         path: the path.
         yaw: of the container [rad].
         durations: of the legs as far as they are known [s]: the nodes are laid out by them.
         tilting: whether the container may tilt.
+        loose: how the container stands on its tray; None: it is held.
 
     Attributes:
         counts: intervals of each leg.
@@ -95,17 +97,20 @@ class PathSearch:
 
     def __init__(
         self,
-        flow: Flow,
+        flows: Sequence[Flow],
         path: Path,
         yaw: float,
         durations: Sequence[float],
         *,
         tilting: bool = False,
+        loose: LooseTerms | None = None,
     ) -> None:
         self.counts = node_counts(durations)
-        self.layout = StateLayout(tilting)
+        self.layout = StateLayout(tilting, len(flows))
         self._path = path
-        self._problem = CollocationProblem(flow, path, yaw, self.counts, self.layout)
+        self._problem = CollocationProblem(
+            tuple(flows), path, yaw, self.counts, self.layout, loose
+        )
         # Asked at each iteration; another one in each search.
         self._stop: Callable[[], bool] = never
         self._stopper = _stopper(lambda: self._stop(), self._problem.sizes())
@@ -119,7 +124,7 @@ class PathSearch:
         seconds: float,
         stop: Callable[[], bool] = never,
     ) -> PathSolution:
-        """Solves the problem from a start.
+        """Solves the optimisation from an initial guess.
 
         Args:
             limits: to be kept.
@@ -142,7 +147,7 @@ class PathSearch:
         )
 
     def _solver(self, seconds: float) -> Any:
-        """Returns IPOPT's solver; makes a new one if its time limit is too long."""
+        """Returns IPOPT's solver; creates a new one if its time limit is too long."""
         if self._made is None or seconds < 0.6 * self._made_for:
             options = {
                 "iteration_callback": self._stopper, "ipopt.max_wall_time": max(seconds, 0.1)
@@ -153,6 +158,7 @@ class PathSearch:
 
     def _bounds(self, guess: Sequence[LegGuess]) -> tuple[Array, Array]:
         lower, upper = [], []
+        count = self.layout.liquids
         for part, leg in zip(guess, self._path.legs, strict=True):
             shape = (len(part.states), self.layout.size)
             least, most = np.full(shape, -np.inf), np.full(shape, np.inf)
@@ -163,7 +169,7 @@ class PathSearch:
             free = np.full(part.controls.size + part.middles.size, np.inf)
             lower += [np.array([0.1 * part.duration]), least.ravel(), -free]
             upper += [np.array([4.0 * part.duration]), most.ravel(), free]
-        return np.concatenate([*lower, [0.0]]), np.concatenate([*upper, [1.0]])
+        return np.concatenate([*lower, np.zeros(count)]), np.concatenate([*upper, np.ones(count)])
 
     def _packed(self, guess: Sequence[LegGuess]) -> Array:
         parts = []
@@ -174,26 +180,26 @@ class PathSearch:
                 (part.controls / self.layout.control_scale).ravel(),
                 (part.middles / self.layout.scale[self.layout.liquid]).ravel(),
             ]
-        return np.concatenate([*parts, [0.5]])
+        return np.concatenate([*parts, np.full(self.layout.liquids, 0.5)])
 
     def _unpacked(self, x: Array) -> tuple[LegGuess, ...]:
         legs, layout = [], self.layout
         for count in self.counts:
-            sizes = (1, layout.size * (count + 1), layout.driven * count, LIQUID * count)
+            sizes = (1, layout.size * (count + 1), layout.driven * count, layout.waves * count)
             duration, states, controls, middles, x = np.split(x, np.cumsum(sizes))
             legs.append(
                 LegGuess(
                     float(duration[0]),
                     states.reshape(-1, layout.size) * layout.scale,
                     controls.reshape(-1, layout.driven) * layout.control_scale,
-                    middles.reshape(-1, LIQUID) * layout.scale[layout.liquid],
+                    middles.reshape(-1, layout.waves) * layout.scale[layout.liquid],
                 )
             )
         return tuple(legs)
 
 
 def _stopper(stop: Callable[[], bool], counts: dict[str, int]) -> Any:
-    """Makes CasADi's callback after each iteration; any result but 0 stops the search."""
+    """Returns a CasADi callback that can stop the solver after each iteration."""
     ca = casadi()
     rows = {"x": "x", "g": "g", "lam_x": "x", "lam_g": "g", "lam_p": "p", "f": "f"}
     sizes = [counts.get(rows[name], 1) for name in ca.nlpsol_out()]

@@ -1,4 +1,4 @@
-"""A smooth path through waypoints, parameterised by length.
+"""A smooth path through waypoints, parameterised by its length.
 
 Between corners the path is a spline of the fifth degree through the waypoints, four times
 continuously differentiable: acceleration and jerk along it are bounded. Points that come densely,
@@ -32,7 +32,7 @@ DEGREE = TUNING.degree
 
 @dataclass(frozen=True)
 class Leg:
-    """A smooth part of a path, parameterised by length s.
+    """A smooth part of a path, parameterised by its length s.
 
     Attributes:
         spline: (3,) position [m] over s [m].
@@ -46,7 +46,7 @@ class Leg:
 
     @cached_property
     def derivatives(self) -> tuple[BSpline, ...]:
-        """The spline and its first three derivatives by s."""
+        """Splines of the position over s and of its first three derivatives."""
         return (self.spline, *(self.spline.derivative(n) for n in (1, 2, 3)))
 
     def at(self, s: Array, orders: int = 3) -> tuple[Array, ...]:
@@ -55,17 +55,17 @@ class Leg:
         return tuple(np.asarray(spline(inside)) for spline in self.derivatives[: orders + 1])
 
     def lean(self) -> tuple[float, float]:
-        """Gravity along the floor of the container at rest at the start [m/s²]."""
+        """Gravity along the container's floor at rest at the start of the leg [m/s²]."""
         return 0.0, 0.0
 
     def columns(self, s: Array) -> Array:
-        """Returns the columns (N, C) for a search: derivatives of the position."""
+        """Returns the columns (N, C) that the search interpolates: position derivatives."""
         return np.column_stack(self.at(s)[1:])
 
 
 @dataclass(frozen=True)
 class Path:
-    """A path: consecutive legs with a stop between two.
+    """A path: consecutive legs with a stop between them.
 
     Attributes:
         legs: at least one.
@@ -87,7 +87,7 @@ class Path:
 
 
 def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
-    """Makes the path through waypoints.
+    """Creates the path through waypoints.
 
     >>> path = path_through(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.2, 0.0]]))
     >>> len(path.legs), round(path.length, 3)  # the path stops at the corner
@@ -109,7 +109,7 @@ def path_through(points: Array, stopped: Callable[[], bool] = never) -> Path:
 
 
 def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool] = never) -> Path:
-    """Makes smooth curves by length through points of any dimension.
+    """Creates smooth curves through points of any dimension, parameterised by length.
 
     Args:
         points: (N, D) [m], of turning joints [rad].
@@ -156,7 +156,7 @@ def smooth_path(points: Array, names: Sequence[str], stopped: Callable[[], bool]
 
 
 def _distinct(points: Array) -> Array:
-    """Removes points that repeat the previous one; the last one is kept."""
+    """Removes points that repeat the previous one, but keeps the last point."""
     kept = [0]
     for row in range(1, len(points)):
         if not _near(points[row], points[kept[-1]]):
@@ -171,7 +171,7 @@ def _near(one: Array, other: Array) -> bool:
 
 
 def _corners(points: Array) -> tuple[list[int], tuple[bool, ...]]:
-    """Returns the rows of corners, and which of them are reversals."""
+    """Returns the rows of corners, and which of them reverse the direction."""
     steps = np.diff(points, axis=0)
     directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosines = np.einsum("ij,ij->i", directions[:-1], directions[1:])
@@ -186,7 +186,7 @@ Ends = tuple[Array | None, Array | None]
 
 
 def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
-    """Returns the tangents at the legs' ends; None: free. Legs of a reversal share theirs."""
+    """Returns the tangents at the ends of the legs, or None where the tangent is free."""
     first: list[Array | None] = [None] * len(parts)
     last: list[Array | None] = [None] * len(parts)
     for n, back in enumerate(reversals):
@@ -200,7 +200,7 @@ def _tangents(parts: list[Array], reversals: tuple[bool, ...]) -> list[Ends]:
 def _leg(
     points: Array, first: Array | None, last: Array | None, stopped: Callable[[], bool]
 ) -> Leg:
-    """Makes a spline by its own length through a leg's points."""
+    """Creates a spline through a leg's points, parameterised by its own length."""
     if stopped():
         raise StoppedError(
             "stopped before a safe motion was found, while the path through the waypoints was "
@@ -226,7 +226,7 @@ def _leg(
 def _thinned(
     at: Array, points: Array, first: Array | None, last: Array | None, tolerance: float = KEPT
 ) -> BSpline:
-    """Makes the spline through the fewest points that approximates all within a tolerance."""
+    """Returns a spline through few points that approximates all points within a tolerance."""
     count = TUNING.fewest_knots
     while count < len(points):
         rows = np.searchsorted(at, np.linspace(0.0, at[-1], count)[1:-1])
@@ -239,7 +239,7 @@ def _thinned(
 
 
 def _through(at: Array, points: Array, first: Array | None, last: Array | None) -> BSpline:
-    """Interpolates points with a quintic spline; a lower degree for few points."""
+    """Interpolates points by a quintic spline, or by a lower degree for few points."""
     if len(points) == 2:
         inside = at[0] + (at[1] - at[0]) * np.linspace(0.0, 1.0, DEGREE + 1)
         share = ((inside - at[0]) / (at[1] - at[0]))[:, None]
@@ -260,7 +260,7 @@ def _through(at: Array, points: Array, first: Array | None, last: Array | None) 
 
 
 def _conditions(ends: tuple[list[tuple[int, Array]] | None, ...]) -> Any:
-    """Returns the end conditions for scipy: natural ones at a free end."""
+    """Returns the end conditions for scipy; natural ones where the tangent is free."""
     if all(end is None for end in ends):
         return None
     none = np.zeros_like(next(end for end in ends if end is not None)[0][1])

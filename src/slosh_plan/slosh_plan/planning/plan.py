@@ -9,6 +9,7 @@ the search goes on, until the simulation keeps all of them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,12 +21,12 @@ from slosh_model.for_notebooks import Shown, height_axes, table
 from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
 from slosh_plan.planning import optimise
-from slosh_plan.planning.checked import CheckedMotion, Checker, attitudes, horizon
+from slosh_plan.planning.checked import CheckedMotion, Checker, LooseContainer, attitudes, horizon
 from slosh_plan.planning.known_laws import LONGEST, Scaled, best_scaled
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import Path
 from slosh_plan.planning.progress import StoppedError, Watch
-from slosh_plan.planning.search import OptimalSearch
+from slosh_plan.planning.search import Found, Legs, OptimalSearch
 from slosh_plan.planning.time_law import PlannedMotion
 from slosh_plan.prediction import ModelError, check_start, predict
 from slosh_plan.start import LiquidState
@@ -44,12 +45,12 @@ HOW_TO_GET = "CasADi is not installed (pip install -r requirements/plan.txt)"
 
 
 class NoSafeMotionError(SloshPlanError):
-    """No motion along the path keeps the limits."""
+    """Error that no motion along the path keeps the limits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan(Shown):
-    """A motion that keeps every limit.
+    """A planned motion that keeps every limit.
 
     Attributes:
         found: the motion and what it reaches, by simulation at 1 kHz.
@@ -66,6 +67,7 @@ class Plan(Shown):
         seconds: that the planning took [s].
         attitude: (4,) that the container keeps; None: not turned.
         distance_to_rim: vertical, left by the highest place of the surface [m]; NaN: unknown.
+        legs: the search's result, from which another search may start; empty: there is none.
     """
 
     found: CheckedMotion
@@ -80,6 +82,7 @@ class Plan(Shown):
     seconds: float
     attitude: Array | None = None
     distance_to_rim: float = math.nan
+    legs: Legs = ()
 
     def __repr__(self) -> str:
         found = self.found
@@ -90,7 +93,7 @@ class Plan(Shown):
         )
 
     def to_pandas(self) -> DataFrame:
-        """Returns the motion by time: `x`, `y`, `z` [m], attitude if any, `ax`, `ay`, `az`.
+        """Returns a pandas table of the motion by time: position, attitude and acceleration.
 
         Raises:
             ImportError: pandas is not installed.
@@ -127,8 +130,11 @@ def plan(
     error: ModelError | None = None,
     time_limit: float = TIME_LIMIT,
     watch: Watch | None = None,
+    scenarios: Sequence[Model] = (),
+    start: Plan | None = None,
+    loose: LooseContainer | None = None,
 ) -> Plan:
-    """Plans a rest-to-rest motion for liquid at rest.
+    """Plans a motion from rest to rest, for liquid at rest.
 
     Args:
         model: the model; the search knows its first mode, the check all of it. Where the
@@ -142,6 +148,10 @@ def plan(
             parameters where there is one. None: the heights themselves keep them.
         time_limit: after which the search ends with what it has [s].
         watch: is told how far the plan has come, and ends it with what it has; None: nobody does.
+        scenarios: models with other parameters, whose heights keep the limits, too.
+        loose: how the container stands on a tray; None: it is held.
+        start: a plan for other scenarios along the same path, from which the search starts; None:
+            there is none.
 
     Raises:
         NoSafeMotionError: no known law keeps the limits, however slow.
@@ -154,32 +164,52 @@ def plan(
     nominal = _nominal(kept, error)
     yaw = upright_yaw(attitude)
     model = tilting(model, limits, path)
-    check = Checker(model, attitude, error)
-    watch.enter("known laws")
-    scaled = best_scaled(check, path, kept, watch)
-    if scaled is None and watch.stopped():
-        raise StoppedError("stopped before a safe motion was found")
-    if scaled is None:
-        raise NoSafeMotionError(
-            f"no motion of up to {LONGEST:g} s along the path keeps "
-            f"{1e3 * kept.height:.3g} mm, afterwards {1e3 * kept.residual:.3g} mm, "
-            f"{kept.acceleration:g} m/s² and {kept.jerk:g} m/s³"
-        )
-    best, reason = scaled.found, HOW_TO_GET
-    if optimise.available():
-        search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
-        best, reason = search.run()
-    method = scaled.law if best is scaled.found else "optimal"
+    others = tuple(tilting(one, limits, path) for one in scenarios)
+    check = Checker(model, attitude, error, others, loose)
+    scaled, found = None if start is None else start.scaled, Found(None)
+    if start is not None and start.legs:
+        search = OptimalSearch(check, path, kept, nominal, yaw, start.scaled, time_limit, watch)
+        found = search.resume(start.legs, start.found.motion)
+    if found.motion is None:
+        scaled = fastest_law(check, path, kept, watch)
+        found = Found(scaled.found, words=HOW_TO_GET)
+        if optimise.available():
+            search = OptimalSearch(check, path, kept, nominal, yaw, scaled, time_limit, watch)
+            found = search.run()
+    best = found.motion
+    assert best is not None
+    assert scaled is not None
+    method = "optimal" if found.legs else scaled.law
     upper = (best.upper, best.residual_upper) if error else _upper(model, best.motion, attitude)
     left = float(model.container.wall.place(best.peak).distance_to_rim)
     return Plan(
-        best, limits, margin, error, method, reason, upper, scaled, path, watch.elapsed, attitude,
-        left,
+        best, limits, margin, error, method, found.words, upper, scaled, path, watch.elapsed,
+        attitude, left, found.legs,
     )  # fmt: skip
 
 
+def fastest_law(check: Checker, path: Path, limits: PlanLimits, watch: Watch) -> Scaled:
+    """Returns the fastest known law that keeps the limits.
+
+    Raises:
+        NoSafeMotionError: no known law keeps the limits, however slow.
+        StoppedError: the watch ended the search before there was any.
+    """
+    watch.enter("known laws")
+    scaled = best_scaled(check, path, limits, watch)
+    if scaled is not None:
+        return scaled
+    if watch.stopped():
+        raise StoppedError("stopped before a safe motion was found")
+    raise NoSafeMotionError(
+        f"no motion of up to {LONGEST:g} s along the path keeps "
+        f"{1e3 * limits.height:.3g} mm, afterwards {1e3 * limits.residual:.3g} mm, "
+        f"{limits.acceleration:g} m/s² and {limits.jerk:g} m/s³"
+    )
+
+
 def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
-    """Returns the model for planning: with gravity if the container may tilt.
+    """Returns the model for planning; it includes gravity by tilt if the container may tilt.
 
     Raises:
         SloshPlanError: the joints determine the attitude, and yet the container may tilt.
@@ -193,7 +223,7 @@ def tilting(model: Model, limits: PlanLimits, path: Path) -> Model:
 
 
 def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
-    """Returns the limits for heights without the model's error."""
+    """Returns the limits reduced by the model's error."""
     if error is None:
         return limits
     return replace(
@@ -204,7 +234,7 @@ def _nominal(limits: PlanLimits, error: ModelError | None) -> PlanLimits:
 def _upper(
     model: Model, motion: PlannedMotion, attitude: Array | None
 ) -> tuple[float, float] | None:
-    """Returns the upper ends of a motion's intervals, as `predict` computes them."""
+    """Returns the upper ends of a motion's intervals of peak and residual height [m], or None."""
     if model.covariance is None:
         return None
     turned = attitudes(motion, attitude, len(motion.t))
@@ -214,7 +244,7 @@ def _upper(
 
 
 def upright_yaw(attitude: Array | None) -> float:
-    """Returns the yaw of an upright container [rad].
+    """Returns the yaw of an upright container [rad], or raises an error if it is tilted.
 
     Raises:
         SloshPlanError: it is tilted.
@@ -234,14 +264,14 @@ def upright_yaw(attitude: Array | None) -> float:
 
 
 def check_state(model: Model, limits: PlanLimits, state: LiquidState) -> None:
-    """Raises SloshPlanError if the liquid exceeds the limit before any motion."""
+    """Raises SloshPlanError if the liquid exceeds the limit even before any motion."""
     check_start(model, state, HeightLimits(limits.height))
 
 
 def check_plan_from(
     model: Model, answer: Plan, attitude: Array | None, state: LiquidState
 ) -> None:
-    """Raises SloshPlanError if a plan exceeds its limits from an initial state.
+    """Raises SloshPlanError if a plan exceeds its limits from a given initial state.
 
     Args:
         model: as it was planned with.

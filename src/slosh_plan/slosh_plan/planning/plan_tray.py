@@ -1,4 +1,4 @@
-"""The fastest motion of a tray that keeps every container below its limit."""
+"""Plans the fastest motion of a tray that keeps every container below its limit."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROUNDING = 1e-6
 
 
 class TrayPlan(NamedTuple):
-    """A plan that every container of a tray keeps.
+    """A plan that keeps the limits of every container on a tray.
 
     Attributes:
         plan: for the container that determines it.
@@ -47,7 +47,7 @@ def plan_tray(
     margin: float = 0.0,
     error: ModelError | None = None,
 ) -> TrayPlan:
-    """Plans for the container with the lowest limit, and for another where that one does not do.
+    """Plans for the container with the lowest limit, and for another one if necessary.
 
     A plan counts where its simulation keeps the limits of all. Where it exceeds that of another
     container the next plan is made for that one, each time with a limit that is lower by as much
@@ -69,11 +69,16 @@ def plan_tray(
     one = min(by_name, key=lambda name: _height(by_name[name], limits))
     for _ in range(MOST):
         own, share = limits_of(by_name[one], limits), lowered[one]
-        answer = make(
-            by_name[one], replace(own, height=own.height * share, residual=own.residual * share)
-        )
+        asked = replace(
+            own, height=own.height * share, residual=own.residual * share,
+            friction=own.friction * share, tipping=own.tipping * share,
+        )  # fmt: skip
+        answer = make(by_name[one], asked)
         found = _predicted(tray, answer, limits, attitude, error)
-        use = {name: _use(each, margin) for name, each in found.containers.items()}
+        use = {
+            name: max(_use(each, margin), *found.standing.get(name, (0.0,)))
+            for name, each in found.containers.items()
+        }
         worst = max(use, key=lambda name: use[name])
         if use[worst] <= 1.0 + ROUNDING:
             return TrayPlan(answer, one, found)
@@ -90,7 +95,7 @@ def _height(one: TrayContainer, limits: PlanLimits) -> float:
 
 
 def _use(found: Prediction, margin: float) -> float:
-    """How much of its limits a container uses, as a share."""
+    """Returns what fraction of its limits a container uses."""
     height, residual = found.limits.height, found.limits.residual
     return max((found.upper + margin) / height, (found.residual_upper + margin) / residual)
 
@@ -98,7 +103,7 @@ def _use(found: Prediction, margin: float) -> float:
 def _predicted(
     tray: Tray, answer: Plan, limits: PlanLimits, attitude: Array | None, error: ModelError | None
 ) -> TrayPrediction:
-    """What a plan does to each container, until it is still."""
+    """Predicts the response of each container on the tray to a plan."""
     motion = answer.found.motion
     turned = attitudes(motion, attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")

@@ -11,7 +11,7 @@ from slosh_plan.errors import SloshPlanError
 
 
 class StoppedError(SloshPlanError):
-    """Planning was stopped before a safe motion was found."""
+    """Error that planning was stopped before it found a safe motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +30,16 @@ class PlanProgress:
 
 
 def ignored(_: PlanProgress) -> None:
-    """Ignores the progress."""
+    """Ignores a progress report; default for callers that want none."""
 
 
 def never() -> bool:
-    """Never stops the planning."""
+    """Returns False: planning is never stopped."""
     return False
 
 
 class Watch:
-    """Reports the progress of planning, and checks for a stop.
+    """Reports the progress of planning, and checks whether to stop.
 
     Args:
         progress: is told at every phase, every candidate and every iteration of a search.
@@ -59,20 +59,20 @@ class Watch:
 
     @property
     def elapsed(self) -> float:
-        """Time since the start of planning [s]."""
+        """Time since planning began [s]."""
         return self._clock() - self._began
 
     def enter(self, phase: str) -> None:
-        """Begins a phase."""
+        """Begins a new phase of planning."""
         self._phase = phase
         self.stopped()
 
     def found(self, duration: float) -> None:
-        """Notes the duration of a safe motion [s]."""
+        """Reports the duration [s] of a safe motion that was found."""
         self._duration = min(self._duration, duration)
         self.stopped()
 
     def stopped(self) -> bool:
-        """Whether planning is to stop; reports the progress."""
+        """Reports the progress; returns whether planning must stop."""
         self._progress(PlanProgress(self._phase, self._duration, self.elapsed))
         return self._stopped()

@@ -1,4 +1,4 @@
-"""Searches the optimal law from several starts until the simulation keeps every limit.
+"""Searches the optimal time law until the simulation keeps every limit.
 
 What a search finds is simulated with the whole model at 1 kHz; where it exceeds a limit, that
 limit is lowered by the excess and the search goes on.
@@ -7,7 +7,7 @@ limit is lowered by the excess and the search goes on.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,22 +19,23 @@ from slosh_plan.planning.flow import flow_of
 from slosh_plan.planning.interval import CHAIN
 from slosh_plan.planning.known_laws import LONGEST, Scaled, leg_durations
 from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.loose_terms import LooseTerms
 from slosh_plan.planning.optimise import LegGuess, PathSearch, PathSolution
 from slosh_plan.planning.path import Leg, Path
 from slosh_plan.planning.progress import Watch
-from slosh_plan.planning.time_law import JerkLaw, Tilt, motion_along, whole_rows
+from slosh_plan.planning.time_law import JerkLaw, PlannedMotion, Tilt, motion_along, whole_rows
 from slosh_plan.tuning import TUNING
 
 Legs = tuple[LegGuess, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Found:
-    """Result of one search.
+class Found:
+    """Result of one search for an optimal time law.
 
     Attributes:
         motion: that keeps the limits; None: there is none.
-        legs: where it may be gone on from.
+        legs: where another search may start; empty: the motion is not of a search.
         words: why there is none.
     """
 
@@ -42,10 +43,15 @@ class _Found:
     legs: Legs = ()
     words: str = ""
 
+    @property
+    def duration(self) -> float:
+        """Duration of the motion [s], or infinity if none was found."""
+        return math.inf if self.motion is None else self.motion.motion.duration
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OptimalSearch:
-    """Searches an optimal law.
+    """Searches an optimal time law for a path from several initial guesses.
 
     Attributes:
         check: tells what a motion does.
@@ -67,11 +73,11 @@ class OptimalSearch:
     time_limit: float
     watch: Watch
 
-    def run(self) -> tuple[CheckedMotion, str]:
-        """Returns the best motion, and the reason if it is the scaled one."""
-        best, last = _Found(self.scaled.found), "the search found nothing faster"
+    def run(self) -> Found:
+        """Returns the best motion, and the reason if it is only a known time law."""
+        best, last = Found(self.scaled.found), "the search found nothing faster"
         if self._over():
-            return self.scaled.found, self._why_over()
+            return replace(best, words=self._why_over())
         for problem, guess in self._starts():
             found = self._tightened(problem, guess, best)
             if found.motion is not None:
@@ -82,64 +88,82 @@ class OptimalSearch:
                 break
         if self.limits.tilt > 0.0 and best.legs and not self._over():
             best = self._tilted(best)
-        assert best.motion is not None
-        return best.motion, last if best.motion is self.scaled.found else ""
+        return replace(best, words="" if best.legs else last)
+
+    def resume(self, legs: Legs, motion: PlannedMotion) -> Found:
+        """Returns the motion that a search finds from the result of an earlier search.
+
+        Args:
+            legs: of the other search, which had other scenarios.
+            motion: the motion that it found.
+        """
+        self.watch.enter("search for the scenarios")
+        tilting = motion.tilt is not None
+        problem = self._problem([leg.duration for leg in legs], tilting=tilting)
+        guess = resumed(legs, problem, _waves(self._models, motion))
+        return self._tightened(problem, guess, Found(None))
+
+    @property
+    def _models(self) -> tuple[Model, ...]:
+        """The models whose liquids are unknowns of the optimisation."""
+        return self.check.models[: TUNING.most_liquids]
 
     def _starts(self) -> Iterator[tuple[PathSearch, Legs]]:
-        """Searches with constant attitude from several starts."""
+        """Yields optimisations with constant attitude, each with an initial guess."""
         duration = self.scaled.found.motion.duration
         problem = self._problem(leg_durations(self.path, duration), tilting=False)
         for n, factor in enumerate(TUNING.starts, start=1):
             self.watch.enter(f"search {n} of {len(TUNING.starts)}")
-            yield problem, guess_of(self.check.model, self.path, self.scaled, problem, factor)
+            yield problem, guess_of(self._models, self.path, self.scaled, problem, factor)
 
-    def _tilted(self, upright: _Found) -> _Found:
-        """Searches with tilt, starting from the upright motion."""
+    def _tilted(self, upright: Found) -> Found:
+        """Optimises the motion with tilt, starting from the upright motion."""
         self.watch.enter("search with tilt")
         problem = self._problem([leg.duration for leg in upright.legs], tilting=True)
-        found = self._tightened(problem, upright_guess(upright.legs, problem), upright)
+        found = self._tightened(problem, resumed(upright.legs, problem), upright)
         if found.motion is None:
             return upright
         self.watch.found(found.motion.motion.duration)
         return found
 
     def _problem(self, durations: Sequence[float], *, tilting: bool) -> PathSearch:
-        flow = flow_of(self.check.model)
-        return PathSearch(flow, self.path, self.yaw, durations, tilting=tilting)
+        flows = [flow_of(model) for model in self._models]
+        loose = self.check.loose
+        terms = None if loose is None else LooseTerms.of(self.check.model, loose.standing)
+        return PathSearch(flows, self.path, self.yaw, durations, tilting=tilting, loose=terms)
 
-    def _enough(self, best: _Found) -> bool:
-        """Whether enough starts have been tried."""
+    def _enough(self, best: Found) -> bool:
+        """Returns whether enough initial guesses have been tried."""
         share = TUNING.again if best.legs else 1.0
         return self.watch.elapsed >= share * self.time_limit or self.watch.stopped()
 
-    def _tightened(self, problem: PathSearch, guess: Legs, best: _Found) -> _Found:
-        """Repeats the search with reduced limits until the simulation keeps the limits.
+    def _tightened(self, problem: PathSearch, guess: Legs, best: Found) -> Found:
+        """Repeats the optimisation with reduced limits until the simulation keeps the limits.
 
         What is not faster than the best so far is not gone on with.
         """
-        assert best.motion is not None
         asked = self.nominal.reduced(TUNING.ahead)
         for _ in range(TUNING.search_rounds):
             if self._over():
-                return _Found(None, words=self._why_over())
+                return Found(None, words=self._why_over())
             left = self.time_limit - self.watch.elapsed
             solution = problem.solve(asked, guess, left, self._over)
             if not solution.converged and self._over():
-                return _Found(None, words=self._why_over())
+                return Found(None, words=self._why_over())
             found = self._checked(solution)
             if found is None:
-                return _Found(None, words=f"the search failed ({solution.status})")
-            faster = found.motion.duration < best.motion.motion.duration
+                return Found(None, words=f"the search failed ({solution.status})")
+            faster = found.motion.duration < best.duration
             if solution.converged and not faster:
-                return _Found(None, words="the search found nothing faster")
+                return Found(None, words="the search found nothing faster")
             if faster and found.keeps(self.limits):
-                return _Found(found, solution.legs)
+                return Found(found, solution.legs)
             if not solution.converged:
-                return _Found(None, words=f"the search failed ({solution.status})")
+                return Found(None, words=f"the search failed ({solution.status})")
             guess = solution.legs
             asked = _lowered(asked, found.excess(self.limits))
         words = f"the search kept exceeding a limit after {TUNING.search_rounds} rounds"
-        return _Found(None, words=words)
+        return Found(None, words=words)
 
     def _over(self) -> bool:
         return self.watch.stopped() or self.watch.elapsed >= self.time_limit
@@ -164,14 +188,14 @@ class OptimalSearch:
 
 
 def _law_of(found: LegGuess, leg: Leg) -> JerkLaw:
-    """Returns the time law of a search, adjusted to end exactly at the leg's end."""
+    """Returns the time law of an optimised leg, adjusted to end exactly at the leg's end."""
     law = JerkLaw(found.duration, found.controls[:, 0], (0.0, 0.0, float(found.states[0, 2])))
     share = leg.length / max(float(law.nodes()[-1, 0]), 1e-9)
     return JerkLaw(law.duration, share * law.jerk, (0.0, 0.0, share * law.start[2]))
 
 
 def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
-    """Returns the tilt of a search at the rows of a motion that is slower by a factor.
+    """Returns the tilt of an optimised motion that is slowed by a factor.
 
     The last row is upright; what the search's tolerance leaves there is taken away evenly.
     """
@@ -193,7 +217,7 @@ def _tilt_of(legs: Legs, factor: float, t: np.ndarray, yaw: float) -> Tilt:
 
 
 def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
-    """Reduces exceeded limits by their excess."""
+    """Reduces the exceeded limits by their excess."""
     lower = {
         name: getattr(limits, name) / (1.0 + min(share, 1.0)) * (1.0 - TUNING.slack)
         for name, share in excess.items()
@@ -203,56 +227,70 @@ def _lowered(limits: PlanLimits, excess: dict[str, float]) -> PlanLimits:
 
 
 def guess_of(
-    model: Model, path: Path, start: Scaled, search: PathSearch, factor: float
-) -> tuple[LegGuess, ...]:
-    """Makes the start of a search from a motion by a law.
+    models: Sequence[Model], path: Path, start: Scaled, search: PathSearch, factor: float
+) -> Legs:
+    """Creates the initial guess of an optimisation from a motion with a known time law.
 
     Args:
-        model: the model.
+        models: of the search's liquids.
         path: the path.
         start: the motion by the law.
         search: whose nodes the guess has.
         factor: by which the start is slower; the liquid's answer stays as it was.
     """
     motion, layout = start.found.motion, search.layout
-    turned = attitudes(motion, None, len(motion.t))
-    modal = simulate(model, Inputs(motion.t, motion.acceleration, turned))[0].modal[:, 0]
+    waves = _waves(models, motion)
     durations = leg_durations(path, motion.duration)
     legs, begin = [], 0.0
     laws = start.known.laws(motion.duration)
     for law, duration, count in zip(laws, durations, search.counts, strict=True):
-
-        def liquid(t: Array, begin: float = begin) -> Array:
-            return np.column_stack([np.interp(begin + t, motion.t, one) for one in modal.T])
-
         t = np.linspace(0.0, duration, count + 1)
         s, v, a = law(t)
         states = np.zeros((count + 1, layout.size))
         states[:, :CHAIN] = np.column_stack([s, v / factor, a / factor**2])
-        states[:, layout.liquid] = liquid(t)
+        states[:, layout.liquid] = waves(begin + t)
         controls = np.zeros((count, layout.driven))
         controls[:, 0] = np.diff(a) / (duration / count) / factor**3
-        middles = liquid(t[:-1] + 0.5 * duration / count)
+        middles = waves(begin + t[:-1] + 0.5 * duration / count)
         legs.append(LegGuess(factor * duration, states, controls, middles))
         begin += duration
     return tuple(legs)
 
 
-def upright_guess(legs: Sequence[LegGuess], search: PathSearch) -> tuple[LegGuess, ...]:
-    """Makes the start of a search with tilt from the upright motion."""
-    layout = search.layout
-    found = []
+def _waves(models: Sequence[Model], motion: PlannedMotion) -> Callable[[Array], Array]:
+    """Simulates a motion; returns a function for the first modes of all models by time."""
+    turned = attitudes(motion, None, len(motion.t))
+    inputs = Inputs(motion.t, motion.acceleration, turned)
+    modal = np.hstack([simulate(model, inputs)[0].modal[:, 0] for model in models])
+    return lambda t: _at(t, motion.t, modal)
+
+
+def resumed(legs: Legs, search: PathSearch, waves: Callable[[Array], Array] | None = None) -> Legs:
+    """Creates the initial guess of an optimisation from an earlier result.
+
+    Args:
+        legs: the result.
+        search: whose nodes the start has.
+        waves: the liquids at given times [s], where they are others; None: those of the result.
+    """
+    found, begin, layout = [], 0.0, search.layout
     for leg, count in zip(legs, search.counts, strict=True):
         old = np.linspace(0.0, 1.0, len(leg.states))
         t = np.linspace(0.0, 1.0, count + 1)
         middle = 0.5 * (t[1:] + t[:-1])
-        liquid = leg.states[:, CHAIN:]
+        driven = leg.controls.shape[1]
+        rates, liquids = np.split(leg.states, [CHAIN * driven], axis=1)
         states, controls = np.zeros((count + 1, layout.size)), np.zeros((count, layout.driven))
-        states[:, :CHAIN] = _at(t, old, leg.states[:, :CHAIN])
-        states[:, layout.liquid] = _at(t, old, liquid)
+        states[:, : CHAIN * driven] = _at(t, old, rates)
         which = np.minimum((middle * len(leg.controls)).astype(int), len(leg.controls) - 1)
-        controls[:, 0] = leg.controls[which, 0]
-        found.append(LegGuess(leg.duration, states, controls, _at(middle, old, liquid)))
+        controls[:, :driven] = leg.controls[which]
+        if waves is None:
+            states[:, layout.liquid], middles = _at(t, old, liquids), _at(middle, old, liquids)
+        else:
+            states[:, layout.liquid] = waves(begin + leg.duration * t)
+            middles = waves(begin + leg.duration * middle)
+        found.append(LegGuess(leg.duration, states, controls, middles))
+        begin += leg.duration
     return tuple(found)
 
 

@@ -1,4 +1,4 @@
-"""Time laws along a path, and the motion at 1 kHz that they give.
+"""Time laws along a path, and the motions at 1 kHz that they give.
 
 A law runs over all legs of a path, one after another. That of a leg is given by its third
 derivative, constant between nodes, so that place, speed and acceleration are polynomials, exact at
@@ -27,7 +27,7 @@ STEP = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JerkLaw:
-    """Time law of a leg with piecewise constant third derivative.
+    """Time law of a leg with a piecewise constant third derivative (jerk).
 
     Attributes:
         duration: of the leg [s]; the nodes are evenly spaced.
@@ -40,7 +40,7 @@ class JerkLaw:
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array]:
-        """Returns s [m], ds/dt and d²s/dt² at times from the leg's start [s], (M,) each."""
+        """Returns s [m], ds/dt and d²s/dt² (M,) at times [s] from the start of the leg."""
         step = self.duration / len(self.jerk)
         nodes = self.nodes()
         row = np.clip((t / step).astype(np.int64), 0, len(self.jerk) - 1)
@@ -54,7 +54,7 @@ class JerkLaw:
         )
 
     def nodes(self) -> Array:
-        """Returns (N + 1, 3) s, ds/dt, d²s/dt² at the nodes."""
+        """Returns s, ds/dt and d²s/dt² at the nodes (N + 1, 3)."""
         step = self.duration / len(self.jerk)
         place, speed, change = self.start
         a = change + np.concatenate([[0.0], np.cumsum(self.jerk) * step])
@@ -63,7 +63,7 @@ class JerkLaw:
         return np.column_stack([place + np.concatenate([[0.0], np.cumsum(ways)]), v, a])
 
     def stretched(self, factor: float) -> JerkLaw:
-        """Returns the law slowed by a factor."""
+        """Returns the time law slowed by a factor."""
         place, speed, change = self.start
         start = (place, speed / factor, change / factor**2)
         return JerkLaw(self.duration * factor, self.jerk / factor**3, start)
@@ -71,7 +71,7 @@ class JerkLaw:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedMotion:
-    """A rest-to-rest motion at 1 kHz; coarser for intermediate checks.
+    """A planned motion from rest to rest, sampled at 1 kHz or coarser.
 
     Attributes:
         t: (N,) time from 0 [s].
@@ -91,7 +91,7 @@ class PlannedMotion:
 
     @property
     def attitude(self) -> Array | None:
-        """(N, 4) quaternion x, y, z, w, world ← container; None: constant attitude."""
+        """Quaternions (N, 4) x, y, z, w, world ← container, or None if constant."""
         if self.joints is not None:
             return self.joints.attitude
         return None if self.tilt is None else self.tilt.attitude
@@ -103,14 +103,14 @@ class PlannedMotion:
 
     @property
     def step(self) -> float:
-        """Sample interval [s]."""
+        """Interval between samples [s]."""
         return float(self.t[1])
 
 
 def motion_along(
     path: Path, laws: Sequence[Law], durations: Sequence[float], step: float = STEP
 ) -> PlannedMotion:
-    """Makes the motion of a path by time laws.
+    """Creates the motion along a path from the time laws of its legs.
 
     Args:
         path: the path.
@@ -161,7 +161,7 @@ class Tilt:
 
     @property
     def attitude(self) -> Array:
-        """(N, 4) quaternion x, y, z, w, world ← container."""
+        """Quaternions (N, 4) x, y, z, w, world ← container."""
         vectors = np.column_stack([self.vector, np.zeros(len(self.vector))])
         turned = Rotation.from_euler("z", self.yaw) * Rotation.from_rotvec(vectors)
         quaternions: Array = turned.as_quat()
@@ -169,7 +169,7 @@ class Tilt:
 
     @property
     def largest(self) -> tuple[float, float, float]:
-        """Largest angle, rate and acceleration [rad, rad/s, rad/s²]."""
+        """Largest angle, rate and acceleration of the tilt [rad, rad/s, rad/s²]."""
         sizes = (np.linalg.norm(one, axis=1).max() for one in
                  (self.vector, self.rate, self.acceleration))  # fmt: skip
         angle, rate, acceleration = (float(size) for size in sizes)

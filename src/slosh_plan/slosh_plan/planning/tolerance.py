@@ -1,4 +1,4 @@
-"""Tolerance of a planned motion to an error of the natural frequency."""
+"""Tests how a planned motion tolerates an error of the natural frequency."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Tolerance:
 def frequency_tolerance(
     model: Model, motion: PlannedMotion, limits: PlanLimits, attitude: Array | None = None
 ) -> Tolerance:
-    """Simulates a motion with other natural frequencies.
+    """Simulates a planned motion with other natural frequencies, to find its tolerance.
 
     A motion that runs faster or slower by a share is, to the liquid's phase, the same as an error
     of the frequency by that share.

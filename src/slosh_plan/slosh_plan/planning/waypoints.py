@@ -1,4 +1,4 @@
-"""A path as the user gives it."""
+"""A path in the form in which the user gives it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TURNED = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waypoints:
-    """A container path as the user gives it.
+    """Waypoints of the container as the user gives them.
 
     Attributes:
         t: (N,) times, a proposal [s].
@@ -31,7 +31,7 @@ class Waypoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointWaypoints:
-    """A joint path as the user gives it.
+    """Waypoints of the joints as the user gives them.
 
     Attributes:
         names: (J,) of the joints.

@@ -1,1 +1,1 @@
-"""Motions without residual waves of one frequency, for machines without an optimiser."""
+"""Shapes motions so that they leave no residual wave of one frequency."""

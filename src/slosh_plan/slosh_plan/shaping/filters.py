@@ -24,7 +24,7 @@ QUADRATURE = 32
 
 @dataclass(frozen=True, slots=True)
 class Damped:
-    """A mode's frequency and damping for filters.
+    """Frequency and damping of a mode, for the design of a filter.
 
     >>> round(Damped(frequency=2.0 * math.pi, damping_ratio=0.01).period, 3)  # s
     1.0
@@ -48,23 +48,23 @@ class Damped:
 
     @property
     def decay(self) -> float:
-        """ζω [1/s]."""
+        """Decay rate ζω [1/s]."""
         return self.damping_ratio * self.frequency
 
     @property
     def damped_frequency(self) -> float:
-        """ω_d = ω √(1 − ζ²) [rad/s]."""
+        """Damped natural frequency ω_d = ω √(1 − ζ²) [rad/s]."""
         return self.frequency * math.sqrt(1.0 - self.damping_ratio**2)
 
     @property
     def period(self) -> float:
-        """2π/ω_d [s]."""
+        """Period 2π/ω_d of the damped oscillation [s]."""
         return 2.0 * math.pi / self.damped_frequency
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Filter:
-    """A filter as a series of impulses.
+    """An input shaper: a series of impulses.
 
     Attributes:
         name: for tables.
@@ -79,7 +79,7 @@ class Filter:
     length: float
 
     def __call__(self, function: Callable[[Array], Array], t: Array) -> Array:
-        """Applies the filter to a function at times t (N,) [s].
+        """Applies the filter to a function of time, at times t (N,) [s].
 
         Args:
             function: (N,) times to (N, …) values.
@@ -89,14 +89,14 @@ class Filter:
         return np.asarray(sum(amplitude * function(t - delay) for delay, amplitude in pairs))
 
     def then(self, other: Filter) -> Filter:
-        """Returns the convolution of both filters, which has the zeros of both."""
+        """Returns the convolution of two filters, which has the zeros of both."""
         times = np.add.outer(self.times, other.times).ravel()
         weights = np.multiply.outer(self.amplitudes, other.amplitudes).ravel()
         name = self.name if self.name == other.name else f"{self.name}, {other.name}"
         return Filter(name, times, weights, self.length + other.length)
 
     def residual(self, mode: Damped) -> float:
-        """Returns the residual wave of a step relative to the unfiltered one.
+        """Returns the residual wave of a filtered step, relative to the unfiltered step.
 
         Both at the time when the filtered step ends (Singer, Seering 1990).
         """
@@ -106,7 +106,7 @@ class Filter:
 
 
 def zero_vibration(mode: Damped) -> Filter:
-    """Makes the ZV shaper: two impulses half a period apart.
+    """Creates the ZV shaper: two impulses, half a period apart.
 
     >>> shaper = zero_vibration(Damped(frequency=2.0 * math.pi, damping_ratio=0.0))
     >>> shaper.times.tolist(), shaper.amplitudes.tolist()
@@ -117,7 +117,7 @@ def zero_vibration(mode: Damped) -> Filter:
 
 
 def zero_vibration_derivative(mode: Damped) -> Filter:
-    """Makes the ZVD shaper: three impulses; robust to frequency errors to first order.
+    """Creates the ZVD shaper: three impulses, robust to small frequency errors.
 
     >>> shaper = zero_vibration_derivative(Damped(frequency=2.0 * math.pi, damping_ratio=0.0))
     >>> shaper.times.tolist(), shaper.amplitudes.tolist()
@@ -128,7 +128,7 @@ def zero_vibration_derivative(mode: Damped) -> Filter:
 
 
 def moving_average(mode: Damped) -> Filter:
-    """Makes the moving average over one period, an FIR filter for an undamped mode.
+    """Creates a moving average over one period, a filter for an undamped mode.
 
     >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.0)
     >>> moving_average(mode).length  # s
@@ -141,7 +141,7 @@ def moving_average(mode: Damped) -> Filter:
 
 
 def exponential(mode: Damped) -> Filter:
-    """Makes the exponential filter: an average over one period that decays as the mode.
+    """Creates an average over one period whose weights decay like the mode.
 
     >>> mode = Damped(frequency=2.0 * math.pi, damping_ratio=0.02)
     >>> exponential(mode).residual(mode) < 1e-6

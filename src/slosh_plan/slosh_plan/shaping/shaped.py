@@ -1,4 +1,4 @@
-"""Filters motions along their path, which is kept, or by axis, which bends it."""
+"""Filters motions along their path, which is kept, or by axis, which bends the path."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _BACKWARDS = -1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathCourse:
-    """A motion split in its path and its time law.
+    """A motion split into its path and its time laws.
 
     Attributes:
         path: the path.
@@ -60,7 +60,7 @@ class PathCourse:
 
 
 def course_of(trajectory: Trajectory) -> PathCourse:
-    """Splits a motion in its path and its time law.
+    """Splits a motion into its path and its time laws.
 
     >>> from slosh_plan.shaping.filters import Damped, zero_vibration
     >>> t = np.linspace(0.0, 1.0, 1001)
@@ -98,13 +98,13 @@ def course_of(trajectory: Trajectory) -> PathCourse:
 
 
 def shaped(course: PathCourse, chosen: Filter) -> PlannedMotion:
-    """Filters a motion along the path's length, each leg separately."""
+    """Filters a motion along its path, each leg separately."""
     laws = [_filtered(law, chosen) for law in course.laws]
     return _along(course.path, laws, [time + chosen.length for time in course.durations])
 
 
 def shaped_per_axis(course: PathCourse, chosen: Filter) -> PlannedMotion:
-    """Filters a motion in x, y and z, for machines without a path; it bends the path.
+    """Filters x, y and z of a motion separately, which bends the path.
 
     >>> from slosh_plan.shaping.filters import Damped, zero_vibration
     >>> t = np.linspace(0.0, 1.0, 1001)
@@ -132,7 +132,7 @@ def shaped_per_axis(course: PathCourse, chosen: Filter) -> PlannedMotion:
 
 
 def residual_free_motion(course: PathCourse, mode: Damped) -> PlannedMotion:
-    """Makes a motion of equal path and duration with the residual-free polynomial.
+    """Returns a motion with equal path and duration whose polynomial leaves no wave.
 
     Raises:
         SloshPlanError: a leg is too short for it.
@@ -145,7 +145,7 @@ def residual_free_motion(course: PathCourse, mode: Damped) -> PlannedMotion:
 
 
 def _on_leg(unit: Law, leg: Leg, duration: float) -> Law:
-    """Scales a law from 0 to 1 to a leg."""
+    """Scales a time law from 0 to 1 to the length and duration of a leg."""
 
     def law(t: Array) -> tuple[Array, Array, Array]:
         place, rate, change = unit(t / duration)
@@ -156,7 +156,7 @@ def _on_leg(unit: Law, leg: Leg, duration: float) -> Law:
 
 
 def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -> Filter:
-    """Makes a filter for the first mode along every excited axis.
+    """Creates a filter for the first mode along every axis that the motion excites.
 
     Args:
         model: the model.
@@ -182,7 +182,7 @@ def filter_for(model: Model, name: str, acceleration: Array, yaw: float = 0.0) -
 
 
 def excited_modes(model: Model, acceleration: Array, yaw: float = 0.0) -> tuple[Damped, ...]:
-    """Returns the first mode along the axes that a motion excites; once if round."""
+    """Returns the first mode along each axis that a motion excites; once if equal."""
     mode = model.mode_constants()[0]
     along, across = (mode.along(axis).natural_frequency for axis in (X_AXIS, Y_AXIS))
     if along == across:
@@ -218,13 +218,13 @@ def _from_segment(points: Array, starts: Array, stops: Array) -> Array:
 
 
 def _along(path: Path, laws: list[Law], durations: list[float]) -> PlannedMotion:
-    """Makes the motion; the last leg rests until the next whole row."""
+    """Creates a motion along a path; the last leg rests until the next whole sample."""
     total = sum(durations)
     return motion_along(path, laws, [*durations[:-1], durations[-1] + whole_rows(total) - total])
 
 
 def _integrated(trajectory: Trajectory) -> Array:
-    """Integrates piecewise linear accelerations to positions, from rest at the origin."""
+    """Integrates piecewise linear accelerations to positions, starting at rest."""
     a, steps = trajectory.acceleration, np.diff(trajectory.t)[:, None]
     zero = np.zeros((1, 3))
     speed = np.concatenate([zero, np.cumsum(0.5 * steps * (a[1:] + a[:-1]), axis=0)])
@@ -239,7 +239,7 @@ def _integrated(trajectory: Trajectory) -> Array:
 
 
 def _ends(path: Path, t: Array, way: Array, speed: Array) -> list[float]:
-    """Returns the end time of each leg: the slowest point near a corner."""
+    """Returns the end time of each leg [s], at the slowest sample near each corner."""
     ends, length = [0.0], 0.0
     for leg in path.legs[:-1]:
         length += leg.length
@@ -264,7 +264,7 @@ def _leg_law(
     high: float,
     size: list[float],
 ) -> Law:
-    """Makes the law of a leg, with rest before and after it."""
+    """Returns the time law of a leg, with rest before and after it."""
     t = np.linspace(start, stop, max(math.ceil((stop - start) / STEP), 20) + 1)
     values = np.clip(along(t) - low, 0.0, high - low)
     values[[0, -1]] = 0.0, high - low
@@ -292,7 +292,7 @@ def _filtered(law: Law, chosen: Filter) -> Law:
 
 
 def residual_free(mode: Damped, duration: float) -> UnitLaw:
-    """Makes the law of degree 13 from 0 to 1 without residual wave of a linear mode.
+    """Returns a polynomial time law of degree 13 that leaves no residual wave.
 
     To the quintic polynomial u⁴ (1 − u)⁴ Σ cₖ (1 − 2u)ᵏ, k = 0 … 5, is added, which leaves the
     ends as they are. The cₖ make ∫ s̈ exp(−p t) dt zero at the mode's pole p, two real equations;
@@ -332,7 +332,7 @@ def residual_free(mode: Damped, duration: float) -> UnitLaw:
 
 
 def _coefficients(mode: Damped, duration: float) -> Array:
-    """Returns the coefficients cₖ (TERMS,)."""
+    """Returns the coefficients cₖ (TERMS,) of the added polynomial."""
     pole = complex(-mode.decay, mode.damped_frequency)
     # As seen at the motion's end: at most 1 in size, so that long motions do not overflow.
     wave = _WEIGHTS * np.exp(pole * duration * (1.0 - _U))
@@ -346,7 +346,7 @@ def _coefficients(mode: Damped, duration: float) -> Array:
 
 
 def _added(u: Array) -> tuple[Array, Array, Array]:
-    """Returns (TERMS, N) u⁴(1 − u)⁴(1 − 2u)ᵏ with first and second derivative."""
+    """Returns u⁴(1 − u)⁴(1 − 2u)ᵏ (TERMS, N) and its first and second derivative."""
     v, w = u * (1.0 - u), 1.0 - 2.0 * u
     # With v' = w and w' = -2; a negative power only comes with the factor 0.
     powers = [np.zeros_like(w), np.zeros_like(w), *(w**n for n in range(TERMS + 2))]

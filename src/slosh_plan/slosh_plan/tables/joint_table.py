@@ -1,4 +1,4 @@
-"""Joint motions as CSV: `t` [s], and one column per joint [rad or m].
+"""Joint motions as CSV: `t` [s], and one column for each joint [rad or m].
 
 Columns `JOINT.velocity` and `JOINT.acceleration` hold the derivatives by time.
 """
@@ -24,7 +24,7 @@ DERIVATIVES = (".velocity", ".acceleration")
 
 
 def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> JointWaypoints:
-    """Reads a joint motion.
+    """Reads a joint motion from a table.
 
     Args:
         path: a text file; one whose name ends in .gz is unpacked.
@@ -50,7 +50,7 @@ def read_joint_table(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) ->
 
 
 def read_joint_trajectory(path: Path, arm: Arm, options: TableOptions = FOUND_OUT) -> Trajectory:
-    """Reads a joint motion and returns the container's motion, named after the file.
+    """Reads a joint motion from a table and returns the motion of the container.
 
     Raises:
         SloshFileError: no such table.

@@ -1,4 +1,4 @@
-"""Path tables: waypoints as CSV `t,x,y,z[,qx,qy,qz,qw]`, and planned motions."""
+"""Path tables as CSV (`t,x,y,z[,qx,qy,qz,qw]`), and tables of planned motions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ACCELERATION = MOTION[1:]
 
 
 def read_path_table(path: Path, options: TableOptions = FOUND_OUT) -> Waypoints:
-    """Reads a path table; ignores columns of accelerations.
+    """Reads waypoints from a path table; ignores columns of accelerations.
 
     Args:
         path: a text file; one whose name ends in .gz is unpacked.
@@ -47,7 +47,7 @@ def read_path_table(path: Path, options: TableOptions = FOUND_OUT) -> Waypoints:
 
 
 def write_plan_table(path: Path, motion: PlannedMotion, attitude: Array | None) -> None:
-    """Writes a motion as t, x, y, z, the attitude if it is given or changes, ax, ay, az.
+    """Writes a motion to a table: t, position, attitude if any, and acceleration.
 
     Raises:
         OSError: the file cannot be written.

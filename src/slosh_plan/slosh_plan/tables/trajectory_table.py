@@ -23,7 +23,7 @@ READ = frozenset({"t"}.union(*_GROUPS))
 
 
 def read_trajectory(path: Path, options: TableOptions = FOUND_OUT) -> Trajectory:
-    """Reads a planned motion, named after the file; ignores measured columns.
+    """Reads a planned motion from a table; ignores measured columns.
 
     Args:
         path: a text file; one whose name ends in .gz is unpacked.

@@ -1,4 +1,4 @@
-"""Keys and meanings of facts in a bag's metadata."""
+"""Keys of a bag's metadata and what they mean."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ CONTAINER_FILL_HEIGHT: Final = "container_fill_height"
 
 
 def clocks_unrelated(facts: Mapping[str, str]) -> bool:
-    """Whether the stamps of inputs and heights are on unrelated clocks."""
+    """Returns whether the stamps of inputs and heights come from unrelated clocks."""
     return facts.get(CLOCKS) == UNRELATED
 
 
 def lost_messages(facts: Mapping[str, str]) -> dict[str, int]:
-    """Returns the lost messages by topic, as far as the recorder knew.
+    """Returns the number of lost messages by topic, as far as the recorder knew.
 
     Those of which the topic is not known stand under an empty name.
     """
@@ -40,7 +40,7 @@ def lost_messages(facts: Mapping[str, str]) -> dict[str, int]:
 
 
 def event_lines(facts: Mapping[str, str], start_ns: int) -> tuple[str, ...]:
-    """Why a bag was written, one line for each event; none of a complete recording.
+    """Returns one line for each event that caused the bag to be written.
 
     Args:
         facts: of the bag.
@@ -53,12 +53,12 @@ def event_lines(facts: Mapping[str, str], start_ns: int) -> tuple[str, ...]:
 
 
 def mixed_topics(facts: Mapping[str, str]) -> frozenset[str]:
-    """Returns single-publisher topics on which several publishers sent."""
+    """Returns the topics on which several publishers sent although one is allowed."""
     return frozenset(filter(None, facts.get(SEVERAL, "").split(",")))
 
 
 def shared_topics_line(facts: Mapping[str, str]) -> str:
-    """Describes several publishers on single-publisher topics; empty: none."""
+    """Describes topics that wrongly have several publishers; empty if there are none."""
     topics = facts.get(SEVERAL, "")
     if not topics:
         return ""
@@ -73,7 +73,7 @@ def shared_topics_line(facts: Mapping[str, str]) -> str:
 
 
 def _with_nodes(topic: str, nodes: Any) -> str:
-    """Formats a topic with its publishing nodes, if known."""
+    """Formats a topic with the names of its publishing nodes."""
     if not isinstance(nodes, list) or not nodes:
         return topic
     counts = Counter(str(node) for node in nodes)
@@ -82,7 +82,7 @@ def _with_nodes(topic: str, nodes: Any) -> str:
 
 
 def _json_object(text: str) -> dict[str, Any]:
-    """Parses a JSON object; an invalid text gives an empty one."""
+    """Parses a JSON object; returns an empty one if the text is invalid."""
     try:
         document = json.loads(text)
     except ValueError:
@@ -91,7 +91,7 @@ def _json_object(text: str) -> dict[str, Any]:
 
 
 def noted_container(facts: Mapping[str, str]) -> Cylinder | None:
-    """Returns the recorded container; None: not in the facts.
+    """Returns the container in the bag's metadata, or None if it has none.
 
     Raises:
         SloshModelError: they tell of an impossible one.

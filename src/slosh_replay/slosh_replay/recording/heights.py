@@ -1,4 +1,4 @@
-"""Measured heights of a recording from its FreeSurface messages."""
+"""Reads measured heights from the FreeSurface messages of a recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WAVE_FIELDS: Final = (*STAMP, "msh_stddev", *Surfaces._fields)
 
 
 class Measurements(NamedTuple):
-    """Measured heights of a recording as columns.
+    """Measured heights of a recording, as columns.
 
     Attributes:
         stamps: (N,) [ns].
@@ -46,31 +46,31 @@ class Measurements(NamedTuple):
 
     @property
     def unusable(self) -> Mask:
-        """(N,) whether the flags exclude a height."""
+        """Whether the flags exclude each height (N,)."""
         return np.asarray((self.flags & UNUSABLE) != 0)
 
     @property
     def saturated(self) -> Mask:
-        """(N,) whether the height is a lower bound."""
+        """Whether each height is only a lower bound (N,)."""
         return np.asarray((self.flags & SATURATED) != 0)
 
     @property
     def usable_heights(self) -> Array:
-        """(N,) heights [m], NaN where the flags exclude them."""
+        """Heights (N,) [m]; NaN where the flags exclude them."""
         return np.where(self.unusable, np.nan, self.heights)
 
     def chosen(self, rows: NDArray[Any]) -> Measurements:
-        """Returns some of the measurements, by indices or a mask."""
+        """Returns the measurements at given indices or in a mask."""
         columns: Any = (None if column is None else column[rows] for column in self)
         return Measurements(*columns)
 
     def in_order(self) -> Measurements:
-        """Sorts by stamp and keeps the first of equal stamps."""
+        """Returns the measurements sorted by stamp; of equal stamps only the first is kept."""
         return self.chosen(np.unique(self.stamps, return_index=True)[1])
 
 
 def measurements(columns: Columns) -> Measurements:
-    """Makes measurements from columns of FreeSurface.msg, `SURFACE_FIELDS` or `WAVE_FIELDS`."""
+    """Creates measurements from columns of FreeSurface messages."""
     waves, axes, levels = None, None, None
     if set(Surfaces._fields) <= columns.keys():
         surfaces = Surfaces(*(columns[name] for name in Surfaces._fields))
@@ -101,10 +101,10 @@ class HeightCollector:
         self._parts = [Measurements(whole, none, whole, none, none)]
 
     def add(self, columns: Columns) -> None:
-        """Adds consecutive messages."""
+        """Adds consecutive FreeSurface messages."""
         self._parts.append(measurements(columns))
 
     def measurements(self) -> Measurements:
-        """Returns all measurements in the order of the recording, without waves."""
+        """Returns all measurements in recorded order, without wave directions."""
         columns = zip(*(part[:5] for part in self._parts), strict=True)
         return Measurements(*(np.concatenate(column) for column in columns))

@@ -1,4 +1,4 @@
-"""Converts blocks of any input topic to the columns of `recording.inputs.fields`.
+"""Converts blocks of messages of any input to columns of samples or poses.
 
 Joint states and transforms become poses here, by what the node itself uses, and are columns of
 poses from here on.
@@ -33,7 +33,7 @@ _FRAME = "header.frame_id"
 
 
 class InputBlocks:
-    """Reads the blocks of an input.
+    """Reads the message blocks of an input.
 
     Args:
         reader: of the bag.
@@ -67,7 +67,7 @@ class InputBlocks:
                 self._poses.take(map(_transform, message.transforms), fixed=True)
 
     def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
-        """Returns the values of the input's blocks in a chunk.
+        """Returns the values of the input's messages in a chunk, as columns.
 
         Args:
             blocks: of `topics`, at least one.
@@ -102,11 +102,11 @@ class InputBlocks:
         return self._poses.take([link])
 
     def trouble(self) -> str:
-        """Describes why poses are missing or wrong; empty: no known fault."""
+        """Describes why poses are missing or wrong; empty if no fault is known."""
         return self._poses.trouble() if self._poses is not None else ""
 
     def check(self) -> None:
-        """Raises an error after all messages if there was no pose.
+        """Raises an error, after all messages, if there was no pose.
 
         Raises:
             SloshBagError: no pose came out of the messages.
@@ -119,7 +119,7 @@ class InputBlocks:
 def reading(
     reader: BagReader, sources: Sources, given: InputSettings | WantedInput | None = None
 ) -> InputSettings:
-    """Determines how the input of a bag is read.
+    """Returns the settings with which the input of a bag is read.
 
     Args:
         reader: of the bag.
@@ -136,7 +136,7 @@ def reading(
 
 
 def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSettings:
-    """Adds the sensor's mounting from the bag's fixed transforms.
+    """Returns the settings with the sensor's mounting from the bag's fixed transforms.
 
     A recorded estimator has told what it took from them for its own input.
     """
@@ -177,7 +177,7 @@ def _transform(message: Any) -> Transform:
 
 
 def by_chunk(blocks: Iterable[MessageBlock]) -> Iterator[list[MessageBlock]]:
-    """Groups blocks by chunk; within a chunk topics follow each other."""
+    """Groups message blocks by chunk of the file."""
     chunk: list[MessageBlock] = []
     for block in blocks:
         if chunk and block.buffer.base is not chunk[0].buffer.base:
@@ -193,7 +193,7 @@ def _row(name: str) -> topics.Topic:
 
 
 def _latched(reader: BagReader, sources: Sources, name: str) -> Iterator[Any]:
-    """Yields the decoded messages of a rare topic."""
+    """Yields the decoded messages of a rarely published topic."""
     row = _row(name)
     topic = sources.topics.topic(name.strip("/"), row.type)
     for block in reader.look_up([topic]) if topic else ():

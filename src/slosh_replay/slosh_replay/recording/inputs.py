@@ -1,4 +1,4 @@
-"""Inputs of the models in a recording, read as by the estimator node."""
+"""Reads the inputs in a recording in the same way as the estimator node."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def recorded_inputs(starts: Sequence[NodeStart], facts: Mapping[str, str]) -> In
 
 
 def settings_of_start(start: NodeStart) -> InputSettings:
-    """Returns the input settings in an estimator's settings message.
+    """Returns the input settings in a settings message of the estimator.
 
     Raises:
         SloshBagError: a parameter is missing or cannot be.
@@ -90,12 +90,12 @@ def fields(kind: str) -> tuple[str, ...]:
 
 
 def _columns_of(kind: str) -> str:
-    """Returns the kind of the columns; joint states and transforms become poses."""
+    """Returns the type of the columns; joint states and transforms become poses."""
     return POSE if kind in POSES else kind
 
 
 class InputReader:
-    """Converts columns of messages to samples with the node's own adapters.
+    """Converts columns of input messages to samples, as the estimator node does.
 
     Args:
         kind: of the input, see `slosh_estimator.inputs`.
@@ -123,7 +123,7 @@ class InputReader:
 
     @property
     def counters(self) -> dict[str, int]:
-        """Samples used and dropped, and gaps, since the start."""
+        """Numbers of used samples, dropped samples and gaps since the start."""
         gate = self._adapter.gate
         return {
             "samples_used": self._used_before + gate.used,
@@ -133,19 +133,19 @@ class InputReader:
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """Faults of the input and remarks, one sentence each."""
+        """Suspected faults of the input and remarks, one sentence each."""
         found = {**self._raised, **self._raised_now()}
         remark = self._adapter.remark()
         return (*found.values(), *([InputDoubt(remark, wrong=False)] if remark else []))
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults of sensor, driver or bus, one sentence each."""
+        """Faults of sensor, driver or network, one sentence each."""
         return (*self._faults, *self._adapter.check.faults.texts())
 
     @property
     def refusal(self) -> str:
-        """Returns why messages were refused, for a sentence; empty: none."""
+        """Returns why messages were refused, as the end of a sentence; empty if none were."""
         gate = self._adapter.gate
         refused = self._adapter.refusal()
         if refused:
@@ -163,12 +163,12 @@ class InputReader:
         return {kind: InputDoubt.of(doubt) for kind, doubt in self._adapter.check.raised.items()}
 
     def change(self, settings: InputSettings) -> None:
-        """Applies changed limits to the next messages, as a live node does."""
+        """Applies changed input limits to the next messages, as a live node does."""
         self._settings = self._settings._replace(gate=self._gate(settings))
         self._adapter.gate.change(self._settings.gate)
 
     def restart(self, settings: InputSettings | None = None) -> None:
-        """Restarts, as a restarted node does.
+        """Resets the reader, as a restarted node does.
 
         Args:
             settings: of the new node; None: as before.
@@ -185,12 +185,12 @@ class InputReader:
         self._adapter = self._settings.reader(self.kind)
 
     def carry(self, modes: Modes) -> None:
-        """Sets the modes of the model from the next sample on."""
+        """Sets the sloshing modes of the model from the next sample on."""
         self._settings = self._settings._replace(modes=modes)
         self._adapter.sampling.carry(modes)
 
     def warnings(self) -> list[str]:
-        """Warnings about the input's rate and order with remedies, one line each."""
+        """Warnings about the rate and order of the input, with remedies, one line each."""
         counts, gate = self.counters, self._adapter.gate
         late = gate.counts[SampleVerdict.DISORDERED]
         if late > MIXED * (late + gate.used):
@@ -213,7 +213,7 @@ class InputReader:
     def samples(
         self, stamps: NDArray[np.int64], columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
     ) -> Samples:
-        """Returns the samples of some messages, without dropped ones.
+        """Returns the samples of selected messages; dropped messages are omitted.
 
         Args:
             stamps: (N,) of the messages [ns].
@@ -247,7 +247,7 @@ class InputReader:
         return samples
 
     def ignored_tilt(self, model: Model) -> list[str]:
-        """Warns in a line if a model ignores the container's tilt.
+        """Warns in one line if a model ignores the container's tilt.
 
         None of an attitude that is in doubt itself.
         """
@@ -258,7 +258,7 @@ class InputReader:
 
 
 def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
-    """Makes the twist of an Odometry, which is in the axes of the moving frame."""
+    """Creates a velocity from an Odometry message, in the axes of the moving frame."""
     vx, vy, vz, wx, wy, wz, *turn = row
     linear, angular = (vx, vy, vz), (wx, wy, wz)
     if not turn:
@@ -268,7 +268,7 @@ def _twist(stamp_ns: int, row: Sequence[float], frame: str) -> Twist:
 
 
 def _imu(row: Sequence[float]) -> tuple[Any, Any]:
-    """Returns force and angular velocity; 'not reported' is NaN or covariance[0] = -1."""
+    """Returns specific force and angular velocity (or None) from values of an Imu message."""
     force, rate = tuple(row[:3]), tuple(row[3:6])
     if row[6] < 0.0:
         force = (math.nan,) * 3
@@ -279,7 +279,7 @@ def _imu(row: Sequence[float]) -> tuple[Any, Any]:
 def readings_of(
     kind: str, columns: Mapping[str, NDArray[Any]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """What messages of imu or accel report, in their own axes: (N, 3) each, NaN: not known.
+    """Returns accelerations and angular velocities (N, 3) in the sensor's own axes.
 
     Args:
         kind: 'imu' or 'accel'.
@@ -298,6 +298,6 @@ def readings_of(
 
 
 def stamps_of(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
-    """Returns the header's stamps [ns]."""
+    """Returns the header stamps of messages [ns]."""
     seconds = columns["header.stamp.sec"].astype(np.int64)
     return np.asarray(seconds * SECOND + columns["header.stamp.nanosec"], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The container's motion from a bag's input messages, by the estimator's adapters."""
+"""Reads the container's motion from the input messages of a bag."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ORIENTATION_KNOWN, _TURNING_KNOWN = (
 
 @dataclass(frozen=True, slots=True)
 class RecordedMotion:
-    """Recorded motion of the container at its samples' stamps.
+    """Recorded motion of the container, at the stamps of its samples.
 
     Attributes:
         stamps: (N,) [ns], strictly increasing.
@@ -51,7 +51,7 @@ class RecordedMotion:
 
 
 class MotionCollector:
-    """Collects the messages of one input as columns.
+    """Collects the messages of one input.
 
     Args:
         kind: of the input.
@@ -74,7 +74,7 @@ class MotionCollector:
         self._turns: list[Array] = []
 
     def add(self, columns: Columns) -> None:
-        """Adds consecutive messages."""
+        """Adds consecutive messages of the input."""
         self._take(*self._filter.add(stamps_of(columns), columns))
 
     def _take(self, stamps: Stamps, columns: Columns) -> None:
@@ -122,11 +122,11 @@ class MotionCollector:
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """Faults of the input, one sentence each."""
+        """Suspected faults of the input, one sentence each."""
         return self._reader.doubts
 
     def notes(self) -> list[str]:
-        """Remarks on data that a table cannot hold, one line each."""
+        """Remarks on data that a table cannot contain, one line each."""
         counters = self._reader.counters
         notes: list[str] = [*self.doubts, *self._reader.faults]
         if self._filter.count:
@@ -147,7 +147,7 @@ class MotionCollector:
         return notes
 
     def _yawed(self) -> Array:
-        """Returns attitudes by yaw alone; the forces include the other rotations."""
+        """Returns attitudes from yaw only, since the forces already include tilt."""
         half = 0.5 * np.concatenate([part.yaws for part in self._samples])
         zero = np.zeros_like(half)
         return np.column_stack([zero, zero, np.sin(half), np.cos(half)])
@@ -159,7 +159,7 @@ class MotionCollector:
 
 
 class AttitudeCollector:
-    """Collects the attitude of an IMU in the container's frame, in addition to accel.
+    """Collects the attitude from an IMU in the container frame, in addition to accelerations.
 
     Args:
         frame: the container's.
@@ -184,7 +184,7 @@ class AttitudeCollector:
         self._turnings.append(_reported(columns, TURNING, _TURNING_KNOWN)[here])
 
     def added_to(self, motion: RecordedMotion) -> RecordedMotion:
-        """Adds attitude and angular velocity to the motion if every sample has them."""
+        """Returns the motion with attitude and angular velocity, if every sample has them."""
         if not self._stamps:
             return motion
         stamps = np.concatenate(self._stamps)
@@ -199,7 +199,7 @@ _NO_STAMPS = np.empty(0, dtype=np.int64)
 
 
 def at_stamps(wanted: Stamps, stamps: Stamps, values: Array) -> Array | None:
-    """Returns the first values (N, K) at each of the wanted stamps (N,).
+    """Returns the first values (N, K) at each of the given stamps, or None if one is missing.
 
     Args:
         wanted: stamps to look for.
@@ -225,7 +225,7 @@ def _stacked(columns: Columns, names: tuple[str, ...]) -> Array:
 
 
 def _reported(columns: Columns, names: tuple[str, ...], known: str) -> Array:
-    """Returns values (N, K), NaN where Imu.msg says 'not reported'."""
+    """Returns values (N, K), with NaN where the Imu message says 'not reported'."""
     return np.where(
         (columns[known] == NOT_REPORTED)[:, np.newaxis], np.nan, _stacked(columns, names)
     )

@@ -1,4 +1,4 @@
-"""Compares an inertial sensor or an acceleration topic of a bag with another source in it."""
+"""Compares the mounting of a sensor in a bag with another source of the motion."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _FRAME = "header.frame_id"
 
 
 class MountingWanted(NamedTuple):
-    """What somebody says of a sensor.
+    """What the user says about a sensor's mounting.
 
     Attributes:
         sensor, reference: kinds; None: the first of SENSORS, of REFERENCES that is there.
@@ -58,7 +58,7 @@ class MountingWanted(NamedTuple):
 
 
 class MountingCheck(NamedTuple):
-    """How a sensor of a bag is mounted.
+    """Result of the check of a sensor's mounting in a bag.
 
     Attributes:
         kind, topic: of the sensor.
@@ -87,14 +87,14 @@ class MountingCheck(NamedTuple):
 
     @property
     def wrong(self) -> tuple[str, ...]:
-        """What is wrong with the sensor, a clause each."""
+        """What is wrong with the sensor, one clause each."""
         if self.verdict is not None:
             return self.verdict.wrong
         return tuple(doubt for doubt in self.doubts if doubt.wrong)
 
 
 def check_mounting(path: Path, wanted: MountingWanted) -> MountingCheck:
-    """Compares after each motion, as the live node does, and tells the last answer.
+    """Checks the mounting of a sensor in a bag by comparison with another source.
 
     Args:
         path: of the bag.
@@ -131,7 +131,7 @@ def check_mounting(path: Path, wanted: MountingWanted) -> MountingCheck:
 def _first_of(
     path: Path, reader: BagReader, kinds: tuple[str, ...], wanted: str | None, cell: str | None
 ) -> Sources | None:
-    """The topics of the kind that is wanted, or of the first that is there."""
+    """Returns the topics of the wanted input type, or of the first one that is recorded."""
     if wanted is not None:
         return find_sources(path, reader, wanted, cell)
     for kind in kinds:
@@ -143,7 +143,7 @@ def _first_of(
 
 
 def _said(reader: BagReader, sources: Sources, wanted: MountingWanted) -> InputSettings:
-    """How the sensor is said to be mounted."""
+    """Returns the settings with the mounting that the user states for the sensor."""
     how = _own_settings(reader, sources)
     told = how.transform
     roll, pitch, yaw = wanted.rotation or (told.roll, told.pitch, told.yaw)
@@ -152,7 +152,7 @@ def _said(reader: BagReader, sources: Sources, wanted: MountingWanted) -> InputS
 
 
 def _own_settings(reader: BagReader, sources: Sources) -> InputSettings:
-    """The recorded estimator's settings where it read this kind; else what TF says."""
+    """Returns the recorded settings of the estimator if it used this sensor, else from TF."""
     started = first(sources.starts, "estimator")
     if started is not None and started.parameters.get("input") == sources.kind:
         return reading(reader, sources)
@@ -175,7 +175,7 @@ def _reference_settings(
 
 
 class _Sensor:
-    """Takes the sensor's messages: raw for the comparison, and as the estimator reads them."""
+    """Collects the messages of the sensor whose mounting is checked."""
 
     def __init__(self, kind: str, how: InputSettings) -> None:
         self._reader = InputReader(kind, how)
@@ -186,7 +186,7 @@ class _Sensor:
         self._waiting: list[Any] = []
 
     def take(self, columns: Mapping[str, Any]) -> None:
-        """Takes messages that follow each other."""
+        """Adds consecutive messages of the sensor."""
         stamps = stamps_of(columns)
         if not len(stamps):
             return
@@ -202,7 +202,7 @@ class _Sensor:
             self._watch.take_sensor(stamp, force, rate)
 
     def take_motion(self, *row: Any) -> None:
-        """Takes how the container moves, see `MountingWatch.take_motion`."""
+        """Adds a sample of the container's motion; see `MountingWatch.take_motion`."""
         if self._watch is None:
             self._waiting.append(row)
         else:
@@ -217,7 +217,7 @@ class _Sensor:
         self, sources: Sources, reference: tuple[str, str],
         doubts: tuple[InputDoubt, ...], missing: str,
     ) -> MountingCheck:  # fmt: skip
-        """What came out."""
+        """Returns the result of the mounting check."""
         self._reader.finish()
         watch = self._watch
         verdict = None if watch is None else watch.verdict
@@ -231,7 +231,7 @@ class _Sensor:
 
 
 class _Motion:
-    """Takes the messages of what tells the container's motion."""
+    """Collects the messages of the source that gives the container's motion."""
 
     def __init__(self, reader: BagReader, sources: Sources, how: InputSettings) -> None:
         self._blocks = InputBlocks(reader, sources, how)
@@ -240,7 +240,7 @@ class _Motion:
         self._count = 0
 
     def take(self, blocks: list[Any], sensor: _Sensor) -> None:
-        """Takes the blocks of a chunk, and hands the motion on."""
+        """Adds the message blocks of a chunk and passes the motion on to the sensor."""
         if not blocks:
             return
         columns = self._blocks.columns(blocks)
@@ -256,16 +256,16 @@ class _Motion:
             sensor.take_motion(stamp, tuple(a), None if poses is None else poses[number])
 
     def finish(self) -> None:
-        """Nothing follows."""
+        """Processes the remaining samples at the end."""
         self._reader.finish()
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """What is wrong with it."""
+        """Suspected faults of this source, one sentence each."""
         return self._reader.doubts
 
     def missing(self) -> str:
-        """Why it tells no motion; empty: it does."""
+        """Returns why this source gives no motion; empty if it does."""
         if self._count:
             return ""
         return self._blocks.trouble() or f"it tells no motion{self._reader.refusal}"

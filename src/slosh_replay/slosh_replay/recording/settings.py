@@ -1,4 +1,4 @@
-"""Settings of the nodes in a recording, from its `settings` topic."""
+"""Reads the settings of the nodes from the `settings` topic of a recording."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ class NodeStart(NamedTuple):
 
     @property
     def is_process(self) -> bool:
-        """Whether the node's process was new."""
+        """Whether this is the start of a new process of the node."""
         return not self.stamp_ns and not self.changed
 
 
 def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
-    """Reads the settings messages of a cell's nodes in order.
+    """Reads the settings messages of a cell's nodes in recorded order.
 
     What cannot be read beside what can is a stranger's, who must not cost the recording.
 
@@ -77,14 +77,14 @@ def read_starts(reader: BagReader, topic: str) -> list[NodeStart]:
 
 
 def first(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
-    """Returns a node's first settings; None: not recorded."""
+    """Returns the first settings of a node, or None if none were recorded."""
     return next((start for start in starts if start.node == node), None)
 
 
 def heard(
     starts: Sequence[NodeStart], node: str, published_ns: NDArray[np.int64]
 ) -> tuple[NodeStart, ...]:
-    """Removes starts of a node's processes that ended before publishing anything.
+    """Removes the starts of node processes that ended before they published anything.
 
     Args:
         starts: in the order of the recording.
@@ -104,7 +104,7 @@ def heard(
 def of_process(
     starts: Sequence[NodeStart], node: str, number: int, count: int
 ) -> tuple[NodeStart, ...]:
-    """Removes the starts of a node's other processes, if all are known.
+    """Removes the starts of a node's other processes, if all starts are known.
 
     Args:
         starts: in the order of the recording.
@@ -124,12 +124,12 @@ def of_process(
 
 
 def latest(starts: Sequence[NodeStart], node: str) -> NodeStart | None:
-    """Returns a node's last settings; None: not recorded."""
+    """Returns the last settings of a node, or None if none were recorded."""
     return last_of_each(starts).get(node)
 
 
 def last_of_each(starts: Iterable[NodeStart]) -> dict[str, NodeStart]:
-    """Returns each node's last settings by name."""
+    """Returns the last settings of each node by name."""
     found: dict[str, NodeStart] = {}
     for start in starts:
         found[start.node] = after(found.get(start.node), start)
@@ -146,7 +146,7 @@ def after(known: NodeStart | None, news: NodeStart) -> NodeStart:
 def limits_over_time(
     starts: Sequence[NodeStart], node: str, meaning: Callable[[Mapping[str, Any]], T]
 ) -> tuple[T, list[tuple[int, T]]] | None:
-    """Returns a node's parameters, converted, at its last start and after each change.
+    """Returns a node's converted parameters at its last start and after each change, or None.
 
     Args:
         starts: in the order of the recording.
@@ -170,7 +170,7 @@ def limits_over_time(
 
 
 def settings_of(start: NodeStart, meaning: Callable[[Mapping[str, Any]], T]) -> T:
-    """Converts a recorded node's parameters.
+    """Converts the recorded parameters of a node by a given function.
 
     Args:
         start: of the node.
@@ -201,7 +201,7 @@ def model_of(start: NodeStart) -> Model:
 
 
 def tray_of(start: NodeStart) -> Tray | None:
-    """The tray that an estimator started with; None: it carried one container.
+    """Returns the tray that an estimator carried at its start, or None for one container.
 
     Raises:
         SloshModelError: what is recorded is none.
@@ -211,12 +211,12 @@ def tray_of(start: NodeStart) -> Tray | None:
 
 
 def starts_at_rest(start: NodeStart | None) -> bool:
-    """Whether an estimator assumed liquid at rest at its start; old ones always did."""
+    """Returns whether an estimator assumed that the liquid was at rest at its start."""
     return start is None or bool(start.parameters.get("starts_at_rest", True))
 
 
 def model_differences(recorded: Model, replayed: Model) -> list[str]:
-    """Lists the differences of two models, one line each with both values."""
+    """Lists the differences between two models, one line each with both values."""
     old = _flat(parse_yaml(format_model(recorded), "model").value)
     new = _flat(parse_yaml(format_model(replayed), "model").value)
     return [
@@ -233,7 +233,7 @@ def _shown(values: Mapping[str, Any], key: str, preposition: str = "") -> str:
 
 
 def _flat(document: Any, prefix: str = "") -> dict[str, Any]:
-    """Flattens a document to values by dotted key; effects by name."""
+    """Flattens a nested document to values by dotted keys; effects are keyed by name."""
     if isinstance(document, list) and all(isinstance(item, dict) for item in document):
         document = {item.pop("name", index): item for index, item in enumerate(document)}
         document = {name: item or True for name, item in document.items()}

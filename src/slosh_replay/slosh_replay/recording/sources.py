@@ -1,4 +1,4 @@
-"""Selects the topics of a bag for a replay, a discovery or an export."""
+"""Selects the topics of a bag that a replay, a discovery or an export needs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison
 
 
 class Sources(NamedTuple):
-    """Topics of a bag for a replay, with their facts.
+    """Topics of a bag for a replay, with the bag's metadata.
 
     Attributes:
         kind: of the input, see `slosh_estimator.inputs`.
@@ -49,7 +49,7 @@ class Sources(NamedTuple):
     observer_state: str | None = None
 
     def without_answers_to_others(self) -> Sources:
-        """Drops recorded results of another input than the one that is replayed."""
+        """Drops recorded results that belong to another input than the replayed one."""
         started = settings.first(self.starts, "estimator")
         if started is None or started.parameters.get("input", self.kind) == self.kind:
             return self
@@ -57,7 +57,7 @@ class Sources(NamedTuple):
 
 
 def recorded_starts(reader: BagReader, found: CellTopics | None = None) -> list[NodeStart]:
-    """Returns the settings messages of a cell's nodes in order; empty: none recorded.
+    """Returns the settings messages of a cell's nodes in order; empty if none were recorded.
 
     Args:
         reader: of the bag.
@@ -120,7 +120,7 @@ def find_sources(
 
 
 class CellTopics:
-    """Finds topics of one cell by last name, in its namespace or outside all cells.
+    """Finds the topics of one robot cell by their last name, also outside its namespace.
 
     Args:
         recorded: topics of the bag; those without messages do not count.
@@ -139,16 +139,16 @@ class CellTopics:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """Namespaces of the cells, the selected one first."""
+        """Namespaces of the cells, with the selected one first."""
         return () if self._home is None else (self._home, *sorted(self._others))
 
     @property
     def is_there(self) -> bool:
-        """Whether the cell has any topic."""
+        """Whether the bag contains any topic of the cell."""
         return any(_namespace(topic) == self._home for topic in self._topics)
 
     def topic(self, name: str, message_type: str) -> str | None:
-        """Returns the cell's topic with that last name and type."""
+        """Returns the cell's topic with this last name and type, or None."""
         found = [
             topic
             for topic, kind in self._topics.items()
@@ -159,7 +159,7 @@ class CellTopics:
         return min(found, key=lambda topic: (_namespace(topic) != self._home, topic), default=None)
 
     def settle(self, topic: str) -> None:
-        """Selects a topic's namespace as the cell, if none is selected."""
+        """Selects the cell by the namespace of a topic, if none is selected yet."""
         if self._home is None:
             self._home = _namespace(topic)
 

@@ -1,4 +1,4 @@
-"""The estimator's states in a recording, from its `estimator_state` topic."""
+"""Reads the estimator's states from the `estimator_state` topic of a recording."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class RecordedState(NamedTuple):
 
 
 def observer_states_of(reader: BagReader, block: MessageBlock) -> tuple[ObserverState, ...]:
-    """Returns the observer's states in a block; those that cannot be read are ignored."""
+    """Returns the observer states in a message block; unreadable ones are ignored."""
     found = []
     for message in messages_of(block):
         with contextlib.suppress(SloshBagError, ValueError):
@@ -46,7 +46,7 @@ def observer_states_of(reader: BagReader, block: MessageBlock) -> tuple[Observer
 
 
 def states_of(reader: BagReader, block: MessageBlock) -> tuple[RecordedState, ...]:
-    """Returns the valid states in a block; others are ignored."""
+    """Returns the estimator states in a message block; invalid ones are ignored."""
     return tuple(_readable(reader, block))
 
 

@@ -1,4 +1,4 @@
-"""Deterministic replay of the estimator's and the monitor's cores over recordings."""
+"""Replays the estimator and the monitor over recordings with identical results."""
 
 from slosh_replay.replay.replay_bag import replay_bag
 from slosh_replay.replay.replay_table import replay_table

@@ -1,4 +1,4 @@
-"""Computes the accuracy of replayed estimates against measurements.
+"""Computes the accuracy of replayed estimates compared with measurements.
 
 ε compares two maxima, and a single wrong sample can be the measured one. So samples that stand
 out of both neighbours by more than 15 % of the range of the heights are left out of ε, as no
@@ -43,18 +43,18 @@ class Judgement(NamedTuple):
 
 
 class _Sums:
-    """Sums over pairs of measured and estimated heights."""
+    """Running sums over pairs of measured and estimated heights."""
 
     def __init__(self) -> None:
         self.clean, self.raw = RunningAccuracy(), RunningAccuracy()
 
     def add(self, raw: Array, clean: Array, model: Array) -> None:
-        """Adds heights (N,) [m]; NaN where a side has none."""
+        """Adds heights (N,) [m]; NaN where the camera or the model gives none."""
         self.raw.update_many(raw, model)
         self.clean.update_many(clean, model)
 
     def accuracy(self, name: str, clock: ClockOffset | None) -> ModelAccuracy:
-        """Returns the figures; NaN: no pair."""
+        """Returns the accuracy of a model; its numbers are NaN without any pair of heights."""
         return ModelAccuracy(
             name=name,
             sigma=self.clean.sigma,
@@ -72,7 +72,7 @@ def judge(
     motions: Sequence[tuple[int, int]] = (),
     clocks: Sequence[ClockOffset] | None = None,
 ) -> Judgement:
-    """Evaluates the models over a run's images.
+    """Computes the accuracy of the models over the images of a run.
 
     As in the monitor, a saturated height is a lower bound and counts only above the estimate, and
     estimates from an unknown state do not count.
@@ -122,7 +122,7 @@ def judge(
 
 
 def _nothing(series: Series) -> str:
-    """Describes why no image can be compared."""
+    """Returns why no image can be compared with an estimate."""
     seen = estimated = False
     for block in series.blocks():
         known = np.isfinite(block["measured"])

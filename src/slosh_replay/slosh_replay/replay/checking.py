@@ -1,4 +1,4 @@
-"""Compares a replay with its manifest's expectations."""
+"""Compares the results of a replay with the expected results in its manifest."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 
 
 class Point(NamedTuple):
-    """One check of a replay.
+    """One checked value of a replay.
 
     Attributes:
         name: what it is.
@@ -49,7 +49,7 @@ class CheckedReplay:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failed checks, one line each."""
+        """The failed checks, one line each."""
         return tuple(point.failure for point in self.points if point.failure)
 
     @property
@@ -59,7 +59,7 @@ class CheckedReplay:
 
 
 def check_result(result: ReplayResult, expected: Expectation) -> CheckedReplay:
-    """Checks everything that the expectation names."""
+    """Checks everything for which an expected value is given."""
     checks = [
         *_models("MAE", "mm", expected.sigma, {a.name: a.sigma for a in result.accuracy}),
         *_models("ε", "%", expected.epsilon, {a.name: a.epsilon for a in result.accuracy}),
@@ -85,7 +85,7 @@ def check_result(result: ReplayResult, expected: Expectation) -> CheckedReplay:
 
 
 def expectation_of(result: ReplayResult) -> Expectation:
-    """Makes the expectation that a replay's results meet.
+    """Returns expected results that the given replay meets.
 
     The tolerances leave room for another machine's rounding and for nothing else that matters.
     """
@@ -119,12 +119,12 @@ def expectation_of(result: ReplayResult) -> Expectation:
 
 
 def dropped(result: ReplayResult) -> int:
-    """Returns the number of unused input samples: dropped by filter or live estimator."""
+    """Returns how many input samples were dropped or not used by the live estimator."""
     return result.counters.get("samples_dropped", 0) + result.counters.get("not_used_live", 0)
 
 
 def excesses(events: Sequence[Event]) -> list[Event]:
-    """Returns the last event of each limit violation, which has the peak, in order."""
+    """Returns the last event of each limit violation, which contains its peak."""
     last = {event.id: event for event in events}
     return [last[number] for number in sorted(last)]
 
@@ -175,7 +175,7 @@ def _estimates(result: ReplayResult, tolerance: float | None) -> list[Point]:
 
 
 def _further(result: ReplayResult, tolerance: float | None) -> list[Point]:
-    """Checks the comparable results of other nodes that have a tolerance in the table."""
+    """Checks the results of the other nodes that have a tolerance."""
     return [
         point
         for name, found in result.verified.items()

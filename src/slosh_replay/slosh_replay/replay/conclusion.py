@@ -24,7 +24,7 @@ _PARTS = 4
 
 
 class Origin(NamedTuple):
-    """Known differences between the recording and the replay; see Verification."""
+    """Known reasons why a replay may differ from the recording; see Verification."""
 
     causes: tuple[str, ...] = ()
     rounds_otherwise: bool = False
@@ -33,7 +33,7 @@ class Origin(NamedTuple):
 def conclude(
     name: str, source: str, stream: ReplayStream, origin: Origin | None = None
 ) -> ReplayResult:
-    """Makes the result of a completed replay.
+    """Creates the result of a finished replay.
 
     Args:
         name: of the bag or table.
@@ -100,7 +100,7 @@ def conclude(
 
 
 def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
-    """Compares the nodes' messages with the recorded ones, by last name of their topic.
+    """Compares the messages of all nodes with the recorded ones, by last topic name.
 
     Why estimates may differ is told of them, not of what follows from them.
     """
@@ -115,7 +115,7 @@ def _verified(stream: ReplayStream, origin: Origin) -> dict[str, Verification]:
 
 
 def _astray(strays: Mapping[str, int]) -> str:
-    """Describes the number of excluded messages in one line; empty: none."""
+    """Describes in one line how many messages were excluded; empty if none were."""
     told = [f"{count} {what}" for what, count in strays.items() if count]
     if not told:
         return ""
@@ -123,7 +123,7 @@ def _astray(strays: Mapping[str, int]) -> str:
 
 
 def thinned(series: Series, limit: int = DRAWN) -> NDArray[np.void]:
-    """Returns the rows for a chart: all, or the extremes of equal parts of a long run.
+    """Returns the rows to draw: all of a short run, the extremes of parts of a long one.
 
     Args:
         series: the images.

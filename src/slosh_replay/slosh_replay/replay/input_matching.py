@@ -1,4 +1,4 @@
-"""Determines which inputs of a recording the live estimator used.
+"""Determines which of the recorded inputs the live estimator used.
 
 A recorder may hear a message that the estimator never got, or got too late to use. Where estimates
 were recorded they tell: each carries the stamp of its input and the number of inputs used so far.
@@ -21,7 +21,7 @@ its first recorded estimate tells with which input that was."""
 
 
 class Decision(NamedTuple):
-    """Decision about the next inputs: used or not.
+    """Which of the next inputs the live estimator used.
 
     Attributes:
         reached: how many inputs it is about.
@@ -38,7 +38,7 @@ class Decision(NamedTuple):
 
 
 class InputMatcher:
-    """Matches recorded estimates with inputs, both in the order of the recording.
+    """Matches recorded estimates with inputs, both in recorded order.
 
     Inputs before the first estimate are those of an estimator that was not there yet; inputs
     behind the last one count as used, as nothing speaks against them.
@@ -63,12 +63,12 @@ class InputMatcher:
         self._anew = False  # whether the next input is the first of a new estimator
 
     def add_recorded(self, stamps: Integers, used: Integers) -> None:
-        """Adds recorded estimates: stamps (N,) [ns] and `samples_used` (N,)."""
+        """Adds recorded estimates: stamps (N,) [ns] and `samples_used` counters (N,)."""
         self._stamps = np.concatenate((self._stamps, stamps))
         self._used = np.concatenate((self._used, used.astype(np.int64)))
 
     def decide(self, stamps: Integers, *, final: bool = False) -> Decision:
-        """Decides about the next inputs as far as recorded estimates reach.
+        """Decides on the next inputs, as far as there are recorded estimates.
 
         Args:
             stamps: (N,) of the inputs that are not decided yet [ns].
@@ -89,7 +89,7 @@ class InputMatcher:
         return Decision(count, used, restarts, counts)
 
     def forget(self, until: int) -> None:
-        """Drops data up to this stamp [ns]; no earlier input will follow."""
+        """Drops data up to this stamp [ns], since no earlier input will follow."""
         done = int(np.searchsorted(self._stamps, until, side="right"))
         if done:
             self._anew |= bool((np.diff(self._counts()[: done + 1]) <= 0).any())
@@ -97,7 +97,7 @@ class InputMatcher:
             self._stamps, self._used = self._stamps[done:], self._used[done:]
 
     def remarks(self) -> tuple[str, ...]:
-        """Explains differing estimates for equal model and code, one line each."""
+        """Explains, one line each, why estimates may differ despite equal model and code."""
         found = []
         if self.used_before:
             found.append(
@@ -123,7 +123,7 @@ class InputMatcher:
     def _unrecorded(
         self, index: Integers, candidates: NDArray[np.bool_], final: bool
     ) -> NDArray[np.bool_]:
-        """Returns inputs that were used without a recorded estimate, by the counter."""
+        """Returns inputs that were used although their estimate was not recorded."""
         steps = np.append(np.diff(self._counts()) - 1, len(index))
         if not self._heard and not (final and len(steps) == 1):
             steps[0] = 0
@@ -133,7 +133,7 @@ class InputMatcher:
         return used
 
     def _starts(self, stamps: Integers, used: NDArray[np.bool_]) -> list[int]:
-        """Returns inputs at which the counter restarted; completes `used`."""
+        """Returns the inputs at which the estimator's counter restarted; completes `used`."""
         restarts = [0] if self._anew and len(stamps) else []
         anew = np.diff(self._counts()) <= 0
         if not self._heard and len(anew):
@@ -159,5 +159,5 @@ class InputMatcher:
         return restarts
 
     def _counts(self) -> Integers:
-        """Returns the counter before and at each stored estimate."""
+        """Returns the counter of used samples before and at each stored estimate."""
         return np.concatenate(([self._count], self._used))

@@ -1,4 +1,4 @@
-"""Tracks over which inputs of a recording the liquid's state is known.
+"""Tracks for which inputs of a recording the state of the liquid is known.
 
 It is known from a start of the estimator on, until the estimator used an input that the recording
 lacks: then its counter went on by more than the inputs that are there. A recording that begins in
@@ -25,7 +25,7 @@ _STARTED, _LOST, _STATE = range(3)  # in the order in which they count at one in
 
 
 class Course(NamedTuple):
-    """Changes of the known state over the next inputs.
+    """Changes of the liquid's known state during the next inputs.
 
     Attributes:
         unknown: whether it is not known at the first of them, with which the replay begins.
@@ -37,7 +37,7 @@ class Course(NamedTuple):
 
 
 class _Event(NamedTuple):
-    """Change at an input: the state is lost, or known by a start or a recorded state."""
+    """A change at an input: the state becomes unknown, or known again."""
 
     place: int
     kind: int
@@ -46,7 +46,7 @@ class _Event(NamedTuple):
 
 
 class KnownState:
-    """Follows the inputs of a recording, and its recorded states.
+    """Follows the inputs and the recorded states, and knows when the state is known.
 
     Args:
         verifier: is told what cannot be compared; None: nothing is.
@@ -77,11 +77,11 @@ class KnownState:
         self._lag_ns = 0  # by which estimates lie behind the inputs that they are made of
 
     def add(self, states: Sequence[RecordedState]) -> None:
-        """Adds recorded states in the order of the recording."""
+        """Adds recorded states in recorded order."""
         self._states += states
 
     def follow(self, stamps: Integers, decision: Decision) -> Course:
-        """Processes the decision about the next inputs.
+        """Processes the next inputs, given which of them the live estimator used.
 
         Args:
             stamps: (N,) of at least the inputs that were decided upon [ns].
@@ -113,7 +113,7 @@ class KnownState:
         return course
 
     def _counts(self, decision: Decision, at: Sequence[tuple[int, RecordedState]]) -> Integers:
-        """Returns the counter (N,) at each input, 0 where unknown."""
+        """Returns the counter of used samples (N,) at each input; 0 where unknown."""
         if decision.counts is not None:
             return decision.counts
         counts = np.zeros(decision.reached, dtype=np.int64)
@@ -122,7 +122,7 @@ class KnownState:
         return counts
 
     def _breaks(self, stamps: Integers, decision: Decision, counts: Integers) -> list[_Event]:
-        """Returns where the counter disagrees with the inputs, and where it restarts."""
+        """Returns the inputs at which the counter disagrees with the inputs, or restarts."""
         total = np.concatenate(([0], np.cumsum(decision.used)))  # used before each input
         rows = np.flatnonzero((counts > 0) & decision.used)
         before = np.concatenate(([-self._since], total[rows + 1]))

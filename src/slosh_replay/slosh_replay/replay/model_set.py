@@ -1,4 +1,4 @@
-"""Runs the recorded model and its 2D or 3D variant, each as L and NL.
+"""Runs the recorded model and its 2D or 3D variant, each linear and nonlinear.
 
 Their estimates are interpolated to the stamps of images.
 """
@@ -37,7 +37,7 @@ class ModelSetEstimates(NamedTuple):
 
 
 class ModelSet:
-    """Runs the four models in parallel.
+    """Runs the four model variants in parallel.
 
     Args:
         model: container, liquid and effects; the one that was or would be loaded live.
@@ -54,28 +54,28 @@ class ModelSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the models, in the order of the heights."""
+        """Names of the models, in the order of the columns of heights."""
         pairs = [estimator.names for estimator in self._in_order(self._own, self._twin)]
         return tuple(pair[surface] for surface in (0, 1) for pair in pairs)
 
     @property
     def own(self) -> tuple[int, int]:
-        """Indices of the loaded model's L and NL variant among the heights."""
+        """Column indices of the loaded model's linear and nonlinear variant."""
         return (1, 3) if _is_spatial(self.model) else (0, 2)
 
     @property
     def own_names(self) -> tuple[str, str]:
-        """Names of the loaded model's L and NL variant."""
+        """Names of the loaded model's linear and nonlinear variant."""
         return self._own.names
 
     def restart(self, *, at_rest: bool = True) -> None:
-        """Restarts the estimators with the same model; an empty gripper stays empty."""
+        """Restarts all estimators with the same models; an empty gripper stays empty."""
         empty = self._own.empty
         self._begin(self.model, at_rest=at_rest)
         self._own.empty = self._twin.empty = empty
 
     def take_up(self, state: EstimatorState) -> None:
-        """Restores a state of the live estimator.
+        """Restores a recorded state of the live estimator.
 
         The twin goes on from it, too: how far it would have been elsewhere nobody knows, and that
         dies out.
@@ -95,11 +95,11 @@ class ModelSet:
         self._twin.load_model(_twin(model), fresh=fresh, empty=empty)
 
     def empty(self) -> None:
-        """Starts without a container."""
+        """Declares that the gripper is empty from the start."""
         self._own.empty = self._twin.empty = True
 
     def update_many(self, samples: Samples) -> ModelSetEstimates:
-        """Processes samples."""
+        """Processes input samples and returns the estimates of all models."""
         own, twin = self._own.update_many(samples), self._twin.update_many(samples)
         both = self._in_order(own, twin)
         columns = [part.heights[:, surface, _MSH] for surface in (0, 1) for part in both]
@@ -116,7 +116,7 @@ class ModelSet:
         return ModelSetEstimates(own, heights)
 
     def _delays(self, stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Returns the modelled delays (N,) of measurements at stamps [ns]."""
+        """Returns the modelled delays (N,) [ns] of measurements at stamps."""
         return np.rint(self._own.reading_delays(stamps) * 1e9).astype(np.int64)
 
     def _begin(self, model: Model, *, at_rest: bool) -> None:
@@ -124,7 +124,7 @@ class ModelSet:
         self._twin = Estimator(_twin(model), at_rest=at_rest)
 
     def _in_order(self, own: T, twin: T) -> tuple[T, T]:
-        """Returns the planar model's value, then the spatial one's."""
+        """Returns the values of the planar and the spatial model in this order."""
         return (twin, own) if _is_spatial(self.model) else (own, twin)
 
 
@@ -137,7 +137,7 @@ def _twin(model: Model) -> Model:
 
 
 class ModelHeights(NamedTuple):
-    """Heights of every model at the input's stamps.
+    """Heights of every model at the stamps of the input.
 
     Attributes:
         stamps: (M,) increasing [ns].
@@ -161,12 +161,12 @@ class ModelHeights(NamedTuple):
 
     @property
     def as_read(self) -> Array:
-        """(M, K) heights as a sensor measures them [m]."""
+        """Heights (M, K) [m] as a sensor measures them."""
         return self.heights if self.readings is None else self.readings
 
 
 class AtImages(NamedTuple):
-    """Heights of every model at N images; NaN: no estimate.
+    """Heights of every model at the stamps of N images; NaN without an estimate.
 
     Attributes:
         heights: (N, K) as a sensor reads them, linear between the two estimates around what the
@@ -181,7 +181,7 @@ class AtImages(NamedTuple):
 
 
 def at_images(estimates: ModelHeights, stamps: Integers) -> AtImages:
-    """Interpolates estimates at images' stamps; none outside the series or in gaps.
+    """Interpolates estimates at the stamps of images; NaN outside the series and in gaps.
 
     Args:
         estimates: at least one.

@@ -1,4 +1,4 @@
-"""Feeds the monitor's core in stamp order, with the stamps as its clock."""
+"""Runs the monitor over recorded data in the order of their stamps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _NEVER = 2**63 - 1
 
 
 class MonitoredHeights(NamedTuple):
-    """The estimates passed to the monitor.
+    """Estimates in the form in which the monitor takes them.
 
     Attributes:
         stamps: (M,) [ns].
@@ -57,7 +57,7 @@ class MonitoredHeights(NamedTuple):
 
 
 class MonitorFeed:
-    """Runs the monitor's core over a recording.
+    """Runs the monitor over a recording.
 
     Whether a side still speaks is judged by the stamps: a recording has no other clock that two
     replays agree on.
@@ -77,7 +77,7 @@ class MonitorFeed:
         self._next_check = self._newest = -(2**62)
 
     def add(self, estimates: MonitoredHeights, measured: Measurements) -> list[Comparison]:
-        """Adds new data of both sides; an estimate precedes an image of the same stamp.
+        """Adds estimates and measurements; returns the comparisons in order.
 
         Args:
             estimates: increasing stamps, none before those of earlier calls.
@@ -105,7 +105,7 @@ class MonitorFeed:
         return self.monitor.finish()
 
     def take_events(self) -> list[Event]:
-        """Returns the events since the last call."""
+        """Returns the limit events since the last call."""
         return self.monitor.take_events()
 
     def _needed(self, estimates: MonitoredHeights, images: Integers) -> NDArray[np.bool_]:
@@ -134,7 +134,7 @@ class MonitorFeed:
         return needed
 
     def _estimates(self, points: list[EstimatePoint], felt: _Felt) -> list[Comparison]:
-        """Adds estimates with the accelerations up to the last of them, in order."""
+        """Adds estimates together with the accelerations up to each of them."""
         found: list[Comparison] = []
         at = 0
         while at < len(points):
@@ -147,7 +147,7 @@ class MonitorFeed:
         return found
 
     def _check_until(self, stamp_ns: int) -> list[Comparison]:
-        """Runs the monitor's timeout checks up to a stamp, and applies changed limits."""
+        """Runs the monitor's timeout checks up to a stamp [ns], and applies changed limits."""
         if stamp_ns - self._next_check > LONG_SILENCE_NS:
             # Both sides were silent; after the first tick the others would say nothing new.
             self._next_check = stamp_ns
@@ -162,14 +162,14 @@ class MonitorFeed:
 
 
 class _Felt:
-    """Accelerations passed to the motion watch in portions; None: none."""
+    """Accelerations that are passed to the detection of motions in portions."""
 
     def __init__(self, stamps: Integers, accelerations: Array | None) -> None:
         self._stamps, self._accelerations = stamps, accelerations
         self._told = 0
 
     def tell(self, motions: MotionWatch, until_ns: int) -> None:
-        """Passes on accelerations up to a stamp [ns] that were not passed on before."""
+        """Passes on the accelerations up to a stamp [ns] that were not yet passed on."""
         if self._accelerations is None:
             return
         part = slice(self._told, int(np.searchsorted(self._stamps, until_ns, side="right")))
@@ -220,7 +220,7 @@ def _images(measured: Measurements) -> list[MeasuredPoint]:
 
 
 class ReplayedMonitor:
-    """The monitor as a node of a replay.
+    """The monitor as one of the nodes in a replay.
 
     Args:
         setting: of the replay.
@@ -255,7 +255,7 @@ class ReplayedMonitor:
 
 
 def monitored(estimates: ModelHeights, own: tuple[int, int]) -> MonitoredHeights:
-    """Converts estimates for the monitor.
+    """Converts estimates of all models to the form in which the monitor takes them.
 
     Args:
         estimates: of all models.

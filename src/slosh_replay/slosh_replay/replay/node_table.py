@@ -1,4 +1,4 @@
-"""The table of the nodes in a replay."""
+"""The list of nodes that a replay runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _UNRECORDED = np.uint16(EstimateFlag.INPUT_CONTESTED | EstimateFlag.INPUT_CONTRA
 
 
 def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
-    """Returns the nodes, each after those whose topics it reads.
+    """Returns the nodes; each one comes after those whose topics it reads.
 
     Args:
         modes: of the recorded estimates.
@@ -73,11 +73,11 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
 
 
 def _alone(estimates: Messages) -> Messages:
-    """Clears the flags of a second publisher or source, which a recording cannot reproduce."""
+    """Clears flags that depend on other publishers, which a recording cannot reproduce."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
 
 
 def _seen(comparisons: Messages) -> Messages:
-    """Removes comparisons of a silent camera, which depend on the monitor's clock."""
+    """Removes comparisons without a camera measurement, which depend on the live clock."""
     return comparisons.rows(~comparisons.columns["measured_stale"].astype(bool))

@@ -1,4 +1,4 @@
-"""A node in a replay as a row of a table: core, topics and tolerance."""
+"""Describes a node in a replay: its processing class, topics and tolerance."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from slosh_replay.replay.verification import Messages, Verifier
 
 
 class Outputs:
-    """Receives a replay's results as they arise; this one ignores them."""
+    """Base class of receivers of a replay's results; ignores all results."""
 
     def begin(self, names: tuple[str, str], wall: Wall) -> None:
-        """Is told the names of the loaded model's L and NL twin, and its container's wall."""
+        """Sets the names of the linear and the nonlinear model, and the container's wall."""
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
         """Receives estimates in the order of their samples."""
@@ -40,7 +40,7 @@ class Outputs:
 
 
 class Setting(NamedTuple):
-    """Settings of the cores of a replay.
+    """Settings for the nodes of a replay.
 
     Attributes:
         model: container, liquid and effects at the start.
@@ -106,7 +106,7 @@ class Moment(NamedTuple):
 
 
 class Core(Protocol):
-    """Interface of a node's core in a replay."""
+    """Interface of a node's processing class in a replay."""
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
         """Processes new data; returns the node's messages by last topic name."""
@@ -131,12 +131,12 @@ class NodeTopic(NamedTuple):
 
 
 def recorded_name(name: str) -> str:
-    """Under which name a core reads the recorded messages of its own topic."""
+    """Returns the name under which a node reads recorded messages of its own topic."""
     return f"recorded {name}"
 
 
 class ReplayedNode(NamedTuple):
-    """A row of the table: a node that a replay runs.
+    """A node that a replay runs.
 
     Attributes:
         name: of the node.

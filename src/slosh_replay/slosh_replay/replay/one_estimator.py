@@ -1,4 +1,4 @@
-"""Separates the estimates of one estimator from others on the same topic.
+"""Separates the estimates of one estimator from those of others on the same topic.
 
 Each estimate carries the number of inputs that its estimator has used so far, which grows by one
 from one estimate to the next. That and the stamps tell the estimators apart; a publisher's
@@ -23,7 +23,7 @@ TOLERANCE = 0.5
 
 
 class _Estimator(NamedTuple):
-    """The last estimate of one estimator.
+    """The last known estimate of one of several estimators.
 
     Attributes:
         used: inputs that it had used at its newest estimate.
@@ -36,7 +36,7 @@ class _Estimator(NamedTuple):
     period_ns: int = 0
 
     def misfit(self, used: int, stamp_ns: int) -> float | None:
-        """Returns the time error of an estimate as continuation [ns]; None: impossible."""
+        """Returns the time error [ns] of an estimate as the next one, or None if impossible."""
         steps, elapsed = used - self.used, stamp_ns - self.stamp_ns
         if steps < 1 or elapsed <= 0:
             return None
@@ -47,13 +47,13 @@ class _Estimator(NamedTuple):
         return misfit if misfit < TOLERANCE * steps * self.period_ns else None
 
     def after(self, used: int, stamp_ns: int) -> _Estimator:
-        """Returns the estimator after its next estimate."""
+        """Returns the estimator's state after its next estimate."""
         steps = used - self.used
         return _Estimator(used, stamp_ns, (stamp_ns - self.stamp_ns) // steps)
 
 
 class OneEstimator:
-    """Follows one estimator, without its later restarts.
+    """Follows one estimator, but not its later restarts.
 
     Args:
         number: which, from 1, in the order of their first estimates.
@@ -89,7 +89,7 @@ class OneEstimator:
         return np.asarray(of == self._number - 1)
 
     def _take(self, used: int, stamp_ns: int) -> int:
-        """Returns the index of the best continued estimator, or of a new one."""
+        """Returns the index of the estimator that an estimate continues, or of a new one."""
         fits = {
             number: misfit
             for number, one in enumerate(self._known)

@@ -1,4 +1,4 @@
-"""Writes a replay's results to a new bag, for comparison with the recorded one."""
+"""Writes the results of a replay to a new bag, for comparison with the recording."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FACTS = {"content": "replay"}
 
 
 class OutputBag(Outputs):
-    """Writes estimates, comparisons and limit events; use it as a context manager.
+    """Writes estimates, comparisons and limit events to a bag; a context manager.
 
     The messages are logged at their stamps: two replays of a bag give the same file.
 
@@ -58,11 +58,11 @@ class OutputBag(Outputs):
         self._writer.close()
 
     def begin(self, names: tuple[str, str], wall: Wall) -> None:
-        """Notes the names of the loaded model's L and NL twin, and its container's wall."""
+        """Sets the names of the linear and the nonlinear model, and the container's wall."""
         self._names, self._template, self._wall = names, None, wall
 
     def estimates(self, estimates: ModelSetEstimates) -> None:
-        """Writes estimates."""
+        """Writes estimates to the bag."""
         own = estimates.own
         if not len(own.stamps):
             return
@@ -85,7 +85,7 @@ class OutputBag(Outputs):
             self._writer.write(ESTIMATE_TOPIC, data.tobytes(), stamp)
 
     def comparisons(self, comparisons: list[Comparison]) -> None:
-        """Writes comparisons."""
+        """Writes comparisons to the bag."""
         for comparison in comparisons:
             fields = comparison._asdict()
             stamp = fields.pop("stamp_ns")
@@ -93,7 +93,7 @@ class OutputBag(Outputs):
             self._write("comparison", COMPARISON, stamp, fields)
 
     def events(self, events: list[Event]) -> None:
-        """Writes limit events."""
+        """Writes limit events to the bag."""
         for event in events:
             fields = {
                 "id": event.id, "kind": int(event.kind), "source": int(event.source),
@@ -111,7 +111,7 @@ class OutputBag(Outputs):
         )
 
     def _make_template(self, own: Estimates) -> tuple[Layout, bytes]:
-        """Makes a message in which only numbers change between estimates."""
+        """Creates an estimate message in which only numbers will change."""
         types = self._store.types
         modal = np.zeros(2 * own.modal.shape[2])
         models = [

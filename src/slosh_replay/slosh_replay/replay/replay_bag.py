@@ -1,4 +1,4 @@
-"""Replays a recorded bag: selects its topics and runs the cores."""
+"""Replays a recorded bag through estimator and monitor."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def replay_bag(
     estimator: int = 1,
     further: Sequence[ReplayedNode] = (),
 ) -> ReplayResult:
-    """Replays a recorded bag: selects its topics and runs the cores.
+    """Replays a recorded bag through estimator and monitor, and returns the result.
 
     >>> from slosh_replay import replay_bag
     >>> result = replay_bag("bags/c3")
@@ -166,14 +166,14 @@ def replay_bag(
 
 
 def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownState:
-    """Follows the state on which all recorded answers depend."""
+    """Creates the object that tracks for which inputs the liquid's state is known."""
     names = ESTIMATE, TRAY_ESTIMATE, COMPARISON
     estimate, tray, comparison = (verifiers.get(name) for name in names)
     return KnownState(estimate, losses, tray, comparison)
 
 
 def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
-    """Warns of model effects that need more attitude than the input contains."""
+    """Warns of model effects that need more attitude data than the input contains."""
     said = [attitude_warning(model, sources.kind)]
     if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
         table = read_bag_table(path, TableSettings()).table
@@ -182,7 +182,7 @@ def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
 
 
 def _unmixed(sources: Sources) -> Sources:
-    """Drops recorded results that several nodes have mixed indistinguishably."""
+    """Drops recorded results in which the messages of several nodes cannot be separated."""
     mixed = mixed_topics(sources.facts)
     if sources.estimate in mixed:
         return sources._replace(state=None, comparison=None)
@@ -192,7 +192,7 @@ def _unmixed(sources: Sources) -> Sources:
 
 
 def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
-    """Returns the starts that estimates follow, if the process was restarted."""
+    """Returns the starts of the estimator that published estimates."""
     processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
     if len(processes) < 2 or sources.estimate is None:
         return sources.starts
@@ -202,7 +202,7 @@ def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
 
 
 def _estimators(reader: BagReader, sources: Sources) -> tuple[Sources, int]:
-    """Returns the sources, and the number of estimators mixed on the topic.
+    """Returns the sources, and how many estimators published on the same topic.
 
     Other recorders note nothing; there the estimates themselves tell.
     """
@@ -226,7 +226,7 @@ def _estimators(reader: BagReader, sources: Sources) -> tuple[Sources, int]:
 
 
 def _is_turning_table(sources: Sources, model: Model) -> bool:
-    """Whether the bag is a motion table with a relevant attitude."""
+    """Returns whether the bag holds a motion table whose attitude the model needs."""
     return TABLE_COLUMNS in sources.facts and bool(attitude_warning(model, sources.kind))
 
 
@@ -238,7 +238,7 @@ def _replay_table_bag(
     monitor: MonitorSettings,
     outputs: Outputs | None,
 ) -> ReplayResult:
-    """Replays the motion table from which a bag was made, with its attitude."""
+    """Replays the motion table from which a bag was created, with its attitude."""
     table = read_bag_table(path, TableSettings()).table
     origin_ns = int(sources.facts.get(TABLE_ORIGIN, 0))
     result = replay_table(
@@ -285,7 +285,7 @@ class TopicBatch(NamedTuple):
 def feed(
     reader: BagReader, sources: Sources, heard: Mapping[str, NodeTopic], inputs_of: InputBlocks
 ) -> Iterator[list[TopicBatch]]:
-    """Yields the messages for a replay, by chunk in the order of the recording.
+    """Yields the messages for a replay, chunk by chunk in recorded order.
 
     Args:
         reader: of the bag.
@@ -326,7 +326,7 @@ def feed(
 
 
 def _running(sources: Sources, nodes: Sequence[ReplayedNode]) -> tuple[ReplayedNode, ...]:
-    """The nodes without those whose recorded messages are needed and missing."""
+    """Returns the nodes whose required recorded messages are present."""
     found = sources.topics.topic
     return tuple(
         node
@@ -337,7 +337,7 @@ def _running(sources: Sources, nodes: Sequence[ReplayedNode]) -> tuple[ReplayedN
 
 
 def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTopic]:
-    """Returns recorded topics that nodes publish, or read from outside, by full name."""
+    """Returns the recorded topics that nodes publish or read, by full name."""
     given = {topic.name for node in nodes for topic in node.outputs}
     own = {ESTIMATE: sources.estimate, COMPARISON: sources.comparison}
     heard = {}
@@ -353,7 +353,7 @@ def _heard(sources: Sources, nodes: Sequence[ReplayedNode]) -> dict[str, NodeTop
 def _verifiers(
     heard: Mapping[str, NodeTopic], nodes: Sequence[ReplayedNode], *, camera: bool
 ) -> dict[str, Verifier]:
-    """Makes the verifiers of the nodes' messages, by last topic name."""
+    """Creates the comparisons of replayed with recorded messages, by last topic name."""
     return {
         topic.name: Verifier(full, topic.can_lack, node.tolerance)
         for full, topic in heard.items()
@@ -389,7 +389,7 @@ def _hand_over(
 
 
 def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart, ...]:
-    """Returns later starts of the estimator; a given model is kept and only restarted."""
+    """Returns the later starts of the estimator; a model given by the user is kept."""
     later = [start for start in sources.starts if start.node == "estimator"][1:]
     if follow:
         return tuple(later)
@@ -398,7 +398,7 @@ def _changes(sources: Sources, model: Model, *, follow: bool) -> tuple[NodeStart
 
 
 def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> Origin:
-    """Returns known differences between the recording and the replay."""
+    """Returns the known reasons why the replay may differ from the recording."""
     if started is None or recorded is None:
         return Origin()
     causes = settings.model_differences(recorded, used)
@@ -418,7 +418,7 @@ def _origin(started: NodeStart | None, recorded: Model | None, used: Model) -> O
 def _monitor_settings(
     sources: Sources,
 ) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
-    """Returns the recorded monitor's settings, and their changes by stamp [ns]."""
+    """Returns the settings of the recorded monitor, and their changes by stamp [ns]."""
     meaning = MonitorSettings.from_parameters
     return settings.limits_over_time(sources.starts, "monitor", meaning) or (MonitorSettings(), [])
 
@@ -426,7 +426,7 @@ def _monitor_settings(
 def _with_rim(
     first: MonitorSettings, changes: list[tuple[int, MonitorSettings]], model: Model, *, told: bool
 ) -> tuple[MonitorSettings, list[tuple[int, MonitorSettings]]]:
-    """Returns the settings with the recorded rim, or else with the model's.
+    """Returns the monitor settings with the recorded rim, or with that of the model.
 
     Args:
         first, changes: of the recording.

@@ -49,18 +49,18 @@ class TableReader(InputReader):
 
     @property
     def doubts(self) -> tuple[InputDoubt, ...]:
-        """Faults of the table, one sentence each."""
+        """Suspected faults of the table, one sentence each."""
         return self._doubts
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Returns no faults, since the doubts of the table contain them."""
+        """Returns no faults, since the table's suspected faults already include them."""
         return ()
 
     def samples(
         self, stamps: Integers, columns: Mapping[str, NDArray[Any]], rows: NDArray[Any]
     ) -> Samples:
-        """Returns the samples of some rows, without repeated nanoseconds."""
+        """Returns the samples of selected rows; drops rows with equal stamps."""
         found = super().samples(stamps, columns, rows)
         if _POSE not in columns:
             return found
@@ -78,7 +78,7 @@ def replay_table(
     origin_ns: int = 0,
     outputs: Outputs | None = None,
 ) -> ReplayResult:
-    """Replays a motion table with measured heights; its time column is both clocks.
+    """Replays a motion table; its time column is the clock of inputs and heights.
 
     Args:
         name: how the result is called.
@@ -112,7 +112,7 @@ def replay_table(
 
 
 def _columns(stamps: Integers, table: MotionTable) -> dict[str, NDArray[Any]]:
-    """Returns the rows as columns of AccelStamped.msg, with yaw and pose if known."""
+    """Returns the table as columns of AccelStamped messages, with yaw and pose if known."""
     seconds, nanoseconds = np.divmod(stamps, SECOND)
     yaws, poses = pose_rows(table.t, table.attitude, table.angular_velocity)
     turning = {_YAW: yaws, _POSE: poses} if len(poses) else {}

@@ -1,4 +1,4 @@
-"""The estimator's core in a replay: inputs, restarts, models and recorded states."""
+"""The estimator in a replay: inputs, restarts, models and recorded states."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _AXES = ("ax", "ay", "az")
 
 
 class ReplayedEstimator:
-    """Estimates from inputs, once it is decided which of them the live node used.
+    """Computes estimates from those inputs that the live node used.
 
     Args:
         setting: of the replay.
@@ -74,14 +74,14 @@ class ReplayedEstimator:
 
     @property
     def longest_gap_ns(self) -> int:
-        """Longest gap that is ever integrated across [ns]."""
+        """Longest gap that any settings allow to integrate across [ns]."""
         later = [self._input_settings(c) for c in self.setting.changes if c.changed]
         gaps = [round(one.gate.max_gap * 1e9) for one in later if one is not None]
         return max([self.setting.reader.max_gap_ns, *gaps])
 
     @property
     def waiting_ns(self) -> int | None:
-        """Stamp of the first undecided input [ns]; None: none."""
+        """Stamp [ns] of the first input whose use is not yet decided, or None."""
         return int(self._inputs[0].stamps[0]) if self._inputs else None
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
@@ -102,7 +102,7 @@ class ReplayedEstimator:
         return heights
 
     def _estimate(self, final: bool) -> None:
-        """Computes estimates from decided inputs."""
+        """Computes estimates from the inputs whose use is decided."""
         if not self._inputs:
             return
         inputs = joined_messages(self._inputs)
@@ -126,7 +126,7 @@ class ReplayedEstimator:
     def _due(
         self, stamps: Integers, restarts: Sequence[int]
     ) -> list[tuple[int, Callable[[], None]]]:
-        """Returns restarts, model and parameter changes at inputs with these stamps.
+        """Returns restarts, model changes and parameter changes at inputs with these stamps.
 
         Args:
             stamps: (N,) [ns].
@@ -153,7 +153,7 @@ class ReplayedEstimator:
     def _known_again(
         self, stamps: Integers, decision: Decision
     ) -> list[tuple[int, Callable[[], None]]]:
-        """Returns recorded states to restore at inputs with these stamps."""
+        """Returns the recorded states to restore at inputs with these stamps."""
         if self.setting.counter is not None:
             self.setting.counter.follow(stamps, decision)
         if self.setting.known is None:
@@ -188,13 +188,13 @@ class ReplayedEstimator:
             self.setting.reader.change(settings)
 
     def _input_settings(self, start: NodeStart) -> InputSettings | None:
-        """Returns the node's new input settings; None: the replay ignores them."""
+        """Returns new input settings of the node, or None if the replay ignores them."""
         if not self.setting.follows_input or "input" not in start.parameters:
             return None
         return settings_of_start(start)
 
     def _restart(self, start: NodeStart | None = None) -> None:
-        """Restarts as the node's process did; None: its settings are unknown."""
+        """Restarts the models and the input reader, as the node's process did."""
         if start is None:
             self.setting.reader.restart()
             self.setting.loaded.append(self.setting.loaded[-1])
@@ -230,7 +230,7 @@ class ReplayedEstimator:
 
 
 def samples_of(batch: Messages) -> Samples:
-    """The samples of messages of SAMPLES."""
+    """Returns the samples in a batch of replayed messages."""
     columns = batch.columns
     poses = np.column_stack([columns[f"pose{i}"] for i in range(POSE_COUNT)])
     return Samples(

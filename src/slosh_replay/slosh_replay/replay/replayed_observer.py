@@ -27,7 +27,7 @@ EMPTY = "the gripper was empty: which heights came after that is not recorded"
 
 
 class ReplayedObserver:
-    """Replays the observer; each recorded state counts the heights before it.
+    """Replays the observer; recorded states tell which heights it used when.
 
     Args:
         setting: of the replay.
@@ -44,7 +44,7 @@ class ReplayedObserver:
         self._lost = self._was_empty = False
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Updates by samples, heights and recorded states; returns the replayed states."""
+        """Processes samples, heights and recorded states; returns the fused states."""
         recorded = moment.messages[recorded_name(FUSED_ESTIMATE)]
         if len(recorded.stamps):
             counts = recorded.columns[TAKEN].astype(np.int64).tolist()
@@ -90,14 +90,14 @@ class ReplayedObserver:
             told.append((state.stamp_ns, told_fields(state, observer.counts)))
 
     def _begin(self, start: int) -> None:
-        """Creates the observer for a start of the node."""
+        """Creates the observer at a start of the node."""
         self._start = start
         model = self._setting.loaded[start]
         self._observer, self._taken = Observer(model), 0
         self._hears = not model.uses("reading")
 
     def _follow_losses(self, stamp_ns: int) -> None:
-        """Marks what cannot be compared where the estimator's inputs are not all recorded."""
+        """Excludes messages from the comparison if inputs before them were not recorded."""
         losses, fused = self._setting.losses, self._setting.fused
         while losses and losses[0] < stamp_ns:
             after_ns = losses.pop(0)
@@ -106,7 +106,7 @@ class ReplayedObserver:
             self._lost = True
 
     def _take_up(self, observer: Observer, stamp_ns: int) -> bool:
-        """Takes up the recorded state of this moment, if there is one."""
+        """Restores the recorded state with this stamp, if there is one."""
         states = self._setting.observer_states
         while states and states[0].stamp_ns < stamp_ns:
             del states[0]
@@ -126,7 +126,7 @@ class ReplayedObserver:
         return True
 
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
-        """Gives the observer the heights that the live one had used at this sample."""
+        """Passes to the observer the heights that the live one had used at this sample."""
         while self._states and self._states[0][0] < stamp_ns:
             self._states.popleft()
         if not self._states or self._states[0][0] != stamp_ns:
@@ -140,7 +140,7 @@ class ReplayedObserver:
 
 
 def _heights(batch: Messages) -> list[WallHeights]:
-    """Converts recorded FreeSurface messages as the node does."""
+    """Converts recorded FreeSurface messages to wall heights as the node does."""
     if not len(batch.stamps):
         return []
     columns = [batch.columns[name].tolist() for name in SURFACES]

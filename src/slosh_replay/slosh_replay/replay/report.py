@@ -1,4 +1,4 @@
-"""A replay's report: series, tables, checks and events on one page."""
+"""Creates the report of a replay: series, tables, checks and events on one page."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ BESIDE = 1.0  # [s]
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Additional contents of a replay's page.
+    """Additional content of a replay's page.
 
     Attributes:
         title, subtitle: headings; an empty title: the replay's name.
@@ -59,7 +59,7 @@ class Surroundings:
 
 
 def replay_report(result: ReplayResult, around: Surroundings | None = None) -> RunReport:
-    """Makes the contents of a replay's page.
+    """Creates the content of a replay's page.
 
     The charts show the loaded model's L and NL twin, from a second before their first estimate to
     a second after their last. Further effects that a model has are part of its name.
@@ -109,7 +109,7 @@ def replay_report(result: ReplayResult, around: Surroundings | None = None) -> R
 
 
 def _lasting_limit(result: ReplayResult, start: int) -> tuple[float, str]:
-    """Returns the limit in the chart [m] and its name; NaN: it changed.
+    """Returns the limit [m] in the chart and its name, or NaN if the limit changed.
 
     Without a camera it is that of the estimate.
 
@@ -128,12 +128,12 @@ def _charted_limit(settings: MonitorSettings) -> tuple[float, str]:
 
 
 def _meanings(model: Model) -> dict[str, str]:
-    """Returns the meanings of a model's effects."""
+    """Returns the meanings of a model's effects by name."""
     return {use.name: EFFECTS[use.name].meaning for use in model.effects}
 
 
 def report_start(result: ReplayResult) -> int:
-    """Returns the page's zero of time on the measured clock [ns]."""
+    """Returns the stamp of the page's time zero, on the clock of the measurement [ns]."""
     stamps = result.stamps[_shown(result)]
     if len(stamps):
         return int(stamps[0])
@@ -141,7 +141,7 @@ def report_start(result: ReplayResult) -> int:
 
 
 def shown_models(result: ReplayResult) -> tuple[str, str]:
-    """Returns the names of the page's L and NL model: the loaded one's variants.
+    """Returns the names of the linear and the nonlinear model that the page shows.
 
     The same name twice where its container has a linear model alone.
     """
@@ -152,7 +152,7 @@ def shown_models(result: ReplayResult) -> tuple[str, str]:
 
 
 def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
-    """Returns the limit violations, each from START to END if known.
+    """Returns the time spans of limit violations.
 
     Args:
         events: of the monitor.
@@ -170,7 +170,7 @@ def event_spans(events: Sequence[Event], start: int) -> tuple[ExcessSpan, ...]:
 
 
 def _shown(result: ReplayResult) -> slice:
-    """Returns the images near estimates; a recording may be far longer."""
+    """Returns the range of images near estimates; a recording may be much longer."""
     known = [np.flatnonzero(np.isfinite(heights)) for heights in result.heights.values()]
     indices = np.concatenate(known) if known else np.empty(0, dtype=np.int64)
     if len(indices) == 0:

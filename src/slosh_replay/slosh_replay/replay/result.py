@@ -1,4 +1,4 @@
-"""Result of a replay as values, as JSON and as a table."""
+"""Result of a replay as Python object, as JSON and as a table."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class ModelAccuracy:
 
 @dataclass(frozen=True, slots=True)
 class MotionAccuracy:
-    """Agreement over one motion.
+    """Agreement of the models with the measurement during one motion.
 
     Attributes:
         start, end: on the measured clock [s].
@@ -80,7 +80,7 @@ class MotionAccuracy:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ReplayResult(Shown):
-    """Estimates, accuracy, events and warnings of a replayed run.
+    """Estimates, accuracy, events and warnings of a replay.
 
     The series are whole for runs up to some minutes; of a longer one they hold the extremes.
 
@@ -131,22 +131,22 @@ class ReplayResult(Shown):
 
     @property
     def verification(self) -> Verification | None:
-        """Comparison of the estimates with the recorded ones; None: none were recorded."""
+        """Comparison of replayed with recorded estimates, or None if none were recorded."""
         return self.verified.get(ESTIMATE)
 
     @property
     def comparisons(self) -> Verification | None:
-        """Comparison of the monitor's comparisons with the recorded ones."""
+        """Comparison of replayed with recorded monitor results, or None if none were recorded."""
         return self.verified.get(COMPARISON)
 
     @property
     def t(self) -> Array:
-        """(N,) stamps of the images [s]."""
+        """Stamps (N,) of the images [s]."""
         return np.asarray(self.stamps * 1e-9, dtype=np.float64)
 
     @property
     def seconds(self) -> float:
-        """Time from the first to the last image [s]; 0: none."""
+        """Time from the first to the last image [s]; 0 without images."""
         return float(self.stamps[-1] - self.stamps[0]) * 1e-9 if len(self.stamps) else 0.0
 
     def __repr__(self) -> str:
@@ -159,7 +159,7 @@ class ReplayResult(Shown):
         return f"ReplayResult({self.name}: {', '.join(told)})"
 
     def to_pandas(self) -> DataFrame:
-        """Returns the series at the images: `measured`, each model's heights [m], `flags`.
+        """Returns a pandas table of measured and modelled heights at the images [m].
 
         The index is `t`, the time since the first image [s]; `stamp` is the image's own [ns].
 
@@ -173,7 +173,7 @@ class ReplayResult(Shown):
         return table(self._since_start, columns, units=units)
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Draws the measured and the models' heights over the time since the first image.
+        """Draws measured and modelled heights over the time since the first image.
 
         Args:
             axes: matplotlib's; None: of a new figure.
@@ -229,7 +229,7 @@ class ReplayResult(Shown):
 
 
 class Judged(Protocol):
-    """A named run with the accuracy of each model."""
+    """Interface of a run with a name and the accuracy of each model."""
 
     @property
     def name(self) -> str:
@@ -241,7 +241,7 @@ class Judged(Protocol):
 
 
 def accuracy_table(results: Sequence[Judged]) -> str:
-    """Formats MAE, ε and clock offset by run and model as a Markdown table.
+    """Formats accuracy and clock offset by run and model as a Markdown table.
 
     Args:
         results: runs with the same models.

@@ -1,4 +1,4 @@
-"""Series of a replay at the images, stored on disk.
+"""Stores the series of a replay on disk, one row for each image.
 
 A day's recording needs no more memory than a minute's.
 """
@@ -23,7 +23,7 @@ Table = TypeVar("Table", bound=tuple[Any, ...])
 
 
 def row_type(models: int) -> np.dtype[np.void]:
-    """Returns the dtype of a row: one image.
+    """Returns the NumPy data type of a row, which describes one image.
 
     Fields: stamp [ns]; measured height [m] and its azimuth [rad], NaN where there is none; flags
     of FreeSurface.msg; heights of the models at the image [m] and the azimuth of the last of them
@@ -45,7 +45,7 @@ def row_type(models: int) -> np.dtype[np.void]:
 
 
 class Series:
-    """Rows in order of arrival; a context manager that deletes its file.
+    """Rows on disk in order of arrival; a context manager that deletes its file.
 
     Args:
         models: number of models.
@@ -69,38 +69,38 @@ class Series:
         return self._count
 
     def append(self, rows: NDArray[np.void]) -> None:
-        """Adds rows of `dtype`."""
+        """Adds rows of the type `dtype`."""
         with naming(self._place):
             self._file.seek(0, 2)
             self._file.write(rows.tobytes())
         self._count += len(rows)
 
     def blocks(self) -> Iterator[NDArray[np.void]]:
-        """Yields the rows in blocks."""
+        """Yields all rows in blocks."""
         for start in range(0, self._count, self._block):
             yield self.read(start, min(start + self._block, self._count))
 
     def read(self, start: int, end: int) -> NDArray[np.void]:
-        """Returns rows start … end-1."""
+        """Returns the rows from `start` to `end` (exclusive)."""
         with naming(self._place):
             self._file.seek(start * self.dtype.itemsize)
             content = self._file.read((end - start) * self.dtype.itemsize)
         return np.frombuffer(content, dtype=self.dtype)
 
     def replace(self, start: int, rows: NDArray[np.void]) -> None:
-        """Overwrites rows from `start` on."""
+        """Overwrites the rows from `start` on."""
         with naming(self._place):
             self._file.seek(start * self.dtype.itemsize)
             self._file.write(rows.tobytes())
 
     def close(self) -> None:
-        """Removes the file."""
+        """Closes and deletes the file."""
         with suppress(OSError):  # what it has not written yet is not needed
             self._file.close()
 
 
 def chosen(table: Table, rows: NDArray[Any]) -> Table:
-    """Returns some rows of a table.
+    """Returns selected rows of a table.
 
     Args:
         table: named tuple of arrays of one length; a column may be None.

@@ -1,4 +1,4 @@
-"""Runs the estimator's and the monitor's cores over a bag, without DDS or clock.
+"""Runs estimator and monitor over a bag, without DDS and independent of the clock.
 
 Images are not touched. Each stream is taken in the order in which it was recorded, the streams are
 merged in the order of their stamps, two seconds behind the newest input: as much as an image may
@@ -57,7 +57,7 @@ T = TypeVar("T")
 
 
 class ReplayStream:
-    """A running replay: merges the streams of a recording by stamp.
+    """A running replay, which merges the streams of a recording by stamp.
 
     Args:
         name: of the recording, for errors.
@@ -119,11 +119,11 @@ class ReplayStream:
 
     @property
     def strays(self) -> Mapping[str, int]:
-        """Number of inputs and images excluded for out-of-sequence stamps."""
+        """Number of inputs and images that were excluded for stamps out of sequence."""
         return {"inputs": self._filter.count, "images": self._stray_images}
 
     def add_input(self, columns: Columns, log_ns: int) -> None:
-        """Adds messages of the input.
+        """Adds input messages of the models.
 
         Args:
             columns: their fields, (N,) each.
@@ -171,7 +171,7 @@ class ReplayStream:
             self.images += len(measured.stamps)
 
     def advance(self, *, final: bool = False) -> None:
-        """Processes all data that are complete.
+        """Processes the data up to the stamp that all streams have reached.
 
         Args:
             final: nothing follows.
@@ -193,7 +193,7 @@ class ReplayStream:
             self.setting.matcher.forget(until)
 
     def _estimate(self, final: bool) -> None:
-        """Estimates from inputs as far as their use is decided."""
+        """Computes estimates from the inputs whose use is decided."""
         taken, self._inputs = joined_messages(self._inputs), []
         moment = Moment({self.setting.reader.kind: taken}, final=final)
         for name, given in self.estimator.update(moment).items():
@@ -209,7 +209,7 @@ class ReplayStream:
             self.verifiers[name].add_replayed(*given)
 
     def _keep_for_nodes(self, name: str, messages: Messages) -> None:
-        """Stores messages for further nodes until their time has come."""
+        """Stores messages for other nodes until the replay reaches their stamps."""
         if name in self._waiting and len(messages.stamps):
             self._waiting[name].append(messages)
 
@@ -220,7 +220,7 @@ class ReplayStream:
         )
 
     def _settled(self) -> int:
-        """Returns the stamp up to which all data have arrived and been estimated [ns]."""
+        """Returns the stamp [ns] up to which all data have arrived and been estimated."""
         newest, other = self._newest["input"], self._newest["measurement"]
         # A strange stamp of an image moves nothing on, as long as inputs come.
         if other.log_ns - newest.log_ns > BEHIND_NS:
@@ -252,7 +252,7 @@ class ReplayStream:
         self._heights = whole
 
     def _release(self, until: int, final: bool) -> None:
-        """Passes everything up to a stamp to the series and to the later nodes."""
+        """Passes all data up to a stamp [ns] to the series and to the later nodes."""
         if self.unrelated and not final:
             return
         measured, estimates = self._take_measured(until), self._heights
@@ -285,7 +285,7 @@ class ReplayStream:
         self._heights = chosen(estimates, kept)
 
     def _moments(self, until: int) -> Measurements:
-        """Returns stamps for drawing estimates if there is no camera."""
+        """Returns stamps at which estimates are drawn if there is no camera."""
         if self._heights is None:
             return NO_MEASUREMENTS
         stamps = self._heights.stamps
@@ -295,7 +295,7 @@ class ReplayStream:
         return Measurements(stamps, unknown, np.zeros(len(stamps), np.int64), unknown, unknown)
 
     def _take_measured(self, until: int) -> Measurements:
-        """Returns the measurements up to a stamp, in order."""
+        """Returns the measurements up to a stamp [ns] in order."""
         if not self._measured:
             return NO_MEASUREMENTS
         waiting = joined(self._measured)
@@ -310,7 +310,7 @@ class ReplayStream:
         return self._sorted_out(found, kept)
 
     def _sorted_out(self, measured: Measurements, kept: NDArray[np.bool_]) -> Measurements:
-        """Returns the kept measurements; counts the others as out of sequence."""
+        """Returns the selected measurements; counts the others as out of sequence."""
         astray = len(kept) - int(np.count_nonzero(kept))
         if not astray:
             return measured

@@ -1,4 +1,4 @@
-"""Aligns a measurement with unknown clock and still level with the estimates.
+"""Aligns measurements with unknown clock and still level with the estimates.
 
 The offset between the two clocks is estimated for each model by its own least RMS, all in one
 search window, and the models are judged over the motion alone. That needs the whole run at once:
@@ -29,7 +29,7 @@ from slosh_report.errors import SloshReportError
 
 
 class Alignment(NamedTuple):
-    """A measurement aligned with the estimates.
+    """A measurement that is aligned with the estimates.
 
     Attributes:
         still: level of the measurement at rest.
@@ -51,7 +51,7 @@ class Alignment(NamedTuple):
     drift: str
 
     def rows(self, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-        """Returns the images as rows of a Series, with the models' heights."""
+        """Returns the images as rows of a series, with the heights of the models."""
         t = _seconds(self.measured.stamps)
         rows = np.zeros(len(t), dtype=dtype)
         rows["stamp"], rows["measured"] = self.measured.stamps, self.measured.heights
@@ -64,7 +64,7 @@ class Alignment(NamedTuple):
 
 
 def align(name: str, estimates: ModelHeights, measured: Measurements) -> Alignment:
-    """Aligns a measurement with the estimates.
+    """Aligns a measurement with the estimates in time and height.
 
     Args:
         name: of the recording, for errors.
@@ -120,7 +120,7 @@ def align(name: str, estimates: ModelHeights, measured: Measurements) -> Alignme
 
 
 def _raised(estimates: ModelHeights) -> Array:
-    """Returns expected measurements (M, K) of the models' heights [m], relative to rest.
+    """Returns expected measurements (M, K) [m] relative to their value at rest.
 
     A delay is part of the clocks' offset, an offset of the heights part of the still level.
     """

@@ -1,4 +1,4 @@
-"""Compares replayed messages exactly with recorded ones."""
+"""Compares replayed messages with recorded ones, bit by bit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TOO_LATE = "the live monitor had no estimate for them in time"
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A recorded and a replayed number that differ.
+    """A number that differs between a recorded and a replayed message.
 
     Attributes:
         stamp_ns: of the message [ns].
@@ -46,7 +46,7 @@ class Difference:
 
     @property
     def units_in_the_last_place(self) -> int:
-        """Number of doubles between the two."""
+        """Number of double-precision values between the two numbers."""
         return abs(_ordinal(self.recorded) - _ordinal(self.replayed))
 
     def __str__(self) -> str:
@@ -100,11 +100,11 @@ class Verification:
         return same and not self.miscounted
 
     def within(self, tolerance: float) -> bool:
-        """Whether every message was reproduced within a tolerance [SI unit of each field]."""
+        """Returns whether every message was reproduced within a tolerance [SI units]."""
         return not self.missing and all(value <= tolerance for value in self.largest.values())
 
     def lines(self) -> tuple[str, ...]:
-        """Returns the result as lines."""
+        """Returns the result of the comparison as lines of text."""
         total = self.recorded + self.missing
         unchecked = [
             f"{self.topic}: {count} not checked: {why}" for why, count in self.unchecked.items()
@@ -157,17 +157,17 @@ class Verifier:
         self._unknown: list[_Unknown] = []
 
     def add_recorded(self, stamps: Integers, columns: Columns) -> None:
-        """Adds recorded messages: stamps (N,) [ns] and fields by dotted name, (N,) each."""
+        """Adds recorded messages: stamps (N,) [ns], and fields (N,) by dotted name."""
         if len(stamps):
             self._recorded.append(Messages(stamps, columns))
 
     def add_replayed(self, stamps: Integers, columns: Columns) -> None:
-        """Adds replayed messages; missing fields are not compared."""
+        """Adds replayed messages; fields that they lack are not compared."""
         if len(stamps):
             self._replayed.append(Messages(stamps, columns))
 
     def lose(self, after_ns: int, why: str) -> None:
-        """Suspends the comparison after a stamp [ns], until `find` ends the suspension."""
+        """Suspends the comparison after a stamp [ns], until `find` resumes it."""
         self._unknown.append(_Unknown(after_ns, 2**62, why))
 
     def find(self, until_ns: int) -> None:
@@ -176,7 +176,7 @@ class Verifier:
             self._unknown[-1] = self._unknown[-1]._replace(until_ns=until_ns)
 
     def compare(self, settled: int = -(2**62), *, final: bool = False) -> None:
-        """Compares messages that both sides have.
+        """Compares the messages that are available both recorded and replayed.
 
         Args:
             settled: what has no counterpart up to this stamp never will have one [ns].
@@ -199,7 +199,7 @@ class Verifier:
         self._pairs(recorded.rows(left), replayed.rows(right))
 
     def result(self, causes: Sequence[str] = (), rounds_otherwise: bool = False) -> Verification:
-        """Returns the comparison so far.
+        """Returns the result of the comparison so far.
 
         Args:
             causes, rounds_otherwise: see Verification.
@@ -211,7 +211,7 @@ class Verifier:
         )  # fmt: skip
 
     def _known(self, batch: Messages, *, count: bool = False) -> Messages:
-        """Returns the comparable messages; counts the others if requested."""
+        """Returns the messages that can be compared; counts the others if requested."""
         for span in self._unknown:
             inside = (batch.stamps > span.after_ns) & (batch.stamps <= span.until_ns)
             found = int(np.count_nonzero(inside))
@@ -224,7 +224,7 @@ class Verifier:
         self._unchecked[why] = self._unchecked.get(why, 0) + count
 
     def _pairs(self, recorded: Messages, replayed: Messages) -> None:
-        """Compares messages of equal stamps, without those that the live node did not receive."""
+        """Compares messages of equal stamps, except those that the live node did not receive."""
         lacking = np.zeros(len(recorded.stamps), dtype=bool)
         for name in self._can_lack if len(lacking) else ():
             known = ~np.isnan(replayed.columns[name])
@@ -263,7 +263,7 @@ class Verifier:
 
 
 class _Unknown(NamedTuple):
-    """A span of stamps, after `after_ns` up to `until_ns`, without comparison."""
+    """A range of stamps [ns] in which messages are not compared."""
 
     after_ns: int
     until_ns: int
@@ -271,25 +271,25 @@ class _Unknown(NamedTuple):
 
 
 class Messages(NamedTuple):
-    """Consecutive messages: stamps (N,) [ns], fields by dotted name, (N,) each."""
+    """Consecutive messages: stamps (N,) [ns], and fields (N,) by dotted name."""
 
     stamps: Integers
     columns: Columns
 
     def rows(self, chosen: NDArray[Any] | slice) -> Messages:
-        """Returns some of the messages."""
+        """Returns selected messages."""
         return Messages(self.stamps[chosen], {n: c[chosen] for n, c in self.columns.items()})
 
 
 def split(batches: Sequence[Messages], until: int) -> tuple[Messages, list[Messages]]:
-    """Splits batches at a stamp [ns]: one batch up to it, and the rest."""
+    """Splits batches at a stamp [ns]: one batch up to the stamp, and the rest."""
     due = [batch.rows(batch.stamps <= until) for batch in batches if batch.stamps[0] <= until]
     rest = [batch.rows(batch.stamps > until) for batch in batches if batch.stamps[-1] > until]
     return joined_messages(due), [batch for batch in rest if len(batch.stamps)]
 
 
 def joined_messages(batches: Sequence[Messages]) -> Messages:
-    """Concatenates batches, with the fields common to all."""
+    """Concatenates batches, with the fields that all of them have."""
     if len(batches) == 1:
         return batches[0]
     if not batches:
@@ -304,7 +304,7 @@ def joined_messages(batches: Sequence[Messages]) -> Messages:
 
 
 def estimate_columns(estimates: Estimates) -> Columns:
-    """Returns the numbers of SloshEstimate.msg by dotted field name, (N,) each."""
+    """Returns the numbers of estimates by dotted field name of SloshEstimate.msg, (N,) each."""
     columns: dict[str, NDArray[Any]] = {}
     for model, name in enumerate(("linear", "nonlinear")):
         for index, height in enumerate(_HEIGHTS):
@@ -329,7 +329,7 @@ def estimate_fields(modes: int) -> tuple[str, ...]:
 
 
 def tray_columns(tray: TrayEstimates) -> Columns:
-    """The numbers of TrayEstimate.msg by dotted field name, (N,) each."""
+    """Returns the numbers of tray estimates by dotted field name, (N,) each."""
     columns: dict[str, NDArray[Any]] = {"worst": tray.worst}
     for name in ("msh", "azimuth", "flags"):
         for index, column in enumerate(getattr(tray, name).T):
@@ -338,13 +338,13 @@ def tray_columns(tray: TrayEstimates) -> Columns:
 
 
 def tray_fields(count: int) -> tuple[str, ...]:
-    """The names of these columns for so many containers."""
+    """Returns the column names of tray estimates for a number of containers."""
     none, whole = np.empty((0, count)), np.empty((0, count), dtype=np.int64)
     return tuple(tray_columns(TrayEstimates(none, none, whole, np.empty(0, dtype=np.int64))))
 
 
 def comparison_columns(comparisons: Sequence[Comparison]) -> Messages:
-    """Returns stamps and heights of SloshComparison.msg, without those of a silent camera."""
+    """Returns stamps and heights of comparisons that have a camera measurement."""
     rows = [row for row in comparisons if not row.measured_stale]
     stamps = np.fromiter((row.stamp_ns for row in rows), np.int64, len(rows))
     columns = {
@@ -374,6 +374,6 @@ def _same_bits(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _ordinal(value: float) -> int:
-    """Returns the position of a double in the order of all doubles."""
+    """Returns the position of a double in the order of all double-precision values."""
     bits = int(np.float64(value).view(np.int64))
     return bits if bits >= 0 else -(bits & 0x7FFFFFFFFFFFFFFF)

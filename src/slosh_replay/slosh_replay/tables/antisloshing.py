@@ -72,7 +72,7 @@ _FLOAT_FIELDS = (
 def import_antisloshing(
     folder: Path, output: Path, progress: Callable[[str], None] = lambda run: None
 ) -> list[Path]:
-    """Writes one bag per run.
+    """Writes one bag for each run of the data set.
 
     Args:
         folder: holds `heights/` and `poses/`.
@@ -101,7 +101,7 @@ def import_antisloshing(
 
 
 def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
-    """Returns name, heights and poses of every run in the data set.
+    """Returns name, heights file and poses file of every run in the data set.
 
     Raises:
         SloshBagError: no runs, or one of the two files of a run is missing.
@@ -122,14 +122,14 @@ def find_runs(folder: Path) -> list[tuple[str, Path, Path]]:
 
 
 class RecordedArm(NamedTuple):
-    """The data set's arm: its description, and its joint files by run."""
+    """The robot arm of the data set: its description, and its joint files by run."""
 
     urdf: str
     joints: Mapping[str, Path]
 
 
 def read_arm(folder: Path) -> RecordedArm | None:
-    """Reads the arm; None: the data set has none.
+    """Reads the robot arm of the data set, or returns None if it has none.
 
     Raises:
         SloshBagError: its description cannot be read.
@@ -152,7 +152,7 @@ def read_arm(folder: Path) -> RecordedArm | None:
 def import_run(
     heights: Path, poses: Path, bag: Path, run: str, arm: RecordedArm | None = None
 ) -> None:
-    """Writes one run's bag.
+    """Writes the bag of one run.
 
     Args:
         heights, poses: its files.
@@ -195,7 +195,7 @@ def import_run(
 
 
 def read_heights(path: Path) -> tuple[Array, Array]:
-    """Reads times [s] and heights [m] of a `.mat` file: (N,) each.
+    """Reads times [s] and heights [m], (N,) each, from a `.mat` file.
 
     Raises:
         SloshBagError: no MATLAB file, a variable is missing or empty, time does not increase.
@@ -219,7 +219,7 @@ def read_heights(path: Path) -> tuple[Array, Array]:
 
 
 def read_poses(path: Path) -> Array:
-    """Reads t, x, y, z, qx, qy, qz, qw of a `.csv` or `.csv.gz`: (N, 8) [s, m, 1].
+    """Reads rows t, x, y, z, qx, qy, qz, qw (N, 8) from a `.csv` or `.csv.gz` file.
 
     Raises:
         SloshBagError: the file is empty or cut off, has other columns, holds something that is no
@@ -229,7 +229,7 @@ def read_poses(path: Path) -> Array:
 
 
 def read_joints(path: Path) -> Array:
-    """Reads t and the six joints' positions, (N, 7) [s, rad], in the URDF's convention.
+    """Reads time [s] and six joint positions [rad] (N, 7), in the URDF's convention.
 
     Raises:
         SloshBagError: as `read_poses`.

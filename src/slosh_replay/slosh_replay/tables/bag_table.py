@@ -55,7 +55,7 @@ NO_HEIGHTS: Final = "none"
 
 @dataclass(frozen=True, slots=True)
 class TableSettings:
-    """Settings of the conversion.
+    """Settings for the conversion of a bag to a table.
 
     Attributes:
         kind: of the input; None: what the recorded estimator read, or the first of them
@@ -74,7 +74,7 @@ class TableSettings:
 
 
 class BagTable(NamedTuple):
-    """A bag's motion table with remarks.
+    """The motion table of a bag, with remarks.
 
     Attributes:
         table: the table.
@@ -96,7 +96,7 @@ def read_bag_table(
     settings: TableSettings | None = None,
     progress: Callable[[int], object] = lambda count: None,
 ) -> BagTable:
-    """Makes the motion table of a bag.
+    """Converts a bag to a motion table.
 
     Args:
         path: the bag's folder or MCAP file.
@@ -159,7 +159,7 @@ def read_bag_table(
 
 
 class PlacedHeights(NamedTuple):
-    """Heights at the rows of a motion: msh (N,), eta (N, K) at azimuths (K,), and remarks."""
+    """Measured heights at the rows of a motion: maximum (N,), or by azimuth (N, K)."""
 
     msh: Array
     eta_azimuth: Array | None
@@ -186,7 +186,7 @@ class TableHeights:
         self._wall_stamps, self._walls = array("q"), array("d")
 
     def add_walls(self, messages: list[Any]) -> None:
-        """Adds PointCloud2 messages of wall heights."""
+        """Adds wall heights from PointCloud2 messages."""
         for message in messages:
             stamp = int(message.header.stamp.sec) * SECOND + int(message.header.stamp.nanosec)
             self._add_wall(stamp, message)
@@ -209,7 +209,7 @@ class TableHeights:
     def placed(
         self, motion: RecordedMotion, max_gap: float
     ) -> tuple[RecordedMotion, PlacedHeights]:
-        """Returns the motion with a row for each height, and the heights at the rows.
+        """Returns the motion with a row for each measured height, and the heights.
 
         Args:
             motion: the motion.
@@ -291,13 +291,13 @@ def _unit(quaternions: Array) -> Array:
 
 
 def _rows(rows: Stamps, stamps: Stamps) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Returns the row of each stamp, and whether it exists."""
+    """Returns the row of each stamp, and whether the row has exactly this stamp."""
     row = np.minimum(np.searchsorted(rows, stamps), len(rows) - 1)
     return row, rows[row] == stamps
 
 
 def _reachable(rows: Stamps, stamps: Stamps, max_gap_ns: int) -> NDArray[np.bool_]:
-    """Whether each stamp is at a row, or between two rows that are close enough."""
+    """Returns whether each stamp is at a row, or between two rows close to each other."""
     after = np.searchsorted(rows, stamps)
     last = len(rows) - 1
     exact = rows[np.minimum(after, last)] == stamps
@@ -312,14 +312,14 @@ _Taker = tuple[Sequence[str] | None, Callable[[Any], None]]
 def _beside(
     topics: Mapping[str, TopicInfo], topic: str, name: str, message_type: str, taker: _Taker
 ) -> dict[str, _Taker]:
-    """Returns the handler of a topic in the same namespace; empty: no such topic."""
+    """Returns the handler of another topic in the same namespace, if it exists."""
     other = f"{topic.rpartition('/')[0]}/{name}"
     found = topics.get(other)
     return {other: taker} if found and found.message_type == message_type else {}
 
 
 def _decoded(reader: BagReader, block: MessageBlock) -> list[Any]:
-    """Decodes the messages of a block to objects."""
+    """Returns the decoded messages of a block."""
     return [reader.decode(message) for message in messages_of(block)]
 
 
@@ -330,7 +330,7 @@ def _surface(
     sources: Sources,
     expected: bool,
 ) -> str:
-    """Returns the topic of the heights; empty: none."""
+    """Returns the topic of the measured heights; empty if there is none."""
     if measured == NO_HEIGHTS:
         return ""
     if measured is None:

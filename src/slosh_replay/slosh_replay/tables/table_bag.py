@@ -1,4 +1,4 @@
-"""Converts motion tables to bags; every column has a message.
+"""Converts motion tables to bags; every column becomes a message field.
 
 | columns | topic | field |
 |---|---|---|
@@ -75,7 +75,7 @@ def import_table(
     progress: Progress = lambda done, total: None,
     options: TableOptions = FOUND_OUT,
 ) -> TableImport:
-    """Converts a motion table to a bag.
+    """Converts a motion table file to a bag.
 
     Args:
         path: the `.csv` or `.csv.gz` file.
@@ -98,7 +98,7 @@ def write_table_bag(
     definitions: Definitions | None = None,
     progress: Progress = lambda done, total: None,
 ) -> TableImport:
-    """Writes a table as a bag.
+    """Writes a motion table as a bag.
 
     Args:
         path: where the table comes from; for what is said of it.
@@ -137,7 +137,7 @@ def write_table_bag(
 
 
 def table_stamps(path: Path, t: Array) -> tuple[int, Stamps]:
-    """Returns origin [ns] and stamps (N,) [ns] of times (N,) [s].
+    """Returns the origin [ns] and the stamps (N,) [ns] of times (N,) [s].
 
     A stamp is the origin and the whole nanoseconds nearest to the time. The origin is 0, and whole
     seconds where the times start before 1 s: a stamp of 0 means 'no stamp' in ROS.
@@ -161,13 +161,13 @@ def table_stamps(path: Path, t: Array) -> tuple[int, Stamps]:
 
 
 def table_times(nanoseconds: Stamps) -> Array:
-    """Returns the nearest floats [s] of whole nanoseconds (N,)."""
+    """Converts whole nanoseconds (N,) to times [s], rounded to the nearest floats."""
     # Division of whole numbers: 2e18 ns as a float would have lost its last digits before.
     return np.array([ns / SECOND for ns in nanoseconds.tolist()], dtype=np.float64)
 
 
 class _TableMessages:
-    """Makes the messages of a table."""
+    """Creates the messages of a table."""
 
     def __init__(self, path: Path, table: MotionTable, definitions: Definitions) -> None:
         self.definitions = definitions
@@ -185,7 +185,7 @@ class _TableMessages:
         self._makers = {topic: (kind, makers[topic]) for topic, kind in self.topics().items()}
 
     def topics(self) -> dict[str, str]:
-        """Types by relative topic name."""
+        """Message types by relative topic name."""
         table = self._table
         topics = {ACCEL: ACCEL_TYPE}
         if table.attitude is not None or table.angular_velocity is not None:
@@ -279,20 +279,20 @@ class _TableMessages:
 
 
 def _single(heights: Array) -> NDArray[np.float32]:
-    """Converts heights to 32 bits; values out of range become infinite."""
+    """Converts heights to 32-bit floats; values out of range become infinite."""
     with np.errstate(over="ignore"):
         single: NDArray[np.float32] = heights.astype(np.float32)
     return single
 
 
 def _wrapped(azimuth: Array) -> Array:
-    """Returns the azimuths in (-π, π]."""
+    """Returns azimuths [rad] in the range (-π, π]."""
     wrapped: Array = np.where(azimuth > math.pi, azimuth - 2.0 * math.pi, azimuth)
     return wrapped
 
 
 def _specific_force(path: Path, table: MotionTable) -> Array:
-    """Returns Rᵀ(a + g ẑ) (N, 3) [m/s²], in the container's frame.
+    """Returns the specific force Rᵀ(a + g ẑ) (N, 3) [m/s²] in the container's frame.
 
     Raises:
         SloshBagError: a quaternion is zero.

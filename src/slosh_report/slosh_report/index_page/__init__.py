@@ -23,7 +23,7 @@ _FOLDER = "slosh_report.index_page"
 
 @dataclass(frozen=True, slots=True)
 class IndexRow:
-    """Figures of one run in the index.
+    """Row of the index with the main results of one run.
 
     Attributes:
         name: of the run; its page is NAME.html beside the index.
@@ -51,12 +51,12 @@ class IndexRow:
 
     @property
     def link(self) -> str:
-        """Address of the run's page."""
+        """Relative link to the run's page."""
         return f"{quote(self.name)}.html"
 
 
 def render_index(title: str, rows: Sequence[IndexRow]) -> str:
-    """Renders the page as HTML.
+    """Renders an index page of runs as HTML.
 
     Args:
         title: heading.

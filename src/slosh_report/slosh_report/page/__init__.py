@@ -1,1 +1,1 @@
-"""Common parts of all report pages: head, style, images, charts over time, numbers."""
+"""Common parts of all report pages: header, style, images, time charts and numbers."""

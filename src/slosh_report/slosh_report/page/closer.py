@@ -26,7 +26,7 @@ _TIME_DIGITS, _HEIGHT_DIGITS = 4, 3  # of seconds and millimetres
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line of a chart.
+    """A line in an interactive chart.
 
     Attributes:
         name: in the chart's key.
@@ -44,7 +44,7 @@ class Row:
 
 
 def closer_scripts() -> list[Script]:
-    """Returns the scripts of interactive charts: uPlot and the page's own."""
+    """Returns the JavaScript of interactive charts: uPlot and the page's own script."""
     return [
         script("slosh_report", "uplot/uPlot.iife.min.js"),
         script("slosh_report.page", "closer.js"),
@@ -52,13 +52,13 @@ def closer_scripts() -> list[Script]:
 
 
 def axis(ends: tuple[float, float], size: tuple[float, float]) -> str:
-    """Formats a chart's time axis: its ends as fractions of the width, and their times [s]."""
+    """Formats the time axis of a chart as text for the page's script."""
     left, right = MARGINS[0] / size[0], 1.0 - MARGINS[1] / size[0]
     return f"{left:.6f} {right:.6f} {ends[0]!r} {ends[1]!r}"
 
 
 def series_element(t: Array, charts: Mapping[str, Sequence[Row]], limit: float | None) -> Markup:
-    """Embeds the charts' series in the page, in s and mm.
+    """Embeds the data of interactive charts in the page, in s and mm.
 
     Args:
         t: (N,) [s], not decreasing.
@@ -78,7 +78,7 @@ def series_element(t: Array, charts: Mapping[str, Sequence[Row]], limit: float |
 
 
 def _kept(t: Array, series: Sequence[Array]) -> NDArray[np.intp]:
-    """Returns samples with known values; of long series the extremes."""
+    """Selects the samples to embed: known ones, and only the extremes of long series."""
     known = np.flatnonzero(np.any([np.isfinite(values) for values in series], axis=0))
     if len(known) <= MOST_SAMPLES:
         return known

@@ -1,4 +1,4 @@
-"""A camera image on a page."""
+"""A camera image on a report page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MEDIA_TYPES = ("image/png", "image/jpeg")
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A camera frame with annotations drawn in.
+    """A camera image with annotations, and its caption.
 
     Attributes:
         image: the encoded image.

@@ -1,4 +1,4 @@
-"""Reduces long series with gaps to lines for a page."""
+"""Reduces long time series with gaps to lines for a chart."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ POINTS = 1200
 
 
 def gap_length(t: Array) -> float:
-    """Returns the spacing of known samples from which there is a gap [s].
+    """Returns the sample spacing above which a series counts as interrupted [s].
 
     Args:
         t: (N,) times of the samples that are known [s], not decreasing.
@@ -30,7 +30,7 @@ def gap_length(t: Array) -> float:
 
 
 def gaps(t: Array, values: Array) -> tuple[tuple[float, float], ...]:
-    """Returns spans without samples, including those before the first and after the last.
+    """Returns the time spans without samples, including those at both ends [s].
 
     Args:
         t: (N,) [s], not decreasing.
@@ -50,7 +50,7 @@ def gaps(t: Array, values: Array) -> tuple[tuple[float, float], ...]:
 
 
 def envelope(t: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """Returns known samples as a line of about `points` points with equal extremes.
+    """Reduces a series to about `points` points with the same extremes.
 
     A long series is cut into bins of equal duration, and each is drawn by its minimum and its
     maximum. Single samples that are missing are bridged; a gap stays open: there a NaN parts the
@@ -80,13 +80,13 @@ def envelope(t: Array, values: Array, points: int = POINTS) -> tuple[Array, Arra
 
 
 def lone(values: Array) -> NDArray[np.bool_]:
-    """Returns samples (N,) between two missing ones, which a line does not show."""
+    """Returns which samples (N,) lie between two missing ones, so that no line shows them."""
     known = np.concatenate(([False], np.isfinite(values), [False]))
     return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
 
 
 def extremes(t: Array, values: Array, bins: int) -> NDArray[np.intp]:
-    """Returns indices of each bin's minimum and maximum, in order.
+    """Returns the indices of the minimum and maximum in each bin, in order.
 
     Args:
         t: (N,) [s], not decreasing.
@@ -101,7 +101,7 @@ def extremes(t: Array, values: Array, bins: int) -> NDArray[np.intp]:
 
 
 def highest(values: Array, points: int) -> NDArray[np.intp]:
-    """Returns indices of at most `points` samples: the maximum of equal shares.
+    """Returns indices of at most `points` samples: the maxima of equal parts of the series.
 
     Args:
         values: (N,), all finite.
@@ -115,7 +115,7 @@ def highest(values: Array, points: int) -> NDArray[np.intp]:
 
 
 def united(spans: Iterable[tuple[float, float]], closer: float) -> list[tuple[float, float]]:
-    """Merges spans that overlap or are closer than a distance."""
+    """Merges time spans that overlap or are closer than a given distance [s]."""
     found: list[tuple[float, float]] = []
     for start, end in sorted(spans):
         if found and start <= found[-1][1] + closer:
@@ -126,7 +126,7 @@ def united(spans: Iterable[tuple[float, float]], closer: float) -> list[tuple[fl
 
 
 def _bins(t: Array, bins: int) -> list[tuple[int, int]]:
-    """Returns start and end (exclusive) of each bin with samples."""
+    """Returns start and end (exclusive) indices of each time bin that has samples."""
     edges = np.searchsorted(t, np.linspace(t[0], t[-1], bins + 1))
     edges[0], edges[-1] = 0, len(t)
     return [(a, b) for a, b in pairwise(edges.tolist()) if b > a]

@@ -65,7 +65,7 @@ DASHES: Any = (0, (4, 2))
 
 
 def style(name: str) -> Any:
-    """Returns the drawing style, a context manager.
+    """Returns a context manager that sets Matplotlib's drawing style.
 
     Args:
         name: of the chart; the file is the same each time.
@@ -77,7 +77,7 @@ def style(name: str) -> Any:
 
 
 def canvas(size: tuple[float, float]) -> Figure:
-    """Makes an empty figure of a size [in]."""
+    """Creates an empty figure of a given size [in]."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
@@ -90,7 +90,7 @@ def canvas(size: tuple[float, float]) -> Figure:
 
 
 def svg_text(figure: Figure, name: str) -> str:
-    """Returns the figure as an <svg> element in the page's colours.
+    """Returns a figure as an <svg> element in the page's colours.
 
     Args:
         figure: drawn with COLOURS' stand-ins.
@@ -116,7 +116,7 @@ def svg_text(figure: Figure, name: str) -> str:
 
 
 def _shorter(path: re.Match[str]) -> str:
-    """Shortens a path's numbers to hundredths of a point, a third of the size."""
+    """Shortens an SVG path by rounding its numbers to hundredths of a point."""
     text = re.sub(r"(\.\d\d)\d+", r"\1", path.group())
     return re.sub(r"\s+", " ", text)
 
@@ -124,7 +124,7 @@ def _shorter(path: re.Match[str]) -> str:
 def time_chart(
     draw: Callable[[Any], None], ends: tuple[float, float], size: tuple[float, float], name: str
 ) -> str:
-    """Draws a chart over time as SVG.
+    """Draws a chart over time and returns it as SVG.
 
     Args:
         draw: draws into the axes, after their ends are set.
@@ -152,7 +152,7 @@ def draw_line(
     *,
     scale: float = 1e3,
 ) -> None:
-    """Draws a line with gaps, and single samples as dots.
+    """Draws a line with gaps, and isolated samples as dots, into a chart.
 
     Args:
         axes: where to draw.
@@ -184,12 +184,12 @@ def badge(axes: Any, x: float, letter: str) -> None:
 
 
 def chart_points(size: tuple[float, float]) -> int:
-    """Returns the maximum number of points of a line in a figure of a size [in]."""
+    """Returns the maximum number of points of a line in a figure of a given size [in]."""
     return int(POINTS * size[0] / WIDE[0])
 
 
 def time_ends(t: Array) -> tuple[float, float]:
-    """Returns the ends of the time axis, common to all charts."""
+    """Returns the start and end of the time axis that all charts share [s]."""
     if len(t) < 2:
         return (0.0, 1.0) if not len(t) else (float(t[0]) - 0.5, float(t[0]) + 0.5)
     margin = 0.01 * float(t[-1] - t[0])

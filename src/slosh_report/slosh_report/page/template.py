@@ -1,4 +1,4 @@
-"""Template environment of all pages: numbers, names, images."""
+"""Template environment of all pages, with filters for numbers, names and images."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNREADABLE = re.compile(
 
 
 def make_environment(package: str) -> Environment:
-    """Makes the environment with a package's templates and those of this folder.
+    """Creates the template environment with a package's templates and the common ones.
 
     Args:
         package: whose folder holds the page's own template.
@@ -50,7 +50,7 @@ def make_environment(package: str) -> Environment:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """A script embedded in a page and allowed by its digest in the page's policy.
+    """A script that is embedded in a page and allowed by its hash in the page's policy.
 
     Attributes:
         element: the <script> element.
@@ -62,7 +62,7 @@ class Script:
 
 
 def script(package: str, name: str) -> Script:
-    """Reads a script of a package's folder.
+    """Reads a script from a package's folder.
 
     Args:
         package: whose folder holds it.
@@ -72,14 +72,14 @@ def script(package: str, name: str) -> Script:
 
 
 def script_of(text: str) -> Script:
-    """Makes a script from its text, which must not contain `</script`."""
+    """Creates a script from its text, which must not contain `</script`."""
     digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")
     # The text is the project's own and not a user's: it is not escaped, or it would be another.
     return Script(Markup(f"<script>{text}</script>"), f"'sha256-{digest}'")
 
 
 def number(path: str, value: float | None, unit: str = "", digits: int | None = None) -> Markup:
-    """Formats a number for people, with the exact value for programs.
+    """Formats a number for display, with its exact value as a machine-readable attribute.
 
     Args:
         path: JSON pointer of the number in the report's document.
@@ -94,30 +94,30 @@ def number(path: str, value: float | None, unit: str = "", digits: int | None = 
 
 
 def exact(path: str, value: float | None, digits: int | None = None) -> Markup:
-    """Formats a number of unknown unit with all or some significant digits."""
+    """Formats a number of unknown unit with all digits, or a given number of them."""
     text = DASH if value is None else repr(value) if digits is None else f"{value:.{digits}g}"
     return data_element(path, value, text.replace("-", "−"))
 
 
 def data_element(path: str, value: float | None, text: str) -> Markup:
-    """Makes an element with JSON pointer, exact value and text."""
+    """Creates an HTML element with a JSON pointer, the exact value and a text."""
     value_text = json.dumps(value)
     return Markup('<data value="{}" data-path="{}">{}</data>').format(value_text, path, text)
 
 
 def readable(value: Any) -> Any:
-    """Replaces characters that a page cannot hold or that reorder text."""
+    """Replaces characters that HTML cannot contain or that reorder text."""
     return UNREADABLE.sub("\ufffd", value) if type(value) is str else value
 
 
 def breakable(text: str) -> Markup:
-    """Makes a name that may break after each of its parts."""
+    """Formats a name as HTML with line breaks allowed between its parts."""
     parts = re.split(r"(?<=[/._])", text)
     return Markup("<wbr>").join(readable(part) for part in parts if part)
 
 
 def data_uri(frame: Frame) -> str:
-    """Returns the image as a data URI."""
+    """Returns a frame's image as a data URI."""
     return image_uri(frame.image, frame.media_type)
 
 

@@ -1,4 +1,4 @@
-"""Display of SI numbers: scale, digits and sign of each unit."""
+"""Display of numbers with SI units: scale and number of digits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_DIGITS = 17
 
 
 class UnitDisplay(NamedTuple):
-    """Display settings of a unit.
+    """Scale, number of decimals and sign for displaying values of a unit.
 
     Attributes:
         scale: SI → shown unit.
@@ -46,7 +46,7 @@ UNITS = {
 
 
 def shown(value: float | None, unit: str, digits: int | None = None) -> str:
-    """Formats a number for people, without its unit.
+    """Formats a number for display, without its unit.
 
     Args:
         value: in SI units; None or not finite: unknown.
@@ -70,7 +70,7 @@ def shown(value: float | None, unit: str, digits: int | None = None) -> str:
 
 
 def unit_style(unit: str) -> UnitDisplay:
-    """Returns the display settings of a unit.
+    """Returns how values of a unit are displayed.
 
     Raises:
         SloshReportError: it is not one of UNITS.
@@ -83,7 +83,7 @@ def unit_style(unit: str) -> UnitDisplay:
 
 
 def digits_that_differ(value: float | None, other: float | None, unit: str) -> int:
-    """Returns the decimals with which two numbers look different, at least the unit's."""
+    """Returns the number of decimals at which two different numbers look different."""
     least = unit_style(unit).digits
     if value is None or other is None or value == other:
         return least

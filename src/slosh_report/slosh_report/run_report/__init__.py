@@ -1,4 +1,4 @@
-"""A run's report: one self-contained HTML page, and the same numbers as JSON."""
+"""Report of a run: one self-contained HTML page, and the same numbers as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Charts over time: heights, residuals, and single motions."""
+"""Charts over time: liquid heights, residuals and single motions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MARKS = 60
 
 
 def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
-    """Draws measured, L and NL over time [mm] with all marks as SVG."""
+    """Draws the measured height and both models' heights over time [mm] as SVG."""
 
     def draw(axes: Any) -> None:
         _heights(axes, report, slice(None), chart_points(size))
@@ -51,7 +51,7 @@ def heights_chart(report: RunReport, size: tuple[float, float], name: str) -> st
 
 
 def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> str:
-    """Draws measured minus L and minus NL over time [mm] as SVG."""
+    """Draws measured minus estimated height over time [mm], for both models, as SVG."""
     points = chart_points(size)
 
     def draw(axes: Any) -> None:
@@ -65,7 +65,7 @@ def residual_chart(report: RunReport, size: tuple[float, float], name: str) -> s
 
 
 def motion_chart(report: RunReport, motion: RunMotion, name: str) -> str:
-    """Draws measured, L and NL around one motion [mm] as SVG."""
+    """Draws the measured height and both models' heights during one motion [mm] as SVG."""
     beside = 0.05 * (motion.end - motion.start)
     ends = (motion.start - beside, motion.end + beside)
     part = slice(*np.searchsorted(report.t, ends).tolist())
@@ -78,7 +78,7 @@ def motion_chart(report: RunReport, motion: RunMotion, name: str) -> str:
 
 
 def residual(report: RunReport, model: Array) -> Array:
-    """Returns (N,) measured minus model [m]; NaN: a lower bound below the model."""
+    """Returns measured minus modelled height (N,) [m]; NaN if only a lower bound is known."""
     difference = report.measured - model
     if report.saturated is None:
         return difference
@@ -86,7 +86,7 @@ def residual(report: RunReport, model: Array) -> Array:
 
 
 def frame_letters(report: RunReport) -> tuple[str, ...]:
-    """Returns the letter of each frame with a known time, '' for others."""
+    """Returns a letter for each image with a known time, and '' for the others."""
     known = iter("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
     return tuple(next(known, "") if np.isfinite(f.time) else "" for f in report.frames)
 
@@ -131,7 +131,7 @@ def _lower_bounds(axes: Any, t: Array, measured: Array, saturated: NDArray[np.bo
 
 
 def _motions(axes: Any, motions: Sequence[RunMotion]) -> None:
-    """Draws numbered brackets of the motions above the chart, if there are several."""
+    """Draws a numbered bracket above the chart for each motion."""
     if len(motions) < 2:
         return
     place: Any = axes.get_xaxis_transform()
@@ -151,14 +151,14 @@ def _motions(axes: Any, motions: Sequence[RunMotion]) -> None:
 
 
 def _frames(axes: Any, report: RunReport) -> None:
-    """Draws the letter of each frame at its time."""
+    """Draws the letter of each camera image at its time."""
     for letter, frame in zip(frame_letters(report), report.frames, strict=True):
         if letter:
             badge(axes, frame.time, letter)
 
 
 def _backdrop(axes: Any, report: RunReport) -> None:
-    """Shades spans without measurement and spans with a limit violation."""
+    """Shades the time spans without measurement and those above the limit."""
     last = float(report.t[-1]) if len(report.t) else 0.0
     ends = ((e.start, e.end if np.isfinite(e.end) else last) for e in report.events)
     _shade(axes, ends, SPAN)
@@ -166,7 +166,7 @@ def _backdrop(axes: Any, report: RunReport) -> None:
 
 
 def _shade(axes: Any, spans: Spans, colour: str) -> None:
-    """Draws all visible spans as one area, which is much smaller than many."""
+    """Shades all visible time spans as one area."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

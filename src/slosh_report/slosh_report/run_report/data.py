@@ -53,7 +53,7 @@ class AzimuthSeries:
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
-    """Everything that a page shows.
+    """Everything that a report page shows.
 
     Attributes:
         title, subtitle: headings.
@@ -114,7 +114,7 @@ class RunReport:
 
     @property
     def duration(self) -> float:
-        """Time from the first to the last sample [s]; 0: none."""
+        """Time from the first to the last sample [s]; 0 if there are none."""
         return float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
 
 

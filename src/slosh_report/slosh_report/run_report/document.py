@@ -1,4 +1,4 @@
-"""The report as JSON-compatible values."""
+"""Converts a report to JSON-compatible values."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ _ROWS: Mapping[str, Callable[[Any], dict[str, Any]]] = {
 
 
 def sentence(report: RunReport) -> str:
-    """Formats the result of a run in a sentence.
+    """Describes the result of a run in one sentence.
 
     Args:
         report: of a run with a camera, without one, or with neither heights nor a limit.
@@ -105,7 +105,7 @@ def sentence(report: RunReport) -> str:
 
 
 def _limited(report: RunReport, peak: float, source: str) -> str:
-    """Describes the peak relative to the limit, and the number of violations."""
+    """Describes the peak relative to the limit, and the number of limit violations."""
     count = sum(span.source == source for span in report.events)
     often = _OFTEN.get(count, f"{count} times")
     if report.limit is None:
@@ -117,7 +117,7 @@ def _limited(report: RunReport, peak: float, source: str) -> str:
 
 
 def _agreement(report: RunReport) -> str:
-    """Describes the mean difference of the nonlinear model and the camera."""
+    """Describes the mean difference between the nonlinear model and the camera."""
     row = next((row for row in report.models if row.name == report.nonlinear_name), None)
     if row is None or not math.isfinite(row.sigma):
         return ""

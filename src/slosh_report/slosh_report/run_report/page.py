@@ -1,4 +1,4 @@
-"""Fills the page's template."""
+"""Renders a report as an HTML page."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CLOSE_UPS = 6
 
 
 def render_report(report: RunReport) -> str:
-    """Renders the page as HTML; reproducible.
+    """Renders the report as HTML; equal reports give equal pages.
 
     Args:
         report: what to show; every text in it is escaped.
@@ -54,7 +54,7 @@ def render_report(report: RunReport) -> str:
 
 
 def _charts(report: RunReport) -> dict[str, Markup]:
-    """Returns the charts as SVG by name; none without data."""
+    """Returns the charts as SVG by name; empty if there are no data."""
     charts = {}
     if _anything(report):
         for kind, draw in (("heights", heights_chart), ("residual", residual_chart)):
@@ -67,7 +67,7 @@ def _charts(report: RunReport) -> dict[str, Markup]:
 
 
 def _closer(report: RunReport) -> dict[str, Any]:
-    """Returns the data of interactive charts; nothing without data."""
+    """Returns the data of interactive charts; empty if there are no data."""
     if not _anything(report):
         return {"axes": {}}
     linear, nonlinear = report.linear_name, report.nonlinear_name
@@ -92,7 +92,7 @@ def _closer(report: RunReport) -> dict[str, Any]:
 
 
 def _close_ups(report: RunReport) -> list[tuple[int, Markup]]:
-    """Returns index and chart of the motions with the largest NL error, by time."""
+    """Returns charts of the motions with the largest model errors, in order of time."""
     if len(report.motions) < 2 or not _anything(report):
         return []
     worst = sorted(range(len(report.motions)), key=lambda i: -_worst_sigma(report, i))
@@ -153,18 +153,18 @@ def _template() -> Template:
 
 
 def model_names(motions: list[dict[str, Any]]) -> list[str]:
-    """Returns the models of all motions, in order of appearance."""
+    """Returns the names of all models in the motions, in order of appearance."""
     return list(dict.fromkeys(row["name"] for motion in motions for row in motion["models"]))
 
 
 def model_index(motion: dict[str, Any], name: str) -> int | None:
-    """Returns the index of a model's row; None: none."""
+    """Returns the index of a model's row in a motion, or None if it is missing."""
     names = [row["name"] for row in motion["models"]]
     return names.index(name) if name in names else None
 
 
 def best_index(motion: dict[str, Any]) -> int | None:
-    """Returns the index of the row with the least MAE; None: none is known."""
+    """Returns the index of the row with the smallest MAE, or None if all are unknown."""
     known = [
         (row["sigma"], i) for i, row in enumerate(motion["models"]) if row["sigma"] is not None
     ]
@@ -175,13 +175,13 @@ Differences = list[tuple[int, dict[str, Any]]]
 
 
 def differences_apart(rows: list[dict[str, Any]]) -> tuple[Differences, Differences]:
-    """Splits numbered rows in shown ones, the first difference leading, and folded ones."""
+    """Splits the rows of differences into displayed and collapsed ones."""
     ordered = sorted(enumerate(rows), key=lambda entry: entry[1]["first"] is None)
     return ordered[:UNFOLDED], ordered[UNFOLDED:]
 
 
 def expectation(path: str, check: dict[str, Any], digits: int) -> Markup:
-    """Formats a check's expectation: a number, a tolerance, a bound, or anything."""
+    """Formats the expected value of a check: a number with tolerance, a bound, or anything."""
     lower, upper, tolerance, unit = (check[k] for k in ("lower", "upper", "tolerance", "unit"))
     if tolerance is not None:
         middle = number(f"{path}/expected", check["expected"], unit, digits)
@@ -197,7 +197,7 @@ def expectation(path: str, check: dict[str, Any], digits: int) -> Markup:
 
 
 def close_digits(check: dict[str, Any]) -> int:
-    """Returns the decimals that show a value outside the bound it missed."""
+    """Returns the number of decimals that show by how much a value misses its bound."""
     value, unit = check["value"], check["unit"]
     if check["passed"] or value is None:
         return digits_that_differ(None, None, unit)

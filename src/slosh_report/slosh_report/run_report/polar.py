@@ -1,4 +1,4 @@
-"""The polar chart: azimuth and height of the liquid's highest point, from above."""
+"""Polar chart: azimuth and height of the liquid's highest point, seen from above."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class AzimuthAgreement:
 
 
 def azimuth_threshold(report: RunReport) -> float:
-    """Returns the height above which an azimuth is significant [m]; 0: unknown."""
+    """Returns the height above which an azimuth is meaningful [m]; 0 if unknown."""
     heights = [series.height for series in _series(report)]
     known = [float(np.nanmax(h)) for h in heights if np.isfinite(h).any()]
     return THRESHOLD * max(known, default=0.0)
 
 
 def azimuth_agreement(report: RunReport) -> AzimuthAgreement:
-    """Compares both azimuths at the measured times.
+    """Compares estimated and measured azimuths at the times of measurement.
 
     The estimate is interpolated as the vector (h cos φ, h sin φ), which has no jump at ±π.
     """
@@ -71,7 +71,7 @@ def azimuth_agreement(report: RunReport) -> AzimuthAgreement:
 
 
 def polar_chart(report: RunReport, name: str) -> str:
-    """Draws measured azimuths as dots and the estimated ones as a path, darker with time."""
+    """Draws measured azimuths as dots and estimated ones as a path that darkens with time."""
     threshold = azimuth_threshold(report)
     with style(name):
         figure = canvas(SIZE)
@@ -86,7 +86,7 @@ def polar_chart(report: RunReport, name: str) -> str:
 
 
 def _frame(axes: Any, free: float) -> None:
-    """Draws circles labelled with heights at the free azimuth [°], and azimuths around."""
+    """Draws circles for heights and rays for azimuths, with labels."""
     from matplotlib.ticker import MaxNLocator
 
     degrees = range(0, 360, 45)
@@ -110,7 +110,7 @@ def _frame(axes: Any, free: float) -> None:
 
 
 def _emptiest(report: RunReport, threshold: float) -> float:
-    """Returns the emptiest azimuth between the grid's lines [°], for labels."""
+    """Returns the azimuth with the fewest data, for placing labels [°]."""
     azimuths = np.concatenate([np.empty(0), *(_above(s, threshold)[1] for s in _series(report))])
     free = np.arange(22.5, 360.0, 45.0)
     near = np.cos(azimuths[:, None] - np.radians(free)) > np.cos(np.radians(22.5))
@@ -143,7 +143,7 @@ def _path(axes: Any, t: Array, phi: Array, height: Array) -> None:
 
 
 def _shades(t: Array) -> list[tuple[float, slice]]:
-    """Returns opacity and indices of each part of the time."""
+    """Returns opacity and index range of each section of the drawn path."""
     if not len(t):
         return []
     edges = np.searchsorted(t, np.linspace(t[0], t[-1], SHADES + 1)[1:-1])
@@ -154,14 +154,14 @@ def _shades(t: Array) -> list[tuple[float, slice]]:
 
 
 def _above(series: AzimuthSeries, threshold: float) -> tuple[Array, Array, Array]:
-    """Returns times, azimuths and heights above the threshold."""
+    """Returns times, azimuths and heights of samples above the threshold."""
     with np.errstate(invalid="ignore"):
         chosen = np.isfinite(series.azimuth) & (series.height > threshold)
     return series.t[chosen], series.azimuth[chosen], series.height[chosen]
 
 
 def _covered(t: Array, known: Array) -> NDArray[np.bool_]:
-    """Returns which times are at a known sample or between two without a gap."""
+    """Returns which times are at, or between, known samples without a gap."""
     before = np.searchsorted(known, t, side="right") - 1
     after = np.searchsorted(known, t, side="left")
     inside = (before >= 0) & (after < len(known))

@@ -1,4 +1,4 @@
-"""Rows of a report's tables in SI units; NaN: unknown."""
+"""Rows of a report's tables in SI units; NaN means unknown."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ INFINITE = float("inf")
 
 
 class RunVerdict(StrEnum):
-    """Result of a check of the run."""
+    """Result of checking a run."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -21,7 +21,7 @@ class RunVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Overall status of the run.
+    """Overall status of a run.
 
     Attributes:
         verdict: of all checks together.
@@ -34,7 +34,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """A number and its expected value.
+    """A checked number and its expected range.
 
     Attributes:
         name: what it is, for example "MAE 3D-NL".
@@ -57,12 +57,12 @@ class CheckRow:
 
     @property
     def expected(self) -> float:
-        """Middle of the bounds; NaN: not two."""
+        """Middle of the expected range; NaN unless both bounds are given."""
         return 0.5 * (self.lower + self.upper) if self._bounded else NAN
 
     @property
     def tolerance(self) -> float:
-        """Half the distance of the bounds; NaN: not two."""
+        """Half the width of the expected range; NaN unless both bounds are given."""
         return 0.5 * (self.upper - self.lower) if self._bounded else NAN
 
     @property
@@ -71,13 +71,13 @@ class CheckRow:
 
     @property
     def passed(self) -> bool:
-        """Whether the value is known and within its bounds."""
+        """Whether the value is known and within its expected range."""
         return self.lower <= self.value <= self.upper
 
 
 @dataclass(frozen=True, slots=True)
 class DifferenceRow:
-    """A field that a replay did not reproduce.
+    """A message field that a replay did not reproduce.
 
     Attributes:
         topic: of the messages.
@@ -99,7 +99,7 @@ class DifferenceRow:
 
 @dataclass(frozen=True, slots=True)
 class VerificationRow:
-    """Whether recorded messages were reproduced.
+    """Number of recorded messages that a replay has reproduced, with the differences.
 
     Attributes:
         name: what was compared, for example "recorded estimates reproduced bit for bit".
@@ -115,13 +115,13 @@ class VerificationRow:
 
     @property
     def passed(self) -> bool:
-        """Whether all were reproduced."""
+        """Whether all recorded messages were reproduced."""
         return self.same == self.total
 
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
-    """A number at the top of the page.
+    """A main result, shown at the top of the page.
 
     Attributes:
         label: what it is.
@@ -145,7 +145,7 @@ class KeyFigure:
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """A fact about the run, such as the bag, its length, the program's version.
+    """Information about the run, such as the bag, its length or the program's version.
 
     Attributes:
         label: what it is.
@@ -158,7 +158,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class ExcessSpan:
-    """A limit violation.
+    """A time span in which a limit was exceeded.
 
     Attributes:
         source: what exceeded it: "measured", "estimated", "disagreement".
@@ -178,7 +178,7 @@ class ExcessSpan:
 
     @property
     def duration(self) -> float:
-        """Time from start to end [s]; NaN: not over."""
+        """Duration of the limit violation [s]; NaN if it has not ended."""
         return self.end - self.start
 
 

@@ -28,7 +28,7 @@ _NAMES: Final = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "|", " ": 
 
 @dataclass(slots=True)
 class Rows:
-    """A table's heading and rows.
+    """The heading and the rows of a table.
 
     Attributes:
         heading: names as they stand there.
@@ -125,12 +125,12 @@ def read_form(path: Path, text: Iterable[str], options: TableOptions) -> Rows:
 
 
 def name_of(separator: str) -> str:
-    """Returns a separator's name for a sentence."""
+    """Returns a separator's name for use in a sentence."""
     return _NAMES.get(separator, repr(separator))
 
 
 def split(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
-    """Splits lines to cells."""
+    """Splits lines into cells."""
     if separator == " ":
         return (line.replace('"', "").split() for line in lines)
     return csv.reader(lines, delimiter=separator)
@@ -154,7 +154,7 @@ def _heading(
     separator: str,
     options: TableOptions,
 ) -> tuple[list[str], list[tuple[int, str]]]:
-    """Finds the names and the rows; the heading may be a comment, as in NumPy's files."""
+    """Finds column names and rows of a table; the heading may be a comment."""
     first = _one(sample[0][1], separator)
     width = len(first)
     for _, comment in reversed(said):
@@ -178,12 +178,12 @@ def _heading(
 
 
 def _words(line: str) -> list[str]:
-    """Splits a line to names with their units in brackets."""
+    """Splits a line into column names with their units in brackets."""
     return _WORD.findall(line.replace('"', ""))
 
 
 def _separator(sample: Sequence[str]) -> tuple[str, int]:
-    """Detects the separator, and the number of lines before the heading.
+    """Detects the column separator and the number of lines before the heading.
 
     It makes rows of numbers as long as the heading; loggers write some lines about themselves
     before that.
@@ -201,7 +201,7 @@ def _separator(sample: Sequence[str]) -> tuple[str, int]:
 
 
 def _parts(sample: Sequence[str]) -> str:
-    """Returns the separator that gives all rows equal length; empty: none."""
+    """Returns the separator that gives all rows equal length, or an empty text."""
     for separator in ("\t", ";", "|", ",", " "):
         heading = _words(sample[0]) if separator == " " else _one(sample[0], separator)
         width = len(_without_end(heading))
@@ -229,7 +229,7 @@ def _without_end(row: Sequence[str]) -> list[str]:
 
 
 def _named_rows(heading: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Removes empty names at the heading's end; adds one for R's row names."""
+    """Removes empty names at the heading's end; adds a name for R's row names."""
     names = _without_end(heading)
     long = [row for row in rows if len(_without_end(row)) == len(names) + 1]
     if rows and len(long) == len(rows) and len(heading) == len(names):

@@ -1,4 +1,4 @@
-"""Recognises columns by the names in common use."""
+"""Recognises columns by commonly used names."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _KINDS: Final[Mapping[str, Mapping[str, float]]] = {TIME: units.TIME} | {
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column to read.
+    """A column to read from a table.
 
     Attributes:
         name: ours, such as 'ax'.
@@ -89,7 +89,7 @@ def columns_of(
     *,
     free: bool,
 ) -> list[Column]:
-    """Returns the columns of a table, in its order.
+    """Returns the recognised columns of a table in their order.
 
     Args:
         path: of the table; for what is said of it.
@@ -170,7 +170,7 @@ def _column(
 
 
 def _parted(plain: str, free: bool) -> tuple[str, str]:
-    """Splits a heading such as 'Time (ms)', 'acc_x_g' or 'a_x / (m/s²)' to name and unit."""
+    """Splits a heading such as 'Time (ms)' or 'a_x / (m/s²)' into name and unit."""
     bracketed = _BRACKETED.fullmatch(plain)
     if bracketed and (named := _ours(bracketed["name"], free=free)) is not None:
         return named, bracketed["unit"]  # whatever it is: one that is unknown is refused

@@ -1,4 +1,4 @@
-"""User options about a table's format."""
+"""Options by which a user describes the format of a table."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ SEPARATORS: Mapping[str, str] = {
 
 
 class TableWarning(UserWarning):
-    """An assumption was made about a table."""
+    """Warning that the reader made an assumption about a table."""
 
 
 def warn(line: str) -> None:
-    """Warns a caller from Python of an assumption."""
+    """Issues a Python warning about an assumption."""
     warnings.warn(line, TableWarning, stacklevel=2)
 
 
 @dataclass(frozen=True, slots=True)
 class TableOptions:
-    """Format of a table; options that are not given are detected.
+    """Format of a table; options that are not given are detected from the file.
 
     Attributes:
         columns: by our name (such as 'ax') the table's own name, or number from 1. Columns that
@@ -62,7 +62,7 @@ class TableOptions:
 
     @property
     def words(self) -> list[str]:
-        """Returns the options as words of a command line."""
+        """Returns the options as words for a command line."""
         pairs = ",".join(f"{name}={given}" for name, given in self.columns.items())
         names = {
             value: name for name, value in reversed(tuple(SEPARATORS.items())) if len(name) != 2

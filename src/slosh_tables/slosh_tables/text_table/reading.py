@@ -1,4 +1,4 @@
-"""Reads a table to standard column names in SI units, with assumptions noted."""
+"""Reads a table with standard column names and SI units, and notes assumptions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _THOUSANDS: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextTable:
-    """Columns of a table in a text file.
+    """Columns of a table from a text file.
 
     Attributes:
         path: of its file.
@@ -48,18 +48,18 @@ class TextTable:
     lines: NDArray[np.int64]
 
     def column(self, name: str) -> Array:
-        """Returns the values (N,) of a column."""
+        """Returns the values (N,) of one column."""
         values: Array = self.data[:, self.names.index(name)]
         return values
 
     def group(self, names: Sequence[str]) -> Array | None:
-        """Returns the values (N, len(names)) of columns; None: not in the table."""
+        """Returns the values (N, len(names)) of several columns, or None if they are missing."""
         if names[0] not in self.names:
             return None
         return np.ascontiguousarray(self.data[:, [self.names.index(name) for name in names]])
 
     def check_finite(self, heights: Callable[[str], bool] = lambda name: False) -> None:
-        """Refuses inputs that are not finite, and infinite heights.
+        """Raises an error if inputs are not finite or heights are infinite.
 
         Raises:
             SloshFileError: the text names the line and the column.
@@ -76,7 +76,7 @@ class TextTable:
                 )
 
     def check_time(self) -> None:
-        """Refuses times that do not increase.
+        """Raises an error if times do not increase.
 
         Raises:
             SloshFileError: the text names the line.
@@ -101,7 +101,7 @@ def read_table(
     sampled: bool = True,
     relative: bool = False,
 ) -> TextTable:
-    """Reads a table of numbers.
+    """Reads a table of numbers from a file.
 
     Args:
         path: a text file; one whose name ends in .gz is unpacked.
@@ -145,7 +145,7 @@ def read_table(
 
 
 def _check_kind(path: Path) -> None:
-    """Refuses a file known to be no table, such as a workbook or a Git LFS pointer.
+    """Raises an error if a file is not a table, such as a workbook or a Git LFS pointer.
 
     Raises:
         SloshFileError: the line says what it is.
@@ -180,7 +180,7 @@ def _scaled(
     *,
     sampled: bool,
 ) -> list[str]:
-    """Converts values to SI units in place; returns remarks."""
+    """Converts values to SI units in place; returns remarks about the conversion."""
     notes: dict[str, list[str]] = {}
     for place, column in enumerate(columns):
         unit, factor = column.unit, column.factor
@@ -214,7 +214,7 @@ def _check_index(path: Path, column: Column, values: Array) -> None:
 
 
 class _Clock:
-    """Reads the time column: numbers, large numbers without loss, or dates.
+    """Reads the time column: numbers, large numbers without loss of digits, or dates.
 
     Args:
         large: numbers from here on are counted from the first.
@@ -235,7 +235,7 @@ class _Clock:
         self._started = False
 
     def read(self, cell: str) -> float:
-        """Returns the time in a cell, in the column's unit; a date in seconds.
+        """Returns the time in a cell, in the column's unit, or in seconds for a date.
 
         Raises:
             ValueError: it is none.
@@ -293,11 +293,11 @@ class _Numbers:
 
     @property
     def data(self) -> Array:
-        """Returns the values (N, K)."""
+        """Returns the values (N, K) that were read."""
         return np.frombuffer(self._values, np.float64).reshape(-1, len(self._columns))
 
     def read(self) -> None:
-        """Reads all rows.
+        """Reads all rows of the table.
 
         Raises:
             SloshFileError: a cell is no number, or there are no rows or too many.
@@ -375,7 +375,7 @@ class _Numbers:
         )
 
     def finish(self) -> str:
-        """Returns an assumption about the numbers; empty: none.
+        """Returns the assumption made about the numbers; empty if none was made.
 
         Raises:
             SloshFileError: their commas have two meanings.

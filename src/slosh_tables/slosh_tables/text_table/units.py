@@ -1,4 +1,4 @@
-"""Units in headings, as factors to SI units."""
+"""Units in column headings, with their factors to SI units."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ LONGEST_MOTION = 86_400.0
 
 
 def unit_of(text: str) -> str:
-    """Normalises a unit: 'm/s²', 'm/s^2' and 'm s-2' are all 'm/s2'."""
+    """Normalises the name of a unit: 'm/s²', 'm/s^2' and 'm s-2' become 'm/s2'."""
     plain = text.strip()
     for brackets in ("[]", "()", "{}", "<>"):
         if plain.startswith(brackets[0]) and plain.endswith(brackets[1]):
@@ -81,13 +81,13 @@ def unit_of(text: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a known unit."""
+    """Returns whether a text is a known unit."""
     found = unit_of(text)
     return any(found in kind for kind in _KINDS)
 
 
 def assumed_unit(first: float, t: Array) -> str:
-    """Returns the unit of times since 1970; empty: they are not.
+    """Returns the unit of times since 1970; empty if the times count from another origin.
 
     Args:
         first: the first time as it stands in the table.
@@ -102,13 +102,13 @@ def assumed_unit(first: float, t: Array) -> str:
 
 
 def likely_units(step: float) -> list[str]:
-    """Returns time units with which a row spacing gives a common sample rate."""
+    """Returns the time units with which a row spacing gives a common sample rate."""
     low, high = USUAL_RATES
     return [u for u in ("ms", "us", "ns") if low <= 1.0 / (step * TIME[u]) <= high]
 
 
 def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
-    """Refuses samples so far apart that their times must have another unit.
+    """Raises an error if samples are so far apart that the time unit must be wrong.
 
     Args:
         path: of the table.
@@ -134,7 +134,7 @@ def check_step(path: Path, t: Array, unit: str | None, name: str) -> None:
 
 
 def check_span(path: Path, t: Array) -> None:
-    """Refuses a motion that is too long to simulate.
+    """Raises an error if a motion is too long to simulate.
 
     Raises:
         SloshFileError: it is longer than LONGEST_MOTION.

@@ -1,1 +1,1 @@
-"""Generic terms of the equation of motion: a library, and their effect on heights."""
+"""Generic terms of the equation of motion, and their effect on the heights."""

@@ -1,4 +1,4 @@
-"""Computes the effect of generic terms in the equation of motion on predicted heights."""
+"""Computes how generic terms in the equation of motion change the predicted heights."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ STRONGEST = 30.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionWithTerms:
-    """A motion prepared for many simulations with added terms.
+    """A motion prepared for many simulations with added equation terms.
 
     Attributes:
         model: the base model.
@@ -51,7 +51,7 @@ class MotionWithTerms:
 
     @classmethod
     def of(cls, model: Model, motion: MeasuredMotion, clock_offset: float) -> MotionWithTerms:
-        """Prepares a motion; clock_offset: measured minus inputs' clock [s]."""
+        """Prepares a motion; `clock_offset` [s] is the heights' clock minus the inputs' clock."""
         start = float(motion.inputs.t[0])
         clock = reading_clock(model)
         moments = np.maximum(clock.moments(motion.t - clock_offset, start), start)
@@ -60,7 +60,7 @@ class MotionWithTerms:
         return cls(model, motion, inputs, np.searchsorted(inputs.t, moments))
 
     def heights(self, terms: Sequence[Term], coefficients: Sequence[float]) -> Array:
-        """Returns the heights (M, K) at the sensor with the terms added.
+        """Returns the heights (M, K) [m] at the sensor with the terms added to the model.
 
         Raises:
             SloshModelError: the solution runs away.
@@ -71,7 +71,7 @@ class MotionWithTerms:
         return np.asarray(read[self.rows])
 
     def sizes(self, terms: Sequence[Term]) -> tuple[Array, float]:
-        """Returns sums of squares of each term and of the spring along the base motion [m²/s⁴]."""
+        """Returns the sums of squares of each term and of the spring force [m²/s⁴]."""
         _, states = self._run((), ())
         t = self.inputs.t - self.inputs.t[0]
         squares = np.zeros(len(terms))
@@ -120,7 +120,7 @@ def _force(codes, coefficients, t, mode, acceleration):  # type: ignore[no-untyp
 def _advance_with_terms(  # type: ignore[no-untyped-def]
     store, t, acceleration, yaws, poses, codes, coefficients, heights, states
 ):
-    """Integrates the model; the terms act as additional acceleration of the container.
+    """Integrates the model; generic terms act as an additional acceleration of the container.
 
     Each sample is taken twice: with the force that the last two samples foretell, then with the
     one of the state that it leads to. False: the force has run away.

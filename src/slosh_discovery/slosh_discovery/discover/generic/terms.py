@@ -1,4 +1,4 @@
-"""A library of generic terms of an unknown effect on the liquid.
+"""A library of generic terms for an unknown force on the liquid.
 
 Each is a scalar times a vector, as an acceleration of the first mode's mass: q is its place, q̇ its
 velocity, a the container's acceleration in the same axes, t the time since the start, and J turns
@@ -46,7 +46,7 @@ _ALONE = (
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A possible term of the equation of motion.
+    """A generic term of the equation of motion.
 
     Attributes:
         label: for people.
@@ -145,7 +145,7 @@ def _cube(code, q):  # type: ignore[no-untyped-def]
 
 @compiled
 def term_value(scalar, vector, t, q, a):  # type: ignore[no-untyped-def]
-    """Returns a term's two components.
+    """Returns the two components of a generic term.
 
     Args:
         scalar, vector: the term's codes.

@@ -1,0 +1,98 @@
+"""Tests that a robust plan, unlike a usual one, keeps its limits for unseen parameters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slosh_model.covariance import covariance_of
+from slosh_model.parameters import parameter_value
+from slosh_plan import SloshPlanError
+from slosh_plan.planning import optimise
+from slosh_plan.planning.checked import heights_after
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.planning.path import path_through
+from slosh_plan.planning.plan import plan
+from slosh_plan.planning.robust import likely_models, plan_robust
+
+NAMES = ("natural_frequency", "damping_ratio")
+LINE = path_through([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0]])
+LIMITS = PlanLimits(0.02, 0.002)
+
+
+@pytest.fixture
+def doubtful(cup):
+    """Returns the cup with standard errors of its frequency and damping."""
+
+    def make(frequency=0.01, damping=0.2):
+        errors = [
+            share * parameter_value(cup, name)
+            for share, name in zip((frequency, damping), NAMES, strict=True)
+        ]
+        return replace(cup, covariance=covariance_of(NAMES, np.diag(np.square(errors))))
+
+    return make
+
+
+def test_likely_parameters_fill_the_region_of_95_percent(doubtful):
+    model = doubtful(0.01, 0.1)
+    found = likely_models(model, count=400)
+    errors = model.covariance.standard_errors
+    away = np.array(
+        [
+            [(parameter_value(one, n) - parameter_value(model, n)) for n in NAMES]
+            for one in found.models
+        ]
+    )
+    # 5.991 is the 95 % point of χ² with two degrees of freedom.
+    distance = np.linalg.norm(away / errors, axis=1) / np.sqrt(5.991)
+    assert distance[::2] == pytest.approx(1.0, rel=1e-3)
+    assert distance.max() < 1.001
+    # A uniform point of the unit disc lies within half of the radius in a quarter of all cases.
+    assert np.mean(distance[1::2] < 0.5) == pytest.approx(0.25, abs=0.1)
+    assert np.all(np.abs(away.mean(axis=0)) < 0.2 * errors)
+
+
+def test_a_damping_ratio_stays_possible(doubtful):
+    found = likely_models(doubtful(0.01, 2.0), count=200)
+    assert all(one.damping_ratio >= 0.0 for one in found.models)
+
+
+def test_without_a_covariance_it_says_what_to_do(cup):
+    with pytest.raises(SloshPlanError, match="slosh identify"):
+        plan_robust(cup, LINE, LIMITS)
+
+
+def highest(models, motion):
+    """Returns the maximum heights of many models during a motion and after its end [m]."""
+    heights = list(heights_after(models, motion, None))
+    end = len(motion.t) - 1
+    return max(msh.max() for msh in heights), max(msh[end:].max() for msh in heights)
+
+
+@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+def test_it_keeps_the_limits_for_parameters_that_it_has_not_seen(doubtful):
+    model = doubtful()
+    unseen = likely_models(model, count=300, seed=2).models
+    usual = plan(model, LINE, LIMITS)
+    assert highest(unseen, usual.found.motion)[1] > 1.1 * LIMITS.residual
+    answer, likely = plan_robust(model, LINE, LIMITS)
+    peak, residual = highest(unseen, answer.found.motion)
+    assert answer.method == "optimal"
+    assert peak <= 1.001 * LIMITS.height
+    assert residual <= 1.001 * LIMITS.residual
+    assert likely.peak == pytest.approx(peak, rel=0.01)
+    assert (
+        likely.nominal_duration <= answer.found.motion.duration < 1.2 * usual.found.motion.duration
+    )
+
+
+def test_known_laws_are_robust_where_there_is_no_solver(doubtful, monkeypatch):
+    monkeypatch.setattr(optimise, "available", lambda: False)
+    model = doubtful(0.02, 0.3)
+    answer, likely = plan_robust(model, LINE, LIMITS)
+    peak, residual = highest(likely_models(model, 300, seed=3).models, answer.found.motion)
+    assert answer.method != "optimal"
+    assert peak <= 1.001 * LIMITS.height
+    assert residual <= 1.001 * LIMITS.residual
+    assert likely.peak <= LIMITS.height
