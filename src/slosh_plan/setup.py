@@ -31,7 +31,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy>=1.26", "scipy"],
+    install_requires=["setuptools", "numba", "numpy>=1.26", "scipy"],
     extras_require={
         "notebook": ["matplotlib", "pandas"],
         "plan": ["casadi"],

@@ -65,7 +65,8 @@ def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
     model, limits, before = governor.model, governor.limits, told[-1]
     if way == "safe_stop":
         rows = np.array([[0.0] * 3, *(one.acceleration for one in told)])
-        _, state = simulate(model, Inputs(PERIOD * np.arange(len(rows)), rows))
+        t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
+        _, state = simulate(model, Inputs(t, rows))
         found = safe_stop(
             model, before.velocity, PlanLimits(limits.height, limits.height,
             limits.acceleration, limits.jerk), acceleration=before.acceleration,

@@ -141,7 +141,8 @@ def highest(models: list[Model], acceleration: Array) -> float:
     """The highest height of a motion over all liquids, sampled every 2 ms [m]."""
     rest = np.zeros((round(WATCHED / PERIOD), 3))
     rows = np.concatenate([np.zeros((1, 3)), acceleration, rest])
-    inputs = Inputs(np.arange(len(rows)) * PERIOD, rows.astype(np.float64))
+    t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
+    inputs = Inputs(t, rows)
     fine = inputs.resampled(np.arange(0.0, inputs.t[-1], 0.002))
     found = wall_heights(models, fine, threads=1)
     return max(float(msh_of(models[0].container, one).max()) for one in found)
