@@ -18,7 +18,7 @@ from functools import partial
 
 import numpy as np
 import with_tools  # noqa: F401
-from governor import COMMANDS, DAMPING, FREQUENCY, PERIOD, drawn, highest, other
+from governor import COMMANDS, DAMPING, FREQUENCY, PERIOD, drawn, highest, other, tracked
 from observer_accuracy import write_table
 
 from slosh_base.files.nanoseconds import SECOND
@@ -77,22 +77,7 @@ def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
         return np.column_stack([np.interp(t, motion.t, row) for row in motion.acceleration.T])
     if way == "governor":
         return np.array([one.acceleration for one in copy.deepcopy(governor).stopped()])
-    return quickest(np.array(before.velocity), np.array(before.acceleration), limits)
-
-
-def quickest(velocity: Array, acceleration: Array, limits: PlanLimits) -> Array:
-    """(N, 3) acceleration of a stop that keeps acceleration and jerk alone [m/s²]."""
-    rows, step = [], limits.jerk * PERIOD
-    while np.linalg.norm(velocity) > 1e-4 or np.linalg.norm(acceleration) > 1e-3:
-        left = -velocity - 0.5 * PERIOD * acceleration
-        size = max(float(np.linalg.norm(left)), 1e-12)
-        most = min(math.sqrt(step**2 + 2.0 * limits.jerk * size) - step, limits.acceleration)
-        change = left / size * most - acceleration
-        change *= min(1.0, step / max(float(np.linalg.norm(change)), 1e-12))
-        velocity = velocity + PERIOD * (acceleration + 0.5 * change)
-        acceleration = acceleration + change
-        rows.append(acceleration)
-    return np.array([*rows, (0.0, 0.0, 0.0)])
+    return tracked(np.empty((0, 3)), limits, before.velocity, before.acceleration)[1]
 
 
 def run(way: str, seed: int) -> tuple[float, float, float]:
