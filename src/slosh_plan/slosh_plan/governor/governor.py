@@ -13,6 +13,7 @@ import numpy as np
 from slosh_base.files.nanoseconds import SECOND
 from slosh_base.types import Array
 from slosh_model import kernel as model_kernel
+from slosh_model.indices import POSE_COUNT
 from slosh_model.layout import MODAL, divided
 from slosh_model.model import Model
 from slosh_model.simulate import store_of
@@ -310,9 +311,15 @@ class Governor:
         """Sets all models to an observed state, carried on to the present."""
         modes = divided(self._stores[0])[1]
         known = liquid.modal.shape == (len(modes), 4) and np.isfinite(liquid.modal).all()
-        behind = [past for past in self._past if past[0] >= liquid.stamp_ns]
-        if not known or not behind or self._past[0][0] > liquid.stamp_ns:
+        behind = []
+        for past in reversed(self._past):
+            if past[0] < liquid.stamp_ns:
+                break
+            behind.append(past)
+        oldest_ns = self._past[0][0] if self._past else math.inf
+        if not known or not behind or oldest_ns > liquid.stamp_ns:
             return
+        behind.reverse()
         self._liquid_ns = liquid.stamp_ns
         self._state[kernel.BOUND] = math.inf
         self._state[kernel.EXTRA] = TUNING.governor_stddevs * liquid.stddev
@@ -320,15 +327,13 @@ class Governor:
         inputs = np.array([chosen for _, _, chosen in behind[1:]] + [self._chosen.copy()])
         intervals = np.full(len(inputs), self.period)
         history, heights = np.empty((len(inputs), len(modes), 4)), np.empty((len(inputs), 2))
+        yaws, poses = np.zeros(len(inputs)), np.empty((0, POSE_COUNT))
         for (frequency, _), store, past in zip(self._factors, self._stores, stores, strict=True):
             begun = past.copy()
             same_height = (liquid.frequency_factor / frequency) ** 2
             for name, column in zip(MODAL, same_height * liquid.modal.T, strict=True):
                 divided(begun)[1][name] = column
-            model_kernel.advance_many(
-                begun, intervals, inputs, np.zeros(len(inputs)), np.empty((0, 10)), history,
-                heights,
-            )  # fmt: skip
+            model_kernel.advance_many(begun, intervals, inputs, yaws, poses, history, heights)
             store[:] = begun
 
     def _told(self, now_ns: int, follow: bool, safe: bool) -> Governed:
