@@ -97,8 +97,12 @@ class Shift:
 
 
 def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain: int) -> None:
-    """One IMU, three cups: the tray turns, and the cup farthest out is nearest to its limit."""
+    """One IMU, three cups: the tray turns, and the cup farthest out is nearest to its limit.
+
+    Then a mug with another rim takes its place, while the cell runs.
+    """
     (tmp_path / "cup.yaml").write_text(CUP)
+    (tmp_path / "mug.yaml").write_text(MUG)
     entries = (("middle", 0.0, 0.03), ("near", 0.05, 0.03), ("far", 0.25, 0.02))
     text = "".join(
         f"- {{name: {name}, model: cup.yaml, place: [{x}, 0.0, 0.0], limit: {limit}}}\n"
@@ -109,7 +113,7 @@ def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain:
         "recorder": {"output": str(tmp_path / "bag")},
         "estimator": {
             "model": str(tmp_path / "tray.yaml"), "input": "imu", "max_age": "600.0",
-            "check_input": "false",
+            "check_input": "false", "containers": str(tmp_path),
         },
         "monitor": {"camera": "false"},
     }  # fmt: skip
@@ -122,16 +126,21 @@ def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain:
                 group.start(NodeProcess(name, (), given))
             for name in own:
                 robot.until(lambda name=name: state_of(robot, name) == "ready", name)
-            turn(robot)
+            imu = robot.node.create_publisher(Imu, topics.IMU, qos.STREAM_OUT)
+            robot.until(lambda: imu.get_subscription_count() >= 2, "two readers")
+            last_ns = turn(robot, imu)
             worst = "worst container"
             robot.until(lambda: robot.health["monitor"][1].get(worst) == "far", "the worst")
             assert list(trays[-1].containers) == ["middle", "near", "far"]
             highest = max(trays, key=lambda told: told.msh[2])
             assert highest.worst == 2
             assert highest.msh[0] < highest.msh[1] < highest.msh[2]
-            refused = robot.call(ChangeContainer, topics.CHANGE_CONTAINER, CHANGE)
-            assert not refused.success
-            assert "tray" in refused.message
+            change = ChangeContainer.Request(tray_place="far", name="mug", limit=0.5)
+            answer = robot.call(ChangeContainer, topics.CHANGE_CONTAINER, change)
+            assert answer.success, answer.message
+            turn(robot, imu, last_ns)
+            far = lambda: robot.health["monitor"][1].get("container far", "")  # noqa: E731
+            robot.until(lambda: far().endswith("rim 30.0 mm"), "the mug's rim")
         verified = replay_bag(tmp_path / "bag").verified
         for name in (topics.ESTIMATE, topics.TRAY_ESTIMATE):
             assert verified[name].exact, verified[name].lines()
@@ -140,14 +149,9 @@ def test_a_tray_over_dds_names_the_worst_and_is_replayed(tmp_path: Path, domain:
         rclpy.shutdown()
 
 
-CHANGE = ChangeContainer.Request(fill_height=0.05)
-
-
-def turn(robot: HearingRobot) -> None:
-    """Turns the tray to and fro about its own axis, for a second."""
-    publisher = robot.node.create_publisher(Imu, topics.IMU, qos.STREAM_OUT)
-    robot.until(lambda: publisher.get_subscription_count() >= 2, "two readers")
-    stamp_ns = time.time_ns()
+def turn(robot: HearingRobot, publisher: Any, after_ns: int = 0) -> int:
+    """Turns the tray to and fro about its own axis, for a second; returns the last stamp [ns]."""
+    stamp_ns = max(time.time_ns(), after_ns)
     for k in range(250):
         stamp_ns += STEP_NS
         message = Imu()
@@ -157,6 +161,7 @@ def turn(robot: HearingRobot) -> None:
         publisher.publish(message)
         robot.pace(k, stamp_ns)
     robot.finish(stamp_ns)
+    return stamp_ns
 
 
 def predicted_peak(robot: HearingRobot) -> PredictSlosh.Response:

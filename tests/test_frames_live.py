@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from geometry_msgs.msg import AccelStamped, PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu
 
 from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
@@ -68,11 +69,11 @@ def cell(folder: Path, domain: int, **own: str) -> Iterator[Robot]:
         rclpy.shutdown()
 
 
-def check(found: np.ndarray, folder: Path) -> None:
+def check(found: np.ndarray, folder: Path, share: float = 0.02) -> None:
     """The acceleration is the true one, and the recording gives the same numbers again."""
     true = acceleration(found[:, 0])
     assert len(found) > 0.9 * len(TIMES) - 40
-    assert np.abs(found[:, 1:] - true).max() < 0.02 * np.abs(true).max()
+    assert np.abs(found[:, 1:] - true).max() < share * np.abs(true).max()
     verification = replay_bag(folder / "bag").verification
     assert verification is not None
     assert verification.exact, verification.lines()
@@ -151,6 +152,55 @@ def test_poses_in_a_frame_that_moves(tmp_path: Path, domain: int) -> None:
 
         found = robot.play(PoseStamped, topics.POSE, made)
     check(found, tmp_path)
+
+
+ARM = np.array([0.1, -0.05, 0.08])
+"""From the container to an accelerometer beside it, in the container's axes [m]."""
+TURNED = Rotation.from_euler("xyz", [np.pi, 0.0, 0.5])
+
+
+def sensor_acceleration(t: float) -> Any:
+    """Of the accelerometer, in its own axes [m/s²]."""
+    step = 1e-4
+
+    def attitude(moment: float) -> Rotation:
+        return Rotation.from_quat(quaternion(*swung(moment)[1:]))
+
+    def place(moment: float) -> Any:
+        return cup_position(*swung(moment)) + attitude(moment).apply(ARM)
+
+    change = (place(t - step) - 2.0 * place(t) + place(t + step)) / step**2
+    return (attitude(t) * TURNED).inv().apply(change)
+
+
+def test_an_accelerometer_beside_the_container(tmp_path: Path, domain: int) -> None:
+    """Its rotation and lever arm come out of transforms, at another rate than its own."""
+    kind = pytest.importorskip("tf2_msgs.msg").TFMessage
+    with cell(tmp_path, domain, input="accel") as robot:
+        fixed(
+            robot,
+            link("tool", "container", (0.0, 0.0, 0.1), STRAIGHT),
+            link("container", "sensor", ARM, TURNED.as_quat()),
+        )
+        transforms = robot.node.create_publisher(kind, topics.TF, qos.STREAM_OUT)
+        sent = [0]
+
+        def made(t: float, stamp: Any) -> Any:
+            rail, *angles = swung(t).tolist()
+            turn = quaternion(*angles)
+            x, y, z = cup_position(rail, *angles) - Rotation.from_quat(turn).apply([0, 0, 0.1])
+            if sent[0] % 2 == 0:
+                tool = link("world", "tool", (x, y, z), turn, stamp)
+                transforms.publish(kind(transforms=[tool]))
+            sent[0] += 1
+            message = AccelStamped()
+            message.header.stamp, message.header.frame_id = stamp, "sensor"
+            a = message.accel.linear
+            a.x, a.y, a.z = sensor_acceleration(t).tolist()
+            return message
+
+        found = robot.play(AccelStamped, topics.ACCEL, made)
+    check(found, tmp_path, share=0.05)
 
 
 def test_odometry(tmp_path: Path, domain: int) -> None:

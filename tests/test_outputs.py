@@ -336,6 +336,9 @@ CASES = {
     "new": Case("new OUT/new --radius 0.05 --fill-height 0.07", "new"),
     "modes": Case("modes SHOP/model.yaml -o OUT/a.yaml", "a.yaml"),
     "motion": Case("motion quintic --speed 30 --stroke 0.1 -o OUT/a.csv", "a.csv"),
+    "motion-map": Case(
+        "motion-map SHOP/model.yaml --stroke 0.1 --speeds 20:22 --limit 0.01 -o OUT/new", "new"
+    ),
     "identify": Case(
         "identify SHOP/motion.csv --model SHOP/model.yaml -o OUT/new", "new",
         "identify SHOP/motion.csv --model SHOP/model.yaml -o OUT/new",

@@ -1,4 +1,4 @@
-"""Two clicks on the page of `slosh calibrate --page` make the command that writes camera.yaml."""
+"""Clicks on the pages of `slosh calibrate` and `slosh new` make commands."""
 
 import shlex
 
@@ -9,6 +9,7 @@ from live_browser import LiveBrowser
 
 from slosh_bringup.cli.main import main
 from slosh_camera.calibrate.camera_file import read_any_calibration
+from slosh_model.model_text import read_model
 
 MODEL = "container: {shape: cylinder, radius: 0.06, fill_height: 0.07}\n"
 CLICK = """(([u, v]) => {
@@ -46,3 +47,60 @@ def test_two_clicks_make_the_command(folder, capsys):
     scale = float(capsys.readouterr().out.split()[1])
     assert scale == pytest.approx(0.5, abs=0.003)
     assert read_any_calibration(folder / "camera.yaml").view.box.fill_height == 0.07
+
+
+PLACE = """(([u, v]) => {
+  const still = document.getElementById("still"), box = still.getBoundingClientRect();
+  const scale = box.width / still.naturalWidth;
+  return [box.left + (u + 0.5) * scale, box.top + (v + 0.5) * scale];
+})"""
+OUTER = ((0.032, 0.0), (0.035, 0.03), (0.04, 0.07), (0.044, 0.1))
+"""A cup's outside (r, z) from the floor up [m], in a picture of 0.1 mm per pixel."""
+
+
+def press(page, key):
+    for kind in ("keyDown", "keyUp"):
+        page.call("Input.dispatchKeyEvent", type=kind, key=key)
+
+
+def click(page, pixel):
+    """Moves a real mouse to a pixel of the picture, and clicks."""
+    x, y = page.value(f"{PLACE}({list(pixel)})")
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    for kind in ("mousePressed", "mouseReleased"):
+        page.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+
+def test_a_mouse_draws_the_outline_of_a_new_container(folder, capsys):
+    pixels = [(800.0 + 1e4 * r, 1100.0 - 1e4 * z) for r, z in OUTER]
+    rim = pixels[-1]
+    photograph = np.full((1200, 1600, 3), 190, np.uint8)
+    sides = [*pixels, *((1600.0 - u, v) for u, v in pixels[::-1])]
+    cv2.fillPoly(photograph, [np.rint(sides).astype(np.int32)], (70, 60, 50))
+    cv2.imwrite("photo.png", photograph)
+    words = ["new", "cup", "--outline", "photo.png", "--across", "0.088", "--fill-height", "0.05"]
+    assert main([*words, "--page", "clicks.html"]) == 0
+    with LiveBrowser() as browser:
+        page = browser.open((folder / "clicks.html").as_uri(), 900, 1200)
+        page.wait_until("still.complete && still.naturalWidth === 1600")
+        click(page, rim)  # the right end first
+        click(page, (1600.0 - rim[0], rim[1]))
+        assert page.value("command.textContent") == "2 more to click"
+        click(page, (1000.0, 300.0))  # a slip, taken back
+        press(page, "Backspace")
+        for pixel in pixels[-2::-1]:
+            click(page, pixel)
+        before = page.value("command.textContent")
+        press(page, "ArrowLeft")
+        command = page.value("command.textContent")
+        assert page.complaints == []
+    numbers = [[float(word) for word in shlex.split(text)[10:]] for text in (before, command)]
+    clicked = np.reshape(numbers[0], (-1, 2))
+    expected = [(1600.0 - rim[0], rim[1]), rim, *pixels[-2::-1]]
+    np.testing.assert_allclose(clicked, expected, atol=2.0)  # a screen's pixel
+    assert numbers[1][-2] == pytest.approx(numbers[0][-2] - 0.1, abs=0.06)
+    capsys.readouterr()
+    assert main(shlex.split(command)[1:]) == 0
+    container = read_model(folder / "cup" / "model.yaml").container
+    assert container.size == pytest.approx(0.0375, abs=3e-4)
+    assert container.rim_height == pytest.approx(0.1, abs=3e-4)

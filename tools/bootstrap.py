@@ -39,6 +39,8 @@ NOT_IN_PATHS = ':;"$`\\\n'
 PLAIN = re.compile(r"[\w./+@-]+", re.ASCII)
 """Paths that the CMake files of ROS 2 take as they are."""
 MESSAGES = "slosh_msgs"
+STAND_INS = "tests/interfaces"
+"""Messages that tests need and no wheel has: built where ROS 2 is not installed."""
 COLCON = "import sys; from colcon_core.command import main; sys.exit(main())"
 # What a command in the environment sees; everything else is inherited.
 VARIABLES = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
@@ -230,6 +232,7 @@ def workspace_inputs() -> list[bytes]:
         if path.is_file()  # Python keeps the code of a launch file beside it, in a folder
     )
     files.append(WORKSPACE / "colcon-defaults.yaml")
+    files += sorted(path for path in (ROOT / STAND_INS).rglob("*") if path.is_file())
     environment = (VENV / ".environment").read_bytes()
     return [environment, "\n".join(linked).encode(), *(path.read_bytes() for path in files)]
 
@@ -239,11 +242,13 @@ def build_workspace() -> None:
     for folder in ("build", "install", "log"):
         shutil.rmtree(WORKSPACE / folder, ignore_errors=True)
     environment = base_environment()
-    skipped = []
+    places, skipped = ["src"], []
     if not PLAIN.fullmatch(f"{ROOT}{VENV}"):
         build_messages_elsewhere(environment)
         skipped = ["--packages-skip", MESSAGES]
-    colcon(["--base-paths", "src", *skipped], WORKSPACE, environment)
+    elif not ROS.is_dir():
+        places.append(str(ROOT / STAND_INS))
+    colcon(["--base-paths", *places, *skipped], WORKSPACE, environment)
     to_bytecode((WORKSPACE / "install").glob("lib/python3*"))
     write_environment(environment)
 

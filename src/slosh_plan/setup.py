@@ -47,6 +47,7 @@ setup(
             "governor = slosh_plan.nodes.governor_node:main",
             "planner = slosh_plan.nodes.planner_node:main",
             "predictor = slosh_plan.nodes.predictor_node:main",
+            "relay = slosh_plan.nodes.relay_node:main",
         ]
     },
 )

@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 from definitions import Camera, Cup, Liquid, Motion, Photo, Room, Scene
 from numpy.typing import NDArray
+from optics import View
 
 from slosh_model.model_text import parse_model
 from slosh_model.shapes.revolution import RevolvedContainer
@@ -171,7 +172,7 @@ def frame_truth(wave: ContourWave) -> dict[str, Any]:
     }
 
 
-def header(scene: Scene) -> dict[str, Any]:
+def header(scene: Scene, view: View) -> dict[str, Any]:
     """What holds for the whole sequence."""
     cup, camera = scene.cup, scene.camera
     return {
@@ -182,7 +183,9 @@ def header(scene: Scene) -> dict[str, Any]:
         "camera": {
             "width": camera.width, "height": camera.height_px, "focal": camera.focal,
             "distance": 1e-3 * camera.distance, "above_level": 1e-3 * camera.height,
-            "pitch": camera.pitch, "roll": camera.roll,
+            "pitch": camera.pitch, "roll": camera.roll, "k1": view.k1,
+            "cx": view.centre[0], "cy": view.centre[1],
+            "R_cup2cam": view.rotation.tolist(), "t_cup2cam": view.translation.tolist(),
         },
         "static": {"file": "calib.jpg"}, "frames": [],
     }  # fmt: skip

@@ -20,6 +20,7 @@ import cv2
 import liquids
 import numpy as np
 import povray
+import tapered
 import unkind
 from definitions import SCENES, Scene
 from numpy.typing import NDArray
@@ -32,8 +33,13 @@ STILL = "calib.jpg"
 # Parts of the picture between which a rolling shutter's time steps.
 STRIPS = 8
 # Scenes as those of `sequences` and of `stills`, of any number.
-FURTHER = {"sequence": unkind.sequence, "still": unkind.still, "contour": contours.contour}
-NUMBERED = re.compile(r"(sequence|still|contour)_([0-9]{2,6})")
+FURTHER = {
+    "sequence": unkind.sequence,
+    "still": unkind.still,
+    "contour": contours.contour,
+    "tapered": tapered.tapered_cup,
+}
+NUMBERED = re.compile(r"(sequence|still|contour|tapered)_([0-9]{2,6})")
 GROUPS = {
     "all": list(SCENES.values()),
     "stills": unkind.stills(),
@@ -41,6 +47,7 @@ GROUPS = {
     "liquids": liquids.liquids(),
     "clear": clear.clear(),
     "contours": contours.contours(),
+    "tapered": tapered.tapered(),
 }
 
 
@@ -168,7 +175,7 @@ def render(scene: Scene, out: Path, *, masks: bool = True) -> None:
     out.mkdir(parents=True, exist_ok=True)
     view = view_of(scene)
     contoured = bool(scene.cup.profile)
-    truth = contours.header(scene) if contoured else header(scene, view)
+    truth = contours.header(scene, view) if contoured else header(scene, view)
     masks = masks and not contoured
     rate = scene.motion.frame_rate
     duration = scene.frames / rate

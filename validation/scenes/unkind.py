@@ -51,7 +51,7 @@ def still(index: int) -> Scene:
         LIQUIDS[name],
         camera,
         draw_photo(rng),
-        _room(rng, name),
+        draw_room(rng, name),
         frames=0,
     )
     return _dirtied(rng, scene, f"{name}, {look}", 0.5)
@@ -79,7 +79,7 @@ def sequence(index: int) -> Scene:
         LIQUIDS[name],
         camera,
         photo,
-        _room(rng, name),
+        draw_room(rng, name),
         motion,
         frames=10,
     )
@@ -155,7 +155,8 @@ def draw_photo(rng: np.random.Generator, *, rolling: bool = False) -> Photo:
     )
 
 
-def _room(rng: np.random.Generator, liquid: str) -> Room:
+def draw_room(rng: np.random.Generator, liquid: str) -> Room:
+    """A board behind the cup that is not as bright as the liquid, and often another glass."""
     tone = rng.uniform(0.05, 0.2) if liquid == "milk" else rng.uniform(0.35, 0.8)
     wall = tone * rng.uniform(0.9, 1.1, 3)
     behind = rng.random() < 0.3

@@ -33,6 +33,7 @@ NODES: Mapping[str, str] = {
     "planner": "slosh_plan.nodes.planner_node",
     "player": "slosh_bag.nodes.player_node",
     "predictor": "slosh_plan.nodes.predictor_node",
+    "relay": "slosh_plan.nodes.relay_node",
     "recorder": "slosh_bag.nodes.recorder_node",
     "watch": "slosh_bringup.nodes.watch_node",
 }

@@ -109,6 +109,14 @@ def test_an_image_tag_of_another_site_gets_nothing():
     assert refusal(HERE, "localhost:7567", sec_fetch_site="same-origin") == ""
 
 
+def test_a_link_on_another_page_of_this_host_is_followed():
+    same = {"sec_fetch_site": "same-site"}
+    assert refusal(HERE, "localhost:7567", **same, sec_fetch_mode="navigate") == ""
+    assert "sites" in refusal(HERE, "localhost:7567", **same, sec_fetch_mode="no-cors")
+    foreign = {"sec_fetch_site": "cross-site", "sec_fetch_mode": "navigate"}
+    assert "sites" in refusal(HERE, "localhost:7567", **foreign)
+
+
 def test_elsewhere_the_token_is_needed_but_for_the_pages_own_files():
     assert "token" in refusal(OUTSIDE, "192.0.2.7:7567")
     assert "token" in refusal(OUTSIDE, "192.0.2.7:7567", "token=secre")

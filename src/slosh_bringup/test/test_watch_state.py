@@ -142,6 +142,20 @@ class TestFrames:
         state.take_parameters("monitor", {"measured_limit": 0.02})
         assert frame(state, 0.1)["verdict"] == "safe"
 
+    def test_the_worst_container_of_a_tray_is_named_and_two_excesses_end_one_by_one(self):
+        state = WatchState()
+        facts = {"worst container": "far", "container far": "9.0 mm, limit 10.0 mm"}
+        state.take_report(NodeReport("monitor", OK, "", facts), 0.0)
+        assert json.loads(state.frame(0.1))["reason"].endswith(
+            "; worst container far: 9.0 mm, limit 10.0 mm"
+        )
+        for number in (1, 2):
+            state.take_event(LimitNews(1, number, 0, 1, 0.02, f"container c{number}: above"))
+        state.take_event(LimitNews(2, 1, 1, 1, 0.02, "container c1: back"))
+        state.take_comparison(compared(0.1), 0.1)
+        shown = json.loads(state.frame(0.2))
+        assert (shown["verdict"], shown["reason"]) == ("limit exceeded", "container c2: above")
+
     def test_a_flood_of_names_of_nodes_leaves_those_of_the_cell(self):
         state = WatchState()
         for number in range(20_000):

@@ -24,20 +24,25 @@ SIZE, FOCAL, DISTANCE = (320, 260), 1000.0, 0.45
 STEPS = 160
 
 
-def drawn(body, a, b, above=0.0):
-    """Renders a body filled with dark liquid whose surface is the plane z = a x + b y."""
+def drawn(body, a, b, above=0.0, *, mirror=False):
+    """Dark liquid whose surface is the plane z = a x + b y, seen from (0, -DISTANCE, above).
+
+    Seen from above, a surface that mirrors the background is as bright as it.
+    """
     _, levels, radii = body.wall_line
     u, v = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     slope_x, slope_z = (u - 0.5 * (SIZE[0] - 1)) / FOCAL, -(v - 0.5 * (SIZE[1] - 1)) / FOCAL
     dark = np.zeros(u.shape)
     shade = 0.0
     for sub in (-0.25, 0.25):
-        wet = np.zeros(u.shape, bool)
+        wet, dry = np.zeros(u.shape, bool), np.zeros(u.shape, bool)
         for y in np.linspace(-radii.max(), radii.max(), STEPS):
             x = (slope_x + sub / FOCAL) * (DISTANCE + y)
             z = above + (slope_z + sub / FOCAL) * (DISTANCE + y)
             wall = np.interp(z, levels, radii, left=0.0, right=0.0)
-            wet |= (x * x + y * y < wall * wall) & (z < a * x + b * y)
+            inside, under = x * x + y * y < wall * wall, z < a * x + b * y
+            wet |= inside & under & ~dry
+            dry |= inside & ~under & ~wet & mirror
         dark += 0.5 * wet
     shade = 200.0 - 150.0 * dark
     noise = np.random.default_rng(1).normal(0.0, 1.0, u.shape)
@@ -115,3 +120,15 @@ def test_what_cannot_be_measured_is_refused_with_the_reason():
     tilted = drawn(replace(CUP), 0.0, -0.2)
     with pytest.raises(SloshCameraError, match="bent as seen from"):
         SideViewDetector(calibrated(CUP)).learn_still(tilted)
+
+
+@pytest.mark.parametrize(("above", "slope"), [(0.005, 0.06), (0.005, -0.06), (-0.005, 0.06)])
+def test_heights_count_from_the_line_at_rest_of_the_half_that_is_seen(above, slope):
+    """A camera 5 mm above sees the near line at rest 1.6 mm below the far one."""
+    detector = SideViewDetector(calibrated(BOWL, above))
+    detector.learn_still(drawn(BOWL, 0.0, 0.0, above, mirror=True))
+    found = detector.measure(0, drawn(BOWL, 0.02, slope, above, mirror=True))
+    assert found.flags & Flag.NOT_FOUND == Flag.NONE
+    highest = wall_height(BOWL, math.hypot(0.02, slope))
+    assert found.msh == pytest.approx(highest, abs=5e-4)
+    assert found.azimuth == pytest.approx(math.atan2(slope, 0.02), abs=0.15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,8 +12,8 @@ from slosh_base.types import Array
 from slosh_estimator.checked_input import CheckedInput
 from slosh_estimator.gate import GateSettings, SampleGate, SampleVerdict
 from slosh_estimator.mounting import SensorTransform
-from slosh_estimator.rotation import rotate
-from slosh_estimator.sample import Sample, Samples
+from slosh_estimator.rotation import rotate, yaw_of_quaternion
+from slosh_estimator.sample import Pose, Sample, Samples
 from slosh_estimator.sampling import MEMORY, Sampling
 from slosh_estimator.state import remembered
 from slosh_metrics.input_checks.input_checks import AccelCheck
@@ -27,9 +28,11 @@ class AccelInput(CheckedInput):
     Args:
         settings: limits of the gate.
         frames: names of the frames that are taken; a sample in any other is dropped and counted.
-        transform: container ← axes of the messages. The lever arm needs angular velocities, which
-            these messages do not tell.
+        transform: container ← axes of the messages. Its lever arm needs angular velocities, which
+            these messages do not tell; see `slosh_estimator.placed_accel`.
         checks: see `InputSettings`.
+        apart: that fixed transforms place the messages' frame apart from the container, and
+            nothing tells how it turns: all are dropped.
     """
 
     check: AccelCheck
@@ -40,11 +43,14 @@ class AccelInput(CheckedInput):
         frames: tuple[str, ...],
         transform: SensorTransform | None = None,
         checks: bool | None = None,
+        *,
+        apart: bool = False,
     ) -> None:
         super().__init__(AccelCheck(), checks)
         mount = transform or SensorTransform()
         self._matrix = mount.matrix if mount.turns else None
-        self._arm = any(mount.to_origin)
+        self._arm = mount.to_origin
+        self._apart = apart
         self.gate = SampleGate(settings)
         self.sampling = Sampling("accelerations")
         self.strange_frame = ""
@@ -52,10 +58,23 @@ class AccelInput(CheckedInput):
         self._told = 0
 
     def update(
-        self, stamp_ns: int, frame: str, ax: float, ay: float, az: float, now_ns: int | None = None
+        self,
+        stamp_ns: int,
+        frame: str,
+        ax: float,
+        ay: float,
+        az: float,
+        now_ns: int | None = None,
+        pose: Pose | None = None,
     ) -> Sample | None:
-        """Returns the sample, or None if it is dropped; ax, ay, az are in m/s²."""
-        if frame not in self._frames:
+        """Returns the sample, or None if it is dropped; accelerations in m/s².
+
+        Args:
+            stamp_ns, frame, ax, ay, az: of the message.
+            now_ns: the time of arrival [ns].
+            pose: how the container stands and turns; None: upright, and it does not turn.
+        """
+        if frame not in self._frames or self._apart:
             self.gate.refuse(SampleVerdict.WRONG_FRAME)
             self.strange_frame = frame
             return None
@@ -68,7 +87,8 @@ class AccelInput(CheckedInput):
         self.sampling.take(self.gate.interval_ns, restarted=restarted)
         doubtful = self.check.add(stamp_ns, (ax, ay, az), restarted=restarted) and self.flags
         slow = self.sampling.slow
-        return Sample(stamp_ns, ax, ay, az, 0.0, restarted, None, doubtful, slow)
+        yaw = 0.0 if pose is None else yaw_of_quaternion(*pose[:4])
+        return Sample(stamp_ns, ax, ay, az, yaw, restarted, pose, doubtful, slow)
 
     @property
     def memory(self) -> list[float]:
@@ -88,7 +108,11 @@ class AccelInput(CheckedInput):
         self.sampling.take_up(rate)
 
     def update_many(
-        self, stamps: NDArray[np.int64], frames: NDArray[np.object_], accelerations: Array
+        self,
+        stamps: NDArray[np.int64],
+        frames: NDArray[np.object_],
+        accelerations: Array,
+        poses: Array | None = None,
     ) -> Samples:
         """Returns the samples of N messages; dropped messages are omitted.
 
@@ -96,15 +120,22 @@ class AccelInput(CheckedInput):
             stamps: (N,) [ns].
             frames: (N,) names of their frames.
             accelerations: (N, 3) [m/s²].
+            poses: (N, POSE_COUNT) as in `update`; None: upright.
         """
         known = np.logical_or.reduce([frames == frame for frame in self._frames])
+        known &= not self._apart
         for frame in frames[~known].tolist():
             self.gate.refuse(SampleVerdict.WRONG_FRAME)
             self.strange_frame = frame
         stamps, accelerations = stamps[known], np.ascontiguousarray(accelerations[known])
+        poses = None if poses is None else np.ascontiguousarray(poses[known])
         before = self.gate.last_ns
         used, restarted = self.gate.judge_many(stamps, accelerations)
         stamps, accelerations, restarted = stamps[used], accelerations[used], restarted[used]
+        yaws = np.zeros(len(stamps))
+        if poses is not None:
+            poses = poses[used]
+            yaws[:] = [yaw_of_quaternion(*turn) for turn in poses[:, :4].tolist()]
         slow = self.sampling.take_many(
             np.diff(stamps, prepend=stamps[:1] if before is None else np.int64(before)), restarted
         )
@@ -114,7 +145,7 @@ class AccelInput(CheckedInput):
             accelerations = np.ascontiguousarray(np.column_stack(turned))
         doubtful = self.check.add_many(stamps, accelerations, restarted)
         return Samples(
-            stamps, accelerations, np.zeros(len(stamps)), restarted, None,
+            stamps, accelerations, yaws, restarted, poses,
             doubtful if self.flags else None, slow,
         )  # fmt: skip
 
@@ -128,10 +159,10 @@ class AccelInput(CheckedInput):
 
     def remark(self) -> str | None:
         """Returns a remark about settings that have no effect, or None."""
-        if self._arm:
+        if any(self._arm) and not self._apart:
             return (
-                "sensor_to_origin has no effect: the input accel contains no rotation; use "
-                "the input imu or pose"
+                "sensor_to_origin has no effect: the input accel contains no rotation; connect "
+                "its frame with the world by transforms, or use the input imu or pose"
             )
         return None
 
@@ -139,6 +170,12 @@ class AccelInput(CheckedInput):
         """Returns why samples were dropped because of their frame, or None."""
         if not self.gate.counts[SampleVerdict.WRONG_FRAME]:
             return None
+        if self._apart:
+            return (
+                f"accelerations in frame {self.strange_frame!r}, {math.hypot(*self._arm):.3f} m "
+                "from the container, are dropped: nothing tells how it turns; publish transforms "
+                "from the world to the container, or use the input imu or pose"
+            )
         return (
             f"accelerations in frame {self.strange_frame!r} are dropped: "
             f"publish them in {' or '.join(map(repr, self._frames))}"

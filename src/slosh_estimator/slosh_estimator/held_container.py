@@ -10,10 +10,12 @@ from typing import Any, Final
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model
+from slosh_model.tray import Tray
 
 CONTAINER: Final = "container"
 EMPTY: Final = "gripper_empty"
 FRESH: Final = "fresh_liquid"
+TRAY_PLACE: Final = "tray_place"
 """Names of what the estimator's recorded settings tell of it, beside the model."""
 
 
@@ -91,6 +93,27 @@ class HeldContainer:
         name = f"container {self.name}, " if self.name else ""
         limit = "" if math.isnan(self.limit) else f", limit {1e3 * self.limit:g} mm"
         return f"{name}{self.model.container.described}{limit}"
+
+
+def tray_holding(tray: Tray, index: int, held: HeldContainer, limit: float = math.nan) -> Tray:
+    """The tray with what one of its places holds.
+
+    Args:
+        tray: before.
+        index: of the place, from 0.
+        held: what it holds.
+        limit: of the place where that has none [m].
+    """
+    own = limit if math.isnan(held.limit) else held.limit
+    before = tray.containers[index]
+    return tray.with_container(
+        index, replace(before, model=held.model, limit=own, empty=held.empty)
+    )
+
+
+def changed_place(parameters: Mapping[str, Any]) -> str:
+    """Which place of a tray recorded settings of an estimator changed; empty: all of it."""
+    return str(parameters.get(TRAY_PLACE) or "")
 
 
 def held_by(message: Any, start: Model) -> HeldContainer:

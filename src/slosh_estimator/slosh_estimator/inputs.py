@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from slosh_estimator.gate import GateSettings
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.joint_poses import JointPoses
 from slosh_estimator.mounting import Base, SensorTransform
+from slosh_estimator.placed_accel import PlacedAccel
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.robot import Robot
 from slosh_estimator.sampling import Modes
@@ -36,6 +38,14 @@ POSED = "the pose"
 """Name of the frame that a pose tells, where its own frame moves: no frame is called so."""
 CHAINED = "pose_chained"
 """Under this name the settings say that the frame of poses moves in the world."""
+PLACED = "accel_placed"
+"""Under this name the settings hold the frame of accelerations that transforms place, moving."""
+SINCE = "accel_placed_since"
+"""Under this name the settings hold the stamp of the first moving transform used for that [ns]."""
+APART = "accel_apart"
+"""Under this name the settings say that nothing tells how the frame of accelerations turns."""
+LEAST_ARM = 1e-3
+"""A lever arm up to this length is none [m]."""
 BASE = "pose_base"
 """Under this name the settings hold the frame of poses, and where it stands in the world."""
 POSE_WINDOW = 0.0
@@ -52,7 +62,7 @@ _NOUNS = {
     TWIST: "velocities",
 }  # fmt: skip
 AnyInput = AccelInput | ImuInput | PoseInput
-PoseSource = JointPoses | TransformPoses
+PoseSource = JointPoses | TransformPoses | PlacedAccel
 
 
 class InputSettings(NamedTuple):
@@ -77,6 +87,9 @@ class InputSettings(NamedTuple):
             too; 0.0: as pose_window.
         base: another frame of poses, where it stands in the world; None: there is none.
         chained: whether the frame of poses moves in the world, as transforms say.
+        placed: frame of accelerations that transforms place, moving; empty: none.
+        since_ns: stamp of the first moving transform that is used for that [ns]; 0: of all.
+        apart: see `AccelInput`.
     """
 
     kind: str | None = None
@@ -92,6 +105,9 @@ class InputSettings(NamedTuple):
     smoothing: float = 0.0
     base: Base | None = None
     chained: bool = False
+    placed: str = ""
+    since_ns: int = 0
+    apart: bool = False
 
     @classmethod
     def from_parameters(cls, parameters: Mapping[str, Any]) -> InputSettings:
@@ -123,6 +139,9 @@ class InputSettings(NamedTuple):
             smoothing=parameters.get("smoothing", 0.0),
             base=_base(parameters.get(BASE)),
             chained=parameters.get(CHAINED, False),
+            placed=parameters.get(PLACED, ""),
+            since_ns=parameters.get(SINCE, 0),
+            apart=parameters.get(APART, False),
         )
 
     def mounted(
@@ -134,7 +153,7 @@ class InputSettings(NamedTuple):
             kind: of the input.
             frame: of its messages.
             fixed: frames that stand still in each other.
-            moving: whether there are frames that move, in which poses may be.
+            moving: whether there are frames that move, in which poses or sensors may be.
 
         Returns:
             None: nothing connects the frame. Empty: the parameters say how it is mounted, or the
@@ -149,23 +168,51 @@ class InputSettings(NamedTuple):
                 return {CHAINED: True} if moving else None
             return {BASE: [frame, *pose[0], *pose[1]]}
         mount = fixed.mounting(container, frame) if kind in (ACCEL, IMU) else SensorTransform()
+        if kind == ACCEL:
+            return self._placed(frame, fixed, mount, moving=moving)
         if mount is None:
             return None
-        own = {"world_frame": frame} if kind == ACCEL else {}
         turn = [mount.roll, mount.pitch, mount.yaw]
-        return {"sensor_rotation": turn, "sensor_to_origin": list(mount.to_origin), **own}
+        return {"sensor_rotation": turn, "sensor_to_origin": list(mount.to_origin)}
+
+    def _placed(
+        self, frame: str, fixed: FixedFrames, mount: SensorTransform | None, *, moving: bool
+    ) -> dict[str, Any] | None:
+        """The mounting of accelerations; see `mounted`.
+
+        A frame that stands still in the world gives its axes alone. In any other one a sensor is
+        mounted, and what lies between it and the container accelerates, too, where it turns.
+        """
+        world = fixed.mounting(self.frames[0], frame)
+        if mount is None and world is not None:
+            mount = replace(world, to_origin=(0.0, 0.0, 0.0))
+        arm = mount is None or math.hypot(*mount.to_origin) > LEAST_ARM
+        if mount is None:
+            return {PLACED: frame} if moving else None
+        found = {
+            "sensor_rotation": [mount.roll, mount.pitch, mount.yaw],
+            "sensor_to_origin": list(mount.to_origin),
+        }
+        if moving and arm:
+            return found | {PLACED: frame}
+        return found | {"world_frame": frame} | ({APART: True} if arm else {})
 
     def with_mounting(self, parameters: Mapping[str, Any]) -> InputSettings:
         """Returns the settings with the mounting parameters that `mounted` returned."""
         if CHAINED in parameters:
             return self._replace(chained=True)
+        placed = parameters.get(PLACED, "")
+        if placed and "sensor_rotation" not in parameters:
+            return self._replace(placed=placed)
         if BASE in parameters:
             return self._replace(base=_base(parameters[BASE]))
         roll, pitch, yaw = parameters["sensor_rotation"]
         x, y, z = parameters["sensor_to_origin"]
         world = parameters.get("world_frame", self.frames[0])
         transform = SensorTransform(roll, pitch, yaw, (x, y, z))
-        return self._replace(transform=transform, frames=(world, self.frames[1]))
+        apart = APART in parameters
+        frames = world, self.frames[1]
+        return self._replace(transform=transform, frames=frames, apart=apart, placed=placed)
 
     def expected(self, kind: str, frame: str) -> tuple[Expected, bool]:
         """Returns the configured mounting of a sensor, and whether its axes are the world's.
@@ -195,6 +242,11 @@ class InputSettings(NamedTuple):
             return TransformPoses(world, container)
         if kind == POSE and self.chained:
             return TransformPoses(world, POSED)
+        if kind == ACCEL and self.placed:
+            gate = replace(self.gate, chosen=False)
+            arm = PoseInput(gate, 0.0, None, world, True, False, "transforms")
+            arm.sampling.carry(self.modes)
+            return PlacedAccel(world, container, self.placed, arm, self.since_ns)
         if kind == JOINTS:
             return JointPoses(Robot(self.urdf, self.tool_frame or container, world))
         return None
@@ -213,7 +265,8 @@ class InputSettings(NamedTuple):
         old = self.checks is None
         mount = SensorTransform() if old else self.transform
         if kind == ACCEL:
-            return AccelInput(self.gate, self.frames, mount, self.checks)
+            mount = SensorTransform() if self.placed else mount
+            return AccelInput(self.gate, self.frames, mount, self.checks, apart=self.apart)
         if kind in VELOCITIES:
             return VelocityInput(
                 self.gate, self.pose_window, mount, self.frames, self.checks, _NOUNS[kind],

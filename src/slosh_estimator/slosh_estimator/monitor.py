@@ -141,9 +141,17 @@ class Monitor:
             )
         return stamp_ns
 
-    def carry(self, tray: Tray) -> None:
-        """Starts to monitor the containers of a tray, each by its own limit."""
-        self.tray = TrayWatch(tray, self.settings, self._next_excess)
+    def carry(self, tray: Tray, stamp_ns: int = 0) -> None:
+        """Watches the containers of a tray, each by its own limit.
+
+        Args:
+            tray: the tray.
+            stamp_ns: the last moment of the tray before, with the same places [ns].
+        """
+        if self.tray is None or self.tray.tray.names != tray.names:
+            self.tray = TrayWatch(tray, self.settings, self._next_excess)
+        else:
+            self.tray.carry(tray, stamp_ns)
 
     def add_tray(self, stamp_ns: int, heights: Sequence[float]) -> None:
         """Adds the height [m] of each container on the tray."""
@@ -174,7 +182,7 @@ class Monitor:
             self.add_tray(point.stamp_ns, point.tray)
         if self.vacant:
             for source in Source:
-                self._close(source, point.stamp_ns, "no container")
+                self._close_one(source, point.stamp_ns, "no container")
         found = list(self._ready(arrival_ns)) if self._waiting else []
         if point.acceleration is not None:
             self.motions.add_acceleration(point.stamp_ns, point.acceleration)
@@ -297,9 +305,9 @@ class Monitor:
             return Condition.STALE
         if self.blindness(now_ns):
             return Condition.BLIND
-        if self.vacant:
-            return Condition.OK
         share = self.settings.warn_share
+        if self.vacant:
+            return Condition.WARN if tray is not None and tray.share > share else Condition.OK
         near = (
             self._last_measured > share * self._trackers[Source.MEASURED].limit
             or self._last_estimate_msh > share * self._trackers[Source.ESTIMATED].limit
@@ -411,6 +419,10 @@ class Monitor:
     def _close(self, source: Source, stamp_ns: int, reason: str) -> None:
         if source is Source.ESTIMATED and self.tray is not None:
             self._events += self.tray.close(stamp_ns, reason)
+        self._close_one(source, stamp_ns, reason)
+
+    def _close_one(self, source: Source, stamp_ns: int, reason: str) -> None:
+        """Ends an excess, but not those of a tray's containers."""
         event = self._trackers[source].close(stamp_ns, reason)
         if event is not None:
             self._events.append(event)

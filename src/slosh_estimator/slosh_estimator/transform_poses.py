@@ -45,7 +45,7 @@ class TransformPoses:
         self._parents: dict[str, str] = {}
         self._fixed: dict[str, Transform] = {}
         self._chain: tuple[str, ...] = ()
-        self._streams: AlignedStreams[str] = AlignedStreams(_between, self._is_complete)
+        self._streams: AlignedStreams[str] = AlignedStreams(between, self._is_complete)
         self._count = 0
         self._since_ns = 0
         self._newest_ns = 0
@@ -73,8 +73,12 @@ class TransformPoses:
         self._count += not fixed
         return [self._pose(*row) for row in self._streams.rows()] if fed else []
 
-    def trouble(self) -> str:
-        """Returns why poses are missing or wrong, in one line; empty if no reason is known."""
+    def trouble(self, *, rest: bool = False) -> str:
+        """Returns in one line why poses are missing or wrong; empty: unknown.
+
+        Args:
+            rest: whether a chain may rest for a long time.
+        """
         if self._count < TUNING.first_states:
             return ""
         if not self._chain:
@@ -87,7 +91,7 @@ class TransformPoses:
         if silent is not None:
             return f"no transform of {silent[0]!r} for {silent[1]:.1f} s"
         still = self._newest_ns - self._since_ns
-        if not self._streams.moved and still > TUNING.still_ns:
+        if not rest and not self._streams.moved and still > TUNING.still_ns:
             return (
                 f"nothing has moved between {self._world!r} and {self._container!r} for "
                 f"{still * 1e-9:.0f} s: {' → '.join((self._world, *reversed(self._chain)))}"
@@ -137,7 +141,7 @@ class TransformPoses:
         return TimedPose(stamp_ns, position, quaternion)
 
 
-def _between(one: Values, other: Values, share: float) -> Values:
+def between(one: Values, other: Values, share: float) -> Values:
     """Interpolates two transforms: position, and quaternion without normalisation."""
     same = sum(a * b for a, b in zip(one[3:], other[3:], strict=True)) >= 0.0
     signed = other if same else (*other[:3], *(-q for q in other[3:]))

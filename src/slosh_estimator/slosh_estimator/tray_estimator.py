@@ -51,16 +51,41 @@ class TrayEstimator:
         tray: the tray.
         felt: makes of a container's model the one that runs.
         at_rest: whether the liquid is still when the first sample comes.
+
+    Attributes:
+        tray: the tray, with what its places hold now.
+        others: the estimators of the containers behind the first.
     """
 
     def __init__(
         self, tray: Tray, felt: Callable[[Model], Model] = lambda model: model, *,
         at_rest: bool = True,
     ) -> None:  # fmt: skip
-        self.tray = tray
+        self._felt = felt
         models = [felt(one.placed) for one in tray.containers[1:]]
         self.others = [Estimator(model, at_rest=at_rest) for model in models]
-        self._bounds = tray.bounds.tolist()
+        for other, one in zip(self.others, tray.containers[1:], strict=True):
+            other.empty = one.empty
+        self._carry(tray)
+
+    def _carry(self, tray: Tray) -> None:
+        self.tray, self._bounds = tray, tray.bounds.tolist()
+
+    def change(self, tray: Tray, index: int, *, fresh: bool) -> None:
+        """Goes on with another container in one place; the others go on as they are.
+
+        Args:
+            tray: with the other container.
+            index: of its place, from 0; the estimator of the first is changed by its owner.
+            fresh: see `Estimator.load_model`.
+
+        Raises:
+            SloshModelError: the compiled code does not do what the model's equations say.
+        """
+        if index:
+            one = tray.containers[index]
+            self.others[index - 1].load_model(self._felt(one.placed), fresh=fresh, empty=one.empty)
+        self._carry(tray)
 
     def reset(self) -> None:
         """Resets all containers to rest; see `Estimator.reset`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -28,7 +29,8 @@ class TrayWatch:
     """
 
     def __init__(self, tray: Tray, settings: MonitorSettings, number: Callable[[], int]) -> None:
-        self.tray, self._number = tray, number
+        self.tray, self._number, self._settings = tray, number, settings
+        self._changes: deque[tuple[int, Tray]] = deque()
         self._heights: Sequence[float] = [math.nan] * len(tray.containers)
         self._trackers = [
             LimitTracker(Source.ESTIMATED, *_limit(one, settings)) for one in tray.containers
@@ -36,21 +38,46 @@ class TrayWatch:
 
     def change_settings(self, settings: MonitorSettings, stamp_ns: int) -> list[Event]:
         """Changes the limits for heights after a stamp; see `Monitor.change_settings`."""
+        self._settings = settings
+        return self._judge_anew(stamp_ns)
+
+    def carry(self, tray: Tray, stamp_ns: int) -> None:
+        """Watches other containers in the same places in heights with later stamps."""
+        self._changes.append((stamp_ns, tray))
+
+    def _judge_anew(self, stamp_ns: int) -> list[Event]:
         found = []
         for one, tracker in zip(self.tray.containers, self._trackers, strict=True):
-            limit, hysteresis, name = _limit(one, settings)
+            limit, hysteresis, name = _limit(one, self._settings)
             found.append(tracker.change(stamp_ns, limit, hysteresis, name))
         return self._named(found)
 
+    def _reach(self, stamp_ns: int) -> list[Event]:
+        """Watches the containers that are there at a stamp; another one ends an excess."""
+        found: list[Event] = []
+        while self._changes and self._changes[0][0] < stamp_ns:
+            last_ns, tray = self._changes.popleft()
+            pairs = zip(self.tray.containers, tray.containers, strict=True)
+            closed = [
+                tracker.close(last_ns, "no container" if new.empty else "another container")
+                if (old.model, old.empty) != (new.model, new.empty)
+                else None
+                for tracker, (old, new) in zip(self._trackers, pairs, strict=True)
+            ]
+            found += self._named(closed)
+            self.tray = tray
+            found += self._judge_anew(last_ns)
+        return found
+
     def update(self, stamp_ns: int, heights: Sequence[float]) -> list[Event]:
         """Adds the height of each container [m], NaN if unknown; returns limit events."""
-        self._heights = heights
+        ended, self._heights = self._reach(stamp_ns), heights
         found = []
         for tracker, height in zip(self._trackers, heights, strict=True):
             if not tracker.active and height > tracker.limit:
                 tracker.identifier = self._number()
             found.append(tracker.update(stamp_ns, height))
-        return self._named(found)
+        return ended + self._named(found)
 
     def close(self, stamp_ns: int, reason: str) -> list[Event]:
         """Ends all limit violations and returns their events."""
@@ -83,12 +110,15 @@ class TrayWatch:
 
     def facts(self) -> dict[str, str]:
         """Returns each container's height and the worst container, for the diagnostics."""
-        rows = zip(self.tray.names, self._heights, self._trackers, strict=True)
+        tray = self.tray
+        rows = zip(tray.names, self._heights, self._trackers, tray.containers, strict=True)
         heights = {
-            f"container {name}": f"{1e3 * height:.1f} mm, {tracker.limit_text}"
-            for name, height, tracker in rows
+            f"container {name}": "none"
+            if one.empty
+            else f"{1e3 * height:.1f} mm, {tracker.limit_text}"
+            for name, height, tracker, one in rows
         }
-        return {"worst container": self.tray.names[self.worst], **heights}
+        return {"worst container": tray.names[self.worst], **heights}
 
     @property
     def _shares(self) -> list[float]:

@@ -16,7 +16,8 @@ from slosh_estimator.nodes.estimator_node import EstimatorNode
 from slosh_estimator.nodes.monitor_node import MonitorNode
 from slosh_estimator.validity import EstimateFlag
 from slosh_model.model_text import parse_model
-from slosh_msgs.msg import ContainerChange, NodeSettings, SloshEstimate
+from slosh_model.tray import parse_tray
+from slosh_msgs.msg import ContainerChange, NodeSettings, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import ChangeContainer, LoadModel
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds, to_time
@@ -160,3 +161,86 @@ def test_changes_come_in_the_order_of_their_stamps(line: Line) -> None:
     answer = line.change(8, fill_height=0.05)
     assert not answer.success
     assert "in the order of their stamps" in answer.message
+
+
+TRAY = f"""containers:
+- {{name: left, place: [0.0, 0.1, 0.0], limit: 0.02, model: {{{CUP[:-1]}}}}}
+- {{name: right, place: [0.0, -0.1, 0.0], model: {{{CUP[:-1]}}}}}
+"""
+
+
+@pytest.fixture
+def tray(tmp_path: Path) -> Iterator[Line]:
+    (tmp_path / "tray.yaml").write_text(TRAY)
+    (tmp_path / "mug.yaml").write_text(MUG)
+    words = ["-p", f"model:={tmp_path}/tray.yaml", "-p", f"containers:={tmp_path}"]
+    rclpy.init(args=["--ros-args", *words, "-p", "camera:=false", "-p", "max_age:=600.0"])
+    made = Line()
+    yield made
+    made.close()
+    rclpy.try_shutdown()
+
+
+def test_one_container_of_a_tray_changes_and_the_other_goes_on(tray: Line) -> None:
+    told = tray.listen(TrayEstimate, topics.TRAY_ESTIMATE)
+    tray.move(1, 60, ax=1.0)
+    assert tray.change(80, tray_place="right", name="mug", fill_height=0.04, limit=0.01).success
+    tray.move(60, 120, ax=1.0)
+    tray.until(lambda: len(told) >= 20)
+    flags = {to_nanoseconds(one.header.stamp): one.flags.tolist() for one in told}
+    settling = {k: [bool(f & EstimateFlag.SETTLING) for f in both] for k, both in flags.items()}
+    changed_ns = tray.begin + 80 * MS
+    assert all(both == [False, k > changed_ns] for k, both in settling.items())
+    assert max(settling) > changed_ns
+    tray.until(lambda: bool(tray.changes[-1].tray))
+    change = tray.changes[-1]
+    assert to_nanoseconds(change.header.stamp) == changed_ns
+    assert (change.present, math.isnan(change.limit)) == (True, True)
+    left, right = parse_tray(change.tray).containers
+    assert parse_model(change.model) == left.model
+    assert (left.limit, right.limit) == (0.02, 0.01)
+    assert right.model.container.fill_height == 0.04
+    watched = tray.monitor._core.tray
+    tray.until(lambda: watched.tray.containers[1].limit == 0.01, "the monitor")
+
+
+def test_an_emptied_place_has_no_height_and_the_others_are_estimated(tray: Line) -> None:
+    told = tray.listen(TrayEstimate, topics.TRAY_ESTIMATE)
+    tray.move(1, 10, ax=1.0)
+    assert tray.change(tray_place="left", empty=True).success
+    tray.move(10, 40, ax=1.0)
+    tray.until(lambda: bool(told) and told[-1].flags[0] & EstimateFlag.NO_CONTAINER)
+    assert math.isnan(told[-1].msh[0])
+    assert told[-1].msh[1] > 0.0
+    assert told[-1].worst == 1
+    assert tray.estimates[-1].flags & EstimateFlag.NO_CONTAINER
+    assert not tray.changes[-1].present
+    assert tray.change(tray_place="left", fill_height=0.05).success
+    tray.move(40, 60, ax=1.0)
+    assert not math.isnan(tray.estimates[-1].nonlinear.msh)
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"fill_height": 0.05}, "tray_place = '' is no place of the tray (left, right)"),
+        ({"tray_place": "top", "fill_height": 0.05}, "tray_place = 'top' is no place"),
+        ({"tray_place": "left"}, "nothing to change"),
+    ],
+)
+def test_a_place_must_be_named(tray: Line, fields: dict[str, Any], why: str) -> None:
+    answer = tray.change(**fields)
+    assert not answer.success
+    assert why in answer.message
+
+
+def test_what_has_no_tray_has_no_places(line: Line) -> None:
+    answer = line.change(tray_place="left", fill_height=0.05)
+    assert not answer.success
+    assert "the cell carries no tray" in answer.message
+
+
+def test_load_model_leaves_a_tray(tray: Line) -> None:
+    answer = tray.call(LoadModel, topics.LOAD_MODEL, LoadModel.Request(text=CUP))
+    assert not answer.success
+    assert "ask change_container, with tray_place" in answer.message

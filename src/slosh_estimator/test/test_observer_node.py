@@ -22,7 +22,10 @@ from slosh_msgs_py.stamps import to_nanoseconds, to_time
 from slosh_testing.graph import Graph
 
 MS = 1_000_000
-TEXT = "container: {shape: cylinder, radius: 0.05, fill_height: 0.07}\ndamping_ratio: 0.1\n"
+TEXT = (
+    "container: {shape: cylinder, radius: 0.05, fill_height: 0.07, rim_height: 0.1}\n"
+    "damping_ratio: 0.1\n"
+)
 LENGTH = 2500
 """Of the run [ms]: the wave decays to a hundredth."""
 
@@ -94,6 +97,7 @@ def test_a_wave_that_nothing_made_is_followed_until_it_is_calm(cell):
     at = (to_nanoseconds(state.header.stamp) - cell.begin) // MS
     assert abs(state.sh_x - cell.wave.sh_x[at]) < 1e-3
     assert state.trusted
+    assert state.distance_to_rim == pytest.approx(0.03 - state.msh, abs=1e-12)
     assert state.heights_used > 20
     assert cell.estimates[-1].nonlinear.msh < 1e-4  # the open-loop estimate knows of no wave
     assert (cell.calm[-1].reason, cell.plain[-1].data) == (Calm.SETTLING, False)

@@ -1,11 +1,13 @@
 """Tests the limits of a tray: one for each container, and the worst by name."""
 
 import math
+from dataclasses import replace
 
 from slosh_estimator.comparison import Condition, EstimatePoint
 from slosh_estimator.limits import Kind
 from slosh_estimator.monitor import Monitor
 from slosh_estimator.monitor_settings import MonitorSettings
+from slosh_estimator.validity import EstimateFlag
 from slosh_model.model import Model
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.tray import Tray, TrayContainer
@@ -81,3 +83,31 @@ def test_unknown_heights_and_silence_end_nothing_wrongly():
     (event,) = watching.take_events()
     assert event.kind is Kind.END
     assert "estimates stopped" in event.description
+
+
+def test_another_container_in_a_place_ends_its_excess_from_a_stamp_on():
+    watching = monitor()
+    (began,) = tell(watching, 0, 100, 0.016, 0.001, 0.001)
+    assert began.kind is Kind.START
+    shallow = TrayContainer("own", BRIMFUL, limit=0.03)
+    watching.carry(TRAY.with_container(0, shallow), 149 * MS)
+    assert not tell(watching, 100, 50, 0.016, 0.001, 0.001)  # of the container before
+    ended, again = tell(watching, 150, 50, 0.016, 0.001, 0.001)
+    assert (ended.kind, ended.id, ended.stamp_ns) == (Kind.END, began.id, 149 * MS)
+    assert "another container" in ended.description
+    assert (again.kind, again.limit) == (Kind.START, 0.068 - 0.06)
+
+
+def test_an_empty_place_has_no_worst_and_the_others_are_watched_on():
+    watching = monitor()
+    gone = [replace(one, empty=True) for one in TRAY.containers]
+    watching.carry(TRAY.with_container(0, gone[0]), 9 * MS)
+    nothing = int(EstimateFlag.NO_CONTAINER)
+    for k in range(10, 20):
+        heights = (math.nan, 0.025, 0.001)
+        watching.add_estimate(EstimatePoint(k * MS, math.nan, math.nan, nothing, tray=heights), k)
+    (event,) = watching.take_events()
+    assert event.description.startswith("container common: ")
+    assert watching.condition(20 * MS) is Condition.ERROR
+    assert watching.tray.facts()["container own"] == "none"
+    assert watching.tray.facts()["worst container"] == "common"

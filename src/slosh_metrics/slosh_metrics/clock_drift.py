@@ -82,7 +82,7 @@ class ClockLine(NamedTuple):
 
     @property
     def is_apart(self) -> bool:
-        """Whether the clock offset is significant; it needs more than one motion."""
+        """Whether the clock offset is significant; never true after a single motion."""
         size = abs(self.offset)
         return (
             self.freedom >= 0

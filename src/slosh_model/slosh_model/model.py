@@ -210,7 +210,7 @@ class Model:
         return {**self.container.built_in, **{use.name: use.parameters for use in self.effects}}
 
     def uses(self, hook: str) -> tuple[tuple[Effect, Parameters], ...]:
-        """Returns the model's effects that act at a stage, in the order of their action."""
+        """Returns the model's effects that define a hook, such as `drive`, in order of action."""
         used = self.acting
         return tuple(
             (effect, used[effect.name]) for effect in BY_HOOK[hook] if effect.name in used

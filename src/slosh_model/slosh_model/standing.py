@@ -1,4 +1,4 @@
-"""How a container stands loosely on a tray."""
+"""Properties of a container that stands loosely on a tray."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BOUNDS = {
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How an empty container stands on its tray.
+    """Mass, base and friction of an empty container that stands on a tray.
 
     >>> Standing(mass=0.15, centre_height=0.05, base_radius=0.03, friction=0.3).friction
     0.3

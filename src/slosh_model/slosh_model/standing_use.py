@@ -1,4 +1,4 @@
-"""A container that stands loosely on a tray: when it slides, tips or lifts off.
+"""Computes whether a loosely standing container slides, tips or lifts off its tray.
 
 The liquid acts on its container by its total mass and by the modal masses that move in it (Ibrahim
 2005, ch. 5; Dodge 2000, ch. 3). Coulomb friction holds the base as long as the lateral force is at
@@ -30,7 +30,7 @@ LEVELS = 64
 
 @dataclass(frozen=True, slots=True)
 class StandingMasses:
-    """Masses of a container that stands and of its liquid; heights are above the base.
+    """Masses of a standing container and its liquid, with heights above the base.
 
     Attributes:
         total: of the container and the liquid [kg].
@@ -70,7 +70,7 @@ class StandingMasses:
 
 
 class StandingUse(NamedTuple):
-    """How much of what holds a container a motion uses.
+    """Fractions of the available friction and base that a motion uses.
 
     Attributes:
         friction: largest lateral force by what friction can hold; above 1 the container slides.
@@ -88,7 +88,7 @@ class StandingUse(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What the container does, as a verb."""
+        """Describes by a verb what the container does: stand, slide, tip or lift off."""
         if self.stands:
             return "stands"
         if not all(map(math.isfinite, self)):
@@ -107,7 +107,7 @@ def liquid_centre(container: Container) -> float:
 def standing_use(
     model: Model, standing: Standing, inputs: Inputs, place: Array | None = None
 ) -> StandingUse:
-    """Simulates a motion, and returns how much of friction and base it uses.
+    """Simulates a motion; returns the used fractions of friction and base.
 
     Args:
         model: of the liquid, as the tray's motion drives it.
@@ -137,7 +137,7 @@ def standing_use(
 
 
 def specific_force(inputs: Inputs, arm: Array) -> Array:
-    """Returns acceleration less gravity at a place of a frame (N, 3), in the frame's axes [m/s²].
+    """Returns the specific force (N, 3) [m/s²] at a point of a moving frame, in its axes.
 
     Args:
         inputs: motion of the frame's origin.
@@ -152,12 +152,12 @@ def specific_force(inputs: Inputs, arm: Array) -> Array:
 
 
 def _turned(vectors: Array, angle: Array) -> Array:
-    """Turns vectors (N, modes, 2) by angles (N,) [rad]."""
+    """Rotates vectors (N, modes, 2) by angles (N,) [rad]."""
     c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def _largest(used: Array) -> float:
-    """Returns the largest value; infinite where one is not known."""
+    """Returns the largest value, or infinity if a value is unknown."""
     return float(used.max()) if np.isfinite(used).all() else math.inf

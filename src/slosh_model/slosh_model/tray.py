@@ -29,7 +29,7 @@ TRAY = "tray"
 FARTHEST = 2.0
 """Largest coordinate of a place [m]."""
 _KEY = "containers"
-_KEYS = ("name", "model", "place", "limit", "standing")
+_KEYS = ("name", "model", "place", "limit", "standing", "empty")
 _NAME = re.compile(r"[\w-][\w.-]{0,39}")
 
 
@@ -43,6 +43,7 @@ class TrayContainer:
         place: centre of its still surface in the tray's frame [m].
         limit: of its height [m]; NaN: none of its own.
         standing: how it stands on the tray; None: it is held.
+        empty: whether its place is empty; the model is that of the last container there.
     """
 
     name: str
@@ -50,6 +51,7 @@ class TrayContainer:
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     limit: float = math.nan
     standing: Standing | None = None
+    empty: bool = False
 
     @property
     def placed(self) -> Model:
@@ -88,10 +90,27 @@ class Tray:
         """Returns the tray with each model changed by a function."""
         return Tray(tuple(replace(one, model=changed(one.model)) for one in self.containers))
 
+    def with_container(self, index: int, container: TrayContainer) -> Tray:
+        """The tray with another container in one place, counted from 0."""
+        listed = list(self.containers)
+        listed[index] = container
+        return Tray(tuple(listed))
+
+    @property
+    def present(self) -> tuple[TrayContainer, ...]:
+        """The containers that are there."""
+        return tuple(one for one in self.containers if not one.empty)
+
     @property
     def first(self) -> TrayContainer:
         """The first container, which is the one that the camera observes."""
         return self.containers[0]
+
+    @property
+    def turning(self) -> TrayContainer:
+        """A container whose liquid turns with it, as in a box; the first where all are round."""
+        boxes = (one for one in self.present if one.model.container.cornered)
+        return next(boxes, self.first)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -171,6 +190,8 @@ def format_tray(tray: Tray) -> str:
             entry["limit"] = one.limit
         if one.standing is not None:
             entry["standing"] = asdict(one.standing)
+        if one.empty:
+            entry["empty"] = True
         entry["model"] = parse_yaml(format_model(one.model), "model").value
         listed.append(entry)
     return format_yaml({_KEY: listed}, sort_keys=False, default_flow_style=None)
@@ -191,9 +212,14 @@ def _container(document: YamlDocument, index: int) -> TrayContainer:
         raise SloshModelError(
             f"{document.where(*path)}: name = {shown(name)} must be letters, digits, '_', '-', '.'"
         )
+    empty = entry.get("empty", False)
+    if not isinstance(empty, bool):
+        raise SloshModelError(
+            f"{document.where(*path)}: empty = {shown(empty)} must be true or false"
+        )
     return TrayContainer(
         name, _model(document, index, entry), _place(document, index, entry),
-        _limit(document, index, entry), _standing(document, index, entry),
+        _limit(document, index, entry), _standing(document, index, entry), empty,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Containers that stand loosely, against statics and rigid-body mechanics written here."""
+"""Tests loosely standing containers against statics and rigid-body mechanics."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ CENTRE = (STANDING.mass * STANDING.centre_height + LIQUID * 0.5 * FILL) / TOTAL
 
 
 def pushed(acceleration, seconds=8.0):
-    """A constant acceleration [m/s²] that comes so slowly that the liquid makes no waves."""
+    """Returns an acceleration [m/s²] that rises so slowly that no waves arise."""
     t = np.arange(0.0, seconds, 0.002)
     return Inputs(t, np.outer(np.clip(t / (0.6 * seconds), 0.0, 1.0), acceleration))
 
@@ -32,7 +32,7 @@ def test_a_constant_push_needs_friction_by_its_share_of_gravity():
 
 
 def test_a_constant_push_moves_the_centre_of_pressure_by_statics():
-    """The inclined surface moves the liquid's centre by I/V a/g, I the surface's second moment."""
+    """Tests that an inclined surface moves the liquid's centre of mass by I/V a/g."""
     a = 1.2
     second_moment = np.pi * RADIUS**4 / 4.0
     moment = TOTAL * CENTRE * a + CUP.liquid.density * second_moment * a
@@ -43,7 +43,7 @@ def test_a_constant_push_moves_the_centre_of_pressure_by_statics():
 
 @pytest.mark.parametrize("gone", [0.0, 0.4])
 def test_a_shake_far_above_the_liquids_frequency_carries_less_mass(gone):
-    """The modal masses stay where they are; what remains moves as a rigid body."""
+    """Tests that fast shaking moves only the mass that does not slosh."""
     t = np.arange(0.0, 1.0, 2.5e-4)
     inputs = Inputs(t, np.outer(np.sin(2.0 * np.pi * 60.0 * t), [2.0, gone, 0.0]))
     masses = StandingMasses.of(CUP, STANDING)

@@ -23,12 +23,17 @@ PLACES = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 SIZES = st.floats(0.02, 0.1)
 
 
-@given(st.lists(st.tuples(SIZES, SIZES, PLACES, st.floats(1e-3, 0.1)), min_size=1, max_size=6))
+@given(
+    st.lists(
+        st.tuples(SIZES, SIZES, PLACES, st.floats(1e-3, 0.1), st.booleans()),
+        min_size=1, max_size=6,
+    )
+)  # fmt: skip
 def test_a_tray_comes_back_from_its_text(cups):
     tray = Tray(
         tuple(
-            TrayContainer(f"cup_{index}", Model(Cylinder(radius, fill)), place, limit)
-            for index, (radius, fill, place, limit) in enumerate(cups)
+            TrayContainer(f"cup_{index}", Model(Cylinder(radius, fill)), place, limit, empty=empty)
+            for index, (radius, fill, place, limit, empty) in enumerate(cups)
         )
     )
     assert parse_tray(format_tray(tray)) == tray

@@ -75,6 +75,8 @@ PREDICT: Final = "predict"
 PLAN: Final = "plan"
 PLAN_MOTION: Final = "plan_motion"
 """The action: what `plan` does, with feedback and an end at any time."""
+FOLLOW_TRAJECTORY: Final = "follow_joint_trajectory"
+"""The relay's action: a joint trajectory, sent to the controller at a safe pace."""
 CHANGE_CONTAINER: Final = "change_container"
 LOAD_MODEL: Final = "load_model"
 RESET: Final = "reset"
@@ -220,6 +222,7 @@ SERVICES: tuple[Service, ...] = (
 ACTIONS: tuple[Service, ...] = (
     Service(PLAN_MOTION, "slosh_msgs/action/PlanMotion"),
     Service(WAIT_UNTIL_CALM, "slosh_msgs/action/WaitUntilCalm"),
+    Service(FOLLOW_TRAJECTORY, "control_msgs/action/FollowJointTrajectory"),
 )
 DRIVING: Mapping[str, Topic] = {row.drives: row for row in TOPICS if row.drives}
 """Topics that can drive the models, by the value of the estimator's parameter `input`."""

@@ -6,8 +6,9 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
-from slosh_model.model import Model
-from slosh_plan import HeightLimits, LiquidState, ModelError, Prediction, Trajectory, predict
+from slosh_model.tray import Tray
+from slosh_plan import HeightLimits, LiquidState, ModelError, Prediction, Trajectory
+from slosh_plan.tray import TrayPrediction, predict_tray
 
 FORGOTTEN = 60.0
 """A motion that begins later than in so long [s] finds the liquid at rest."""
@@ -36,22 +37,22 @@ def error_of(record: Record | None) -> ModelError:
 
 
 def look_ahead(
-    model: Model,
+    tray: Tray,
     motion: Trajectory,
     delay: float,
     *,
     limits: HeightLimits,
     state: LiquidState | None = None,
     error: ModelError | None = None,
-) -> Prediction:
+) -> TrayPrediction:
     """Predicts the liquid's response to a motion that begins after a short delay.
 
     Args:
-        model: the model.
+        tray: what is carried: a tray, or a model as a tray of one.
         motion: the motion.
         delay: until it begins [s]; the container rests meanwhile.
         limits: to be kept.
-        state: the liquid now; None: at rest.
+        state: the liquid now, of one container; None: at rest.
         error: the model's measured error.
 
     Returns:
@@ -62,11 +63,14 @@ def look_ahead(
     """
     state = state if delay <= FORGOTTEN else None
     if state is None or delay <= 0.0:
-        (found,) = predict(model, motion, limits=limits, state=state, error=error)
+        (found,) = predict_tray(tray, [motion], limits=limits, state=state, error=error)
         return found
     later = motion.after_rest(delay)
-    (found,) = predict(model, later, limits=limits, state=state, error=error)
-    return replace(found, duration=motion.duration)
+    (found,) = predict_tray(tray, [later], limits=limits, state=state, error=error)
+    containers = {
+        name: replace(one, duration=motion.duration) for name, one in found.containers.items()
+    }
+    return found._replace(containers=containers)
 
 
 def warning(prediction: Prediction) -> str:

@@ -13,10 +13,12 @@ import numpy as np
 from slosh_model.standing_use import StandingUse, standing_use
 from slosh_model.tilt import attitude_of, feeling
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.heights import usual_horizon
 from slosh_plan.limits import HeightLimits
 from slosh_plan.prediction import ModelError, Prediction, predict
-from slosh_plan.scaling import SafeScales, safe_scales
+from slosh_plan.scaling import COUNT, SafeScales, safe_scales
+from slosh_plan.start import LiquidState
 from slosh_plan.trajectory import Trajectory
 
 L = TypeVar("L", bound=HeightLimits)
@@ -41,8 +43,19 @@ class TrayPrediction(NamedTuple):
         return all(use.stands for use in self.standing.values())
 
     @property
+    def kept(self) -> bool:
+        """Whether every container keeps its limits, and none slides, tips or lifts off."""
+        return self.of_worst.kept and self.stands
+
+    @property
+    def falling(self) -> str:
+        """Describes containers that slide, tip or lift off; empty: all stand."""
+        pairs = zip(self.standing.values(), self.loose_words, strict=True)
+        return "; ".join(words for use, words in pairs if not use.stands)
+
+    @property
     def loose_words(self) -> list[str]:
-        """Sentences on the containers that stand loosely: how much of what holds them is used."""
+        """Sentences on loosely standing containers: used fractions of friction and base."""
         return [
             f"{name} {use.words}: {100.0 * use.friction:.0f} % of the friction, centre of "
             f"pressure at {100.0 * use.tipping:.0f} % of the base's radius"
@@ -68,6 +81,7 @@ def predict_tray(
     trajectories: Sequence[Trajectory],
     *,
     limits: HeightLimits | None = None,
+    state: LiquidState | None = None,
     horizon: float | None = None,
     error: ModelError | None = None,
 ) -> list[TrayPrediction]:
@@ -77,17 +91,24 @@ def predict_tray(
         tray: the tray; each container is driven by the acceleration of its place.
         trajectories: candidates, of the tray's frame.
         limits: of all containers, beside their own limits and rims; None: nothing.
+        state: at the start, of one container; None: at rest.
         horizon, error: as of `predict`.
 
     Raises:
-        SloshPlanError: as of `predict`.
+        SloshPlanError: as of `predict`; no container is there.
     """
+    check_present(tray)
     asked = limits or HeightLimits()
     by_name = {
         one.name: predict(
-            one.placed, trajectories, limits=limits_of(one, asked), horizon=horizon, error=error
+            one.placed,
+            trajectories,
+            limits=limits_of(one, asked),
+            state=state,
+            horizon=horizon,
+            error=error,
         )
-        for one in tray.containers
+        for one in tray.present
     }
     found = []
     for place in range(len(trajectories)):
@@ -97,14 +118,20 @@ def predict_tray(
     return found
 
 
+def check_present(tray: Tray) -> None:
+    """Raises SloshPlanError where no container is on the tray."""
+    if not tray.present:
+        raise SloshPlanError("the tray is empty: no liquid to predict")
+
+
 def _standing(tray: Tray, motion: Trajectory) -> Mapping[str, StandingUse]:
-    """How much of friction and base each container uses that stands loosely."""
+    """Returns the fractions of friction and base that each loose container uses."""
     return {
         one.name: standing_use(
             feeling(one.placed, attitude_of(motion)), one.standing,
             motion.inputs(usual_horizon(one.model)), np.array(one.place),
         )
-        for one in tray.containers if one.standing is not None
+        for one in tray.present if one.standing is not None
     }  # fmt: skip
 
 
@@ -122,20 +149,26 @@ def tray_scales(
     limits: HeightLimits,
     found: TrayPrediction,
     *,
+    state: LiquidState | None = None,
     horizon: float | None = None,
+    count: int = COUNT,
+    most: float = math.inf,
 ) -> SafeScales:
     """Returns the time scales with which every container on the tray keeps its limits.
 
     Args:
-        tray, motion, limits, horizon: as above.
+        tray, motion, limits, state, horizon: as above.
         found: the prediction of the motion, by whose margins the limits are kept.
+        count: of the scales that are looked at.
+        most: samples that may be simulated, of all containers together.
     """
     each = [
         safe_scales(
-            one.placed, motion, limits_of(one, limits), horizon=horizon,
-            margin=found.containers[one.name].margin,
+            one.placed, motion, limits_of(one, limits), state=state, horizon=horizon,
+            margin=found.containers[one.name].margin, count=count,
+            most=most / len(tray.present),
         )
-        for one in tray.containers
+        for one in tray.present
     ]  # fmt: skip
     shared = each[0]
     for other in each[1:]:

@@ -82,6 +82,16 @@ class PlanTuning:
         1e-3, "m", "distance from a corner within which a stop is looked for"
     )
     path_step: float = number(1e-4, "m", "step of a path from which distances are measured")
+    # motion_map/
+    map_segments: int = number(8, "1", "segments of a stroke's law")
+    map_rows: int = number(400, "1", "samples of a stroke")
+    map_constants: float = number(3.0, "1", "time constants of the damping that are simulated")
+    map_fewest: float = number(3.0, "1", "fewest cycles that are simulated")
+    map_most: float = number(60.0, "1", "most cycles that are simulated")
+    map_rounds: int = number(4, "1", "linear programs of one speed")
+    map_change: float = number(1e-3, "1", "weight of the change from the next lower speed")
+    map_slack: float = number(0.01, "1", "part of acceleration and jerk that a design leaves")
+    map_halvings: int = number(3, "1", "how often an interval of two speeds is divided")
     # stopping.py
     stop_periods: float = number(8.0, "1", "periods of the first mode after the stop")
     stop_ratio: float = number(1.03, "1", "ratio of two durations that are tried in turn")

@@ -429,7 +429,9 @@ def test_it_predicts_for_what_the_gripper_holds(cell: Cell) -> None:
     def told(present: bool, model: str = "", limit: float = math.nan) -> None:
         changes.publish(filled(ContainerChange, present=present, model=model, limit=limit))
         expected = parse_model(model) if model else MODEL
-        cell.until(lambda: (held.held.empty, held.held.model) == (not present, expected))
+        cell.until(
+            lambda: (held.tray.first.empty, held.tray.first.model) == (not present, expected)
+        )
 
     told(True, mug, 0.004)
     assert cell.ask().peak_nonlinear == other.nonlinear.peak

@@ -7,12 +7,15 @@ import pytest
 
 from slosh_model.covariance import covariance_of
 from slosh_model.parameters import parameter_value
+from slosh_model.tray import Tray, TrayContainer
 from slosh_plan import SloshPlanError
 from slosh_plan.planning import optimise
 from slosh_plan.planning.checked import heights_after
 from slosh_plan.planning.limits import PlanLimits
 from slosh_plan.planning.path import path_through
 from slosh_plan.planning.plan import plan
+from slosh_plan.planning.plan_tray import plan_for
+from slosh_plan.planning.progress import Watch
 from slosh_plan.planning.robust import likely_models, plan_robust
 
 NAMES = ("natural_frequency", "damping_ratio")
@@ -85,6 +88,19 @@ def test_it_keeps_the_limits_for_parameters_that_it_has_not_seen(doubtful):
     assert (
         likely.nominal_duration <= answer.found.motion.duration < 1.2 * usual.found.motion.duration
     )
+
+
+@pytest.mark.skipif(not optimise.available(), reason="CasADi is not installed")
+def test_the_planners_service_plans_robustly_for_one_container(doubtful):
+    model, watch = doubtful(), Watch()
+    tray = Tray((TrayContainer("", model),))
+    answer, name = plan_for(tray, LINE, LIMITS, None, 0.0, 20.0, watch, robust=True)
+    usual, _ = plan_for(tray, LINE, LIMITS, None, 0.0, 20.0, Watch())
+    assert name == ""
+    assert answer.found.motion.duration > usual.found.motion.duration
+    two = Tray((TrayContainer("a", model), TrayContainer("b", model)))
+    with pytest.raises(SloshPlanError, match="for one container, not for a tray"):
+        plan_for(two, LINE, LIMITS, None, 0.0, 20.0, Watch(), robust=True)
 
 
 def test_known_laws_are_robust_where_there_is_no_solver(doubtful, monkeypatch):

@@ -148,7 +148,7 @@ STANDING = Standing(mass=0.15, centre_height=0.05, base_radius=0.03, friction=0.
 
 
 def test_a_container_that_stands_loosely_is_not_lost():
-    """The usual plan lets it slide; the tray's plan does not, and says how near it comes."""
+    """Tests that the plan of a tray keeps a loose container from sliding."""
     model = Model(Cylinder(0.04, 0.06)).spatial()
     loose = TrayContainer("loose", model, (0.0, 0.1, 0.0), standing=STANDING)
     tray = Tray((TrayContainer("held", model), loose))

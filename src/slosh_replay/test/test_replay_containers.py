@@ -78,6 +78,61 @@ def test_a_tray_is_replayed_to_the_bit(kind, tmp_path):
     assert not late["tray_estimate"].missing
 
 
+def changing_tray():
+    """Three containers on an IMU's tray: each is changed while the tray moves."""
+    names, places = ("a", "b", "c"), ((0.0, 0.0, 0.0), (0.1, 0.2, 0.0), (-0.1, 0.0, 0.05))
+    tray = Tray(tuple(map(TrayContainer, names, (MODEL, MUG, MODEL), places, (0.5, 0.5, 0.01))))
+    live, held = LiveBag("imu"), [HeldContainer(one.model) for one in tray.containers]
+    live.tray, live.model, live.states = tray, tray.first.model, True
+    gone = held[1].changed(empty=True)
+    live.places = {
+        200: (2, held[2].changed(fill_height=0.05, limit=0.003)),
+        900: (1, gone),
+        1300: (1, gone.changed(name="cup", model=MODEL)),
+        1600: (0, held[0].changed(model=MUG)),
+    }
+    return live
+
+
+def test_each_change_on_a_tray_is_replayed_to_the_bit(tmp_path):
+    """The other containers go on as they are; an emptied place has no height."""
+    folder = changing_tray().write(tmp_path / "bag")
+    result = replay_bag(folder)
+    for found in (result.verification, result.verified["tray_estimate"]):
+        assert found.exact, found.lines()
+    reader = BagReader(folder)
+    told = [reader.decode(m) for m in reader.messages(["/slosh/tray_estimate"])]
+    flags = np.array([one.flags for one in told])
+    empty = (flags & EstimateFlag.NO_CONTAINER) != 0
+    assert np.flatnonzero(empty[:, 1]).tolist() == list(range(900, 1300))
+    assert not empty[:, [0, 2]].any()
+    settling = (flags & EstimateFlag.SETTLING) != 0
+    assert settling[1300:, 1].all()
+    assert settling[1600:, 0].all()
+    assert not settling[:, 2].any()  # refilled at rest
+    heights = np.array([one.msh for one in told])
+    assert np.isnan(heights[900:1300, 1]).all()
+    ended = [one for one in result.events if one.source is Source.ESTIMATED]
+    assert {one.description.partition(":")[0] for one in ended} == {"container c"}
+    assert {round(one.limit, 6) for one in ended} == {0.003}
+
+
+def test_a_place_of_a_tray_that_is_another_one_is_found_out(tmp_path):
+    """A replay that did not follow the change would differ from there on."""
+    live = changing_tray()
+    del live.places[900], live.places[1300], live.places[1600]
+    index, held = live.places[200]
+    entries, told = live.entries(3.0), live.entries
+    live.places[200] = (index, held.changed(fill_height=0.06, limit=0.003))
+    live.entries = lambda seconds: (
+        [entry for entry in entries if "settings" not in entry[1]]
+        + [entry for entry in told(seconds) if "settings" in entry[1]]
+    )
+    found = replay_bag(live.write(tmp_path / "bag")).verified["tray_estimate"]
+    assert not found.exact
+    assert "msh[2]" in found.largest
+
+
 def test_a_container_of_a_tray_that_is_another_one_is_found_out(tmp_path):
     tray = Tray((TrayContainer("a", MODEL), TrayContainer("b", MUG)))
     live = LiveBag("imu")

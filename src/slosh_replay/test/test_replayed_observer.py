@@ -49,7 +49,8 @@ class ObservedBag(LiveBag):
         fields["msh"] += self._wrong
         self._put(
             FUSED, state.stamp_ns, log_ns, modal_position=modal[:, :2].ravel(),
-            modal_velocity=modal[:, 2:].ravel(), trusted=state.trusted, **fields,
+            modal_velocity=modal[:, 2:].ravel(), trusted=state.trusted, distance_to_rim=np.nan,
+            **fields,
         )  # fmt: skip
         self._wrong = 0.0
 

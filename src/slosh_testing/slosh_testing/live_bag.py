@@ -13,7 +13,13 @@ from slosh_bag.definitions import Definitions
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_estimator.estimator import Estimator
 from slosh_estimator.gate import GateSettings
-from slosh_estimator.held_container import HeldContainer
+from slosh_estimator.held_container import (
+    EMPTY,
+    FRESH,
+    TRAY_PLACE,
+    HeldContainer,
+    tray_holding,
+)
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.mounting import SensorTransform
 from slosh_estimator.sampling import modes_of
@@ -78,6 +84,7 @@ class LiveBag:
             which takes that input first, does not take the liquid for still.
         loads: model texts by the index of the first input that they apply to.
         holds: what the gripper holds by the index of the first input that it applies to.
+        places: which place of the tray holds what, by the index of the first input of it.
         changes: changed input parameters by the index of the first input that they apply to.
         gaps: in the inputs of the last estimator process that was written.
         camera_gap: from and to which moment there are no images [s].
@@ -108,6 +115,7 @@ class LiveBag:
         self.idle: Collection[int] = ()
         self.loads: dict[int, str] = {}
         self.holds: dict[int, HeldContainer] = {}
+        self.places: dict[int, tuple[int, HeldContainer]] = {}
         self.changes: dict[int, dict[str, float]] = {}
         self.gaps = 0
         self.camera_gap = (0.0, 0.0)
@@ -204,6 +212,8 @@ class LiveBag:
             source.sampling.carry(modes_of(estimator.model))
             files = {"model": format_model(held.model)}
             self._settings("estimator", before, files, stamp - 1, **held.recorded)
+        if index in self.places:
+            self._change_place(estimator, source, *self.places[index], before, stamp)
         if index in self.changes:
             own = {"max_jump": GateSettings().max_jump, **self.changes[index]}
             source.gate.change(GateSettings(**own))
@@ -211,6 +221,21 @@ class LiveBag:
             changed = list(self.changes[index])
             last = source.gate.last_ns or 0
             self._settings("estimator", last, files, stamp - 1, changed, **own)
+
+    def _change_place(
+        self, estimator, source, place: int, held: HeldContainer, before: int, stamp: int
+    ) -> None:
+        """Another container in one place of the tray, as the estimator's node does it."""
+        tray = tray_holding(self._others.tray, place, held, self.tray.containers[place].limit)
+        own = {TRAY_PLACE: tray.names[place], FRESH: held.fresh}
+        if place == 0:
+            estimator.load_model(tray.first.placed, fresh=held.fresh, empty=held.empty)
+            source.sampling.carry(modes_of(estimator.model))
+            own |= held.recorded
+        self._others.change(tray, place, fresh=held.fresh)
+        files = {"model": format_model(estimator.model), TRAY: format_tray(tray)}
+        own.setdefault(EMPTY, tray.first.empty)
+        self._settings("estimator", before, files, stamp - 1, **own)
 
     def _input(self, source, index: int, stamp: int, a: list[float], position: list[float]):
         """Records an input; returns the samples that the estimator makes of it."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slosh_base.types import Array
+from slosh_bringup.errors import SloshBringupError
 from slosh_camera.optics.cup import CupView
 from slosh_model.bessel import radial_shape
 
@@ -72,9 +73,17 @@ class CupRenderer:
     Args:
         view: camera, pose and container; the lens must not distort.
         appearance: grey levels and noise.
+
+    Raises:
+        SloshBringupError: the wall is inclined.
     """
 
     def __init__(self, view: CupView, appearance: GreyLevels | None = None) -> None:
+        if view.cup.taper:
+            raise SloshBringupError(
+                "container.shape: the simulated camera draws cylinders only; run the cell without "
+                "a camera, or with one of a cylinder"
+            )
         self._view = view
         self._look = look = appearance or GreyLevels()
         self._top = view.cup.radius if view.cup.rim_level is None else view.cup.rim_level

@@ -78,6 +78,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="horizontal field of view [deg] of a lens without distortion (default: from the "
         "picture's EXIF)",
     )  # fmt: skip
+    # Of a cup with an inclined wall, by --model alone.
+    parser.set_defaults(taper=None)
     cup = parser.add_argument_group("container (defaults: --model, or else the --camera file)")
     cup.add_argument(
         "--model", type=Path, metavar="FILE",

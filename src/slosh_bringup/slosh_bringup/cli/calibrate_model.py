@@ -6,6 +6,8 @@ import argparse
 import math
 
 from slosh_bringup.errors import SloshBringupError
+from slosh_camera.errors import SloshCameraError
+from slosh_camera.optics.cup import Cup
 from slosh_model.containers import ROUND, Container
 from slosh_model.model_text import read_model
 
@@ -17,8 +19,8 @@ def take_model(arguments: argparse.Namespace) -> None:
     """Sets missing container options from the file given by --model, if there is one.
 
     Raises:
-        SloshBringupError: an option says another length; a container without a radius and no
-            --scale.
+        SloshBringupError: an option says another length; a container that is not seen through
+            its wall and no --scale.
     """
     if arguments.model is None:
         return
@@ -28,10 +30,11 @@ def take_model(arguments: argparse.Namespace) -> None:
     if container.section == ROUND:
         lengths["radius"] = container.size
     elif arguments.scale is None and arguments.page is None:
-        raise SloshBringupError(
-            f"--model: {arguments.model}: contains no cylinder, and only a cylinder's pose can be "
-            "calibrated; a side view needs --scale"
-        )
+        try:
+            cup = Cup.of(container)
+        except SloshCameraError as error:
+            raise SloshBringupError(f"--model: {arguments.model}: {error}") from None
+        arguments.radius, arguments.taper = cup.radius, cup.taper
     elif container.cornered and arguments.length is None:
         arguments.length = container.size
     for name, told in lengths.items():

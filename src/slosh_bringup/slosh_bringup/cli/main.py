@@ -38,6 +38,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "plan": "plan the fastest motion along a path that keeps the liquid below a height limit",
         "shape": "filter a motion so that it leaves no residual wave of the liquid's frequency",
         "motion": "write a packaging machine's motion as a motion table",
+        "motion-map": "find the stroke with the lowest waves for each speed of a machine",
     },
     "camera": {
         "intrinsics": "calibrate a camera's intrinsic parameters from pictures of a board",
@@ -186,7 +187,7 @@ class _Version(argparse.Action):
 
 def module_name(command: str) -> str:
     """Returns the name of a subcommand's module; `import` is a Python keyword."""
-    return f"{command}_data" if command == "import" else command
+    return f"{command}_data" if command == "import" else command.replace("-", "_")
 
 
 def run_guarded(parsed: argparse.Namespace) -> int:

@@ -153,7 +153,7 @@ def run(arguments: argparse.Namespace) -> int:
     tray = read_tray(arguments.model)
     limits = plan_limits(arguments, tray.first.model)
     tell = Teller("plan")
-    asked = asked_path(arguments, tray.first.model, tell)
+    asked = asked_path(arguments, tray.turning.model, tell)
     name, attitude = asked.name, asked.waypoints.attitude
 
     if arguments.robust and tray.is_tray:

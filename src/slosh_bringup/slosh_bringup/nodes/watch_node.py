@@ -24,8 +24,10 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from slosh_bag.errors import SloshBagError
 from slosh_bringup.cell_watch import reports
+from slosh_bringup.nodes.other_cells import OtherCells
 from slosh_bringup.watch import HOST, PORT, hearing
 from slosh_bringup.watch.access import new_access
+from slosh_bringup.watch.cells import PAGE_PORT
 from slosh_bringup.watch.picture import Camera, is_small_jpeg
 from slosh_bringup.watch.server import Hub, WatchServer, listen, live_app
 from slosh_bringup.watch.state import PERIOD, WatchState
@@ -81,6 +83,7 @@ class WatchNode(GuardedNode):
         self._add(FusedEstimate, topics.FUSED_ESTIMATE, qos.STREAM_IN, self._on_fused)
         self._add(Calm, topics.CALM, qos.STREAM_IN, self._on_calm)
         self._add(SloshComparison, topics.COMPARISON, qos.STREAM_IN, self._on_comparison)
+        self._others = OtherCells(self, self._subscribe, self._drop, _take)
         self._estimates: Subscription | None = None
         self._images: tuple[Subscription, Any] | None = None
         self._image: Image | CompressedImage | None = None
@@ -119,6 +122,8 @@ class WatchNode(GuardedNode):
                 except Exception as error:  # one bad message must not cost those after it
                     self.faults.add(subscription.topic, error)
         now = time.monotonic()
+        self._others.look(now)
+        self._state.cells = self._others.cells.rows(now)
         self._look_at_estimate(now)
         if self._frames % PICTURE_EVERY == 0:
             self._look_at_camera()
@@ -188,7 +193,9 @@ class WatchNode(GuardedNode):
         self._server.call(self._hub.put_picture, self._camera.picture(image, stamp_ns, near))
 
     def _on_comparison(self, message: SloshComparison) -> None:
-        hearing.hear_comparison(self._state, message, time.monotonic())
+        now = time.monotonic()
+        hearing.hear_comparison(self._state, message, now)
+        self._others.hear_comparison(self.get_namespace(), message, now)
 
     def _on_fused(self, message: FusedEstimate) -> None:
         hearing.hear_fused(self._state, message)
@@ -206,17 +213,21 @@ class WatchNode(GuardedNode):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for report in reports(message, self.get_namespace()):
             self._state.take_report(report, time.monotonic())
+        self._others.hear_diagnostics(message)
 
     def _on_settings(self, message: NodeSettings) -> None:
         with contextlib.suppress(SloshBagError):  # a stranger's; ours can be read
             start = node_start(message, time.time_ns(), topics.SETTINGS)
             hearing.hear_start(self._state, self._camera, start)
+        self._others.hear_settings(self.get_namespace(), message)
 
     def _health(self) -> Health:
         return OK, f"serving {self._hub.viewers} viewers on {self.access.host}:{self.access.port}"
 
     def _facts(self) -> dict[str, Any]:
-        return {"viewers": self._hub.viewers, "frames": self._frames}
+        # A page that needs a token cannot be reached by a link without it.
+        page = {} if self.access.token else {PAGE_PORT: self.access.port}
+        return {"viewers": self._hub.viewers, "frames": self._frames, **page}
 
 
 def _decoded(message: Image | CompressedImage) -> Pixels | bytes:

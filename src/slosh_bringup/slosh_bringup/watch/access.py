@@ -66,7 +66,7 @@ class Access:
         origin = headers.get("origin")
         if origin is not None and origin.lower() != f"http://{host}":
             return "requests from other origins are refused"
-        if data and headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
+        if data and not _is_own_or_link(headers):
             return "requests from other sites are refused"
         if data and self.token:
             given = parse_qs(query).get(TOKEN, [""])[0]
@@ -84,6 +84,13 @@ class Access:
         if self.host in LOOPBACK:
             return name in LOOPBACK
         return name in _own_names() or _is_address(name)
+
+
+def _is_own_or_link(headers: Mapping[str, str]) -> bool:
+    """Whether a request comes from the page itself, or is a link on another page of this host."""
+    site = headers.get("sec-fetch-site", "none")
+    followed = headers.get("sec-fetch-mode") == "navigate"
+    return site in ("none", "same-origin") or (site == "same-site" and followed)
 
 
 def new_access(host: str, port: int) -> Access:

@@ -25,8 +25,13 @@ CAMERA, MODEL = "the camera", "the estimator"
 
 def hear_comparison(state: WatchState, message: Any, now: float) -> None:
     """Adds a SloshComparison, received at a monotonic time [s], to the page's state."""
+    state.take_comparison(compared(message), now)
+
+
+def compared(message: Any) -> Compared:
+    """Returns the shown part of a SloshComparison."""
     silent = ((CAMERA, message.measured_stale), (MODEL, message.estimate_stale))
-    compared = Compared(
+    return Compared(
         stamp_ns(message),
         message.measured,
         message.measured_stddev,
@@ -40,7 +45,6 @@ def hear_comparison(state: WatchState, message: Any, now: float) -> None:
         getattr(message, "without_camera", False),
         getattr(message, "sides_disagree", False),
     )
-    state.take_comparison(compared, now)
 
 
 def hear_surface(state: WatchState, message: Any) -> None:

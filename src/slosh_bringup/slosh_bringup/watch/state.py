@@ -109,6 +109,9 @@ class WatchState:
 
     Args:
         command: the command that finds why the two sides disagree; empty: none fits.
+
+    Attributes:
+        cells: lines of the list of cells; empty: there is one cell only.
     """
 
     def __init__(self, command: str = "") -> None:
@@ -130,6 +133,7 @@ class WatchState:
         self._open: dict[int, LimitNews] = {}
         self._nodes: dict[str, tuple[NodeReport, float]] = {}
         self._rows: list[tuple[float, ...]] = []
+        self.cells: list[dict[str, Any]] = []
 
     def is_alone(self, now: float) -> bool:
         """Whether the estimate is drawn on its own, because there are no comparisons."""
@@ -165,9 +169,11 @@ class WatchState:
         """Stores the start or end of a limit violation."""
         self._events.append(event)
         if event.kind == START:
-            self._open[event.source] = event
+            self._open[event.id] = event
+            if len(self._open) > KEPT_EVENTS:
+                del self._open[next(iter(self._open))]
         else:
-            self._open.pop(event.source, None)
+            self._open.pop(event.id, None)
 
     def take_parameters(
         self, node: str, parameters: Mapping[str, Any], *, goes_on: bool = False
@@ -214,7 +220,7 @@ class WatchState:
         frame: dict[str, Any] = {
             "drawing": self._drawing,
             "verdict": judgement.verdict.value,
-            "reason": judgement.reason,
+            "reason": judgement.reason + ("" if exceeded else self._worst(now)),
             "time": self._seconds(self._newest),
             "rows": [[None if v != v else round(v, 7) for v in row] for row in rows],
             "now": self._now(now),
@@ -224,7 +230,7 @@ class WatchState:
         if self._count % SLOW == 0:
             frame |= {"limits": self._shown_limits(), "nodes": self._shown_nodes(now)}
             frame |= {"events": self._shown_events(), "command": self._advice()}
-            frame["container"] = self._container
+            frame |= {"container": self._container, "cells": self.cells}
         self._count += 1
         return json.dumps(plain(frame), allow_nan=False, separators=(",", ":"))
 
@@ -323,6 +329,14 @@ class WatchState:
             }
             for event in reversed(self._events)
         ]
+
+    def _worst(self, now: float) -> str:
+        """The container of a tray that is nearest to its limit, for a sentence; empty: no tray."""
+        report, at = self._nodes.get("monitor", (None, -math.inf))
+        name = report.facts.get("worst container", "") if report is not None else ""
+        if report is None or not name or now - at > SILENT:
+            return ""
+        return f"; worst container {name}: {report.facts.get(f'container {name}', '')}"
 
     def _advice(self) -> str:
         """Returns the command to run if model and camera disagree; empty if they agree."""

@@ -36,12 +36,16 @@ from slosh_camera.settings import DetectionSettings, LiquidContrast, RegionOfInt
 from slosh_model.containers import SHAPES
 from slosh_model.errors import SloshModelError
 from slosh_model.model_text import container_section, parse_container
+from slosh_model.shapes.round_cups import Frustum
 
 _CYLINDER, _RECTANGLE = "cylinder", "rectangle"
 _CONTAINER_KEYS = {
     _CYLINDER: (("radius", "fill_height"), WALL),
     _RECTANGLE: (("width", "fill_height"), ("depth", *WALL)),
 }
+_SIDE, _THROUGH = "side", "through_wall"
+_DIGITS = 12
+"""Of a length [m] that is computed from others."""
 _REGION_KEYS = ("x_offset", "y_offset", "width", "height")
 _DETECTION_KEYS = tuple(entry.name for entry in fields(DetectionSettings))
 _REQUIRED = (
@@ -60,6 +64,7 @@ _OPTIONAL = (
     "region_of_interest",
     "detection",
     "still_image",
+    "view",
     "rectification_matrix",
     "projection_matrix",
 )
@@ -68,23 +73,23 @@ _T = TypeVar("_T")
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Reads the calibration file of a camera that views a cylindrical container.
+    """Reads the calibration file of a camera that views a cylinder or frustum through its wall.
 
     Args:
         path: the file, usually camera.yaml.
 
     Returns:
-        The calibration.
+        The calibration, of a cylinder or a frustum.
 
     Raises:
-        SloshCameraError: the file cannot be read, a value cannot be used or the container is not
-            a cylinder; the message names the file and the key.
+        SloshCameraError: the file cannot be read, a value cannot be used or the container is seen
+            from the side; the message names the file and the key.
     """
     return _of_cylinder(read_any_calibration(path), str(path))
 
 
 def read_any_calibration(path: str | Path) -> AnyCalibration:
-    """Reads the calibration file of a cylinder or of a side view of another container.
+    """Reads the calibration file of a view through the wall or of a side view.
 
     Args:
         path: the file, usually camera.yaml.
@@ -102,7 +107,7 @@ def read_any_calibration(path: str | Path) -> AnyCalibration:
 def parse_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> Calibration:
-    """Parses the calibration of a camera that views a cylindrical container.
+    """Parses the calibration of a camera that views a cylinder or frustum through its wall.
 
     Args:
         text: YAML.
@@ -121,7 +126,7 @@ def parse_calibration(
 def parse_any_calibration(
     text: str, source: str = "camera.yaml", folder: Path | None = None
 ) -> AnyCalibration:
-    """Parses the calibration of a cylinder or of a side view of another container.
+    """Parses the calibration of a view through the wall or of a side view.
 
     Args:
         text: YAML.
@@ -149,6 +154,7 @@ def format_calibration(calibration: AnyCalibration) -> str:
         "camera_matrix": {"rows": 3, "cols": 3, "data": camera.matrix.ravel().tolist()},
         **lens_block(camera),
         "container": container,
+        **_view_block(calibration),
         "pose": {
             "rotation": pose.rotation.ravel().tolist(),
             "translation": pose.translation.tolist(),
@@ -181,11 +187,35 @@ def _container_block(calibration: AnyCalibration) -> dict[str, Any]:
         return container_section(view.body) | wall
     if isinstance(calibration, SideCalibration):
         shape, holder = _RECTANGLE, asdict(calibration.view.box)
+    elif calibration.view.cup.taper:
+        return _frustum_block(calibration.view.cup)
     else:
         shape, holder = _CYLINDER, asdict(calibration.view.cup)
     required, optional = _CONTAINER_KEYS[shape]
     known = {key: holder[key] for key in (*required, *optional) if holder[key] is not None}
     return {"shape": shape, **known}
+
+
+def _view_block(calibration: AnyCalibration) -> dict[str, Any]:
+    """Returns the key `view` of a frustum that is seen through its wall, otherwise nothing."""
+    through = isinstance(calibration, Calibration) and calibration.view.cup.taper
+    return {"view": _THROUGH} if through else {}
+
+
+def _frustum_block(cup: Cup) -> dict[str, Any]:
+    """Returns the keys of a frustum's container block."""
+    top = cup.radius if cup.rim_level is None else cup.rim_level
+    lengths = {
+        "bottom_radius": float(cup.radius_at(-cup.fill_height)),
+        "top_radius": float(cup.radius_at(top)),
+        "height": cup.fill_height + top,
+        "fill_height": cup.fill_height,
+        "wall_thickness": cup.wall_thickness,
+    }
+    rounded = {key: round(value, _DIGITS) for key, value in lengths.items()}
+    return {
+        "shape": Frustum.shape, **rounded, "wall_refractive_index": cup.wall_refractive_index
+    }  # fmt: skip
 
 
 def _calibration(
@@ -223,13 +253,16 @@ def _check_calibrated(root: Mapping[str, Any], source: YamlDocument) -> None:
 def _container(root: Mapping[str, Any], source: YamlDocument, folder: Path | None) -> Cup | Box:
     block = mapping(root["container"], source, "container")
     shape = block.get("shape", _CYLINDER)
+    through = _is_through_wall(root, source)
     if isinstance(shape, str) and shape in SHAPES and shape not in _CONTAINER_KEYS:
-        return _body(block, source, folder)
+        return _body(block, source, folder, through)
     if not isinstance(shape, str) or shape not in _CONTAINER_KEYS:
         raise SloshCameraError(
             f"{place(source, 'container.shape')}: {shown(shape)}, must be "
             f"{' or '.join(_CONTAINER_KEYS)}, or a body of revolution"
         )
+    if through and shape == _RECTANGLE:
+        raise SloshCameraError(f"{place(source, 'view')}: {_THROUGH}, not of a {shape}")
     required, optional = _CONTAINER_KEYS[shape]
     check_keys(block, required, (*optional, "shape"), source, "container.")
     values = {
@@ -238,8 +271,20 @@ def _container(root: Mapping[str, Any], source: YamlDocument, folder: Path | Non
     return Cup(**values) if shape == _CYLINDER else Box(**values)
 
 
-def _body(block: Mapping[str, Any], source: YamlDocument, folder: Path | None) -> RoundBody:
-    """Reads a body of revolution and its wall from the calibration file."""
+def _is_through_wall(root: Mapping[str, Any], source: YamlDocument) -> bool:
+    """Returns whether the file's key `view` says that the camera views through the wall."""
+    view = root.get("view")
+    if view not in (None, _SIDE, _THROUGH):
+        raise SloshCameraError(
+            f"{place(source, 'view')}: {shown(view)}, must be {_SIDE} or {_THROUGH}"
+        )
+    return bool(view == _THROUGH)
+
+
+def _body(
+    block: Mapping[str, Any], source: YamlDocument, folder: Path | None, through: bool
+) -> RoundBody | Cup:
+    """A container by its contour, as a model has it, with its wall."""
     wall = {
         key: number(block[key], source, f"container.{key}")
         for key in WALL
@@ -250,7 +295,7 @@ def _body(block: Mapping[str, Any], source: YamlDocument, folder: Path | None) -
         container = parse_container(section, folder or Path())
     except SloshModelError as error:
         raise SloshCameraError(f"{place(source, 'container')}: {error}") from None
-    return RoundBody.of(container, **wall)
+    return Cup.of(container, **wall) if through else RoundBody.of(container, **wall)
 
 
 def _pose(root: Mapping[str, Any], source: YamlDocument) -> Pose:
@@ -311,7 +356,8 @@ def _liquid(value: object, source: YamlDocument) -> LiquidContrast:
 def _of_cylinder(calibration: AnyCalibration, source: str) -> Calibration:
     if isinstance(calibration, SideCalibration):
         raise SloshCameraError(
-            f"{source}: container.shape: {_RECTANGLE}, but a {_CYLINDER} is needed here"
+            f"{source}: container.shape: this is a side view, but a view through the wall of a "
+            f"{_CYLINDER} or a {Frustum.shape} is needed here"
         )
     return calibration
 

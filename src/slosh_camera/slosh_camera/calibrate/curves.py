@@ -95,14 +95,9 @@ def curve_points(view: CupView, curve: Curve, count: int) -> FloatArray:
 
 def _side_points(view: CupView, curve: Curve, z: FloatArray) -> FloatArray:
     """Returns points of the outer wall on its silhouette, as seen from the camera."""
-    outer = view.cup.radius + view.cup.wall_thickness
-    centre = view.pose.camera_centre
-    half = np.arccos(outer / np.hypot(centre[0], centre[1]))
+    half = view.side_half_angle
     azimuth = view.camera_azimuth + (-half if curve in _LEFT else half)
-    points = np.column_stack(
-        (np.full(z.size, outer * np.cos(azimuth)), np.full(z.size, outer * np.sin(azimuth)), z)
-    )
-    return view.project(points)
+    return view.project(view.cup.outer_points(azimuth, z))
 
 
 def sides_of(view: CupView) -> tuple[FloatArray, FloatArray]:
@@ -180,10 +175,14 @@ def _side_distances(view: CupView, seen: SeenCurve) -> FloatArray:
     origin, direction = view.rays(seen.pixels)
     flat = np.hypot(direction[:, 0], direction[:, 1])
     offset = (origin[0] * direction[:, 1] - origin[1] * direction[:, 0]) / flat
-    outer = view.cup.radius + view.cup.wall_thickness
-    outwards = (-offset if seen.curve in _LEFT else offset) - outer
-    distance = axis_distance(view)
-    cup = view.cup
+    cup, distance = view.cup, axis_distance(view)
+    left = seen.curve in _LEFT
+    if cup.taper:
+        # From the plane through the camera that touches the cone, at the axis' distance.
+        side = view.camera_azimuth + view.side_half_angle * (-1.0 if left else 1.0)
+        outwards = distance * (direction @ (np.cos(side), np.sin(side), -cup.taper)) / flat
+    else:
+        outwards = (-offset if left else offset) - (cup.radius + cup.wall_thickness)
     shine = TUNING.shine if cup.wall_thickness > 0.0 and cup.wall_refractive_index > 1.0 else 0.0
     return np.asarray(outwards * view.camera.fx / distance + shine)
 

@@ -76,6 +76,7 @@ class Told:
         rim = self.cup.rim_height
         cup = replace(
             self.cup,
+            radius=float(self.cup.radius_at(fill - self.cup.fill_height)),
             wall_thickness=wall,
             fill_height=fill,
             rim_height=rim if rim is None or rim > fill else None,

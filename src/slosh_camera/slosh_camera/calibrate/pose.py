@@ -150,3 +150,66 @@ def axis_from_sides(left: FloatArray, right: FloatArray, radius: float) -> Axis 
     if sine < 1e-4:
         return None
     return Axis(up, forward, radius / sine)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConeAxis:
+    """The axis of a cone in the camera frame, from its two sides, at an unknown distance.
+
+    Attributes:
+        up: (3,) unit vector along the axis.
+        tip: (3,) unit vector from the camera's centre towards the cone's tip.
+    """
+
+    up: FloatArray
+    tip: FloatArray
+
+    @property
+    def forward(self) -> FloatArray:
+        """(3,) unit vector from the camera's centre to the axis, at right angles to it."""
+        across = self.tip - (self.tip @ self.up) * self.up
+        return np.asarray(across / np.linalg.norm(across))
+
+    def at(self, away: float, above: float) -> tuple[Axis, float]:
+        """Returns the axis and the camera's height above the still level [m].
+
+        Args:
+            away: of the tip from the camera's centre [m].
+            above: height of the still level above the tip [m]; negative: below.
+        """
+        distance = away * float(self.tip @ self.forward)
+        return Axis(self.up, self.forward, distance), -away * float(self.tip @ self.up) - above
+
+
+def cone_from_sides(left: FloatArray, right: FloatArray, taper: float) -> ConeAxis | None:
+    """Computes a cone's axis from its two sides: both planes through the camera touch it.
+
+    Each plane's outward normal n is inclined to the axis u by the wall: n·u = -sin(atan(taper)).
+    The planes meet in the line through the camera and the tip.
+
+    Args:
+        left: (2, 3) two rays of the left side, in the camera frame.
+        right: (2, 3) two rays of the right side.
+        taper: growth of the radius per height, dr/dz; not 0.
+
+    Returns:
+        The axis; None where the two sides cannot be those of such a cone.
+    """
+    normals = []
+    for side, outwards in ((left, -1.0), (right, 1.0)):
+        normal = np.cross(side[0], side[1])
+        length = float(np.linalg.norm(normal))
+        if length < 1e-12:
+            return None
+        normals.append(normal / length * np.copysign(1.0, outwards * normal[0]))
+    middle, tip = normals[0] + normals[1], np.cross(normals[0], normals[1])
+    if np.linalg.norm(middle) < 1e-9 or np.linalg.norm(tip) < 1e-9:
+        return None
+    middle /= np.linalg.norm(middle)
+    # Below the container where it is wider above.
+    tip *= np.copysign(1.0 / np.linalg.norm(tip), taper * tip[1])
+    along = -taper / np.hypot(1.0, taper) / float(middle @ normals[0])
+    if not abs(along) < 1.0:
+        return None
+    up = along * middle - np.copysign(np.sqrt(1.0 - along**2), taper) * tip
+    return ConeAxis(up, tip) if up[1] < 0.0 else None

@@ -6,6 +6,7 @@ picture then should show is looked up in the derivatives. Light goes straight he
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.calibrate.edges import EdgeImage
 from slosh_camera.calibrate.lines import UprightLine, upright_lines
-from slosh_camera.calibrate.pose import Axis, CameraPlace, axis_from_sides
+from slosh_camera.calibrate.pose import Axis, CameraPlace, axis_from_sides, cone_from_sides
 from slosh_camera.calibrate.tuning import TUNING
 from slosh_camera.optics.camera import PinholeCamera
 from slosh_camera.optics.cup import Cup
@@ -76,6 +77,12 @@ def find_candidates(
     lines = upright_lines(edges, TUNING.lines, TUNING.least_line * rows)
     maps = _support_maps(edges)
     found: list[CandidatePlace] = []
+    if cup.taper:
+        for left, right in _pairs(lines, edges.shape):
+            best = _best_cone(maps, camera, cup, (left, right), level)
+            found += [best] if best else []
+        found.sort(key=lambda candidate: -candidate.score)
+        return _distinct(found, count)
     for axis, width in _axes(lines, camera, cup, edges.shape):
         tries = [_best_level(maps, camera, cup, axis.pitched(p), width, level) for p in _PITCHES]
         # The fine fit finds the pitch from any of them.
@@ -100,16 +107,25 @@ def _axes(
 ) -> list[tuple[Axis, float]]:
     """Yields axes of line pairs that may be a container's sides, with their distances [px]."""
     axes = []
-    for first, second in combinations(lines, 2):
-        left, right = sorted((first, second), key=lambda line: line.column)
-        width = right.column - left.column
-        shared = min(left.bottom, right.bottom) - max(left.top, right.top)
-        if width < TUNING.least_width * shape[1] or shared < 0.03 * shape[0]:
-            continue
+    for left, right in _pairs(lines, shape):
         axis = axis_of_lines(left, right, camera, cup)
         if axis is not None:
-            axes.append((axis, width))
+            axes.append((axis, right.column - left.column))
     return axes
+
+
+def _pairs(
+    lines: list[UprightLine], shape: tuple[int, int]
+) -> Iterator[tuple[UprightLine, UprightLine]]:
+    """Yields pairs of lines that are far enough apart and beside each other."""
+    for first, second in combinations(lines, 2):
+        left, right = sorted((first, second), key=lambda line: line.column)
+        shared = min(left.bottom, right.bottom) - max(left.top, right.top)
+        if (
+            right.column - left.column >= TUNING.least_width * shape[1]
+            and shared >= 0.03 * shape[0]
+        ):
+            yield left, right
 
 
 def axis_of_lines(
@@ -159,6 +175,40 @@ def _best_level(
     return CandidatePlace(axis.place(float(heights[best])), score, width)
 
 
+def _best_cone(
+    maps: _Maps,
+    camera: PinholeCamera,
+    cup: Cup,
+    sides: tuple[UprightLine, UprightLine],
+    level: tuple[float, float] | None,
+) -> CandidatePlace | None:
+    """Returns the level with most support on a cone with two lines as sides; None: impossible."""
+    left, right = sides
+    cone = cone_from_sides(_line_rays(left, camera), _line_rays(right, camera), cup.taper)
+    if cone is None:
+        return None
+    tip = float(cup.outer_radius_at(0.0)) / cup.taper
+    # The level's front line in the container's middle is in each of these rows.
+    rows, width = maps.level.shape[0], right.column - left.column
+    v = np.arange(0.03 * rows, 0.99 * rows, TUNING.row_step) if level is None else level[1]
+    slope = (np.atleast_1d(v) - camera.cy) / camera.fy
+    aside = tip * cone.up - cup.radius * cone.forward
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = (slope * aside[2] - aside[1]) / (cone.tip[1] - slope * cone.tip[2])
+    best = None
+    for ahead in away[np.isfinite(away) & (away * cone.tip[2] > 0.0)]:
+        axis, height = cone.at(float(ahead), tip)
+        place = axis.place(height)
+        upright = abs(place.pitch) <= TUNING.most_pitch and abs(place.roll) <= TUNING.most_roll
+        if not upright or not axis.distance > 1.5 * cup.radius:
+            continue
+        score = float(_scores(maps, camera, cup, axis, np.array([height]))[0])
+        score -= TUNING.search_chance * TUNING.search_slack / width
+        if best is None or score > best.score:
+            best = CandidatePlace(place, score, width)
+    return best
+
+
 def height_through(
     camera: PinholeCamera, cup: Cup, axis: Axis, pixel: tuple[float, float]
 ) -> FloatArray:
@@ -178,22 +228,28 @@ def _scores(
 ) -> FloatArray:
     """Scores each camera height (N,) above the liquid level by edge strength."""
     arc = np.deg2rad(np.linspace(-62.0, 62.0, 21))
-    outer = cup.radius + cup.wall_thickness
-    side = np.arccos(min(outer / axis.distance, 1.0))
+    # A cone has one axis for every height, a cylinder one for all.
+    viewer = cup.outer_radius_at(heights[0] if cup.taper else 0.0)
+    side = np.arccos(min(float(viewer) / axis.distance, 1.0))
     top = min(cup.rim_level or 0.5 * cup.fill_height, cup.fill_height)
     below = -np.linspace(0.08, 0.95, 12) * cup.fill_height
     above = np.linspace(0.1, 0.9, 8) * top
 
     def supports(
-        azimuth: ArrayOrFloat, radius: float, z: ArrayOrFloat, chart: Float32Array
+        azimuth: ArrayOrFloat, radius: ArrayOrFloat, z: ArrayOrFloat, chart: Float32Array
     ) -> FloatArray:
         return _lookup(chart, _pixels(camera, axis, heights, azimuth, radius, z))
 
+    def outer(z: FloatArray) -> FloatArray:
+        return cup.outer_radius_at(z)
+
     front = _mean(supports(arc, cup.radius, 0.0, maps.level))
     rear = _mean(supports(arc + np.pi, cup.radius, 0.0, maps.level))
-    liquid = [_mean(supports(sign * side, outer, below, maps.upright)) for sign in (-1, 1)]
-    glass = [_mean(supports(sign * side, outer, above, maps.upright)) for sign in (-1, 1)]
-    base = _mean(supports(arc, cup.radius, -cup.fill_height, maps.level), least=0.5)
+    liquid = [_mean(supports(sign * side, outer(below), below, maps.upright)) for sign in (-1, 1)]
+    glass = [_mean(supports(sign * side, outer(above), above, maps.upright)) for sign in (-1, 1)]
+    base = _mean(
+        supports(arc, cup.radius_at(-cup.fill_height), -cup.fill_height, maps.level), least=0.5
+    )
     # The rear line is hidden behind the liquid for a camera below the level.
     second = np.where(heights > 0.0, np.fmin(front, rear), 0.0)
     level = np.where(heights > 0.0, np.fmax(front, rear), front)
@@ -221,13 +277,13 @@ def _pixels(
     axis: Axis,
     heights: FloatArray,
     azimuth: ArrayOrFloat,
-    radius: float,
+    radius: ArrayOrFloat,
     z: ArrayOrFloat,
 ) -> FloatArray:
     """Projects points, given by azimuth, radius and height, for N camera heights [px]."""
-    angle, level = np.broadcast_arrays(np.atleast_1d(azimuth), np.atleast_1d(z))
+    angle, level, across = np.broadcast_arrays(*map(np.atleast_1d, (azimuth, z, radius)))
     points = np.column_stack(
-        (radius * np.sin(angle), -radius * np.cos(angle), np.asarray(level, dtype=np.float64))
+        (across * np.sin(angle), -across * np.cos(angle), np.asarray(level, dtype=np.float64))
     )
     here = points @ axis.rotation.T + axis.distance * axis.forward
     cast = here[np.newaxis, :, :] - heights[:, np.newaxis, np.newaxis] * axis.up

@@ -78,7 +78,7 @@ def calibrate_by_edges(
         hint = hint.with_distance(distance, TUNING.told_distance * distance)
     task = _Task(straight, pinhole, Told(pinhole, cup, doubt), azimuth, hint, distance)
     # A large picture is most often a photograph, with more edges than a container has.
-    answer = _by_outline(task) if _shrink(pinhole) > 1 else None
+    answer = _by_outline(task) if _shrink(pinhole) > 1 and not cup.taper else None
     return _for_lens(answer or _by_edges(task), camera, 1)
 
 

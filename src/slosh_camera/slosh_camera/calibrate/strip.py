@@ -49,8 +49,9 @@ def unrolled(edges: EdgeImage, view: CupView, low: float, high: float) -> Strip:
     azimuth = view.camera_azimuth + np.linspace(-TUNING.arc, TUNING.arc, _SECTORS * _COLUMNS)
     shape = (heights.size, azimuth.size)
     points = np.empty((*shape, 3))
-    points[..., 0] = cup.radius * np.cos(azimuth)
-    points[..., 1] = cup.radius * np.sin(azimuth)
+    radius = cup.radius_at(heights)[:, np.newaxis]
+    points[..., 0] = radius * np.cos(azimuth)
+    points[..., 1] = radius * np.sin(azimuth)
     points[..., 2] = heights[:, np.newaxis]
     pixels = view.project(points.reshape(-1, 3)).reshape(*shape, 2).astype(np.float32)
     rows, columns = edges.shape
@@ -177,15 +178,13 @@ def walls_below(
 
 def _sides_seen(edges: EdgeImage, view: CupView, z: FloatArray) -> FloatArray:
     """Returns 1 for each height (N,) at which both container sides are visible, otherwise 0."""
-    outer = view.cup.radius + view.cup.wall_thickness
-    half = np.arccos(min(outer / float(np.hypot(*view.pose.camera_centre[:2])), 1.0))
+    half = view.side_half_angle
     support = edges.support(edges.across).astype(np.float32)
     wide = np.asarray(
         cv2.dilate(support, np.ones((1, 4 * TUNING.strip_slack + 1), np.uint8)), np.float32
     )
     seen = np.ones(z.size)
     for side in (-half, half):
-        azimuth = view.camera_azimuth + side
-        flat = np.full(z.size, outer * np.cos(azimuth)), np.full(z.size, outer * np.sin(azimuth))
-        seen = np.minimum(seen, _values(wide, view.project(np.column_stack((*flat, z)))) > 0.4)
+        points = view.cup.outer_points(view.camera_azimuth + side, z)
+        seen = np.minimum(seen, _values(wide, view.project(points)) > 0.4)
     return seen

@@ -76,9 +76,7 @@ class ContainerEdges:
 
 def _side(view: CupView, left: bool) -> FloatArray:
     """Returns the visible image points (N, 2) of the outer wall's left or right side."""
-    cup, centre = view.cup, view.pose.camera_centre
-    outer = cup.radius + cup.wall_thickness
-    half = float(np.arccos(outer / np.hypot(centre[0], centre[1])))
+    cup, half = view.cup, view.side_half_angle
     top = (
         TUNING.side_unknown_rim * cup.radius
         if cup.rim_level is None
@@ -86,10 +84,7 @@ def _side(view: CupView, left: bool) -> FloatArray:
     )
     level = np.linspace(-TUNING.wall_depth * cup.fill_height, top, _HEIGHTS)
     azimuth = view.camera_azimuth + (half if left else -half)
-    points = np.column_stack(
-        (np.full((_HEIGHTS, 2), outer) * (np.cos(azimuth), np.sin(azimuth)), level)
-    )
-    pixels = view.project(points)
+    pixels = view.project(cup.outer_points(azimuth, level))
     margin = _REACH // 2
     size = np.array([view.camera.width, view.camera.height])
     with np.errstate(invalid="ignore"):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from slosh_camera.cylinder.container_edges import ContainerEdges
 from slosh_camera.cylinder.front_line import FrontLineFinder
+from slosh_camera.cylinder.inclined_wall import on_inclined_wall
 from slosh_camera.cylinder.outer_edges import outer_edges
 from slosh_camera.cylinder.scan_grid import build_scan_grid
 from slosh_camera.cylinder.still_lesson import StillLearner, StillLesson
@@ -79,7 +80,9 @@ class FreeSurfaceDetector:
         self._wall = WallGeometry(self._grid, calibration.view.cup.radius)
         rim = calibration.view.cup.rim_level
         self._fitter = SurfaceFitter(self._wall)
-        self._chooser = SurfaceChooser(self._wall, np.inf if rim is None else rim)
+        self._chooser = SurfaceChooser(
+            self._wall, np.inf if rim is None else float(calibration.view.cup.upright(rim))
+        )
         self._wall_pixels = WallPixels(calibration.view)
         self._edges = ContainerEdges(calibration.view)
         self._still_edges = StillEdges(outer_edges(self._view), self._view.camera.size)
@@ -97,7 +100,7 @@ class FreeSurfaceDetector:
     @property
     def still_offset(self) -> float:
         """Offset of the level at rest from the calibrated level, subtracted from heights [m]."""
-        return float(self._lesson.zero[0])
+        return float(self._view.cup.leaning(self._lesson.zero[0]))
 
     @property
     def doubt(self) -> str:
@@ -245,9 +248,9 @@ class FreeSurfaceDetector:
         return self._grid.unroll(image)
 
     def _measurement(self, stamp_ns: int, found: _Found) -> Measurement:
-        if Flag.NOT_FOUND in found.flags:
-            return self._lower_bound(stamp_ns, found)
-        return self._read(stamp_ns, found)
+        lost = Flag.NOT_FOUND in found.flags
+        upright = self._lower_bound(stamp_ns, found) if lost else self._read(stamp_ns, found)
+        return on_inclined_wall(upright, self._view.cup, float(self._lesson.zero[0]))
 
     def _lower_bound(self, stamp_ns: int, found: _Found) -> Measurement:
         """Returns a lower bound of the height if the surface lies beyond the image border."""
@@ -302,7 +305,10 @@ class FreeSurfaceDetector:
             profile_azimuth=reading.azimuth,
             profile_height=reading.height,
             edge_pixels=self._pixels(found, reading),
-            peak_pixel=self._wall_pixels(highest.azimuth, highest.height + self._lesson.zero[0]),
+            peak_pixel=self._wall_pixels(
+                highest.azimuth,
+                float(self._view.cup.leaning(highest.height + self._lesson.zero[0])),
+            ),
             peak_side=self._side(fitted.azimuth),
             level_change=level[0],
             level_change_stddev=level[1],

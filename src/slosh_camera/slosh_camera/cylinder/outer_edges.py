@@ -1,4 +1,4 @@
-"""Edges of a cylindrical container in the image: sides, floor and rim."""
+"""Edges of a round container in the image: sides, floor and rim."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ def outer_edges(view: CupView) -> list[Edge]:
     Args:
         view: the container as the camera sees it.
     """
-    cup, centre = view.cup, view.pose.camera_centre
-    outer = cup.radius + cup.wall_thickness
-    front = view.camera_azimuth
-    half = float(np.arccos(outer / np.hypot(centre[0], centre[1])))
+    cup, front, half = view.cup, view.camera_azimuth, view.side_half_angle
     levels, middle = along_side(cup.fill_height), along_end(half)
     around = np.ones(PLACES)
     lines = [((front + side) * around, levels, True) for side in (half, -half)]
@@ -27,6 +24,5 @@ def outer_edges(view: CupView) -> list[Edge]:
         lines += [(front + turn + middle, rim, False) for turn in (0.0, np.pi)]
     edges = []
     for azimuth, level, is_side in lines:
-        points = np.column_stack((outer * np.cos(azimuth), outer * np.sin(azimuth), level))
-        edges.append(Edge(view.project(points), is_side))
+        edges.append(Edge(view.project(cup.outer_points(azimuth, level)), is_side))
     return edges

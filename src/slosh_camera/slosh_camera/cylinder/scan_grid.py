@@ -34,8 +34,9 @@ class ScanGrid:
     Attributes:
         pixels: (J, M, 2) places in the image (u, v), a pixel apart along a line, or somewhat more.
         inside: (J, M) whether the sample lies in the image and the region of interest.
-        front: (J, M, 3) point of the front wall seen there [m].
-        rear: (J, M, 3) point of the rear wall seen there above the liquid [m]; NaN: none.
+        front: (J, M, 3) point of the front wall seen there, as on an upright wall [m].
+        rear: (J, M, 3) point of the rear wall seen there above the liquid, as on an upright wall
+            [m]; NaN: none.
         azimuth: (M,) of the lines on the front wall at the still level [rad].
         still_row: row at which the front wall's still level is seen, the same on all lines.
         window: left, top, right and bottom of the part of the image that the lines lie in.
@@ -120,8 +121,8 @@ def build_scan_grid(view: CupView, given: RegionOfInterest | None) -> ScanGrid:
     return ScanGrid(
         pixels,
         inside[:, keep],
-        trace.front.reshape(shape),
-        trace.rear.reshape(shape),
+        view.cup.upright_points(trace.front).reshape(shape),
+        view.cup.upright_points(trace.rear).reshape(shape),
         azimuth[keep],
         still_row,
         window,

@@ -54,7 +54,7 @@ class FollowingDetector:
     ) -> None:
         self._node, self._calibration, self._changed = node, calibration, changed
         self._start = self._now = self._next = _Looking(detector)
-        self._next_ns = 0
+        self._next_ns, self._told = 0, ""
         node.create_subscription(
             ContainerChange, topics.CONTAINER, self._on_change, qos.LATCHED_STREAM
         )
@@ -92,6 +92,9 @@ class FollowingDetector:
 
     def _look(self, message: ContainerChange, stamp_ns: int) -> None:
         before = self._next
+        told, self._told = self._told, f"{message.present} {message.model}"
+        if message.tray and told == self._told:
+            return  # another place of the tray has changed
         if not message.present:
             looking = before._replace(why_not="no container: the gripper is empty", wrong=False)
         elif not message.model:

@@ -46,7 +46,7 @@ class CameraCalibration(Generic[_View]):
 
 
 class Calibration(CameraCalibration[CupView]):
-    """Calibration of a camera that views a transparent cylinder."""
+    """Calibration of a camera that views a cylinder or frustum through its wall."""
 
     __slots__ = ()
 

@@ -1,9 +1,13 @@
-"""Projects a transparent cylinder into an image, and pixels back onto its wall.
+"""Projects a transparent cylinder or cone into an image, and pixels back onto its wall.
 
 Container frame: origin in the centre of the still free surface, z up along the axis, azimuth
 counted from +x towards +y. Rays to the inner wall bend where they enter and leave the transparent
 wall (refraction.py): the liquid's line on the front wall is seen through the wall alone, the line
 on the rear wall through the wall and the air above the liquid.
+
+A cone is a cylinder under the map (x, y, z) -> (x, y, z) / (1 + taper z / radius): straight lines
+stay straight, planes stay planes, and azimuths stay as they are. Heights on that upright wall are
+called upright: a plane's line on it is a cosine, as on a cylinder.
 """
 
 from __future__ import annotations
@@ -18,12 +22,18 @@ from slosh_base.types import Array
 from slosh_camera.errors import SloshCameraError
 from slosh_camera.measurement import Measurement
 from slosh_camera.optics.camera import PinholeCamera
+from slosh_camera.optics.cone import grazing_half_angle, sight_through, silhouette_half_angle
 from slosh_camera.optics.container import SeenContainer
 from slosh_camera.optics.pose import Pose
 from slosh_camera.optics.refraction import GlassWall, WallTrace
+from slosh_model.containers import Container
+from slosh_model.shapes.cylinder import Cylinder
+from slosh_model.shapes.round_cups import Frustum
 
 _AROUND = 73
 _FITTED_POINTS = 241
+STEEPEST_TAPER = 0.5
+"""Of the walls that are measured through; in a flatter one the rear line is hardly seen."""
 
 
 class Wall(Enum):
@@ -39,17 +49,18 @@ class Wall(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Cup(SeenContainer):
-    """A cylindrical container with a transparent wall.
+    """A cylindrical or conical container with a transparent wall.
 
     >>> Cup(radius=0.04, fill_height=0.06, rim_height=0.11).rim_level  # m above the still level
     0.05
 
     Attributes:
-        radius: inner radius [m].
+        radius: inner radius at the still level [m].
         fill_height: depth of the liquid at rest [m].
         wall_thickness: thickness of the wall [m].
         rim_height: inner wall's height above the floor [m]; None: unknown.
         wall_refractive_index: of the wall; acrylic glass has 1.49.
+        taper: growth of the inner radius per height, dr/dz; 0: a cylinder.
     """
 
     radius: float
@@ -57,6 +68,74 @@ class Cup(SeenContainer):
     wall_thickness: float = 0.0
     rim_height: float | None = None
     wall_refractive_index: float = 1.49
+    taper: float = field(default=0.0, metadata={"is_length": False})
+
+    def __post_init__(self) -> None:
+        """Refuse a container that cannot be."""
+        SeenContainer.__post_init__(self)
+        if not abs(self.taper) <= STEEPEST_TAPER:
+            raise SloshCameraError(
+                f"taper: {self.taper:.3g} radius per height, must be within "
+                f"{STEEPEST_TAPER:g}: a flatter wall is measured from the side only (--scale)"
+            )
+        if not self.radius_at(np.array([-self.fill_height, self.rim_level or 0.0])).min() >= 0.0:
+            raise SloshCameraError(f"taper: {self.taper:.3g}, the wall crosses its axis")
+
+    @classmethod
+    def of(
+        cls, container: Container, wall_thickness: float = 0.0, wall_refractive_index: float = 1.49
+    ) -> Cup:
+        """Makes the container that a camera sees from a container of a model.
+
+        Raises:
+            SloshCameraError: its wall is neither a cylinder nor a cone.
+        """
+        if isinstance(container, Cylinder):
+            taper = 0.0
+        elif isinstance(container, Frustum):
+            taper = (container.top_radius - container.bottom_radius) / container.height
+        else:
+            raise SloshCameraError(
+                f"shape: a {container.shape} is not measured through its wall; possible are "
+                "cylinder and frustum, and from the side all bodies of revolution (--scale)"
+            )
+        return cls(
+            container.size, container.fill_height, wall_thickness, container.rim_height,
+            wall_refractive_index, taper,
+        )  # fmt: skip
+
+    def radius_at(self, level: ArrayLike) -> Array:
+        """Returns the inner radius at heights above the still level [m]."""
+        return np.asarray(self.radius + self.taper * np.asarray(level, dtype=np.float64))
+
+    def outer_radius_at(self, level: ArrayLike) -> Array:
+        """Returns the outer radius at heights above the still level [m]."""
+        wall = self.wall_thickness * float(np.hypot(1.0, self.taper))
+        return np.asarray(self.radius_at(level) + wall)
+
+    def outer_points(self, azimuth: ArrayLike, level: ArrayLike) -> Array:
+        """Returns points (..., 3) of the outer wall [m] by azimuth [rad] and height [m]."""
+        angle, height = np.broadcast_arrays(
+            np.asarray(azimuth, dtype=np.float64), np.asarray(level, dtype=np.float64)
+        )
+        outer = self.outer_radius_at(height)
+        return np.stack((outer * np.cos(angle), outer * np.sin(angle), height), axis=-1)
+
+    def upright_points(self, points: Array) -> Array:
+        """Maps points (..., 3) [m] so that an inclined wall becomes a vertical cylinder."""
+        return (
+            points / (1.0 + self.taper / self.radius * points[..., 2:]) if self.taper else points
+        )
+
+    def upright(self, height: ArrayLike) -> Array:
+        """Maps heights above the still level [m] to those on the vertical cylinder [m]."""
+        given = np.asarray(height, dtype=np.float64)
+        return np.asarray(given / (1.0 + self.taper / self.radius * given))
+
+    def leaning(self, height: ArrayLike) -> Array:
+        """Maps heights on the vertical cylinder [m] back; the inverse of `upright`."""
+        given = np.asarray(height, dtype=np.float64)
+        return np.asarray(given / (1.0 - self.taper / self.radius * given))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,16 +159,19 @@ class CupView:
     cup: Cup
     _centre: Array = field(init=False, repr=False)
     _glass: GlassWall = field(init=False, repr=False)
+    _half: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Raises SloshCameraError if the container is not in front of the camera."""
         centre = self.pose.camera_centre
         object.__setattr__(self, "_centre", centre)
         cup = self.cup
-        glass = GlassWall(cup.radius, cup.wall_thickness, cup.wall_refractive_index, cup.rim_level)
+        glass = GlassWall(
+            cup.radius, cup.wall_thickness, cup.wall_refractive_index, cup.rim_level, cup.taper
+        )
         object.__setattr__(self, "_glass", glass)
         outer = glass.outer_radius
-        if float(np.hypot(centre[0], centre[1])) <= outer:
+        if not float(np.hypot(centre[0], centre[1])) > max(outer, outer + cup.taper * centre[2]):
             raise SloshCameraError(
                 "pose: the camera is inside the container or straight above it, "
                 "it must look at the wall from outside"
@@ -99,6 +181,13 @@ class CupView:
         depth = (axis @ self.pose.rotation.T + self.pose.translation)[:, 2]
         if np.any(depth <= outer):
             raise SloshCameraError("pose: the container is not in front of the camera")
+        half = grazing_half_angle(glass, centre) if cup.taper else 0.0
+        if np.isnan(half):
+            raise SloshCameraError(
+                f"wall_thickness: {cup.wall_thickness} m, too thick to see through at the sides "
+                "of an inclined wall"
+            )
+        object.__setattr__(self, "_half", half)
 
     @property
     def container(self) -> Cup:
@@ -140,7 +229,8 @@ class CupView:
         if not self._glass.bends:
             return self.project(points)
         rear = None if wall is None else np.full(len(points), wall is Wall.REAR)
-        return self.project(self._centre + self._glass.sight(self._centre, points, rear))
+        sight = sight_through if self.cup.taper else GlassWall.sight
+        return self.project(self._centre + sight(self._glass, self._centre, points, rear))
 
     def wall_points(self, azimuth: ArrayLike, height: ArrayLike) -> Array:
         """Returns points (N, 3) of the inner wall [m] at given azimuths and heights."""
@@ -148,7 +238,7 @@ class CupView:
             np.atleast_1d(np.asarray(azimuth, dtype=np.float64)),
             np.atleast_1d(np.asarray(height, dtype=np.float64)),
         )
-        radius = self.cup.radius
+        radius = self.cup.radius_at(level)
         return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), level))
 
     def rays(self, pixels: ArrayLike) -> tuple[Array, Array]:
@@ -176,7 +266,7 @@ class CupView:
 
         Returns:
             Azimuth (N,) [rad] in (-pi, pi] and height above the still level (N,) [m]; NaN where
-            the ray misses the cylinder.
+            the ray misses the wall.
         """
         trace = self.trace(pixels)
         points = trace.front if wall is Wall.FRONT else trace.rear
@@ -188,17 +278,26 @@ class CupView:
         Returns:
             Azimuths [rad] in (-pi, pi] of the inner wall's left and right edge in the image.
         """
-        distance = float(np.hypot(self._centre[0], self._centre[1]))
-        outer = self._glass.outer_radius
-        to_edge = float(np.sqrt(distance**2 - outer**2))
-        elevation = float(np.arctan2(-self._centre[2], to_edge))
-        half = self._glass.visible_half_angle(distance, elevation)
+        half = self._half or self._visible_half_angle()
         ends = self.camera_azimuth + np.array([-half, half])
         u = self.project(self.wall_points(ends, 0.0))[:, 0]
         if u[0] > u[1]:
             ends = ends[::-1]
         wrapped = np.arctan2(np.sin(ends), np.cos(ends))
         return float(wrapped[0]), float(wrapped[1])
+
+    def _visible_half_angle(self) -> float:
+        """Returns half the visible arc of a cylinder's front wall [rad]."""
+        distance = float(np.hypot(self._centre[0], self._centre[1]))
+        outer = self._glass.outer_radius
+        to_edge = float(np.sqrt(distance**2 - outer**2))
+        elevation = float(np.arctan2(-self._centre[2], to_edge))
+        return self._glass.visible_half_angle(distance, elevation)
+
+    @property
+    def side_half_angle(self) -> float:
+        """Angle about the axis from the camera to the outer wall's silhouette [rad]."""
+        return silhouette_half_angle(self._glass, self._centre)
 
     def levels(self) -> tuple[float, float]:
         """Heights of the container's floor and rim above the liquid's level at rest [m].
@@ -214,20 +313,19 @@ class CupView:
 
     def scale_places(self, heights: Array) -> Array:
         """Returns the image points (N, 2) of heights (N,) [m] on the right outer edge."""
-        points = self.wall_points(self.tangent_azimuths()[1], heights)
-        points[:, :2] *= 1.0 + self.cup.wall_thickness / self.cup.radius
-        return self.project(points)
+        return self.project(self.cup.outer_points(self.tangent_azimuths()[1], heights))
 
     def fitted_line(self, measurement: Measurement) -> Array:
         """Returns the image points (N, 2) of the fitted surface; empty if there is none.
 
-        On the wall every mode of one azimuthal wave is a cosine.
+        On the upright wall every mode of one azimuthal wave is a cosine.
         """
         height, azimuth = measurement.fitted_msh, measurement.fitted_azimuth
         if not (np.isfinite(height) and np.isfinite(azimuth)):
             return np.empty((0, 2))
         around = self.camera_azimuth + np.linspace(-np.pi, np.pi, _FITTED_POINTS)
-        return self.project_wall(around, height * np.cos(around - azimuth))
+        line = self.cup.upright(height) * np.cos(around - azimuth)
+        return self.project_wall(around, self.cup.leaning(line))
 
     def on_front(self, azimuth: Array) -> NDArray[np.bool_]:
         """Returns which wall azimuths (N,) [rad] face the camera."""

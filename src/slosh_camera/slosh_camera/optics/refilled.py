@@ -5,19 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 from slosh_camera.optics.calibration import AnyCalibration, Calibration, SideCalibration
+from slosh_camera.optics.cup import Cup
 from slosh_camera.optics.pose import Pose
 from slosh_model.containers import Container
 from slosh_model.shapes.cylinder import Cylinder
 from slosh_model.shapes.rectangle import Rectangle
+from slosh_model.shapes.round_cups import Frustum
 
 
 def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibration:
     """Returns the calibration for another container that stands in the same place.
 
     The inner floor stays where it was calibrated, so the frame's origin, the centre of the still
-    surface, moves along the container's axis by the difference of the fill heights. A cylinder's
-    radius, a rectangle's width and depth, and the rim are those of the container; the walls are
-    the calibrated ones. The still image goes: it shows the level of before.
+    surface, moves along the container's axis by the difference of the fill heights. A cup's
+    radius and taper, a rectangle's width and depth, and the rim are those of the container; the
+    walls are the calibrated ones. The still image goes: it shows the level of before.
 
     Args:
         calibration: of the container that was calibrated.
@@ -31,14 +33,17 @@ def refilled(calibration: AnyCalibration, container: Container) -> AnyCalibratio
     """
     if isinstance(calibration, Calibration):
         cup = calibration.view.cup
-        radius = container.radius if isinstance(container, Cylinder) else cup.radius
+        rise = container.fill_height - cup.fill_height
         changed_cup = replace(
-            cup, radius=radius, fill_height=container.fill_height,
+            cup, radius=float(cup.radius_at(rise)), fill_height=container.fill_height,
             rim_height=_rim(container, cup.rim_height),
         )  # fmt: skip
+        if isinstance(container, Cylinder | Frustum):
+            own = Cup.of(container)
+            changed_cup = replace(changed_cup, radius=own.radius, taper=own.taper)
         if changed_cup == cup:
             return calibration
-        pose = _risen(calibration.view.pose, container.fill_height - cup.fill_height)
+        pose = _risen(calibration.view.pose, rise)
         seen = replace(calibration.view, pose=pose, cup=changed_cup)
         return Calibration(
             seen, calibration.camera_name, calibration.region, calibration.detection

@@ -1,9 +1,9 @@
-"""Refraction by the wall of a transparent cylinder, by Snell's law in 3D.
+"""Refraction by the wall of a transparent cylinder or cone, by Snell's law in 3D.
 
-The wall is a tube between two coaxial cylinders. A ray from the camera meets the outer cylinder,
-crosses the wall, leaves it at the inner cylinder (the front wall, where the liquid's line is
-seen) and, above the liquid, crosses the air in the container to the inner cylinder's far side (the
-rear wall). A wall of no thickness or of index 1 leaves the ray straight.
+The wall is a tube between two coaxial cylinders, or cones of the same slope. A ray from the camera
+meets the outer one, crosses the wall, leaves it at the inner one (the front wall, where the
+liquid's line is seen) and, above the liquid, crosses the air in the container to the inner one's
+far side (the rear wall). A wall of no thickness or of index 1 leaves the ray straight.
 """
 
 from __future__ import annotations
@@ -47,17 +47,20 @@ class GlassWall:
         thickness: [m].
         index: refractive index of the wall against the air on both sides.
         rim: height of its upper end [m]; rays above it go straight. None: it has none.
+        taper: growth of the radius per height, dr/dz; 0: a cylinder. The radii of a cone are
+            those at z = 0.
     """
 
     radius: float
     thickness: float = 0.0
     index: float = 1.0
     rim: float | None = None
+    taper: float = 0.0
 
     @property
     def outer_radius(self) -> float:
         """Outer radius of the tube [m]."""
-        return self.radius + self.thickness
+        return self.radius + self.thickness * float(np.hypot(1.0, self.taper))
 
     @property
     def bends(self) -> bool:
@@ -76,19 +79,33 @@ class GlassWall:
         """
         direction = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         start = np.broadcast_to(origin, direction.shape)
-        over, straight = self._over_the_rim(start, direction)
+        over, straight = self.over_the_rim(start, direction)
         if self.bends:
-            start = _hit(start, direction, self.outer_radius, far=False)
-            direction = _refracted(direction, _outward(start), 1.0 / self.index)
-        front = _hit(start, direction, self.radius, far=False)
+            start = self._hit(start, direction, self.outer_radius, far=False)
+        bent = self.from_outside(start, direction)
+        bent.front[over], bent.rear[over] = straight.front[over], straight.rear[over]
+        return bent
+
+    def from_outside(self, start: Array, direction: Array) -> WallTrace:
+        """Traces unit directions (N, 3) on from points (N, 3) where they meet the outside [m]."""
         if self.bends:
-            direction = _refracted(direction, _outward(front), self.index)
-        rear = _hit(front, direction, self.radius, far=True)
-        front[over], rear[over] = straight.front[over], straight.rear[over]
-        return WallTrace(front, rear)
+            direction = _refracted(direction, self.outward(start), 1.0 / self.index)
+        front = self._hit(start, direction, self.radius, far=False)
+        if self.bends:
+            direction = _refracted(direction, self.outward(front), self.index)
+        return WallTrace(front, self._hit(front, direction, self.radius, far=True))
+
+    def outward(self, points: Array) -> Array:
+        """Returns the unit normals (N, 3) of the wall at points (N, 3) on either face."""
+        across = np.hypot(points[:, 0], points[:, 1])
+        normal = np.column_stack((points[:, 0], points[:, 1], -self.taper * across))
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        return normal
 
     def sight(self, origin: Array, points: Array, rear: BoolArray | None = None) -> Array:
         """Returns the directions of rays from outside that reach points of the inner wall.
+
+        For a cylinder; `sight_through` of cone.py serves a cone.
 
         A vertical wall leaves a ray's vertical component alone, so the path in plan view is that
         of a flat problem with the index of `_plan_index` (Bravais), and its impact parameter b
@@ -132,15 +149,15 @@ class GlassWall:
         directions = np.column_stack((np.cos(heading), np.sin(heading), slope))
         directions[missed] = np.nan
         straight = points - origin
-        over, _ = self._over_the_rim(np.broadcast_to(origin, points.shape), straight)
+        over, _ = self.over_the_rim(np.broadcast_to(origin, points.shape), straight)
         flat = np.hypot(straight[over, 0], straight[over, 1])
         directions[over] = straight[over] / flat[:, np.newaxis]
         return directions
 
-    def _over_the_rim(self, start: Array, direction: Array) -> tuple[BoolArray, WallTrace]:
+    def over_the_rim(self, start: Array, direction: Array) -> tuple[BoolArray, WallTrace]:
         """Returns which unrefracted rays enter over the rim, and where they meet the wall."""
-        front = _hit(start, direction, self.radius, far=False)
-        rear = _hit(start, direction, self.radius, far=True)
+        front = self._hit(start, direction, self.radius, far=False)
+        rear = self._hit(start, direction, self.radius, far=True)
         if self.rim is None or not self.bends:
             return np.zeros(len(direction), dtype=np.bool_), WallTrace(front, rear)
         return np.asarray(front[:, 2] > self.rim), WallTrace(front, rear)
@@ -160,6 +177,25 @@ class GlassWall:
         """
         slope = np.array([np.tan(elevation)])
         return float(self._turn(self._widest(slope), slope, distance, None)[0])
+
+    def _hit(self, start: Array, direction: Array, radius: float, far: bool) -> Array:
+        """Returns the first hits (N, 3) of rays with a face of a radius [m] at z = 0; NaN: none.
+
+        A ray steeper than the wall has none.
+        """
+        here, rise = radius + self.taper * start[:, 2], self.taper * direction[:, 2]
+        a = direction[:, 0] ** 2 + direction[:, 1] ** 2 - rise**2
+        half_b = direction[:, 0] * start[:, 0] + direction[:, 1] * start[:, 1] - here * rise
+        c = start[:, 0] ** 2 + start[:, 1] ** 2 - here**2
+        discriminant = half_b**2 - a * c
+        with np.errstate(invalid="ignore", divide="ignore"):
+            root = np.sqrt(np.where((discriminant >= 0.0) & (a > 0.0), discriminant, np.nan))
+            # The stable form of the near root; half_b is negative towards the axis.
+            ahead = (-half_b + root) / a
+            scale = ahead if far else c / (a * ahead)
+            # Beyond the cone's tip is its mirror image.
+            scale = np.where((scale >= 0.0) & (here + scale * rise >= 0.0), scale, np.nan)
+        return start + scale[:, np.newaxis] * direction
 
     def _plan_index(self, slope: Array) -> Array:
         """Returns the effective refractive index in plan view for rays of a given slope."""
@@ -194,27 +230,6 @@ class GlassWall:
         # In the wall the ray rises more slowly: its slope is that outside over the plan index.
         wall = (_leg(self.outer_radius, in_wall) - _leg(self.radius, in_wall)) / index
         return outside + wall + np.where(rear, 2.0 * _leg(self.radius, impact), 0.0)
-
-
-def _hit(start: Array, direction: Array, radius: float, far: bool) -> Array:
-    """Returns the first intersections (N, 3) of rays with a cylinder; NaN if they miss it."""
-    a = direction[:, 0] ** 2 + direction[:, 1] ** 2
-    half_b = direction[:, 0] * start[:, 0] + direction[:, 1] * start[:, 1]
-    c = start[:, 0] ** 2 + start[:, 1] ** 2 - radius**2
-    discriminant = half_b**2 - a * c
-    with np.errstate(invalid="ignore", divide="ignore"):
-        root = np.sqrt(np.where(discriminant >= 0.0, discriminant, np.nan))
-        # The stable form of the near root; half_b is negative towards the axis.
-        ahead = (-half_b + root) / a
-        scale = ahead if far else c / (a * ahead)
-        scale = np.where(scale >= 0.0, scale, np.nan)
-    return start + scale[:, np.newaxis] * direction
-
-
-def _outward(points: Array) -> Array:
-    normal = np.column_stack((points[:, 0], points[:, 1], np.zeros(len(points))))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return normal
 
 
 def _refracted(direction: Array, normal: Array, ratio: float) -> Array:

@@ -21,14 +21,14 @@ from slosh_camera.measurement import NAN, Flag, Measurement, PeakSide
 from slosh_camera.optics.calibration import SideCalibration
 from slosh_camera.optics.round_body import ELEVATION, RoundView
 from slosh_camera.rectangle.appearance import learnt_appearance
-from slosh_camera.rectangle.fit import FittedLine
+from slosh_camera.rectangle.fit import FittedLine, refined_shape
 from slosh_camera.rectangle.outer_edges import outer_edges
 from slosh_camera.rectangle.profile import Profile, common_error, describe
 from slosh_camera.rectangle.region import find_side_region
 from slosh_camera.rectangle.round_wall import round_wall
 from slosh_camera.rectangle.trace import Knowledge, Light, TracedLine, trace_line
 from slosh_camera.rectangle.tuning import TUNING
-from slosh_camera.rectangle.waves import BOW
+from slosh_camera.rectangle.waves import BOW, RoundWaves
 from slosh_camera.settings import DetectionSettings
 
 Image = NDArray[np.uint8]
@@ -110,7 +110,7 @@ class SideViewDetector:
                 f"still image: the liquid's line is inclined by {np.degrees(np.arctan(slope)):.1f}"
                 " deg, check that the liquid is at rest, and the calibration's pose"
             )
-        bow = self._bow(line.shape) if isinstance(self._view, RoundView) else None
+        bow = self._bow(line) if isinstance(self._view, RoundView) else None
         self._knowledge = self._learnt(light, Knowledge(level, slope, bow=bow))
         self._still_edges.learn(image)
         self._seams.learn(image)
@@ -172,7 +172,7 @@ class SideViewDetector:
         if not isinstance(self._view, RoundView):
             return found
         rest = self._knowledge.bow
-        bow = 0.0 if rest is None else abs(float(rest.coefficients[BOW]))
+        bow = 0.0 if rest is None else float(rest.coefficients[BOW])
         wall = round_wall(self._view, line.x, line.z, common_error(line), bow)
         doubt = Flag.AMBIGUOUS if wall.spread > TUNING.most_spread else Flag.NONE
         scale = self._settings.scale_error * wall.height
@@ -195,12 +195,17 @@ class SideViewDetector:
         u, v = self._view.project_face(line.x, heights).T
         return self._seams.is_torn(steps, (u, v))
 
-    def _bow(self, shape: FittedLine) -> FittedLine:
-        """Checks the contact line's curvature with liquid at rest and returns the line.
+    def _bow(self, line: TracedLine) -> FittedLine:
+        """Fits the contact line at rest without second-order waves, which resemble its curvature.
 
         Raises:
-            SloshCameraError: its bow is that of a camera that is not level.
+            SloshCameraError: its curvature shows a camera that is not level.
         """
+        waves = line.shape.waves
+        assert isinstance(waves, RoundWaves)
+        start = replace(line.shape, waves=waves.at_rest())
+        none = np.empty(0), np.empty(0)
+        shape = refined_shape(line.x, line.z, start, TUNING.least_scatter, none)
         elevation = float(np.arctan(shape.coefficients[BOW] / (0.5 * shape.width)))
         if abs(elevation) > ELEVATION:
             raise SloshCameraError(

@@ -5,6 +5,11 @@ of the wall. All first modes are a cosine of the azimuth there; second order add
 twice the azimuth. The near half is seen larger than the plane through the axis, the far half
 smaller: each of the two readings is fitted, and what they leave of the level, which no wave
 changes, tells which one it is.
+
+At rest a camera that is not quite level sees the line bowed. A surface seen so flatly mirrors what
+is behind it: the line is the near half's, bowed down from above and up from below, and the far
+half's, from which its heights count, is bowed the other way. The far half is seen only where it
+is higher in the image than the near one.
 """
 
 from __future__ import annotations
@@ -77,11 +82,13 @@ def round_wall(
         x: (N,) places across, as `RoundView` has them [m].
         z: (N,) heights above the line at rest in the plane through the axis [m].
         common: standard deviation of what all points are off together [m].
-        bow: of the line at rest [m]: where the other half is seen than at rest, heights in the
-            middle are off by twice as much.
+        bow: of the line at rest, positive upwards [m].
     """
-    readings = [_fitted(view, x, z, far) for far in (NEAR, FAR)]
-    misfits = np.array([one.misfit for one in readings])
+    towards = np.cos(view.around(x, np.zeros(x.size), far=NEAR)[0])
+    apart = bow * (1.0 + _shrinking(view))
+    readings = [_fitted(view, x, z, NEAR), _fitted(view, x, z + apart * towards, FAR)]
+    hidden = max(float(readings[FAR].coefficients[2]) + 0.5 * apart, 0.0) / TUNING.level_sure
+    misfits = np.array([readings[NEAR].misfit, readings[FAR].misfit + hidden**2])
     likely = np.exp(0.5 * (misfits.min() - misfits))
     likely /= likely.sum()
     best = readings[int(np.argmax(likely))]
@@ -92,7 +99,8 @@ def round_wall(
     left, right = (_mixed(around[:, at], likely) for at in (_LEFT, _RIGHT))
     ends = np.hypot(best.stddev(_ANGLES[_RIGHT]), max(left[1], right[1]))
     highest = int(np.argmax(around[int(np.argmax(likely))]))
-    spread = float(np.hypot(spread, 2.0 * bow * np.cos(_ANGLES[highest])))
+    # Of a liquid that mirrors nothing a line bowed up may be the far half's, seen from above.
+    spread = float(np.hypot(spread, 2.0 * max(bow, 0.0) * np.cos(_ANGLES[highest])))
     azimuth = float(_ANGLES[highest]) - 0.5 * np.pi
     sideways = abs(np.sin(azimuth)) < TUNING.sideways
     return RoundWall(
@@ -104,6 +112,12 @@ def round_wall(
         float(np.angle(np.exp(1j * azimuth))) if sure or sideways else float("nan"),
         spread,
     )
+
+
+def _shrinking(view: RoundView) -> float:
+    """Returns the curvature of the far half's line at rest as a share of the near half's."""
+    inner = view.body.size
+    return (view.distance - inner) / (view.distance + inner)
 
 
 def _mixed(values: FloatArray, likely: FloatArray) -> tuple[float, float]:

@@ -10,7 +10,7 @@ that stands on both ends, where the wall turns away.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -26,7 +26,8 @@ FUNCTIONS = 2 + MODES
 BOW = 2
 """Number of the function that is a round wall's bow."""
 _FLAT_PRIOR = np.array([np.inf, 0.5, 0.5, 0.15, 0.08])
-_ROUND_PRIOR = np.array([np.inf, 0.5, 0.5, 0.02, 0.02])
+_ROUND_PRIOR = np.array([np.inf, 0.5, 0.5, 1.0, 1.0])
+_SECOND_ORDER, _AT_REST = 0.02, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +81,18 @@ class RoundWaves(Waves):
     Attributes:
         bore: inner radius as a part of the outer one.
         index: of the wall.
+        second_order: expected size of the second order, as a part of the width.
     """
 
     is_round: ClassVar[bool] = True
 
     bore: float
     index: float
+    second_order: float = _SECOND_ORDER
+
+    def at_rest(self) -> RoundWaves:
+        """Returns the shapes without second-order waves, which only a moving liquid has."""
+        return replace(self, second_order=_AT_REST)
 
     def basis(self, x: FloatArray) -> FloatArray:
         """Returns constant and Fourier terms of the wall azimuth at positions x (N,) [m]."""
@@ -96,7 +103,9 @@ class RoundWaves(Waves):
     @property
     def prior(self) -> FloatArray:
         """Expected amplitude of each basis function [m], proportional to the width."""
-        return _ROUND_PRIOR * self.width
+        prior: FloatArray = _ROUND_PRIOR * self.width
+        prior[3:] *= self.second_order
+        return prior
 
     def _azimuth(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Returns sine and cosine of the wall azimuths that are seen at positions x.

@@ -165,7 +165,7 @@ class _Container:
         return self._moved.doubts
 
     def motion(self, path: Path) -> RecordedMotion:
-        """Returns the motion from all messages.
+        """Returns the container's motion from all added messages.
 
         Raises:
             SloshBagError: nothing usable, or stamps that go back.

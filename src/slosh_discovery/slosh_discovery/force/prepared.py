@@ -198,7 +198,7 @@ def _moving(name: str, drive: Array) -> Mask:
 
 
 def _offsets(moving: Mask) -> Array:
-    """Returns offset columns (N, L): a constant, a drift, and a step for each motion."""
+    """Returns offset columns (N, L): a constant, a drift, and a ramp for each motion."""
     count = len(moving)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(np.int8), [0]])))
     columns = [np.ones(count), np.linspace(-1.0, 1.0, count)]

@@ -8,7 +8,6 @@ import sys
 import time
 from collections import ChainMap
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from threading import Event
 from typing import Any
@@ -24,10 +23,11 @@ from slosh_estimator import SOURCES
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimator import Estimate, Estimator
 from slosh_estimator.gate import DROPPED, GateSettings
-from slosh_estimator.held_container import HeldContainer
+from slosh_estimator.held_container import EMPTY, FRESH, TRAY_PLACE, HeldContainer
 from slosh_estimator.inputs import (
     JOINTS,
     MESSAGE_TYPES,
+    PLACED,
     POSE_WINDOW,
     ROBOT,
     TOPIC_NAMES,
@@ -52,7 +52,7 @@ from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag, attitude_warning
 from slosh_model.model import TILT, Model
 from slosh_model.model_text import format_model
-from slosh_model.tray import TRAY, format_tray, read_tray
+from slosh_model.tray import TRAY, Tray, format_tray, read_tray
 from slosh_msgs.msg import ExpectedReading, SloshEstimate, TrayEstimate
 from slosh_msgs.srv import LoadModel
 from slosh_msgs_py import qos, topics
@@ -65,7 +65,6 @@ from slosh_msgs_py.node.settings import SettingsPublisher
 
 LATENCY_EVERY = 10
 """Messages per measured latency: enough for percentiles, and nothing to be felt."""
-TRAY_STAYS = "the cell carries a tray: its containers are those of the tray's file"
 ADDED = f"the effect {TILT} is added to the model: the poses contain the container's tilt"
 _CONTESTED = int(EstimateFlag.INPUT_CONTESTED)
 _CONTRADICTED = int(EstimateFlag.INPUT_CONTRADICTED)
@@ -200,6 +199,9 @@ class EstimatorNode(PreparedNode):
             self._await_the_robot()
         at_rest = self._values["starts_at_rest"]
         self._estimator = Estimator(self._felt(self._tray.first.placed), at_rest=at_rest)
+        self._estimator.empty = self._tray.first.empty
+        if self._tray.first.empty:
+            self._container[EMPTY] = True
         self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
 
     def _ask_for_the_robot(self) -> None:
@@ -235,7 +237,8 @@ class EstimatorNode(PreparedNode):
 
     def _felt(self, model: Model) -> Model:
         """Returns the model to run; if the input has an attitude, gravity acts by tilt."""
-        felt = model.feeling_gravity() if self._kind in WINDOWED else model
+        turns = self._kind in WINDOWED or PLACED in self._given
+        felt = model.feeling_gravity() if turns else model
         self._added = "" if felt is model else ADDED
         if self._added:
             self.get_logger().info(self._added)
@@ -247,9 +250,8 @@ class EstimatorNode(PreparedNode):
         self._subscribe()
         self._input.sampling.carry(modes_of(self._estimator.model))
         self._changes = ContainerChanges(
-            self, self._tray.first.model, self._values["containers"],
+            self, self._tray, self._values["containers"],
             lambda: self._input.gate.last_ns or self._now(), self._take,
-            TRAY_STAYS if self._tray.is_tray else "",
         )  # fmt: skip
         if self._tray.is_tray:
             self._trays = self.create_publisher(TrayEstimate, topics.TRAY_ESTIMATE, qos.STREAM_OUT)
@@ -291,9 +293,21 @@ class EstimatorNode(PreparedNode):
         self._given.update(parameters)
         told = ", ".join(f"{name} = {value}" for name, value in parameters.items())
         self.get_logger().info(f"mounted as {topics.TF_STATIC} says: {told}")
+        if PLACED in parameters:
+            self._feel_gravity()
         self._announce_start()
         modes = modes_of(self._estimator.model)
         return InputSettings.from_parameters(self._known)._replace(modes=modes)
+
+    def _feel_gravity(self) -> None:
+        """Goes on with models that feel the tilt that transforms tell."""
+        at_rest = self._values["starts_at_rest"]
+        self._estimator.load_model(
+            self._felt(self._tray.first.placed), empty=self._tray.first.empty
+        )
+        self._others = TrayEstimator(self._tray, self._felt, at_rest=at_rest)
+        self._set_names()
+        self._observe_anew()
 
     def _now(self) -> int:
         # The system clock read directly costs a tenth of a Time object.
@@ -350,15 +364,28 @@ class EstimatorNode(PreparedNode):
             fill_tray(self._tray_message, sample.stamp_ns, tray)
             self._trays.publish(self._tray_message)
 
-    def _take(self, held: HeldContainer) -> int:
-        """Applies a change of the container; returns the stamp of the last input [ns]."""
-        self._estimator.load_model(self._felt(held.model), fresh=held.fresh, empty=held.empty)
-        self._container.update(held.recorded)
+    def _take(self, index: int, held: HeldContainer, tray: Tray) -> int:
+        """Goes on with what a place holds from the next input on; the last stamp before it.
+
+        Args:
+            index: of the place on the tray, from 0; of one container 0.
+            held: what is there.
+            tray: with it.
+        """
+        model = self._felt(tray.containers[index].placed)
+        if not index:
+            self._estimator.load_model(model, fresh=held.fresh, empty=held.empty)
+            self._container.update(held.recorded)
+        self._others.change(tray, index, fresh=held.fresh)
+        self._tray = tray
+        place = {TRAY_PLACE: tray.names[index]} if tray.is_tray else {}
+        self._container.update({FRESH: held.fresh, **place})
         self._announce_start()
-        self._container.update(replace(held, fresh=False).recorded)  # of this start alone
+        self._container.update({FRESH: False, **dict.fromkeys(place, "")})  # of this start alone
         self._set_names()
-        self._observe_anew()
-        self._input.sampling.carry(modes_of(self._estimator.model))
+        if not index:
+            self._observe_anew()
+            self._input.sampling.carry(modes_of(self._estimator.model))
         return self._input.gate.last_ns or 0
 
     def _on_load_model(
@@ -410,7 +437,8 @@ class EstimatorNode(PreparedNode):
         self._message.linear.model, self._message.nonlinear.model = linear, nonlinear
         self._has_readings = has_readings(linear)
         others = (other.model for other in self._others.others)
-        unfelt = (attitude_warning(m, self._kind) for m in (self._estimator.model, *others))
+        models = () if PLACED in self._given else (self._estimator.model, *others)
+        unfelt = (attitude_warning(model, self._kind) for model in models)
         self._unfelt = next(filter(None, unfelt), "")
         self._wall = self._estimator.model.container.wall
 
@@ -436,7 +464,7 @@ class EstimatorNode(PreparedNode):
         if fault is not None:
             return fault
         flags, self._flags = self._flags, 0
-        if self._estimator.empty:
+        if not self._tray.present:
             return OK, "no container: the gripper is empty"
         # That one is the container's shape, no trouble.
         flags &= ~(EstimateFlag.LINEAR_ONLY | EstimateFlag.NO_CONTAINER)

@@ -15,16 +15,19 @@ from slosh_estimator.fixed_frames import FixedFrames
 from slosh_estimator.gate import SampleVerdict
 from slosh_estimator.imu_input import ImuInput
 from slosh_estimator.inputs import (
+    APART,
     MESSAGE_TYPES,
     MOUNTED,
     POSED,
+    SINCE,
     TOPIC_NAMES,
     AnyInput,
     InputSettings,
 )
 from slosh_estimator.joint_poses import JointPoses
-from slosh_estimator.mounting import Quaternion
+from slosh_estimator.mounting import Quaternion, SensorTransform
 from slosh_estimator.nodes.estimator_messages import imu_sample
+from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.pose_input import PoseInput
 from slosh_estimator.rotation import Vector
 from slosh_estimator.sample import Sample
@@ -124,12 +127,19 @@ class HeardInput:
         self._fixed.take(links)
         if isinstance(self.poses, TransformPoses):
             self.poses.take(links, fixed=True)
+        elif isinstance(self.poses, PlacedAccel):
+            self._on_placed(self.poses.take_transforms(links, fixed=True))
 
     def _hear_moving(self) -> None:
-        """Subscribes to moving transforms, which give the container's pose."""
+        """Subscribes to moving transforms of the input's frame."""
+        take: Callable[[Any], None] | None = None
         if isinstance(self.poses, TransformPoses):
             self.poses.take(self._fixed.links, fixed=True)
             take = partial(self._on_transforms, fixed=False)
+        elif isinstance(self.poses, PlacedAccel):
+            self.poses.take_transforms(self._fixed.links, fixed=True)
+            take = self._on_placing
+        if take is not None:
             self._node.create_subscription(message_class(TF_TYPE), topics.TF, take, qos.STREAM_IN)
 
     def _is_mounted(self, frame: str) -> bool:
@@ -140,13 +150,17 @@ class HeardInput:
         self._first = self._first or time.monotonic()
         moving = self._node.count_publishers(topics.TF) > 0
         speaks = self._node.count_publishers(topics.TF_STATIC) > 0
-        if found is None and speaks and time.monotonic() - self._first < PATIENCE:
+        patient = time.monotonic() - self._first < PATIENCE
+        apart = found is not None and APART in found
+        if patient and ((found is None and speaks) or (apart and not moving)):
             return False
         self._decided = True
-        if found is None:
+        if found is None or apart:
             found = self._settings.mounted(self._kind, frame, self._fixed, moving=moving)
         if found:
             how = self._mounted(found)
+            if how.placed and how.transform == SensorTransform():
+                self._told = None  # it moves on the container: what it feels is not compared
             self.source, self.poses = how.reader(self._kind), how.poses(self._kind)
             self._hear_moving()
         elif found is None and speaks:
@@ -215,11 +229,31 @@ class HeardInput:
             return
         assert isinstance(self.source, AccelInput)
         stamp = to_nanoseconds(header.stamp)
-        self._before(stamp)
+        if not isinstance(self.poses, PlacedAccel):
+            self._before(stamp)
         if self._told is not None:
             self._told(stamp, header.frame_id, (a.x, a.y, a.z), None)
+        if isinstance(self.poses, PlacedAccel) and header.frame_id == self.poses.frame:
+            self._on_placed(self.poses.take(stamp, (a.x, a.y, a.z)))
+            return
         found = self.source.update(stamp, header.frame_id, a.x, a.y, a.z, self._now())
         self._answer(stamp, found)
+
+    def _on_placing(self, message: Any) -> None:
+        assert isinstance(self.poses, PlacedAccel)
+        is_first = not self.poses.since_ns
+        found = self.poses.take_transforms(map(_transform, message.transforms))
+        if is_first and self.poses.since_ns:  # what a replay must know
+            self._mounted({SINCE: self.poses.since_ns})
+        self._on_placed(found)
+
+    def _on_placed(self, found: list[PlacedAcceleration]) -> None:
+        """Uses accelerations that transforms have brought to the container."""
+        assert isinstance(self.source, AccelInput)
+        for stamp, vector, pose in found:
+            self._before(stamp)
+            sample = self.source.update(stamp, self._world, *vector, self._now(), pose)
+            self._answer(stamp, sample)
 
     def _on_imu(self, message: Any) -> None:
         if not self._is_mounted(message.header.frame_id):

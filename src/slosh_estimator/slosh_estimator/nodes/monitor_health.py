@@ -91,9 +91,11 @@ class MonitorHealth:
             return WARN, f"WARN: {level}"
         if condition is Condition.WARN and disagreement:
             return WARN, disagreement
-        if self._core.vacant and condition is Condition.OK:
+        watch = self._core.tray
+        others = watch is not None and bool(watch.tray.present)
+        if self._core.vacant and condition is Condition.OK and not others:
             return OK, "OK: the gripper is empty"
-        tray = self._core.tray.text if self._core.tray is not None else ""
+        tray = watch.text if watch is not None else ""
         alone = f"; {tray}" if tray else ""
         alone += "" if self._core.settings.camera else "; no camera configured"
         if condition is not Condition.OK:

@@ -158,8 +158,9 @@ class MonitorNode(GuardedNode):
         if model is None:
             return
         tray = announced_tray(message)
-        if tray is not None and (self._core.tray is None or tray != self._core.tray.tray):
-            self._core.carry(tray)
+        if tray is not None:
+            self._core.carry(tray, to_nanoseconds(message.header.stamp))
+            self._predictions.first = tray.first.name
         self._model = model
         changed = self._moved_rim()
         if changed:
@@ -172,6 +173,8 @@ class MonitorNode(GuardedNode):
         except ValueError as error:
             self.get_logger().error(f"{topics.CONTAINER}: not followed: {error}")
             return
+        if message.tray and model == self._model:
+            return  # another place of the tray has changed, as the settings say
         before = dict(self._rim)
         self._rim.clear()
         if message.present and message.limit > 0.0:
@@ -351,10 +354,13 @@ class PredictionWatch:
     Args:
         node: the node.
         frame: of the container.
+
+    Attributes:
+        first: name of a tray's first container, of which estimates and heights are.
     """
 
     def __init__(self, node: Node, frame: str) -> None:
-        self._node, self._frame = node, frame
+        self._node, self._frame, self.first = node, frame, ""
         self._record = PredictionRecord()
         self._outcomes = node.create_publisher(
             PredictionOutcome, topics.PREDICTION_OUTCOME, qos.EVENT
@@ -389,6 +395,8 @@ class PredictionWatch:
         }
 
     def _on_prediction(self, message: MotionPrediction) -> None:
+        if message.container not in ("", self.first):
+            return  # of another container than the estimates
         self._record.announce(
             Announced(
                 message.id,

@@ -20,6 +20,7 @@ from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_height
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
 from slosh_model.model import Model
+from slosh_model.wall import Wall
 from slosh_msgs.action import WaitUntilCalm
 from slosh_msgs.msg import Calm, FreeSurface, FusedEstimate
 from slosh_msgs.msg import ObserverState as ObserverStateMessage
@@ -69,7 +70,7 @@ class ObserverOutput:
 
     def load(self, model: Model) -> None:
         """Restarts the observer with a model."""
-        self.observer = Observer(model)
+        self.observer, self._wall = Observer(model), model.container.wall
         # What a sensor reads of such a model is not the height of the liquid.
         self.hears = not model.uses("reading")
         self._watch = CalmWatch(self._watch.tolerance)
@@ -90,7 +91,7 @@ class ObserverOutput:
         if state is None:
             return
         self._heard = time.monotonic()
-        fill_fused(self._fused, state, self.observer)
+        fill_fused(self._fused, state, self.observer, self._wall)
         if not 0 <= state.stamp_ns - self._state_ns < TUNING.observer_state_ns:
             self._state_ns = state.stamp_ns
             fill_observer_state(self._state, self.observer.state())
@@ -194,13 +195,14 @@ def words(state: Calm) -> str:
     }.get(state.reason, "calm")
 
 
-def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer) -> None:
-    """Writes a fused state into a reused message."""
+def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer, wall: Wall) -> None:
+    """Writes a fused state, and how far it is from the container's rim, into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
     for name, value in told_fields(state, observer.counts).items():
         setattr(message, name, value)
     message.trusted = state.trusted
+    message.distance_to_rim = float(wall.place(state.msh).distance_to_rim)
     modal = state.modal
     message.modal_position = array(
         "d", [q for n in range(0, len(modal), 4) for q in modal[n : n + 2]]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_model.errors import ModelFileError, SloshModelError
 from slosh_model.model import Model
 from slosh_model.model_text import parse_model, read_model
+from slosh_model.tray import Tray, read_tray
+
+T = TypeVar("T")
 
 
 def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
@@ -30,7 +33,12 @@ def requested_model(request: Any, tell: Callable[[str], object]) -> Model:
 
 
 def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
-    """Reads the model file that the caller of a service names.
+    """Reads the model file named by a service's caller; see `tray_at`."""
+    return _read_at(read_model, path, tell, service)
+
+
+def tray_at(path: str, tell: Callable[[str], object], service: str) -> Tray:
+    """Reads the model or tray file named by a service's caller.
 
     Args:
         path: of the file, on this machine.
@@ -40,8 +48,14 @@ def model_at(path: str, tell: Callable[[str], object], service: str) -> Model:
     Raises:
         SloshEstimatorError: there is none.
     """
+    return _read_at(read_tray, path, tell, service)
+
+
+def _read_at(
+    read: Callable[[str], T], path: str, tell: Callable[[str], object], service: str
+) -> T:
     try:
-        return read_model(path)
+        return read(path)
     except ModelFileError as error:
         raise SloshEstimatorError(str(error)) from None
     except SloshModelError as error:

@@ -333,7 +333,7 @@ def _mixed(t: Array, acceleration: Array) -> list[tuple[float, float]]:
 
 
 def _unevenness(t: Array, run: NDArray[np.int64]) -> tuple[tuple[float, float], ...]:
-    """Returns how uneven sample intervals are, with and without a second publisher [s].
+    """Returns mean change and mean length of sample intervals [s], for all and some samples.
 
     Of all samples around a run of rows, and of those that are not of the run's publisher.
     """

@@ -79,7 +79,7 @@ class Aligned(NamedTuple):
 
 
 def felt(motion: MotionColumns, *, in_world: bool = False) -> Array:
-    """Returns the columns (N, COLUMNS) of a motion: accelerations and rotations.
+    """Returns a motion as columns (N, COLUMNS), for comparison with a sensor.
 
     Args:
         motion: of the container.

@@ -23,7 +23,7 @@ that does not yield has a layer as the wall has (Miles, Proc. R. Soc. A 297, 196
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ from slosh_model.potential_flow.finite_elements import (
     lowest,
     refined,
     scaled,
+    solver,
 )
 from slosh_model.potential_flow.mesh import Side, Size, graded
 from slosh_model.potential_flow.sizes import bending, sharp_corners
@@ -158,6 +159,7 @@ def _solved(mesh: Any, count: int) -> tuple[Array, tuple[Array, Array]]:
     volume = 2.0 * fem.Functional(lambda w: w.x[0]).assemble(inside)
     offset = fem.LinearForm(lambda v, w: w.x[0] ** 3 * v).assemble(surface)
     on_wall, film = _Wall(fem, wall), fem.Functional(_along_surface)
+    continuous = solver(fem.BilinearForm(lambda u, v, w: u * v).assemble(inside))
     dofs = np.unique(surface.get_dofs(mesh.boundaries["surface"]).flatten())
     radii = mesh.doflocs[0, dofs]
     order = np.argsort(radii)
@@ -178,7 +180,7 @@ def _solved(mesh: Any, count: int) -> tuple[Array, tuple[Array, Array]]:
                 values[n] * reach / norm,
                 moment / (values[n] * reach) - 1.0 / values[n],
                 0.5 * layer / kinetic,
-                _bulk(fem, inside, u) / kinetic,
+                _bulk(fem, inside, u, continuous) / kinetic,
             )
         )
         shapes.append(shape)
@@ -217,10 +219,10 @@ class _Wall:
         return float(moment), float(layer)
 
 
-def _bulk(fem: Any, basis: Any, u: Array) -> float:
+def _bulk(fem: Any, basis: Any, u: Array, continuous: Callable[[Array], Array]) -> float:
     """Returns the integral of |∇∇φ|² r over the liquid's section."""
-    grad = basis.interpolate(u).grad
-    slopes = [basis.project(grad[k]) for k in range(2)]
+    grad, load = basis.interpolate(u).grad, fem.LinearForm(lambda v, w: w["slope"] * v)
+    slopes = [continuous(load.assemble(basis, slope=grad[k])) for k in range(2)]
 
     def rate(w: Any) -> Any:
         r, u_r, u_z = w.x[0], w["slope_r"], w["slope_z"]

@@ -95,6 +95,19 @@ def scaled(piece: Piece, origin: Array, scale: float) -> Piece:
     return replace(piece, at=lambda t: (piece.at(t) - origin) / scale)
 
 
+def solver(matrix: Any) -> Callable[[Array], Array]:
+    """Returns a function that solves equations with a sparse, positive definite matrix.
+
+    It needs no pivots, which is half of the time of a general matrix.
+    """
+    factors = scipy.sparse.linalg.splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )  # fmt: skip
+    solve: Callable[[Array], Array] = factors.solve
+    return solve
+
+
 def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tuple[Array, Array]:
     """Returns the lowest eigenvalues of K x = λ M x, and eigenvectors as columns.
 
@@ -105,8 +118,11 @@ def lowest(stiffness: Any, mass: Any, count: int, *, below: float = 0.0) -> tupl
     """
     # Always the same start: so are the bits that come out.
     start = 1.0 + np.arange(stiffness.shape[0]) % 7
+    inverse = scipy.sparse.linalg.LinearOperator(
+        stiffness.shape, matvec=solver(stiffness - below * mass), dtype=np.float64
+    )
     values, vectors = scipy.sparse.linalg.eigsh(
-        stiffness, count, mass, sigma=below, v0=start, tol=_SOLVED
+        stiffness, count, mass, sigma=below, v0=start, tol=_SOLVED, OPinv=inverse
     )
     order = np.argsort(values)
     return values[order], vectors[:, order]

@@ -21,6 +21,8 @@ Size = Callable[[Array], Array]
 """(N, 2) places to (N,) lengths that a triangle's side may have there [m]."""
 _TOO_LARGE, _APART = 0.72, 0.62  # circumradius, and distance of points, per size
 _FINE = 400
+_SPLITS = 8
+"""Rounds in which parts of the edge that no triangle has are halved."""
 _GRADING = 0.3
 """By how much the size may grow per length."""
 
@@ -90,7 +92,19 @@ def triangulated(sides: Sequence[Side], size: Size) -> Triangles:
 
 
 def _attempt(sides: Sequence[Side], size: Size) -> Triangles | None:
-    edge_points, side, shares = _edge(sides, size)
+    found, fine = _edge(sides, size), size
+    for _ in range(_SPLITS):
+        mesh, missing = _joined(found, fine)
+        if not missing.any():
+            return mesh
+        # Where another part of the edge is nearer than its ends, a part needs more points.
+        found, fine = _split(sides, found, missing, fine)
+    return None
+
+
+def _joined(found: tuple[Array, Integers, Array], size: Size) -> tuple[Triangles, BoolArray]:
+    """Returns triangles, and which boundary parts (E,) are not a side of any triangle."""
+    edge_points, side, shares = found
     count = len(edge_points)
     points = _filled(edge_points, size)
     corners = _inside(points, edge_points)
@@ -99,9 +113,28 @@ def _attempt(sides: Sequence[Side], size: Size) -> Triangles | None:
         corners = _inside(points, edge_points)
     edge = np.column_stack([np.arange(count), (np.arange(count) + 1) % count])
     present = {tuple(pair) for pair in np.sort(_all_edges(corners), axis=1).tolist()}
-    if any(tuple(pair) not in present for pair in np.sort(edge, axis=1).tolist()):
-        return None
-    return Triangles(points, corners, edge, side, shares)
+    missing = [tuple(pair) not in present for pair in np.sort(edge, axis=1).tolist()]
+    return Triangles(points, corners, edge, side, shares), np.array(missing)
+
+
+def _split(
+    sides: Sequence[Side], found: tuple[Array, Integers, Array], halved: BoolArray, size: Size
+) -> tuple[tuple[Array, Integers, Array], Size]:
+    """Halves some parts of the boundary, and limits the triangles' size there."""
+    points, side, shares = found
+    middle = shares.mean(axis=1)
+    between = on_sides(sides, side[halved], middle[halved])
+    first = np.flatnonzero(halved)
+    lengths = np.hypot(*(between - points[first]).T)
+    order = np.argsort(np.concatenate((np.arange(len(points)), first + 0.5)), kind="stable")
+    kept = np.column_stack((shares[:, 0], np.where(halved, middle, shares[:, 1])))
+    new = np.column_stack((middle[halved], shares[halved, 1]))
+    near = graded(between, lengths)
+    split = (
+        np.vstack((points, between))[order], np.concatenate((side, side[halved]))[order],
+        np.vstack((kept, new))[order],
+    )  # fmt: skip
+    return split, lambda places: np.minimum(size(places), near(places))
 
 
 def _edge(sides: Sequence[Side], size: Size) -> tuple[Array, Integers, Array]:

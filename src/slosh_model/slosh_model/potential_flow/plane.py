@@ -93,11 +93,7 @@ def plane_modes(outline: Sequence[Piece], count: int) -> tuple[PlaneModes, ...]:
     )  # fmt: skip
     about_x, about_y = _mirrored(places, 1), _mirrored(places, 0)
     if not about_x and not about_y:
-        raise SloshModelError(
-            "outline is symmetric neither about x nor about y through its centre; turn it, or "
-            "take a symmetric outline close to it",
-            ("container", "outline"),
-        )
+        raise SloshModelError(_asymmetry(places), ("container", "outline"))
     scale = float(np.abs(places).max())
     sides = _half(outline, not about_x, scale)
     if about_x and about_y:
@@ -121,6 +117,27 @@ def _mirrored(places: Array, axis: int) -> bool:
         gap = np.hypot(*np.moveaxis(p - share[..., None] * d, 2, 0))
         away[first : first + 256] = gap.min(axis=1)
     return bool(away.max() < TUNING.asymmetry * np.abs(places).max())
+
+
+def _asymmetry(places: Array) -> str:
+    """Returns why an outline has no symmetry about x or y, and which turn gives it one."""
+    # An axis of symmetry passes through a corner or the middle of a side.
+    middles = 0.5 * (places + np.roll(places, -1, axis=0))
+    turns = []
+    for x, y in np.vstack((places, middles)):
+        c, s = np.array((x, y)) / max(math.hypot(x, y), 1e-300)
+        if _mirrored(places @ np.array([[c, -s], [s, c]]), 1):
+            # To the nearer one of x and y.
+            turns.append(-math.remainder(math.degrees(math.atan2(y, x)), 90.0))
+    if turns:
+        return (
+            "outline is symmetric neither about x nor about y through its centre; turned by "
+            f"{min(turns, key=abs):.4g} deg it is: turn its points, and the container's frame back"
+        )
+    return (
+        "outline has no axis of symmetry: its modes are not along two directions at right angles, "
+        "which the models need; take a symmetric outline close to it"
+    )
 
 
 def _half(outline: Sequence[Piece], turned: bool, scale: float) -> list[Side]:
@@ -217,16 +234,18 @@ def _size(sides: Sequence[Side]) -> Size:
     everything = np.vstack(edge)
     extent = everything.max(axis=0) - everything.min(axis=0)
     base = float(min(extent.max() / TUNING.outline_parts, extent.min() / TUNING.narrow_parts))
-    places = [everything]
-    sizes = [
-        np.full(len(t), base)
-        if side.piece.straight
-        else np.minimum(base, TUNING.bend * bending(at))
-        for side, at in zip(sides, edge, strict=True)
-    ]
+    # What asks for no less than the base tells nothing.
+    places, sizes = [], []
+    for side, at in zip(sides, edge, strict=True):
+        if not side.piece.straight:
+            bend = TUNING.bend * bending(at)
+            places.append(at[bend < base])
+            sizes.append(bend[bend < base])
     for place, share in sharp_corners(sides):
         places.append(place[None])
         sizes.append(np.array([share * base]))
+    if not places:
+        return lambda at: np.full(len(at), base)
     size = graded(np.vstack(places), np.concatenate(sizes))
     return lambda at: np.minimum(size(at), base)
 

@@ -160,7 +160,8 @@ def _check_size(places: Array, key: str) -> None:
 
 def check_simple(pieces: Sequence[Piece], key: str, *, closed: bool) -> None:
     """Raises SloshModelError if a contour crosses itself; the text gives the position."""
-    places = np.vstack([piece.at(np.linspace(0.0, 1.0, 65)[:-1]) for piece in pieces])
+    ends = (np.linspace(0.0, 1.0, 2 if piece.straight else 65) for piece in pieces)
+    places = np.vstack([piece.at(t[:-1]) for piece, t in zip(pieces, ends, strict=True)])
     if not closed:
         places = np.vstack([places, pieces[-1].at(np.array([1.0]))])
         a, b = places[:-1], places[1:]

@@ -11,6 +11,7 @@ from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.sampling import TOO_SLOW
 from slosh_estimator.validity import EstimateFlag
+from slosh_model.tray import Tray
 from slosh_msgs.msg import FusedEstimate, ModelEstimate, SloshEstimate
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.stamps import to_nanoseconds
@@ -18,6 +19,10 @@ from slosh_plan import LiquidState
 
 OLDEST = 0.5
 """An estimate older than this [s] says nothing of the liquid now."""
+OF_A_TRAY = (
+    "of a tray only heights are published, and no state to begin from: predict from rest, "
+    "from_estimate: false"
+)
 UNKNOWN = (
     EstimateFlag.SETTLING
     | EstimateFlag.AFTER_GAP
@@ -84,6 +89,16 @@ class NewestEstimate:
         if message.flags & EstimateFlag.INPUT_TOO_SLOW:
             raise SloshEstimatorError(f"{TOO_SLOW}, and so is the liquid's state")
         return LiquidState(modal_of(message.linear), modal_of(message.nonlinear))
+
+    def state_for(self, tray: Tray) -> LiquidState:
+        """The same for what the gripper holds.
+
+        Raises:
+            SloshEstimatorError: as `state`; the liquid of a tray's further containers is not told.
+        """
+        if tray.is_tray:
+            raise SloshEstimatorError(OF_A_TRAY)
+        return self.state()
 
     def _newest(self, subscription: Any, kind: type) -> Any:
         with subscription.handle:

@@ -188,11 +188,12 @@ def plan_message(answer: Plan, request: Any, asked: RequestedPath) -> MotionPlan
         came = request.joint_trajectory
         names = list(found.motion.joints.limits.names)
         message.joint_trajectory = JointTrajectory(header=came.header, joint_names=names)
-        message.joint_trajectory.points = _joint_points(run.t, found.motion.joints)
+        message.joint_trajectory.points = joint_points(run.t, found.motion.joints)
     return message
 
 
-def _joint_points(t: Array, joints: JointMotion) -> list[JointTrajectoryPoint]:
+def joint_points(t: Array, joints: JointMotion) -> list[JointTrajectoryPoint]:
+    """Makes the points of a joint motion at times (N,) [s]."""
     columns = (joints.position, joints.velocity, joints.acceleration)
     return [
         JointTrajectoryPoint(

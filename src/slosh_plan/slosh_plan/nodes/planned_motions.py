@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_model.model import Model
 from slosh_model.tilt import added_text, attitude_of
+from slosh_model.tray import Tray
 from slosh_msgs.msg import MotionPrediction, PredictionOutcome
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -19,12 +18,14 @@ from slosh_msgs_py.node.diagnostics import WARN, Health
 from slosh_msgs_py.node.memory import LargeMessages
 from slosh_msgs_py.point_arrays import unpacked
 from slosh_msgs_py.stamps import to_nanoseconds
-from slosh_plan import HeightLimits, LiquidState, Prediction
+from slosh_plan import HeightLimits, LiquidState
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.look_ahead import Record, error_of, look_ahead, warning
+from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import trajectory_of_points
 from slosh_plan.trajectory import MOST_POINTS
+from slosh_plan.tray import TrayPrediction
 
 MOST_BYTES = 50_000_000
 """Of a message: 200,000 points with poses, velocities and accelerations have 35 MB."""
@@ -38,7 +39,7 @@ class PlannedMotions:
 
     Args:
         node: the node.
-        model: gives the model of what the gripper holds.
+        container: what the gripper holds.
         limits: that motions are to keep.
         estimate: tells how the liquid stands.
         frame: of the container.
@@ -52,12 +53,12 @@ class PlannedMotions:
     def __init__(
         self,
         node: Node,
-        model: Callable[[], Model],
+        container: ContainerWatch,
         limits: HeightLimits,
         estimate: NewestEstimate,
         frame: str,
     ) -> None:
-        self._node, self._model, self._frame = node, model, frame
+        self._node, self._container, self._frame = node, container, frame
         self.large = LargeMessages(node)
         self.limits = limits
         self._estimate = estimate
@@ -121,7 +122,8 @@ class PlannedMotions:
     def _predicted(self, data: bytes) -> MotionPrediction:
         now = self._now()
         # Of this moment: while a long trajectory is unpacked the motion may begin.
-        state, whence = self._state()
+        tray = self._container.asked("", topics.PREDICTION)
+        state, whence = self._state(tray)
         if len(data) > MOST_BYTES:
             raise SloshEstimatorError(
                 f"{NAME}: {1e-6 * len(data):.0f} MB are more than {1e-6 * MOST_BYTES:.0f} MB"
@@ -134,35 +136,36 @@ class PlannedMotions:
             raise SloshEstimatorError(
                 f"{NAME}: by its stamp it has ended {-delay - motion.duration:.1f} s ago"
             )
-        model = self._model()
         found = look_ahead(
-            model, motion, delay, limits=self.limits, state=state,
-            error=error_of(self._record),
-        )  # fmt: skip
+            tray, motion, delay, limits=self.limits, state=state, error=error_of(self._record)
+        )
         if delay < 0.0:
             whence += f"; by its stamp it began {-delay:.2f} s ago"
-        added = added_text(model, attitude_of(motion))
+        added = added_text(tray.first.placed, attitude_of(motion))
         whence += f"; it {added}" if added else ""
         whence += "".join(f"; but {doubt}" for doubt in trajectory_doubts(motion))
         return self._message(found, now, start_ns, state is not None, whence)
 
-    def _state(self) -> tuple[LiquidState | None, str]:
+    def _state(self, tray: Tray) -> tuple[LiquidState | None, str]:
         """Returns the liquid's state, and why it is assumed to be at rest if so."""
         try:
-            return self._estimate.state(), ""
+            return self._estimate.state_for(tray), ""
         except SloshEstimatorError as error:
             return None, f"; predicted from rest: {error}"
 
     def _message(
-        self, found: Prediction, now: int, start_ns: int, live: bool, whence: str
+        self, tray: TrayPrediction, now: int, start_ns: int, live: bool, whence: str
     ) -> MotionPrediction:
+        found = tray.of_worst
         nonlinear, limits = found.nonlinear, found.limits
         said = warning(found) or f"the liquid will rise to {1e3 * found.upper:.1f} mm"
+        said = f"worst container {tray.worst}: {said}" if tray.worst else said
+        said = "; ".join(filter(None, (said, tray.falling)))
         return filled(
             MotionPrediction,
             stamp_ns=now,
             frame_id=self._frame,
-            state=MotionPrediction.KEPT if found.kept else MotionPrediction.EXCEEDED,
+            state=MotionPrediction.KEPT if tray.kept else MotionPrediction.EXCEEDED,
             id=self.count,
             start_ns=start_ns,
             from_estimate=live,
@@ -180,4 +183,5 @@ class PlannedMotions:
             flags=int(found.flags),
             distance_to_rim=found.distance_to_rim,
             description=said + whence,
+            container=tray.worst,
         )

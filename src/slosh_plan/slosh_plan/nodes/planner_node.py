@@ -15,8 +15,7 @@ from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.nodes.requested_model import model_at
-from slosh_model.model_text import format_model, read_model
+from slosh_model.tray import read_tray
 from slosh_msgs import action, srv
 from slosh_msgs.action import PlanMotion
 from slosh_msgs_py import topics
@@ -32,20 +31,27 @@ from slosh_plan.nodes import plan_messages
 from slosh_plan.nodes.held_container import ContainerWatch
 from slosh_plan.nodes.newest_estimate import NewestEstimate
 from slosh_plan.nodes.predict_messages import given
-from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state, plan
+from slosh_plan.planning.plan import TIME_LIMIT, check_plan_from, check_state
+from slosh_plan.planning.plan_tray import plan_for
 from slosh_plan.planning.progress import PlanProgress, Watch
 from slosh_plan.robot_file import read_robot
 
 SOURCES = ("slosh_plan", "slosh_model")
 LONGEST = 600.0
 PARAMETERS = (
-    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec(
+        "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
+    ),
     ParameterSpec(
         "time_limit", TIME_LIMIT, "time limit of an action's search, if its goal has none [s]",
         (0.1, LONGEST),
     ),
     ParameterSpec(
         "service_time_limit", 5.0, "time limit of the service, until its reply [s]", (0.1, 60.0)
+    ),
+    ParameterSpec(
+        "robust", False,
+        "keep the limits for all likely values (95 %) of the model's parameters",
     ),
     ParameterSpec("urdf", "", "URDF file of the robot, for joint paths; empty if not needed"),
     ParameterSpec("tool_frame", "", "link of the robot that holds the container"),
@@ -77,7 +83,7 @@ class PlannerNode(PreparedNode):
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("planner")
         self._values = values = declare(self, PARAMETERS)
-        self._model = read_model(values["model"])
+        self._tray = read_tray(values["model"])
         self._robot = read_robot(values["urdf"], values["tool_frame"], values["joint_limits"])
         self._settings = SettingsPublisher(
             self, sources_digest(*SOURCES), arithmetic_fingerprint(), values, (topics.ESTIMATE,)
@@ -95,8 +101,8 @@ class PlannerNode(PreparedNode):
 
     def begin(self) -> None:
         """Starts the service and the action."""
-        self._settings.publish({"model": format_model(self._model)})
-        self._container = ContainerWatch(self, self._model, self._on_container)
+        self._container = ContainerWatch(self, self._tray, self._on_container)
+        self._settings.publish(self._container.files)
         self._estimate = NewestEstimate(self)
         self._large = LargeMessages(self)
         paths = (("request", "trajectory"), ("request", "joint_trajectory"))
@@ -114,8 +120,8 @@ class PlannerNode(PreparedNode):
 
     def _on_container(self) -> None:
         """Applies a change of the container to the next requests."""
-        files = {"model": format_model(self._container.held.model)}
-        self._settings.publish(files, int(self.get_clock().now().nanoseconds))
+        now_ns = int(self.get_clock().now().nanoseconds)
+        self._settings.publish(self._container.files, now_ns)
 
     def close(self) -> None:
         """Stops a running plan and the action."""
@@ -179,21 +185,16 @@ class PlannerNode(PreparedNode):
         self, request: Any, longest: float, watch: Watch, most: int | None
     ) -> tuple[Any, str]:
         """Returns the message of a plan, and a sentence that describes it."""
-        path = request.model_path
-        if path:
-            model = model_at(path, self.get_logger().warning, topics.PLAN)
-        else:
-            model = self._container.model()
+        tray = self._container.asked(request.model_path, topics.PLAN)
         limits = plan_messages.limits_of(request)
         asked = plan_messages.path_of(request, self._robot)
         if request.from_estimate:
-            check_state(model, limits, self._estimate.state())
+            check_state(tray.first.placed, limits, self._estimate.state_for(tray))
         watch.enter("path")
-        answer = plan(
-            model, asked.path(model, watch.stopped), limits, attitude=asked.attitude,
-            margin=given(request.margin, 0.0),
-            time_limit=min(given(request.time_limit, self._values["time_limit"]), longest),
-            watch=watch,
+        longest = min(given(request.time_limit, self._values["time_limit"]), longest)
+        answer, container = plan_for(
+            tray, asked.path(tray.turning.model, watch.stopped), limits, asked.attitude,
+            given(request.margin, 0.0), longest, watch, robust=self._values["robust"],
         )  # fmt: skip
         motion = answer.found.motion
         self._large.add(len(motion.t))
@@ -204,20 +205,24 @@ class PlannerNode(PreparedNode):
                 f"action {topics.PLAN_MOTION}, or cut the path"
             )
         if request.from_estimate:
-            check_plan_from(model, answer, asked.attitude, self._estimate.state())
+            state = self._estimate.state_for(tray)
+            check_plan_from(tray.first.placed, answer, asked.attitude, state)
         duration = f"{motion.duration:.3f} s"
         words = "optimal time law" if not answer.reason else f"{answer.method}: {answer.reason}"
-        return plan_messages.plan_message(answer, request, asked), f"{duration}, {words}"
+        message = plan_messages.plan_message(answer, request, asked)
+        message.container = container
+        of = f", for container {container}" if container else ""
+        return message, f"{duration}, {words}{of}"
 
     def _health(self) -> Health:
         busy = ", a plan is under way" if self._busy.locked() else ""
-        held = self._container.held
-        if held.empty:
+        there = self._container.tray.present
+        if not there:
             return OK, f"no container: the gripper is empty{busy}"
-        return OK, f"planning with {held.model.nonlinear().name}{busy}"
+        return OK, f"planning with {there[0].model.nonlinear().name}{busy}"
 
     def _facts(self) -> dict[str, Any]:
-        return {"container": self._container.held.described, "refused requests": self._refused}
+        return {"container": self._container.described, "refused requests": self._refused}
 
 
 class GoalFeedback:

@@ -9,10 +9,8 @@ from typing import Any
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
-from slosh_estimator.nodes.requested_model import model_at
-from slosh_model.model import Model
-from slosh_model.model_text import format_model, read_model
 from slosh_model.tilt import added_text, attitude_of
+from slosh_model.tray import read_tray
 from slosh_msgs.srv import PredictSlosh
 from slosh_msgs_py import topics
 from slosh_msgs_py.node.diagnostics import OK, Health
@@ -22,7 +20,7 @@ from slosh_msgs_py.node.readiness import READY, Progress
 from slosh_msgs_py.node.run import run_node
 from slosh_msgs_py.node.settings import SettingsPublisher
 from slosh_msgs_py.point_arrays import service_with_point_arrays
-from slosh_plan import HeightLimits, predict, safe_scales
+from slosh_plan import HeightLimits
 from slosh_plan.doubts import trajectory_doubts
 from slosh_plan.nodes import predict_messages
 from slosh_plan.nodes.held_container import ContainerWatch
@@ -31,12 +29,15 @@ from slosh_plan.nodes.planned_motions import PlannedMotions
 from slosh_plan.robot_file import read_arm
 from slosh_plan.scaling import COUNT
 from slosh_plan.trajectory import MOST_POINTS
+from slosh_plan.tray import limits_of, predict_tray, tray_scales
 
 SOURCES = ("slosh_plan", "slosh_model")
 MOST_SAMPLES = 10_000_000
 """Of all time scales of a request: about a second, in which nothing else is answered."""
 PARAMETERS = (
-    ParameterSpec("model", "", "model file of the container and its liquid (model.yaml)"),
+    ParameterSpec(
+        "model", "", "model.yaml of the container and its liquid, or tray.yaml of several"
+    ),
     ParameterSpec("scales", COUNT, "number of time scales tested per request", (10, 10_000)),
     ParameterSpec(
         "limit", 0.02, "height limit during planned motions [m]; 0 for no limit", (0.0, 10.0),
@@ -68,7 +69,7 @@ class PredictorNode(PreparedNode):
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("predictor")
         self._values = values = declare(self, PARAMETERS, apply=self._on_change)
-        self._model = read_model(values["model"])
+        self._tray = read_tray(values["model"])
         urdf = values["urdf"]
         self._arm = read_arm(urdf, values["tool_frame"]) if urdf else None
         self._settings = SettingsPublisher(
@@ -86,11 +87,11 @@ class PredictorNode(PreparedNode):
 
     def begin(self) -> None:
         """Starts the service and the predictions of planned motions."""
-        self._settings.publish({"model": format_model(self._model)})
         self._estimate = NewestEstimate(self)
-        self._container = ContainerWatch(self, self._model, self._on_container)
+        self._container = ContainerWatch(self, self._tray, self._on_container)
+        self._settings.publish(self._container.files)
         self._planned = PlannedMotions(
-            self, self._container.model, self._limits(), self._estimate,
+            self, self._container, self._limits(), self._estimate,
             self._values["container_frame"],
         )  # fmt: skip
         service = service_with_point_arrays(
@@ -100,13 +101,13 @@ class PredictorNode(PreparedNode):
 
     def _limits(self) -> HeightLimits:
         height, residual = (self._values[name] or math.inf for name in LIMITS)
-        own = self._container.held.limit
+        own = self._container.limit
         height = height if math.isnan(own) else own
         return HeightLimits(height, residual, rim_distance=self._values["rim_distance"])
 
     def _on_container(self) -> None:
         self._planned.limits = self._limits()
-        self._settings.publish({"model": format_model(self._container.held.model)}, self._now())
+        self._settings.publish(self._container.files, self._now())
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)
@@ -136,43 +137,44 @@ class PredictorNode(PreparedNode):
 
     def _answer(self, request: PredictSlosh.Request, response: PredictSlosh.Response) -> str:
         """Writes the prediction into the response; returns a sentence that describes it."""
-        model = self._model_of(request.model_path)
+        tray = self._container.asked(request.model_path, topics.PREDICT)
+        model = tray.first.placed
         motion = predict_messages.trajectory_of(request, self._arm)
         limits = predict_messages.limits_of(request)
         horizon = predict_messages.horizon_of(request)
         error = predict_messages.error_of(request)
-        state = self._estimate.state() if request.from_estimate else None
-        (prediction,) = predict(
-            model, motion, limits=limits, state=state, horizon=horizon, error=error
+        state = self._estimate.state_for(tray) if request.from_estimate else None
+        (found,) = predict_tray(
+            tray, [motion], limits=limits, state=state, horizon=horizon, error=error
         )
+        prediction = found.of_worst
         predict_messages.fill(response, prediction)
-        if limits.given and not request.no_time_scales:
-            scales = safe_scales(
-                model, motion, limits, state=state, horizon=horizon, margin=prediction.margin,
+        response.container = found.worst
+        given = any(limits_of(one, limits).given for one in tray.present)
+        if given and not request.no_time_scales:
+            scales = tray_scales(
+                tray, motion, limits, found, state=state, horizon=horizon,
                 count=self._values["scales"], most=MOST_SAMPLES,
             )  # fmt: skip
             predict_messages.fill_scales(response, scales)
         answer = "the limits are kept" if prediction.kept else "a limit is exceeded"
+        answer = f"worst container {found.worst}: {answer}" if found.worst else answer
+        answer = "; ".join(filter(None, (answer, found.falling)))
         added = added_text(model, attitude_of(motion))
         answer += f"; it {added}" if added else ""
         return "; but ".join([answer, *trajectory_doubts(motion)])
 
-    def _model_of(self, path: str) -> Model:
-        if not path:
-            return self._container.model()
-        return model_at(path, self.get_logger().warning, "predict")
-
     def _health(self) -> Health:
-        held = self._container.held
+        there = self._container.tray.present
         doing = "no container: the gripper is empty"
-        if not held.empty:
-            doing = f"predicting with {held.model.nonlinear().name}"
+        if there:
+            doing = f"predicting with {there[0].model.nonlinear().name}"
         return self._planned.health() or (OK, doing)
 
     def _facts(self) -> dict[str, Any]:
         return {
             **{name: self._values[name] for name in LIMITS},
-            "container": self._container.held.described,
+            "container": self._container.described,
             "refused requests": self._refused,
             "planned motions": self._planned.count,
         }

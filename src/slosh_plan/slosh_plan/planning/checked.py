@@ -25,7 +25,7 @@ TOLERANCE = 1e-9
 
 
 class LooseContainer(NamedTuple):
-    """A container that stands on a tray.
+    """A container that stands loosely on a tray, for the check of motions.
 
     Attributes:
         standing: how it stands.
@@ -37,7 +37,7 @@ class LooseContainer(NamedTuple):
 
     @classmethod
     def of(cls, one: TrayContainer) -> LooseContainer | None:
-        """Returns how a container of a tray stands; None: it is held."""
+        """Returns the loosely standing container of a tray, or None if it is held."""
         return None if one.standing is None else cls(one.standing, one.place)
 
 
@@ -147,7 +147,7 @@ class Checker:
         ]
 
     def _use(self, motion: PlannedMotion) -> dict[str, float]:
-        """Returns the shares of friction and base that a motion uses."""
+        """Returns the fractions of friction and base that a motion uses."""
         assert self.loose is not None
         inputs = _with_rest(motion, horizon(self.model), self.attitude)
         standing, place = self.loose

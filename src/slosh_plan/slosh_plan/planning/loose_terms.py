@@ -1,4 +1,4 @@
-"""What keeps a loosely standing container in its place, as CasADi expressions."""
+"""Constraints that keep a loosely standing container in place, as CasADi expressions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slosh_plan.planning.flow import Expression
 
 @dataclass(frozen=True, slots=True)
 class LooseTerms:
-    """Numbers of a loosely standing container and its first mode; see `slosh_model.standing_use`.
+    """Parameters of a loosely standing container and its liquid's first mode.
 
     Attributes:
         standing: how it stands.
@@ -25,7 +25,7 @@ class LooseTerms:
 
     @classmethod
     def of(cls, model: Model, standing: Standing) -> LooseTerms:
-        """Computes them from the liquid's model."""
+        """Computes the parameters from the model of the liquid."""
         return cls(standing, StandingMasses.of(model, standing))
 
     def demands(

@@ -8,13 +8,17 @@ from typing import NamedTuple
 
 from slosh_base.types import Array
 from slosh_model.tray import Tray, TrayContainer
+from slosh_plan.errors import SloshPlanError
 from slosh_plan.limits import HeightLimits
-from slosh_plan.planning.checked import attitudes, horizon
+from slosh_plan.planning.checked import LooseContainer, attitudes, horizon
 from slosh_plan.planning.limits import PlanLimits
-from slosh_plan.planning.plan import NoSafeMotionError, Plan
+from slosh_plan.planning.path import Path
+from slosh_plan.planning.plan import NoSafeMotionError, Plan, plan
+from slosh_plan.planning.progress import Watch
+from slosh_plan.planning.robust import plan_robust
 from slosh_plan.prediction import ModelError, Prediction
 from slosh_plan.trajectory import Trajectory
-from slosh_plan.tray import TrayPrediction, limits_of, predict_tray
+from slosh_plan.tray import TrayPrediction, check_present, limits_of, predict_tray
 
 MOST = 8
 """Plans that are tried."""
@@ -63,9 +67,11 @@ def plan_tray(
 
     Raises:
         NoSafeMotionError: none of the plans keeps all limits.
+        SloshPlanError: no container is there.
     """
-    lowered = dict.fromkeys(tray.names, 1.0)
-    by_name = {each.name: each for each in tray.containers}
+    check_present(tray)
+    by_name = {each.name: each for each in tray.present}
+    lowered = dict.fromkeys(by_name, 1.0)
     one = min(by_name, key=lambda name: _height(by_name[name], limits))
     for _ in range(MOST):
         own, share = limits_of(by_name[one], limits), lowered[one]
@@ -90,6 +96,57 @@ def plan_tray(
     )
 
 
+def plan_for(
+    tray: Tray,
+    path: Path,
+    limits: PlanLimits,
+    attitude: Array | None,
+    margin: float,
+    time_limit: float,
+    watch: Watch,
+    *,
+    robust: bool = False,
+) -> tuple[Plan, str]:
+    """Plans for what is carried, within a time; see `plan` and `plan_tray`.
+
+    Args:
+        tray: a tray, or a model as a tray of one.
+        path, limits, attitude, margin: as of `plan`.
+        time_limit: of all searches together [s]; each of a tray's has half of what is left.
+        watch: ends the searches.
+        robust: whether the limits hold for all likely parameters of the model; see `plan_robust`.
+
+    Raises:
+        SloshPlanError: as of `plan`, and a robust plan for a tray.
+
+    Returns:
+        the plan, and the container that determines it; empty: there is no tray.
+    """
+
+    def make(one: TrayContainer, kept: PlanLimits, time_limit: float) -> Plan:
+        watch.forget()
+        return plan(
+            one.placed, path, kept, attitude=attitude, margin=margin, time_limit=time_limit,
+            watch=watch, loose=LooseContainer.of(one),
+        )  # fmt: skip
+
+    def make_within(one: TrayContainer, kept: PlanLimits) -> Plan:
+        return make(one, kept, 0.5 * max(time_limit - watch.elapsed, 0.0))
+
+    if robust:
+        if tray.is_tray:
+            raise SloshPlanError("a robust plan is for one container, not for a tray")
+        found, _ = plan_robust(
+            tray.first.placed, path, limits, attitude=attitude, margin=margin,
+            time_limit=time_limit, watch=watch,
+        )  # fmt: skip
+        return found, ""
+    if not tray.is_tray:
+        return make(tray.first, limits, time_limit), ""
+    of_tray = plan_tray(tray, limits, make_within, attitude=attitude, margin=margin)
+    return of_tray.plan, of_tray.of
+
+
 def _height(one: TrayContainer, limits: PlanLimits) -> float:
     return limits_of(one, limits).under_rim(one.model).height
 
@@ -108,5 +165,5 @@ def _predicted(
     turned = attitudes(motion, attitude, len(motion.t))
     trajectory = Trajectory(motion.t, motion.acceleration, turned, name="the plan")
     asked = HeightLimits(limits.height, limits.residual, rim_distance=limits.rim_distance)
-    longest = max(horizon(one.model) for one in tray.containers)
+    longest = max(horizon(one.model) for one in tray.present)
     return predict_tray(tray, [trajectory], limits=asked, horizon=longest, error=error)[0]

@@ -67,6 +67,10 @@ class Watch:
         self._phase = phase
         self.stopped()
 
+    def forget(self) -> None:
+        """Forgets the safe motions so far: those of another container."""
+        self._duration = math.inf
+
     def found(self, duration: float) -> None:
         """Reports the duration [s] of a safe motion that was found."""
         self._duration = min(self._duration, duration)

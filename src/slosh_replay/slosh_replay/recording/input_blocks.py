@@ -19,12 +19,21 @@ from slosh_bag.reader import BagReader, messages_of, stamp_ns
 from slosh_base.files.nanoseconds import SECOND
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.fixed_frames import FixedFrames
-from slosh_estimator.inputs import JOINTS, MOUNTED, POSE, POSED, InputSettings, WantedInput
+from slosh_estimator.inputs import (
+    ACCEL,
+    JOINTS,
+    MOUNTED,
+    POSE,
+    POSED,
+    InputSettings,
+    WantedInput,
+)
 from slosh_estimator.joint_poses import JointPoses
+from slosh_estimator.placed_accel import PlacedAccel, PlacedAcceleration
 from slosh_estimator.timed_pose import TimedPose
 from slosh_estimator.transform_poses import Transform, TransformPoses
 from slosh_msgs_py import topics
-from slosh_replay.recording.inputs import fields, recorded_inputs
+from slosh_replay.recording.inputs import PLACED_FIELDS, fields, recorded_inputs
 from slosh_replay.recording.settings import first
 from slosh_replay.recording.sources import Sources
 
@@ -60,10 +69,13 @@ class InputBlocks:
         except SloshEstimatorError as error:
             raise SloshBagError(f"{reader.path}: {sources.input}: {error}") from None
         self.topics: tuple[str, ...] = (sources.input,)
-        if sources.kind == POSE and isinstance(self._poses, TransformPoses):
+        placed = isinstance(self._poses, PlacedAccel)
+        if placed or (sources.kind == POSE and isinstance(self._poses, TransformPoses)):
             self.topics += (sources.topics.topic("tf", _row(topics.TF).type) or "",)
-        if isinstance(self._poses, TransformPoses):
-            for message in _latched(reader, sources, topics.TF_STATIC):
+        for message in _latched(reader, sources, topics.TF_STATIC):
+            if isinstance(self._poses, PlacedAccel):
+                self._poses.take_transforms(map(_transform, message.transforms), fixed=True)
+            elif isinstance(self._poses, TransformPoses):
                 self._poses.take(map(_transform, message.transforms), fixed=True)
 
     def columns(self, blocks: Sequence[MessageBlock]) -> Columns:
@@ -77,14 +89,26 @@ class InputBlocks:
         """
         if self._poses is None:
             return self._columns.columns(blocks[0], self._fields)
-        found: list[TimedPose] = []
         messages = [message for block in blocks for message in messages_of(block)]
         if len(blocks) > 1:  # in the order in which the node heard them
             messages.sort(key=lambda message: message.log_ns)
-        for message in messages:
-            found += self._taken(self._reader.decode(message))
+        decoded = map(self._reader.decode, messages)
+        if isinstance(self._poses, PlacedAccel):
+            placed = [one for message in decoded for one in self._placed(self._poses, message)]
+            self._count += len(placed)
+            return _placed_columns(placed, self._world)
+        found = [one for message in decoded for one in self._taken(message)]
         self._count += len(found)
         return _pose_columns(found, self._world)
+
+    def _placed(self, poses: PlacedAccel, message: Any) -> list[PlacedAcceleration]:
+        """Returns the accelerations that a message completes."""
+        if hasattr(message, "transforms"):
+            return poses.take_transforms(map(_transform, message.transforms))
+        if message.header.frame_id != poses.frame:
+            return []
+        a = message.accel.linear
+        return poses.take(stamp_ns(message), (a.x, a.y, a.z))
 
     def _taken(self, message: Any) -> list[TimedPose]:
         """Returns the poses that a message completes."""
@@ -157,15 +181,26 @@ def _mounted(reader: BagReader, sources: Sources, how: InputSettings) -> InputSe
 
 
 def _pose_columns(poses: list[TimedPose], frame: str) -> dict[str, NDArray[Any]]:
-    stamps = np.array([pose.stamp_ns for pose in poses], dtype=np.int64)
     values = np.array([(*p.position, *p.quaternion) for p in poses], np.float64).reshape(-1, 7)
-    seconds, nanoseconds, name, *numbers = fields(POSE)
-    found: dict[str, NDArray[Any]] = {
+    found = _stamp_columns([pose.stamp_ns for pose in poses], POSE, frame)
+    return found | dict(zip(fields(POSE)[3:], values.T, strict=True))
+
+
+def _placed_columns(placed: list[PlacedAcceleration], frame: str) -> dict[str, NDArray[Any]]:
+    found = _stamp_columns([one.stamp_ns for one in placed], ACCEL, frame)
+    values = np.array([(*one.vector, *one.pose) for one in placed], np.float64)
+    names = (*fields(ACCEL)[3:], *PLACED_FIELDS)
+    return found | dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
+
+
+def _stamp_columns(stamps_ns: list[int], kind: str, frame: str) -> dict[str, NDArray[Any]]:
+    stamps = np.array(stamps_ns, dtype=np.int64)
+    seconds, nanoseconds, name = fields(kind)[:3]
+    return {
         seconds: stamps // SECOND,
         nanoseconds: stamps % SECOND,
-        name: np.full(len(poses), frame, dtype=object),
+        name: np.full(len(stamps), frame, dtype=object),
     }
-    return found | dict(zip(numbers, values.T, strict=True))
 
 
 def _transform(message: Any) -> Transform:

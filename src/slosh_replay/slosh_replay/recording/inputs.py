@@ -20,7 +20,7 @@ from slosh_estimator.sampling import Modes, gap_sentence, modes_of
 from slosh_estimator.velocity_input import Twist, VelocityInput
 from slosh_metrics.input_checks.input_faults import MIXED_INPUT
 from slosh_metrics.input_checks.table_checks import InputDoubt
-from slosh_model.indices import QW, QX, QY, QZ
+from slosh_model.indices import POSE_COUNT, QW, QX, QY, QZ
 from slosh_model.model import Model
 from slosh_model.tilt import ignored_text, largest_tilt
 from slosh_replay.recording.facts import TABLE_COLUMNS
@@ -44,6 +44,8 @@ _FIELDS = {
     "twist": (*(f"twist.{what}.{axis}" for what in ("linear", "angular") for axis in "xyz"),),
 }  # fmt: skip
 _FRAME = "header.frame_id"
+PLACED_FIELDS = tuple(f"pose{index}" for index in range(POSE_COUNT))
+"""Columns of accelerations that transforms have placed: how the container stands and turns."""
 MIXED = 0.05
 """One publisher stamps no such share of its messages before the one ahead of them."""
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
@@ -223,7 +225,10 @@ class InputReader:
         adapter = self._adapter
         values = np.column_stack([columns[name][rows] for name in _FIELDS[_columns_of(self.kind)]])
         if isinstance(adapter, AccelInput):
-            samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values)
+            poses = None
+            if self._settings.placed:
+                poses = np.column_stack([columns[name][rows] for name in PLACED_FIELDS])
+            samples = adapter.update_many(stamps[rows], columns[_FRAME][rows], values, poses)
             self._slow = adapter.sampling.sentence() or self._slow
             return samples
         found = []

@@ -89,7 +89,7 @@ class MotionCollector:
             self._turns.append(_reported(columns, TURNING, _TURNING_KNOWN))
 
     def motion(self, path: Path, topic: str) -> RecordedMotion:
-        """Returns the motion of all messages.
+        """Returns the container's motion from all added messages.
 
         Raises:
             SloshBagError: nothing usable, or the stamps go back.

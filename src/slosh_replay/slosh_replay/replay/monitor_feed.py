@@ -234,11 +234,15 @@ class ReplayedMonitor:
         self.feed = MonitorFeed(setting.limits, setting.limit_changes)
         if setting.tray is not None:
             self.feed.monitor.carry(setting.tray)
+        self._trays = setting.trays
         self.events: list[Event] = []
         self._outputs = setting.outputs
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
         """Processes estimates and measured heights; returns the comparisons."""
+        while self._trays:
+            last_ns, tray = self._trays.pop(0)
+            self.feed.monitor.carry(tray, last_ns)
         estimates = (
             _NOTHING if moment.estimates is None else monitored(moment.estimates, moment.own)
         )

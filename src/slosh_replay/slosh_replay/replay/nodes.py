@@ -57,6 +57,7 @@ class Setting(NamedTuple):
         tray: whose first container the model is of; None: there is none.
         starts: of all recorded nodes.
         outputs: receives all results.
+        trays: later trays of the estimator, with the last stamps before them [ns]; grows.
         loaded: models that the estimator has loaded so far, that of each start; grows.
         fused: compares the observer's states; None: none are recorded.
         observer_states: recorded states of the observer; grows.
@@ -76,6 +77,7 @@ class Setting(NamedTuple):
     tray: Tray | None = None
     starts: tuple[NodeStart, ...] = ()
     outputs: Outputs = Outputs()
+    trays: list[tuple[int, Tray]] = []  # noqa: RUF012 - given by each replay
     loaded: list[Model] = []  # noqa: RUF012 - given by each replay
     fused: Verifier | None = None
     observer_states: list[ObserverState] = []  # noqa: RUF012 - given by each replay

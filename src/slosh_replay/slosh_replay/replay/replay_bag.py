@@ -135,6 +135,7 @@ def replay_bag(
         changes=_changes(sources, used, follow=model is None),
         follows_input=not isinstance(given, InputSettings),
         tray=tray,
+        trays=[],
         starts=sources.starts,
         outputs=outputs or Outputs(),
         loaded=[],
@@ -156,7 +157,7 @@ def replay_bag(
         blocks.check()
         stream.advance(final=True)
         result = conclude(path.name, sources.input, stream, _origin(started, recorded, used))
-    said = [*_unfelt(path, sources, used), *input_reader.ignored_tilt(used), blocks.trouble()]
+    said = [*_unfelt(path, sources, used, how), *input_reader.ignored_tilt(used), blocks.trouble()]
     if several > 1:
         said.append(
             f"of {several} estimators on {sources.estimate} the replayed one is {estimator}"
@@ -172,9 +173,9 @@ def _known_state(verifiers: Mapping[str, Verifier], losses: list[int]) -> KnownS
     return KnownState(estimate, losses, tray, comparison)
 
 
-def _unfelt(path: Path, sources: Sources, model: Model) -> list[str]:
+def _unfelt(path: Path, sources: Sources, model: Model, how: InputSettings) -> list[str]:
     """Warns of model effects that need more attitude data than the input contains."""
-    said = [attitude_warning(model, sources.kind)]
+    said = [] if how.placed else [attitude_warning(model, sources.kind)]
     if {"qx", "wx"} & set(sources.facts.get(TABLE_COLUMNS, "").split(",")):
         table = read_bag_table(path, TableSettings()).table
         said.append(ignored_text(model, attitude_of(table)))
@@ -192,7 +193,7 @@ def _unmixed(sources: Sources) -> Sources:
 
 
 def _heard_starts(reader: BagReader, sources: Sources) -> tuple[NodeStart, ...]:
-    """Returns the starts of the estimator that published estimates."""
+    """Returns the starts of those estimator processes that published estimates."""
     processes = [s for s in sources.starts if s.node == "estimator" and not s.stamp_ns]
     if len(processes) < 2 or sources.estimate is None:
         return sources.starts

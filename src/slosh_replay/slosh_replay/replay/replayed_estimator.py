@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slosh_base.types import Integers
 from slosh_estimator.errors import SloshEstimatorError
-from slosh_estimator.held_container import empty_and_fresh
+from slosh_estimator.held_container import changed_place, empty_and_fresh
 from slosh_estimator.inputs import InputSettings
 from slosh_estimator.sample import Samples
 from slosh_estimator.sampling import modes_of
@@ -19,7 +19,13 @@ from slosh_estimator.tray_estimator import TrayEstimator
 from slosh_model.indices import POSE_COUNT
 from slosh_msgs_py.topics import ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recording.inputs import settings_of_start
-from slosh_replay.recording.settings import NodeStart, first, model_of, starts_at_rest
+from slosh_replay.recording.settings import (
+    NodeStart,
+    first,
+    model_of,
+    starts_at_rest,
+    tray_of,
+)
 from slosh_replay.recording.states import RecordedState
 from slosh_replay.replay.input_matching import Decision
 from slosh_replay.replay.model_set import ModelHeights, ModelSet
@@ -52,7 +58,9 @@ class ReplayedEstimator:
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
         self.models = ModelSet(setting.model, at_rest=setting.at_rest)
+        self._tray = setting.tray
         self._others = self._new_others(setting.at_rest)
+        self._until_ns = 0
         self.unused = 0
         self.untaken = ""
         self._changes = list(setting.changes)
@@ -69,8 +77,7 @@ class ReplayedEstimator:
         setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
 
     def _new_others(self, at_rest: bool) -> TrayEstimator | None:
-        tray = self.setting.tray
-        return None if tray is None else TrayEstimator(tray, at_rest=at_rest)
+        return None if self._tray is None else TrayEstimator(self._tray, at_rest=at_rest)
 
     @property
     def longest_gap_ns(self) -> int:
@@ -118,6 +125,7 @@ class ReplayedEstimator:
         start = 0
         for index, act in sorted(actions, key=lambda action: action[0]):
             self._take(stamps, columns, used, start, index)
+            self._until_ns = int(stamps[index]) - 1
             act()
             start = index
         self._take(stamps, columns, used, start, count)
@@ -173,14 +181,31 @@ class ReplayedEstimator:
             self.untaken = str(error)
 
     def _load(self, change: NodeStart) -> None:
-        model = model_of(change)
         empty, fresh = empty_and_fresh(change.parameters)
+        place = self._carry(change)
+        if self._others is not None and self._tray is not None:
+            if place < 0:
+                self._others.reset()
+            else:
+                self._others.change(self._tray, place, fresh=fresh)
+        if place > 0:
+            return
+        model = model_of(change)
         self.models.load_model(model, fresh=fresh, empty=empty)
-        if self._others is not None:
-            self._others.reset()
         self.setting.loaded.append(model)
         self.setting.reader.carry(modes_of(model))
         self.setting.outputs.begin(self.models.own_names, self.models.model.container.wall)
+
+    def _carry(self, change: NodeStart) -> int:
+        """Takes the tray of a start; which place alone it changed, from 0; -1: all start anew."""
+        tray = tray_of(change) if self._tray is not None else None
+        if tray is None or self._tray is None or tray.names != self._tray.names:
+            return -1
+        if tray != self._tray:
+            self._tray = tray
+            self.setting.trays.append((self._until_ns, tray))
+        place = changed_place(change.parameters)
+        return tray.names.index(place) if place in tray.names else -1
 
     def _change(self, change: NodeStart) -> None:
         settings = self._input_settings(change)

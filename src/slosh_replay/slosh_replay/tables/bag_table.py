@@ -140,7 +140,7 @@ def read_bag_table(
             progress(len(block))
     blocks.check()
     motion = collector.motion(path, sources.input)
-    if sources.kind == "accel" and collector.in_world:
+    if sources.kind == "accel" and collector.in_world and not how.placed:
         motion = beside.added_to(motion)
     motion, placed = heights.placed(motion, how.gate.max_gap)
     origin = _origin(path, chosen.absolute, facts, motion.stamps)

@@ -79,6 +79,20 @@ function showNodes(nodes) {
   }));
 }
 
+function showCells(cells) {
+  part("cells-part").hidden = cells.length === 0;
+  part("cells").replaceChildren(...cells.map((cell) => {
+    const worst = cell.worst ? `worst container ${cell.worst}` : "";
+    const line = row([[""], [cell.verdict, CLASSES[cell.verdict]], [millimetres(cell.height)], [millimetres(cell.limit)], [words(cell.own ? "this page" : "", worst, cell.reason)]]);
+    const link = document.createElement(cell.port && !cell.own ? "a" : "span");
+    link.textContent = cell.name;
+    if (link.tagName === "A") link.href = `${location.protocol}//${location.hostname}:${Number(cell.port)}/`;
+    line.firstChild.append(link);
+    if (cell.own) line.className = "own";
+    return line;
+  }));
+}
+
 function showEvents(events) {
   part("events").replaceChildren(...events.map((event) => {
     const line = document.createElement("li");
@@ -122,6 +136,7 @@ function draw() {
   if (state.slow) {
     showNodes(state.slow.nodes);
     showEvents(state.slow.events);
+    showCells(state.slow.cells || []);
     part("advice").hidden = !state.slow.command;
     put("command", state.slow.command);
     state.slow = null;

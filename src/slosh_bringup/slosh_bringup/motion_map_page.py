@@ -1,0 +1,81 @@
+"""The page of a motion map: table and pictures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from slosh_base.types import Array
+from slosh_model.model import Model
+from slosh_model.motion_profiles import LAWS
+from slosh_plan.motion_map.design import heights
+from slosh_plan.motion_map.motion_map import MotionMap
+from slosh_report.page.svg import INK, LIMIT, LINEAR, NONLINEAR, canvas, style, svg_text
+from slosh_report.page.template import make_environment
+
+SIZE = (6.4, 3.0)
+SHOWN = 5
+"""Laws that are drawn."""
+COMPARED = "quintic"
+
+
+class KnownProfile:
+    """A known law, with the interface of `Profile`."""
+
+    def acceleration(self, u: Array) -> Array:
+        """Returns the second derivative at given times; 0 outside 0 to 1."""
+        inside = (u >= 0.0) & (u <= 1.0)
+        return np.where(inside, LAWS[COMPARED](np.clip(u, 0.0, 1.0))[2], 0.0)
+
+
+def render_map(model: Model, found: MotionMap, name: str) -> str:
+    """Renders the page of a map as HTML; all texts are escaped.
+
+    Args:
+        model: of the liquid.
+        found: the map.
+        name: of the model's file.
+    """
+    template = make_environment("slosh_bringup.predict").get_template("motion_map.html.j2")
+    charts = [_waves(model, found), _laws(found)]
+    return template.render(found=found, name=name, charts=charts, compared=COMPARED)
+
+
+def _waves(model: Model, found: MotionMap) -> Markup:
+    """Draws peak and dwell height by speed, and those of a known law."""
+    speeds = [row.speed for row in found.rows]
+    known = [heights(model, found.stroke, KnownProfile(), speed).peak for speed in speeds]
+    top = 1.6 * 1e3 * found.limits.height
+    with style("waves"):
+        figure = canvas(SIZE)
+        axes: Any = figure.add_subplot()
+        axes.plot(speeds, np.minimum(1e3 * np.array(known), 2.0 * top), color=LINEAR)
+        axes.plot(speeds, [1e3 * row.found.residual for row in found.rows], color=INK)
+        axes.plot(speeds, [1e3 * row.found.peak for row in found.rows], color=NONLINEAR)
+        axes.plot(*zip(*((s, 1e3 * one.peak) for s, one in found.checked), strict=True), ".",
+                  color=NONLINEAR, markersize=2.5)  # fmt: skip
+        axes.axhline(1e3 * found.limits.height, color=LIMIT, linestyle=(0, (1, 2)))
+        axes.set_ylim(0.0, top)
+        axes.set_xlabel("speed [1/min]")
+        axes.set_ylabel("height [mm]")
+        return Markup(svg_text(figure, "waves"))
+
+
+def _laws(found: MotionMap) -> Markup:
+    """Draws the acceleration of some laws over the normalised time."""
+    u = np.linspace(0.0, 1.0, 201)
+    places = np.unique(np.linspace(0, len(found.rows) - 1, SHOWN).round().astype(int))
+    with style("laws"):
+        figure = canvas(SIZE)
+        axes: Any = figure.add_subplot()
+        for n, place in enumerate(places):
+            row = found.rows[place]
+            axes.plot(u, row.profile.acceleration(u), color=NONLINEAR,
+                      alpha=0.3 + 0.7 * (n + 1) / len(places))  # fmt: skip
+            at = int(np.argmax(row.profile.acceleration(u)))
+            axes.annotate(f"{row.speed:g}", (u[at], row.profile.acceleration(u)[at]), color=INK)
+        axes.set_xlabel("time by the stroke's duration")
+        axes.set_ylabel("a · T² / stroke")
+        return Markup(svg_text(figure, "laws"))

@@ -1,0 +1,1 @@
+"""Motion maps: for each speed of a machine the stroke with the lowest waves."""

@@ -1,0 +1,64 @@
+"""A stroke's normalised time law: polynomials of the seventh degree, one for each segment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline, PPoly
+
+from slosh_base.types import Array
+from slosh_plan.tuning import TUNING
+
+DEGREE = 5
+"""Degree of the acceleration's spline; the position's is higher by two."""
+KNOTS = np.concatenate(
+    [np.zeros(DEGREE), np.linspace(0.0, 1.0, TUNING.map_segments + 1), np.ones(DEGREE)]
+)
+COUNT = TUNING.map_segments + DEGREE - 2
+"""Weights of a law: those at both ends are zero, so that the acceleration begins and ends at 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """A law from 0 to 1 over the normalised time u from 0 to 1, at rest at both ends.
+
+    Attributes:
+        weights: (COUNT,) of the acceleration's B-splines of the fifth degree.
+    """
+
+    weights: Array
+
+    def acceleration(self, u: Array) -> Array:
+        """Returns the second derivative at given times; 0 outside 0 to 1."""
+        inside = (u >= 0.0) & (u <= 1.0)
+        return np.where(inside, spline(self.weights)(np.clip(u, 0.0, 1.0)), 0.0)
+
+    def position(self, u: Array) -> Array:
+        """Returns the law at given times."""
+        return np.asarray(self.polynomials()(np.clip(u, 0.0, 1.0)), dtype=np.float64)
+
+    def polynomials(self) -> PPoly:
+        """Returns the law as polynomials of the seventh degree between the knots."""
+        return PPoly.from_spline(spline(self.weights).tck).antiderivative(2)
+
+    def coefficients(self) -> Array:
+        """Returns (segments, 8) coefficients of v⁰ … v⁷; v runs from 0 to 1 in each segment."""
+        found = self.polynomials()
+        width = np.diff(found.x)
+        real = width > 0.0  # the knots at both ends coincide
+        powers = np.arange(DEGREE + 3)
+        scaled: Array = found.c[::-1, real].T * width[real, None] ** powers
+        return scaled
+
+
+def spline(weights: Array) -> BSpline:
+    """Returns the acceleration's spline of given weights (COUNT,) or (COUNT, columns)."""
+    ends = np.zeros((1, *weights.shape[1:]))
+    return BSpline(KNOTS, np.concatenate([ends, weights, ends]), DEGREE)
+
+
+def moments() -> Array:
+    """Returns (2, COUNT) each B-spline's part in the final speed and the final position."""
+    each = spline(np.eye(COUNT))
+    return np.array([each.antiderivative(order)(1.0) for order in (1, 2)])
