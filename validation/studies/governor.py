@@ -146,7 +146,8 @@ def tracked(
 
     They keep acceleration and jerk alone; what is no number is a stop.
     """
-    v, a, rows = np.array(velocity), np.array(acceleration), []
+    v, a = np.array(velocity), np.array(acceleration)
+    rows: list[tuple[Array, Array]] = []
     step, wanted = limits.jerk * PERIOD, np.where(np.isfinite(commands), commands, 0.0)
     while len(rows) < len(wanted) or np.linalg.norm(v) > 1e-4 or np.linalg.norm(a) > 1e-3:
         goal = wanted[len(rows)] if len(rows) < len(wanted) else np.zeros(3)

@@ -56,7 +56,7 @@ class GovernedBag(LiveBag):
             modal = np.array(state.modal).reshape(-1, 4)
             self._put(
                 FUSED, now, log_ns, modal_position=modal[:, :2].ravel(),
-                modal_velocity=modal[:, 2:].ravel(), trusted=True,
+                modal_velocity=modal[:, 2:].ravel(), trusted=True, distance_to_rim=np.nan,
                 **told_fields(state, self._observer.counts),
             )  # fmt: skip
             seen = SeenLiquid(now, modal, state.msh_stddev, state.frequency_factor)

@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+import yaml
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from slosh_estimator.errors import SloshEstimatorError
 from slosh_model import Inputs, simulate
 from slosh_model.model_text import format_model, parse_model
+from slosh_model.tray import format_tray, read_tray
 from slosh_msgs.msg import ContainerChange, FusedEstimate, GovernedMotion
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.conversions import filled
@@ -195,6 +198,23 @@ def test_another_container_is_governed_from_rest_on(cell: Cell) -> None:
     assert begun.steps == 1
     assert begun.velocity.tolist() == [0.0] * 3
     assert cell.follow(0.1, 20).velocity[0] > 0.03
+
+
+def test_a_tray_is_refused(cell: Cell, tmp_path: Any) -> None:
+    tray = tmp_path / "tray.yaml"
+    model = yaml.safe_load(TEXT)
+    cups = [{"name": name, "model": model, "place": [x, 0.0, 0.0]}
+            for name, x in (("left", -0.1), ("right", 0.1))]  # fmt: skip
+    tray.write_text(yaml.safe_dump({"containers": cups}))
+    text = format_tray(read_tray(tray))
+    with pytest.raises(SloshEstimatorError, match=r"tray.yaml: the governor keeps .* one"):
+        cell.with_parameters(GovernorNode, model=str(tray))
+    change = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    cell.follow(0.1, 10)
+    change.publish(filled(ContainerChange, present=True, model=TEXT, tray=text))
+    cell.rest(GovernedMotion.REQUESTED)
+    assert not cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
+    assert cell.follow(0.1, 5).velocity[0] == 0.0
 
 
 def test_the_core_gives_the_same(cell: Cell) -> None:

@@ -17,7 +17,8 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from slosh_base.compiled.arithmetic import arithmetic_fingerprint
 from slosh_base.compiled.compilation import load_telling
 from slosh_base.compiled.compile_cache import sources_digest
-from slosh_model.model_text import format_model, read_model
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_model.tray import read_tray
 from slosh_msgs.msg import FusedEstimate, GovernedMotion
 from slosh_msgs_py import qos, topics
 from slosh_msgs_py.node.diagnostics import ERROR, OK, WARN, Health
@@ -72,6 +73,9 @@ PARAMETERS = (
 )  # fmt: skip
 
 
+ONE_CONTAINER = "the governor keeps the liquid of one container, not of a tray"
+
+
 class GovernorNode(PreparedNode):
     """Converts messages, calls the core at its own rate and publishes.
 
@@ -81,10 +85,13 @@ class GovernorNode(PreparedNode):
 
     def __init__(self, *, later: bool = False) -> None:
         super().__init__("governor")
-        self._values = values = declare(self, PARAMETERS)
-        self._model = read_model(values["model"])
-        self._governor = None
-        # Limits that cannot be kept are refused at once; the core itself needs compiled code.
+        self._values = values = dict(declare(self, PARAMETERS))
+        self._limit = values["limit"]
+        self._tray = read_tray(values["model"])
+        if self._tray.is_tray:
+            raise SloshEstimatorError(
+                f"{values['model']}: {ONE_CONTAINER}: give the model of a container"
+            )
         names = (topics.FUSED_ESTIMATE, topics.DESIRED_TWIST, topics.DESIRED_POSE,
                  topics.SAFE_TWIST, topics.GOVERNED_MOTION)  # fmt: skip
         self._settings = SettingsPublisher(
@@ -100,12 +107,12 @@ class GovernorNode(PreparedNode):
         """Compiles or loads the kernels; makes the core."""
         for module in ("slosh_model.kernel", "slosh_plan.governor"):
             load_telling(progress, module)
-        self._core = governor_of(self._model, self._values)
+        self._core = governor_of(self._tray.first.model, self._values)
 
     def begin(self) -> None:
         """Starts the steps."""
-        self._settings.publish({"model": format_model(self._model)})
-        self._container = ContainerWatch(self, self._model, self._on_container)
+        self._container = ContainerWatch(self, self._tray, self._on_container)
+        self._settings.publish(self._container.files)
         self._safe = self.create_publisher(TwistStamped, topics.SAFE_TWIST, qos.STREAM_OUT)
         self._told = self.create_publisher(GovernedMotion, topics.GOVERNED_MOTION, qos.STREAM_OUT)
         self._stops = self.create_publisher(
@@ -140,7 +147,7 @@ class GovernorNode(PreparedNode):
 
     def _step(self) -> None:
         now_ns = int(self.get_clock().now().nanoseconds)
-        if self._waits and self._core.rests:
+        if self._waits and self._core.rests and not self._container.tray.is_tray:
             self._change(now_ns)
         started = time.perf_counter()
         self._moved = moved = self._core.step(now_ns)
@@ -150,17 +157,19 @@ class GovernorNode(PreparedNode):
         self._told.publish(governed_message(moved, frame))
 
     def _on_container(self) -> None:
-        """Stops: the next container is governed from rest on."""
+        """Stops; the governor for the next container starts at rest."""
         self._waits = True
         self._core.stop()
+        if self._container.tray.is_tray:
+            self.get_logger().error(f"{ONE_CONTAINER}: at rest until the tray is gone")
 
     def _change(self, now_ns: int) -> None:
+        """Starts the governor for another container."""
         self._waits = False
-        model = self._container.held.model
-        own = self._container.held.limit
-        values = dict(self._values) | ({} if np.isnan(own) else {"limit": own})
-        self._core = governor_of(model, values)
-        self._settings.publish({"model": format_model(model)}, now_ns)
+        own = self._container.limit
+        self._values["limit"] = self._limit if math.isnan(own) else own
+        self._core = governor_of(self._container.tray.first.model, self._values)
+        self._settings.publish(self._container.files, now_ns)
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._report.counts["emergency_stop"] += 1
@@ -180,7 +189,7 @@ class GovernorNode(PreparedNode):
         return response
 
     def _on_release(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._core.release()
+        response.success = not self._waits and self._core.release()
         response.message = "commands are followed" if response.success else "not at rest yet"
         return response
 
@@ -201,7 +210,7 @@ class GovernorNode(PreparedNode):
     def _facts(self) -> dict[str, Any]:
         times = np.array(self._seconds or [0.0])
         facts: dict[str, Any] = {
-            "container": self._container.held.described,
+            "container": self._container.described,
             "step, 99th percentile [ms]": round(1e3 * float(np.percentile(times, 99)), 3),
             "latency, at most [ms]": round(1e3 / self._values["rate"] + 1e3 * times.max(), 3),
         }
