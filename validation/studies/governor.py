@@ -179,7 +179,7 @@ def delays(commands: Array, velocity: Array) -> float:
     with np.errstate(invalid="ignore"):
         steps = np.linalg.norm(np.diff(commands, axis=0), axis=1)
     changes = np.flatnonzero(steps > 0.05) + 1
-    for at, until in zip(changes, [*changes[1:], COMMANDS], strict=True):
+    for at, until in zip(changes, [*changes, COMMANDS][1:], strict=True):
         if (until - at) * PERIOD < 0.4 or not np.isfinite(commands[at:until]).all():
             continue
         change = commands[at] - velocity[at - 1]
