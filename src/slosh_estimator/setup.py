@@ -41,6 +41,7 @@ setup(
         "console_scripts": [
             "estimator = slosh_estimator.nodes.estimator_node:main",
             "monitor = slosh_estimator.nodes.monitor_node:main",
+            "sensor = slosh_estimator.nodes.sensor_node:main",
         ]
     },
 )

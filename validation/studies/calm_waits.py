@@ -24,7 +24,9 @@ from slosh_estimator.observer.observer import Observer
 from slosh_estimator.sample import Sample
 from slosh_model.simulate import Inputs, simulate
 
-TOLERANCE, LENGTH, BEGIN = 1e-3, 60.0, 0.5
+TOLERANCE, LENGTH, BEGIN = 1e-3, 150.0, 0.5
+BEHIND = 5.0
+"""So long behind the true calm a stop is watched, once calm is told [s]."""
 HEAD = ("camera", "stops", "false calms", "false at the first", "wait, median [s]",
         "needed, median [s]", "constant wait [s]", "ratio")  # fmt: skip
 
@@ -83,6 +85,8 @@ def stop(camera: bool, seed: int) -> tuple[float, float, int, int]:
         false += calm and moment < calm_from
         if calm and math.isnan(told):
             told = moment - end
+        if not math.isnan(told) and moment > calm_from + BEHIND:
+            break
     return calm_from - end, LENGTH if math.isnan(told) else told, false, states
 
 

@@ -19,7 +19,6 @@ from slosh_bringup.cell.motion_source import TABLE_ENDINGS
 from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import (
     NAMESPACE,
-    NODES_OF_A_CELL,
     CellSetup,
     default_setup,
     read_namespace,
@@ -242,7 +241,9 @@ class LaunchedCell:
             {
                 "motion": motion,
                 "calibration": str(setup.calibration),
-                "wait_for": ",".join(n for n in NODES_OF_A_CELL if n not in self._absent),
+                "wait_for": ",".join(
+                    one.name for one in setup.processes(Path()) if one.name not in self._absent
+                ),
                 "readers": str(2 - len(self._absent)),
             },
             setup.remap,

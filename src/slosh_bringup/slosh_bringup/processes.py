@@ -35,6 +35,7 @@ NODES: Mapping[str, str] = {
     "predictor": "slosh_plan.nodes.predictor_node",
     "relay": "slosh_plan.nodes.relay_node",
     "recorder": "slosh_bag.nodes.recorder_node",
+    "sensor": "slosh_estimator.nodes.sensor_node",
     "watch": "slosh_bringup.nodes.watch_node",
 }
 # Those that end by themselves.

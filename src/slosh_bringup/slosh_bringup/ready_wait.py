@@ -8,7 +8,7 @@ from typing import NamedTuple
 from slosh_bringup.cell_watch import NodeReport
 from slosh_msgs_py.node.readiness import READY, RECORDED, STATE
 
-TELLING = ("estimator", "camera", "monitor")
+TELLING = ("estimator", "camera", "sensor", "monitor")
 """The nodes that publish their settings."""
 
 PATIENCE = 60.0

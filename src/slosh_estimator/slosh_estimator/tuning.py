@@ -139,6 +139,9 @@ class EstimatorTuning:
         SECOND, "ns", "time between two recorded states of the observer"
     )
     ahead_ns: int = number(SECOND, "ns", "time by which a measurement may be ahead of the input")
+    sensed_wait_ns: int = number(
+        SECOND // 5, "ns", "time that a sensor's height waits for a later image"
+    )
     usual_stddev: float = number(5e-4, "m", "standard deviation of a height that states none")
     least_stddev: float = number(1e-4, "m", "least standard deviation of a height")
     trusted_stddev: float = number(1e-3, "m", "standard deviation of a trusted fused height")
@@ -168,6 +171,9 @@ class EstimatorTuning:
     common_error: float = number(0.5, "1", "part of a variance that all points share")
     relative_error: float = number(0.015, "1", "error of a height as part of the wave")
     error_memory: float = number(0.1, "s", "time over which errors of heights are alike")
+    large_correction: float = number(
+        0.02, "1", "wave, in radii, that a correction adds by the nonlinear equations"
+    )
     rest_average: float = number(0.5, "s", "time over which the acceleration at rest is averaged")
     form_error: float = number(0.15, "1", "error of a height η by the form of the wave, in η²/R")
     # observer/calm.py
@@ -182,6 +188,11 @@ class EstimatorTuning:
         SECOND, "ns", "time after the start in which measurements may come"
     )
     calm_after_ns: int = number(SECOND // 5, "ns", "time after a motion that still belongs to it")
+    # sensed/force_surface.py
+    force_block_ns: int = number(SECOND // 25, "ns", "time over which a force is averaged")
+    force_zero_ns: int = number(3 * SECOND, "ns", "time over which a force's zero is averaged")
+    force_zero_first_ns: int = number(SECOND, "ns", "the same at first")
+    force_moves: float = number(0.1, "m/s²", "acceleration of a moving container")
 
 
 TUNING = EstimatorTuning()

@@ -10,8 +10,15 @@ from slosh_estimator.observer.states import FusedState
 SECOND = 1_000_000_000
 STATE = FusedState(
     10 * SECOND, 10 * SECOND, 0.0, 0.0, 0.0, 0.0, 1e-4, 1e-4, 1e-4, [0.0] * 4, 1.0, 1.0, 0.01, 0.1,
-    0.004, 1e-4, 0.2, None, 0.0, 0.0,
+    0.004, 1e-4, 0.2, None, 0.0, 0.0, 0.004 + 1.645e-4, 0.004 + 3.1e-4,
 )  # fmt: skip
+
+
+def changed(**fields):
+    """A state with other fields, its bounds those of the filter."""
+    state = STATE._replace(**fields)
+    height, stddev = state.envelope, state.envelope_stddev
+    return state._replace(bound=height + 1.645 * stddev, sure_bound=height + 3.1 * stddev)
 
 
 def test_the_wait_is_that_of_an_exponential_decay():
@@ -35,20 +42,20 @@ def test_the_wait_is_that_of_an_exponential_decay():
     ],
 )
 def test_a_wave_must_surely_be_within_the_tolerance(envelope, stddev, reason):
-    state = STATE._replace(envelope=envelope, envelope_stddev=stddev)
+    state = changed(envelope=envelope, envelope_stddev=stddev)
     assert CalmWatch(1e-3).update(state).reason is reason
 
 
 def test_calm_lasts_until_the_bound_is_clearly_above():
     watch = CalmWatch(1e-3)
-    assert watch.update(STATE._replace(envelope=5e-4)).calm
-    assert watch.update(STATE._replace(envelope=1.0e-3)).calm
-    assert not watch.update(STATE._replace(envelope=1.1e-3)).calm
-    assert not watch.update(STATE._replace(envelope=9e-4)).calm
+    assert watch.update(changed(envelope=5e-4)).calm
+    assert watch.update(changed(envelope=1.0e-3)).calm
+    assert not watch.update(changed(envelope=1.1e-3)).calm
+    assert not watch.update(changed(envelope=9e-4)).calm
 
 
 def test_a_moving_container_and_a_start_without_measurements_are_not_calm():
-    still = STATE._replace(envelope=1e-5)
+    still = changed(envelope=1e-5)
     moved = still._replace(moved_ns=still.stamp_ns - SECOND // 10)
     watch = CalmWatch(1e-3)
     assert watch.update(moved).reason is CalmReason.MOVING

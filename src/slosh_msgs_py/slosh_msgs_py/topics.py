@@ -20,6 +20,12 @@ POSE: Final = "pose"
 TWIST: Final = "twist"
 JOINT_STATES: Final = "/joint_states"
 ODOMETRY: Final = "/odom"
+FORCE: Final = "force"
+"""What a force sensor under the container measures."""
+LEVEL: Final = "level"
+"""Distance from a level sensor down to the liquid."""
+LEVEL_POINT: Final = "level_point"
+"""Height of the liquid at a place in the container's frame."""
 IMAGE: Final = "camera/image_raw"
 IMAGE_COMPRESSED: Final = "camera/image_raw/compressed"
 CAMERA_INFO: Final = "camera/camera_info"
@@ -33,6 +39,8 @@ CONTAINER: Final = "container"
 """What the gripper holds; latched."""
 TRAY_ESTIMATE: Final = "tray_estimate"
 """Of a cell with several containers, beside the first one's estimates."""
+SENSED_SURFACE: Final = "sensed_surface"
+"""What force and level sensors tell of the surface, beside a camera."""
 FUSED_ESTIMATE: Final = "fused_estimate"
 """The liquid's state by model and measured heights together."""
 OBSERVER_STATE: Final = "observer_state"
@@ -161,6 +169,9 @@ TOPICS: tuple[Topic, ...] = (
     ),
     Topic(ODOMETRY, "nav_msgs/msg/Odometry", _INPUT, remappable=True, drives="odometry"),
     Topic(TWIST, "geometry_msgs/msg/TwistStamped", _INPUT, remappable=True, drives="twist"),
+    Topic(FORCE, "geometry_msgs/msg/WrenchStamped", _INPUT, remappable=True),
+    Topic(LEVEL, "sensor_msgs/msg/Range", _INPUT, remappable=True),
+    Topic(LEVEL_POINT, "geometry_msgs/msg/PointStamped", _INPUT, remappable=True),
     Topic(IMAGE, "sensor_msgs/msg/Image", _INPUT, remappable=True),
     Topic(IMAGE_COMPRESSED, "sensor_msgs/msg/CompressedImage", _INPUT, remappable=True),
     Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", _INPUT, remappable=True),
@@ -179,6 +190,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic(ESTIMATOR_STATE, "slosh_msgs/msg/EstimatorState", _ANSWER),
     Topic(CONTAINER, "slosh_msgs/msg/ContainerChange", _ANSWER, latched=True),
     Topic(TRAY_ESTIMATE, "slosh_msgs/msg/TrayEstimate", _ANSWER, remappable=True),
+    Topic(SENSED_SURFACE, "slosh_msgs/msg/FreeSurface", _ANSWER, remappable=True),
     Topic(FUSED_ESTIMATE, "slosh_msgs/msg/FusedEstimate", _ANSWER, remappable=True, page=True),
     Topic(OBSERVER_STATE, "slosh_msgs/msg/ObserverState", _ANSWER),
     Topic(CALM, "slosh_msgs/msg/Calm", _ANSWER, remappable=True, latched=True, page=True),

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from slosh_estimator.observer.calm import CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
@@ -14,17 +15,20 @@ from slosh_replay.manifest import Expectation
 from slosh_replay.replay.checking import check_result
 from slosh_testing.live_bag import MODEL, START, TYPES, LiveBag
 
-FUSED, STATE = "fused_estimate", "observer_state"
+FUSED, STATE, SENSED = "fused_estimate", "observer_state", "sensed_surface"
+CALM = "calm"
 NAN = math.nan
 
 
 class ObservedBag(LiveBag):
     """A recording of an estimator with an observer; `wrong` is added to the first height."""
 
-    def __init__(self, *, cut: float = 0.0, wrong: float = 0.0) -> None:
+    def __init__(self, *, cut: float = 0.0, wrong: float = 0.0, sensor: bool = False) -> None:
         super().__init__()
+        self._sensor = sensor
         self.states = True
-        self._observer = Observer(self.model)
+        self._observer, self._watch = Observer(self.model), CalmWatch(1e-3)
+        self._calm_slot = -1
         self._cut, self._wrong, self._state_ns = cut, wrong, 0
 
     def entries(self, seconds):
@@ -45,8 +49,14 @@ class ObservedBag(LiveBag):
             self._state_ns = state.stamp_ns
             self._put_state(observer.state())
         modal = np.array(state.modal).reshape(-1, 4)
-        fields = told_fields(state, observer.counts)
+        fields = told_fields(state, observer.counts, observer.sensed)
         fields["msh"] += self._wrong
+        calm = self._watch.update(state)
+        if state.stamp_ns // 50_000_000 != self._calm_slot:
+            self._calm_slot = state.stamp_ns // 50_000_000
+            told = calm_fields(calm)
+            told["bound"] += self._wrong
+            self._put(CALM, state.stamp_ns, log_ns, **told)
         self._put(
             FUSED, state.stamp_ns, log_ns, modal_position=modal[:, :2].ravel(),
             modal_velocity=modal[:, 2:].ravel(), trusted=state.trusted, distance_to_rim=np.nan,
@@ -62,7 +72,8 @@ class ObservedBag(LiveBag):
             judged_stamp=judged, counts=np.array(state.counts, dtype=np.uint64),
             rejected_in_turn=state.rejected, anchored_at=state.anchored_at, model=state.model,
             parameters=state.parameters, covariance=state.covariance, changes=state.changes,
-            past=state.past,
+            past=state.past, sensed=state.sensed,
+            sensed_stamp=-1 if state.sensed_ns is None else state.sensed_ns,
         )  # fmt: skip
 
     def _surface(self, stamp, height, estimate, lag):
@@ -71,11 +82,22 @@ class ObservedBag(LiveBag):
         unknown = SurfaceHeights(*(NAN,) * 11, 0)
         surface = unknown._replace(msh=height, azimuth=azimuth)
         self._observer.take(wall_heights(stamp, surface))
+        if self._sensor:  # its newer heights come before the older ones of the camera
+            newer = stamp + 20_000_000
+            edge = unknown._replace(sh_left=height, azimuth_left=azimuth)
+            none = np.empty(0, dtype=np.float32)
+            self._put(
+                SENSED, newer, **edge._asdict(), distance_to_rim=NAN, profile_azimuth=none,
+                profile_height=none, peak_u=NAN, peak_v=NAN, peak_side=0,
+            )  # fmt: skip
+            self._observer.take(wall_heights(newer, edge), sensed=True)
 
 
 @pytest.fixture
 def bag(tmp_path, monkeypatch):
     monkeypatch.setitem(TYPES, FUSED, "slosh_msgs/msg/FusedEstimate")
+    monkeypatch.setitem(TYPES, CALM, "slosh_msgs/msg/Calm")
+    monkeypatch.setitem(TYPES, SENSED, "slosh_msgs/msg/FreeSurface")
     monkeypatch.setitem(TYPES, STATE, "slosh_msgs/msg/ObserverState")
     return lambda **how: ObservedBag(**how).write(tmp_path / "bag")
 
@@ -89,13 +111,25 @@ def test_fused_estimates_come_out_again_bit_for_bit(bag):
     found = result.verified[FUSED]
     assert found.exact, found.lines()
     assert found.recorded == 500
+    calm = result.verified[CALM]
+    assert calm.exact, calm.lines()
+    assert calm.recorded > 50
     assert failures(result) == ()
+
+
+@pytest.mark.parametrize("cut", [0.0, 1.7])
+def test_with_a_sensor_beside_the_camera_too(bag, cut):
+    written = bag(sensor=True, cut=cut)
+    found = replay_bag(written).verified[FUSED]
+    assert found.exact, found.lines()
+    assert found.recorded > 250
 
 
 def test_a_wrong_one_fails(bag):
     result = replay_bag(bag(wrong=1e-9))
     assert result.verified[FUSED].identical == 499
     assert any(FUSED in line for line in failures(result))
+    assert any(CALM in line for line in failures(result))
 
 
 def test_from_the_middle_of_a_run_they_do_from_the_next_state_on(bag):
@@ -103,6 +137,9 @@ def test_from_the_middle_of_a_run_they_do_from_the_next_state_on(bag):
     found = result.verified[FUSED]
     assert found.exact, found.lines()
     assert 0 < sum(found.unchecked.values()) < 60
+    calm = result.verified[CALM]
+    assert calm.exact, calm.lines()
+    assert sum(calm.unchecked.values()) > 0
     assert found.recorded > 250
 
 

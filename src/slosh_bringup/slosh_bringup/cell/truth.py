@@ -11,7 +11,7 @@ from slosh_base.types import Array
 from slosh_bringup.cell.motions import CellMotion
 from slosh_model.constants import GRAVITY
 from slosh_model.model import Model
-from slosh_model.simulate import Inputs, simulate
+from slosh_model.simulate import Inputs, Response, simulate
 
 PUSHED = 0.1
 """How long a push lasts [s]."""
@@ -75,11 +75,17 @@ def integrate_truth(model: Model, motion: CellMotion, push: Push | None = None) 
         motion: the container's motion.
         push: by hand; None: there is none.
     """
+    _, response = simulated(model, motion, push)
+    return TruthLiquid(response.t, response.sh_x, response.sh_y)
+
+
+def simulated(model: Model, motion: CellMotion, push: Push | None) -> tuple[Inputs, Response]:
+    """What the liquid feels, and its response; see `integrate_truth`."""
     felt = motion.specific_force() - np.array([0.0, 0.0, GRAVITY])
     if push is not None:
         felt = felt + push.acceleration(motion.t)
-    response, _ = simulate(model, Inputs(motion.t, felt))
-    return TruthLiquid(response.t, response.sh_x, response.sh_y)
+    inputs = Inputs(motion.t, felt)
+    return inputs, simulate(model, inputs)[0]
 
 
 @dataclass(frozen=True, slots=True)

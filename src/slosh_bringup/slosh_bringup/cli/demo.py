@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from slosh_base.files import write_text
 from slosh_base.files.plain_text import plain_line
 from slosh_bringup.cell.motion_source import REPEATS, TABLE_ENDINGS, load_motion
 from slosh_bringup.cell.motions import MOTIONS
@@ -16,6 +17,7 @@ from slosh_bringup.errors import SloshBringupError
 from slosh_bringup.live.cell_setup import default_setup
 from slosh_bringup.live.run import LiveRun
 from slosh_bringup.processes import NodeProcess, config_folder
+from slosh_model.model_text import read_model
 
 STARTING = 3.0  # s; from ready nodes to the motion and behind its end, for the progress bar
 
@@ -51,6 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera-stop", type=float, nargs=2, metavar=("FROM", "TO"),
         help="simulate a camera failure: no images from FROM to TO [s]",
     )  # fmt: skip
+    parser.add_argument(
+        "--force", action="store_true",
+        help="an opaque container on a simulated force sensor, without a camera; its payload is "
+        "identified first",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the results as JSON")
     add_watch(parser)
 
@@ -58,6 +65,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def tell(line: str) -> None:
     """Prints an assumption that the program makes about the input, on standard error."""
     print(plain_line(f"slosh demo: note: {line}"), file=sys.stderr)
+
+
+def _identified(output: Path, model: str) -> Path:
+    """Identifies the payload of the simulated sensor; returns the document's path."""
+    from slosh_bringup.cell.force_sensor import ForceSensor, calibration_record
+    from slosh_discovery.force.text import force_json
+    from slosh_discovery.force.workflow import identify_force
+    from slosh_discovery.identifying import DOCUMENT
+
+    truth = read_model(model)
+    found = identify_force(calibration_record(truth, ForceSensor(), seed=2), truth)
+    path = output / DOCUMENT
+    output.mkdir(parents=True, exist_ok=True)
+    write_text(path, force_json(found))
+    tell(f"payload identified from a simulated stroke: {path}")
+    return path.resolve()
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -84,6 +107,11 @@ def run(arguments: argparse.Namespace) -> int:
         setup = replace(setup, model=arguments.model.resolve(), calibration=None)
         given |= {"model": str(setup.model), "camera": "false"}
         tell("the simulated camera supports only the package's own cup: no heights are measured")
+    if arguments.force:
+        setup = replace(
+            setup, calibration=None, force=_identified(arguments.output, given["model"])
+        )
+        given |= {"camera": "false", "force_every": "2"}
     nodes = [process.name for process in setup.processes(Path())]
     simulated = NodeProcess("cell", [setup.parameters], {**given, "wait_for": ",".join(nodes)})
     length = STARTING + arguments.repeat * motion.duration

@@ -15,7 +15,7 @@ from slosh_bringup.processes import NodeProcess, config_folder
 from slosh_msgs_py import topics
 
 NAMESPACE = topics.NAMESPACE
-NODES_OF_A_CELL = ("recorder", "estimator", "camera", "monitor")
+NODES_OF_A_CELL = ("recorder", "estimator", "camera", "sensor", "monitor")
 """In the order of their start: what the recorder records must not have begun."""
 REMAPPABLE = (
     *(topic.name for topic in topics.TOPICS if topic.remappable),
@@ -40,6 +40,7 @@ class CellSetup:
         namespace: of all nodes.
         remap: relative topic -> the robot's topic.
         reading: parameters of the estimator that say what drives it, as far as they are given.
+        force: identification.json of the payload on a force sensor; None: there is none.
         record: of RECORD; empty: as the recorder's parameters have it.
     """
 
@@ -50,17 +51,22 @@ class CellSetup:
     remap: Mapping[str, str] = field(default_factory=dict)
     reading: Mapping[str, str] = field(default_factory=dict)
     record: str = ""
+    force: Path | None = None
 
     def processes(self, bag: Path) -> list[NodeProcess]:
-        """Returns the cell's node processes, without a camera node if there is no calibration."""
+        """Returns the cell's node processes; no camera or sensor node without its file."""
         own: dict[str, dict[str, str]] = {
             "recorder": {"output": str(bag)},
             "estimator": {"model": str(self.model), **self.reading},
             "camera": {"calibration": str(self.calibration)},
             "monitor": {},
         }
+        if self.force is not None:
+            beside = str(self.calibration is not None).lower()
+            own["sensor"] = {"payload": str(self.force), "beside_camera": beside}
         if self.calibration is None:
             del own["camera"]
+        if self.calibration is None and self.force is None:
             own["monitor"] = {"camera": "false"}
         if self.record:
             own["recorder"]["mode"] = self.record
@@ -99,6 +105,7 @@ def read_setup(path: Path) -> CellSetup:
         "namespace",
         "remap",
         "record",
+        "force",
         *READING,
     )
     for key in document:
@@ -117,6 +124,7 @@ def read_setup(path: Path) -> CellSetup:
         remap=read_remap(source, namespace, document.get("remap") or {}),
         reading=_reading(source),
         record=_record(source),
+        force=_file(source, "force") if "force" in document else None,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import AccelStamped, PoseStamped
+from geometry_msgs.msg import AccelStamped, PoseStamped, WrenchStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from std_msgs.msg import String
 
@@ -17,11 +17,13 @@ from slosh_msgs_py.conversions import filled
 
 WORLD_FRAME = "world"
 IMU_FRAME = "imu"
+FORCE_FRAME = "force_sensor"
 CAMERA_FRAME = "camera_optical"
 PUBLISHED = (
     (topics.ACCEL, AccelStamped, qos.STREAM_OUT),
     (topics.IMU, Imu, qos.STREAM_OUT),
     (topics.POSE, PoseStamped, qos.STREAM_OUT),
+    (topics.FORCE, WrenchStamped, qos.STREAM_OUT),
     (topics.IMAGE, Image, qos.IMAGE_OUT),
     (topics.IMAGE_COMPRESSED, CompressedImage, qos.IMAGE_OUT),
     (topics.CAMERA_INFO, CameraInfo, qos.IMAGE_OUT),
@@ -58,6 +60,15 @@ def pose_message(stamp: Any, position: Array, attitude: Array) -> PoseStamped:
     place, turn = message.pose.position, message.pose.orientation
     place.x, place.y, place.z = position.tolist()
     turn.x, turn.y, turn.z, turn.w = attitude.tolist()
+    return message
+
+
+def force_message(stamp: Any, force: Array) -> WrenchStamped:
+    """Makes a WrenchStamped of a force in the sensor's axes [N]."""
+    message = WrenchStamped()
+    message.header.stamp, message.header.frame_id = stamp, FORCE_FRAME
+    to = message.wrench.force
+    to.x, to.y, to.z = force.tolist()
     return message
 
 

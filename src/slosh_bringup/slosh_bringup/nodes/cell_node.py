@@ -21,6 +21,7 @@ from slosh_bringup.nodes.cell_messages import (
     PUBLISHED,
     accel_message,
     camera_info,
+    force_message,
     imu_message,
     pose_message,
     truth_message,
@@ -75,6 +76,13 @@ PARAMETERS = (
         "start and end of a camera failure without images [s]",
         (0.0, 1e6),
         length=2,
+    ),
+    ParameterSpec(
+        "force_every",
+        0,
+        "number of accel samples per sample of a force sensor under the "
+        "container; 0: no such sensor",
+        (0, 1000),
     ),
     ParameterSpec("seed", 1, "seed of all noise", (0, 2**31 - 1)),
     ParameterSpec("repeat", 1, "number of times that the motion is played", REPEATS),
@@ -145,6 +153,12 @@ class CellNode(PreparedNode):
         at, speed = self._given["push_at"], self._given["push"]
         push = Push(at, speed) if at >= 0.0 else None
         self._truth = integrate_truth(self._model, self._motion, push)
+        if self._given["force_every"]:
+            # It loads the identification's libraries.
+            from slosh_bringup.cell.force_sensor import ForceSensor, sensed_force
+
+            seed = self._given["seed"]
+            self._force = sensed_force(self._model, self._motion, ForceSensor(), seed, push)
 
     def begin(self) -> None:
         """Starts the motion when the other nodes are ready."""
@@ -219,7 +233,7 @@ class CellNode(PreparedNode):
         """Publishes the sensor samples when they are due, a few at a time."""
         t, readings, due = self._motion.t, self._readings, 0
         stamps = start_ns + np.round(t * 1e9).astype(np.int64)
-        every = self._given["imu_every"]
+        every, forces = self._given["imu_every"], self._given["force_every"]
         while due < len(t) and self._wait_until(t[due] + TICK):
             now = time.monotonic() - self._start
             self._latest = max(self._latest, now - t[due] - TICK)
@@ -231,6 +245,8 @@ class CellNode(PreparedNode):
                     self._publish(topics.IMU, imu_message(stamp, felt, turning))
                     place, towards = readings.position[due], readings.attitude[due]
                     self._publish(topics.POSE, pose_message(stamp, place, towards))
+                if forces and due % forces == 0:
+                    self._publish(topics.FORCE, force_message(stamp, self._force[due]))
                 due += 1
 
     def _film(self, start_ns: int) -> None:

@@ -18,7 +18,7 @@ from slosh_model.containers import X_AXIS, Y_AXIS
 from slosh_model.errors import SloshModelError
 from slosh_model.model import Model
 from slosh_model.parameters import DAMPING, FREQUENCY
-from slosh_model.simulate import Inputs, simulate
+from slosh_model.simulate import Inputs, Response, simulate
 
 SPRING = "surface_nonlinearity"
 """High waves in a round container are not those of a linear spring; low ones do not feel it."""
@@ -51,6 +51,11 @@ def modal_force(model: Model, inputs: Inputs, values: dict[str, float]) -> Array
         response, _ = simulate(changed, inputs)
     except SloshModelError:
         return None
+    return response_force(model, inputs, response)
+
+
+def response_force(model: Model, inputs: Inputs, response: Response) -> Array:
+    """(N, 3) Σ (mₙ/m₁) ẍₙ of a simulated response, in the container's axes [m/s²]."""
     container, first = model.container, model.container.mass_ratio(1, X_AXIS)
     step = float(inputs.t[1] - inputs.t[0])
     speed = np.zeros((len(inputs.t), 2))

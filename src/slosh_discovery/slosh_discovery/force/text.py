@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from slosh_base.types import Array
-from slosh_discovery.force.result import ForceIdentification, Measured
+from slosh_discovery.force.result import UNITS, ForceIdentification, Measured
 from slosh_model.model import Model
 
 AXES = "xyz"
@@ -83,6 +83,7 @@ def force_json(found: ForceIdentification) -> str:
         "residual_in_motion": found.noise_moving,
         "cutoff_hz": found.cutoff,
         "unit": found.unit,
+        "newton": UNITS[found.unit],
         "unobserved": found.unobserved,
         "notes": list(found.notes),
     }  # fmt: skip

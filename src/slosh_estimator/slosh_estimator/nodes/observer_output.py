@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from array import array
+from functools import partial
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -13,7 +14,7 @@ from rclpy.task import Future
 from std_msgs.msg import Bool
 
 from slosh_base.files.nanoseconds import SECOND
-from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch
+from slosh_estimator.observer.calm import CalmReason, CalmState, CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
@@ -50,7 +51,7 @@ class ObserverOutput:
         self._fused.header.frame_id = self._calm.header.frame_id = frame
         self._watch = CalmWatch(tolerance)
         self._waits: list[_Wait] = []
-        self._calm_ns = -(2**62)
+        self._calm_slot = -1
         self._heard = time.monotonic()
         self.load(model)
         self._fused_out = node.create_publisher(
@@ -61,7 +62,9 @@ class ObserverOutput:
         )
         self._calm_out = node.create_publisher(Calm, topics.CALM, qos.LATCHED_STREAM)
         self._bool_out = node.create_publisher(Bool, topics.IS_CALM, qos.LATCHED_STREAM)
-        node.create_subscription(FreeSurface, topics.FREE_SURFACE, self._take, qos.STREAM_IN)
+        for name, sensed in ((topics.FREE_SURFACE, False), (topics.SENSED_SURFACE, True)):
+            taker = partial(self._take, sensed=sensed)
+            node.create_subscription(FreeSurface, name, taker, qos.STREAM_IN)
         self._timer = node.create_timer(TUNING.calm_silence, self._look)
         self._action = ActionServer(
             node, WaitUntilCalm, topics.WAIT_UNTIL_CALM, self._on_goal,
@@ -100,8 +103,9 @@ class ObserverOutput:
         calm = self._watch.update(state)
         for wait in self._waits:
             wait.update(state)
-        if not 0 <= state.stamp_ns - self._calm_ns < TUNING.calm_ns:
-            self._calm_ns = state.stamp_ns
+        # By stamps alone, so that a replay from the middle of a run tells the same.
+        if state.stamp_ns // TUNING.calm_ns != self._calm_slot:
+            self._calm_slot = state.stamp_ns // TUNING.calm_ns
             fill_calm(self._calm, calm)
             self._tell()
 
@@ -110,11 +114,11 @@ class ObserverOutput:
         counts = self.observer.counts
         return {f"heights {outcome.value}": counts[outcome] for outcome in Outcome}
 
-    def _take(self, message: FreeSurface) -> None:
+    def _take(self, message: FreeSurface, *, sensed: bool) -> None:
         if self.hears:
             stamp_ns = to_nanoseconds(message.header.stamp)
             heights = SurfaceHeights(*(getattr(message, name) for name in _FIELDS))
-            self.observer.take(wall_heights(stamp_ns, heights))
+            self.observer.take(wall_heights(stamp_ns, heights), sensed=sensed)
 
     def _look(self) -> None:
         """Publishes the state STALE if the input has stopped."""
@@ -125,7 +129,6 @@ class ObserverOutput:
         calm.tolerance = self._watch.tolerance
         calm.envelope = calm.bound = calm.time_until_calm = math.nan
         calm.shortest_time = calm.longest_time = math.nan
-        self._watch = CalmWatch(self._watch.tolerance)
         self._tell()
 
     def _tell(self) -> None:
@@ -199,7 +202,7 @@ def fill_fused(message: FusedEstimate, state: FusedState, observer: Observer, wa
     """Writes a fused state, and how far it is from the container's rim, into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
-    for name, value in told_fields(state, observer.counts).items():
+    for name, value in told_fields(state, observer.counts, observer.sensed).items():
         setattr(message, name, value)
     message.trusted = state.trusted
     message.distance_to_rim = float(wall.place(state.msh).distance_to_rim)
@@ -220,7 +223,8 @@ def fill_observer_state(message: ObserverStateMessage, state: ObserverState) -> 
     message.corrected_stamp = -1 if state.corrected_ns is None else state.corrected_ns
     message.judged_stamp = -1 if state.judged_ns is None else state.judged_ns
     message.counts, message.rejected_in_turn = array("Q", state.counts), state.rejected
-    message.anchored_at = state.anchored_at
+    message.anchored_at, message.sensed = state.anchored_at, state.sensed
+    message.sensed_stamp = -1 if state.sensed_ns is None else state.sensed_ns
     for name in ("model", "parameters", "covariance", "changes", "past"):
         setattr(message, name, array("d", getattr(state, name).tobytes()))
 
@@ -229,13 +233,5 @@ def fill_calm(message: Calm, state: CalmState) -> None:
     """Writes the calmness of the liquid into a reused message."""
     stamp = message.header.stamp
     stamp.sec, stamp.nanosec = divmod(state.stamp_ns, SECOND)
-    message.calm, message.reason, message.tolerance = (
-        state.calm,
-        int(state.reason),
-        state.tolerance,
-    )
-    message.envelope, message.bound = state.envelope, state.bound
-    times = (state.wait, state.shortest, state.longest)
-    message.time_until_calm, message.shortest_time, message.longest_time = (
-        value if math.isfinite(value) else math.nan for value in times
-    )
+    for name, value in calm_fields(state).items():
+        setattr(message, name, value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from slosh_estimator.observer.states import FusedState
 from slosh_estimator.tuning import TUNING
@@ -48,6 +48,21 @@ class CalmState(NamedTuple):
         return self.reason is CalmReason.CALM
 
 
+CALM_FIELDS: Final = (
+    "calm", "reason", "tolerance", "envelope", "bound", "time_until_calm", "shortest_time",
+    "longest_time",
+)  # fmt: skip
+"""Fields of Calm.msg, beside the header."""
+
+
+def calm_fields(state: CalmState) -> dict[str, float]:
+    """Returns the numbers of Calm.msg by field name; an unknown time is NaN."""
+    times = (state.wait, state.shortest, state.longest)
+    told = (value if math.isfinite(value) else math.nan for value in times)
+    values = (state.calm, int(state.reason), state.tolerance, state.envelope, state.bound, *told)
+    return dict(zip(CALM_FIELDS, values, strict=True))
+
+
 class CalmWatch:
     """Determines the calmness from successive fused states.
 
@@ -67,19 +82,17 @@ class CalmWatch:
         """Returns the calmness for the next fused state."""
         if self._first_ns is None:
             self._first_ns = state.stamp_ns
-        bound = state.envelope + TUNING.bound * state.envelope_stddev
         return CalmState(
-            state.stamp_ns, self._reason(state, bound, self._first_ns), self.tolerance,
-            state.envelope, bound, *self._waits(state, bound),
+            state.stamp_ns, self._reason(state, self._first_ns), self.tolerance,
+            state.envelope, state.bound, *self._waits(state),
         )  # fmt: skip
 
-    def _reason(self, state: FusedState, bound: float, first_ns: int) -> CalmReason:
+    def _reason(self, state: FusedState, first_ns: int) -> CalmReason:
         since = math.inf if state.moved_ns is None else state.stamp_ns - state.moved_ns
-        surely = state.envelope + TUNING.surely_calm * state.envelope_stddev
         if self._calm:
-            self._calm = bound <= TUNING.calm_again * self.tolerance
+            self._calm = state.bound <= TUNING.calm_again * self.tolerance
         else:
-            self._calm = surely <= self.tolerance
+            self._calm = state.sure_bound <= self.tolerance
         if since < TUNING.calm_after_ns:
             self._calm = False
             return CalmReason.MOVING
@@ -90,14 +103,14 @@ class CalmWatch:
             return CalmReason.CALM
         return CalmReason.SETTLING if state.envelope > self.tolerance else CalmReason.UNSURE
 
-    def _waits(self, state: FusedState, bound: float) -> tuple[float, float, float]:
+    def _waits(self, state: FusedState) -> tuple[float, float, float]:
         """Returns the time until the liquid is calm, with lower and upper bound [s]."""
         spread = math.exp(TUNING.bound * state.damping_stddev)
         lowest = state.envelope - TUNING.bound * state.envelope_stddev
         return (
             self._wait(state.envelope, state.decay),
             self._wait(lowest, state.decay * spread),
-            self._wait(bound, state.decay / spread),
+            self._wait(state.bound, state.decay / spread),
         )
 
     def _wait(self, height: float, decay: float) -> float:

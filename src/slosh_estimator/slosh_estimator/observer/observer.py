@@ -14,10 +14,12 @@ import numpy as np
 from slosh_base.types import Array
 from slosh_estimator.errors import SloshEstimatorError
 from slosh_estimator.estimate_kernel import MAX_STEP
+from slosh_estimator.observer import layout
 from slosh_estimator.observer import observer_kernel as kernel
 from slosh_estimator.observer import (
     self_test as self_test,
 )  # its checks belong to the compiled functions
+from slosh_estimator.observer.envelope_bounds import Envelope, EnvelopeBounds
 from slosh_estimator.observer.states import FusedState, ObserverState, Outcome, WallHeights
 from slosh_estimator.sample import Sample
 from slosh_estimator.tuning import TUNING
@@ -45,13 +47,16 @@ class Observer:
 
     Args:
         model: container, liquid and effects.
+        holds: whether sensors wait for images, which come later; a replay is given them in time.
 
     Attributes:
         counts: of measurements, by outcome.
+        sensed: how many of them force or level sensors measured beside the camera.
         innovation: normalised innovation of the last measurement over its limit.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, holds: bool = True) -> None:
+        self._holds = holds
         self.counts = dict.fromkeys(Outcome, 0)
         self.innovation = math.nan
         container = model.container
@@ -62,27 +67,31 @@ class Observer:
         self._constants = divided(self._store)[1].copy()
         modes = len(self._constants)
         self._pose = np.zeros((1, POSE_COUNT)) if model.uses("drive") else None
-        self._blocks = np.zeros((2 * modes, kernel.BLOCK))
-        self._theta = np.zeros(kernel.PARAMETERS)
-        self._averages = np.zeros(3)
+        self._blocks = np.zeros((2 * modes, layout.BLOCK))
+        self._theta = np.zeros(layout.PARAMETERS)
+        self._averages = np.zeros(layout.AVERAGES)
+        self._bounds = EnvelopeBounds()
         self._motions = MotionFinder()
         self._moved_ns: int | None = None
         self._noise = _noise()
-        self._ring = np.zeros((TUNING.kept_inputs, kernel.MODES + 4 * modes))
-        self._out = np.zeros(kernel.STATE + 4 * modes)
-        self._covariance = np.zeros((4 * modes + kernel.PARAMETERS,) * 2)
+        self._ring = np.zeros((TUNING.kept_inputs, layout.MODES + 4 * modes))
+        self._out = np.zeros(layout.STATE + 4 * modes)
+        self._covariance = np.zeros((4 * modes + layout.PARAMETERS,) * 2)
         self._slow_variance = np.square(
             [TUNING.frequency_spread, TUNING.damping_spread, TUNING.level_spread,
              TUNING.clock_spread]
         )  # fmt: skip
         self._begin, self._read = kernel.begin.load(), kernel.read.load()
         self._follow, self._correct = kernel.follow.load(), kernel.correct.load()
-        self._waiting: deque[WallHeights] = deque()
+        self._cameras: deque[WallHeights] = deque()
+        self._sensors: deque[WallHeights] = deque()
         self._epoch_ns: int | None = None
         self._given_ns = _LONG_AGO
         self._newest_ns = _LONG_AGO
         self._corrected_ns: int | None = None
         self._judged_ns: int | None = None
+        self.sensed = 0
+        self._sensed_ns: int | None = None
         # Inputs since the restart; the one before the anchor; rejected measurements in succession.
         self._count = self._first = self._rejected = 0
         self._anchored_at = 0.0
@@ -92,11 +101,17 @@ class Observer:
         """Number of measurements that were processed, whether used or rejected."""
         return sum(self.counts.values())
 
-    def take(self, heights: WallHeights) -> None:
-        """Queues a measurement; measurements are used in the order of their stamps."""
-        self._waiting.append(heights)
-        if len(self._waiting) > TUNING.waiting_heights:
-            self._judged_ns = self._waiting.popleft().stamp_ns
+    def take(self, heights: WallHeights, *, sensed: bool = False) -> None:
+        """Queues a measurement; earlier ones are used first.
+
+        Args:
+            heights: to queue.
+            sensed: whether a force or level sensor beside the camera measured them.
+        """
+        queue = self._sensors if sensed else self._cameras
+        queue.append(heights)
+        if len(queue) > TUNING.waiting_heights:
+            self._take_next(sensed=sensed)
             self._note(Outcome.LATE)
 
     def follow(self, sample: Sample, flags: int = 0) -> FusedState | None:
@@ -137,7 +152,7 @@ class Observer:
             self._newest_ns, self._epoch_ns or 0, self._corrected_ns, self._judged_ns,
             tuple(self.counts.values()), self._rejected, self._anchored_at, self._store.copy(),
             self._theta.copy(), self._covariance.ravel().copy(), self._blocks.ravel().copy(),
-            np.concatenate(kept),
+            np.concatenate(kept), self.sensed, self._sensed_ns,
         )  # fmt: skip
 
     def take_up(self, state: ObserverState) -> None:
@@ -163,6 +178,7 @@ class Observer:
         self._given_ns, self._corrected_ns = state.stamp_ns, state.corrected_ns
         self._judged_ns, self._rejected = state.judged_ns, state.rejected
         self._anchored_at = state.anchored_at
+        self.sensed, self._sensed_ns = state.sensed, state.sensed_ns
 
     def _step(self, sample: Sample, now: float) -> bool:
         """Advances the model; returns False if it left the physical range."""
@@ -190,16 +206,33 @@ class Observer:
             self._motions.forget_first()
         self._moved_ns = spans[-1].end_ns
         if sample.stamp_ns - self._moved_ns < TUNING.calm_after_ns:
-            self._averages[kernel.COUNT] = 0.0
+            self._averages[layout.COUNT] = 0.0
 
     def _use_waiting(self) -> None:
-        while self._waiting:
-            ahead_ns = self._waiting[0].stamp_ns - self._newest_ns
+        while self._cameras or self._sensors:
+            image, sensor = (
+                queue[0].stamp_ns if queue else None for queue in (self._cameras, self._sensors)
+            )
+            sensed = image is None or (sensor is not None and sensor < image)
+            ahead_ns = ((sensor if sensed else image) or 0) - self._newest_ns
             if 0 < ahead_ns < TUNING.ahead_ns:
                 return
-            heights = self._waiting.popleft()
-            self._judged_ns = heights.stamp_ns
+            # A camera is later than a sensor, and what is before the last one used is too late.
+            if sensed and self._holds and image is None and ahead_ns > -TUNING.sensed_wait_ns:
+                return
+            heights = self._take_next(sensed=sensed)
             self._note(self._use(heights) if ahead_ns <= 0 else Outcome.LATE)
+
+    def _take_next(self, *, sensed: bool) -> WallHeights:
+        """Removes the next measurement of a queue and notes that it is judged."""
+        if not sensed:
+            heights = self._cameras.popleft()
+            self._judged_ns = heights.stamp_ns
+            return heights
+        heights = self._sensors.popleft()
+        self._sensed_ns = heights.stamp_ns
+        self.sensed += 1
+        return heights
 
     def _note(self, outcome: Outcome) -> None:
         self.counts[outcome] += 1
@@ -233,7 +266,7 @@ class Observer:
     def _move_anchor(self) -> None:
         """Moves the reference time to the middle of the stored inputs, to free the oldest."""
         middle = self._ring[(self._first + len(self._ring) // 2) % len(self._ring)]
-        self._corrected(float(middle[kernel.TIME]), _NO_POINTS)
+        self._corrected(float(middle[layout.TIME]), _NO_POINTS)
 
     def _corrected(self, moment: float, points: Array) -> bool:
         """Corrects the state by measured points; returns False if they are rejected."""
@@ -248,7 +281,7 @@ class Observer:
         if not ratio <= 1.0:
             return False
         self._anchored_at = moment
-        times = self._ring[:, kernel.TIME]
+        times = self._ring[:, layout.TIME]
         while self._first < last and times[(self._first + 1) % len(times)] <= moment:
             self._first += 1
         return True
@@ -265,53 +298,68 @@ class Observer:
         self._begin(self._store, self._blocks)
         self._count = self._first = self._rejected = 0
         self._anchored_at, self._corrected_ns = now, None
+        self._bounds = EnvelopeBounds()
         self._forget()
         if at_rest:
             self._spread(TUNING.rest_wave)
 
     def _forget(self) -> None:
         """Resets the covariance to that of an unknown wave."""
-        states = len(self._covariance) - kernel.PARAMETERS
+        states = len(self._covariance) - layout.PARAMETERS
         self._covariance[states:, states:] = np.diag(self._slow_variance)
         self._spread(self._largest)
 
     def _spread(self, height: float) -> None:
         """Sets the prior standard deviation of each mode's wave height [m]."""
-        states = len(self._covariance) - kernel.PARAMETERS
+        states = len(self._covariance) - layout.PARAMETERS
         self._covariance[:states], self._covariance[:, :states] = 0.0, 0.0
-        place = height / self._blocks[:, kernel.GAIN]
-        rate = place * self._blocks[:, kernel.OMEGA]
+        place = height / self._blocks[:, layout.GAIN]
+        rate = place * self._blocks[:, layout.OMEGA]
         variance = np.square(np.column_stack([place, rate])).ravel()
         np.fill_diagonal(self._covariance[:states, :states], variance)
 
     def _state(self) -> FusedState:
         out = self._out.tolist()
-        variance = self._covariance.diagonal()[-kernel.PARAMETERS :].tolist()
+        variance = self._covariance.diagonal()[-layout.PARAMETERS :].tolist()
         theta = self._theta.tolist()
+        bounds = self._bounded(out, variance[layout.DAMPING])
         return FusedState(
-            self._newest_ns, self._corrected_ns, out[kernel.MSH], out[kernel.AZIMUTH],
-            out[kernel.SH_X], out[kernel.SH_Y], out[kernel.STDDEV_X], out[kernel.STDDEV_Y],
-            out[kernel.STDDEV], out[kernel.STATE :], math.exp(theta[kernel.FREQUENCY]),
-            math.exp(theta[kernel.DAMPING]), math.sqrt(variance[kernel.FREQUENCY]),
-            math.sqrt(variance[kernel.DAMPING]), out[kernel.ENVELOPE],
-            out[kernel.ENVELOPE_STDDEV], out[kernel.DECAY], self._moved_ns,
-            theta[kernel.LEVEL], theta[kernel.CLOCK],
+            self._newest_ns, self._corrected_ns, out[layout.MSH], out[layout.AZIMUTH],
+            out[layout.SH_X], out[layout.SH_Y], out[layout.STDDEV_X], out[layout.STDDEV_Y],
+            out[layout.STDDEV], out[layout.STATE :], math.exp(theta[layout.FREQUENCY]),
+            math.exp(theta[layout.DAMPING]), math.sqrt(variance[layout.FREQUENCY]),
+            math.sqrt(variance[layout.DAMPING]), out[layout.ENVELOPE],
+            out[layout.ENVELOPE_STDDEV], out[layout.DECAY], self._moved_ns,
+            theta[layout.LEVEL], theta[layout.CLOCK], *bounds,
+        )  # fmt: skip
+
+    def _bounded(self, out: list[float], damping_variance: float) -> tuple[float, float]:
+        """Returns the bounds of the envelope: see EnvelopeBounds."""
+        since = math.inf if self._moved_ns is None else self._newest_ns - self._moved_ns
+        return self._bounds.update(
+            Envelope(
+                self._newest_ns, out[layout.ENVELOPE], out[layout.ENVELOPE_STDDEV],
+                out[layout.ENVELOPE_NOISE], out[layout.DECAY], math.sqrt(damping_variance),
+            ),
+            resting=since >= TUNING.calm_after_ns, corrected_ns=self._corrected_ns,
+            contradicted=self._rejected > 0,
         )  # fmt: skip
 
 
 def _noise() -> Array:
-    noise = np.zeros(kernel.NOISES)
-    noise[kernel.FLOOR] = TUNING.noise_floor
-    noise[kernel.SHARE], noise[kernel.WAVE] = TUNING.noise_share, TUNING.noise_wave
-    noise[kernel.MEMORY] = TUNING.noise_memory
-    noise[kernel.FREQUENCY_WALK] = TUNING.frequency_walk
-    noise[kernel.DAMPING_WALK] = TUNING.damping_walk
-    noise[kernel.LEVEL_WALK], noise[kernel.CLOCK_WALK] = TUNING.level_walk, TUNING.clock_walk
-    noise[kernel.GATE] = TUNING.innovation_gate
-    noise[kernel.COMMON], noise[kernel.FORM] = TUNING.common_error, TUNING.form_error
-    noise[kernel.RELATIVE], noise[kernel.ALIKE] = TUNING.relative_error, TUNING.error_memory
-    noise[kernel.MEAN] = TUNING.rest_average
-    noise[kernel.STEEP] = TUNING.noise_steep
-    noise[kernel.MOST_FREQUENCY] = TUNING.most_frequency
-    noise[kernel.MOST_DAMPING] = TUNING.most_damping
+    noise = np.zeros(layout.NOISES)
+    noise[layout.FLOOR] = TUNING.noise_floor
+    noise[layout.SHARE], noise[layout.WAVE] = TUNING.noise_share, TUNING.noise_wave
+    noise[layout.MEMORY] = TUNING.noise_memory
+    noise[layout.FREQUENCY_WALK] = TUNING.frequency_walk
+    noise[layout.DAMPING_WALK] = TUNING.damping_walk
+    noise[layout.LEVEL_WALK], noise[layout.CLOCK_WALK] = TUNING.level_walk, TUNING.clock_walk
+    noise[layout.GATE] = TUNING.innovation_gate
+    noise[layout.COMMON], noise[layout.FORM] = TUNING.common_error, TUNING.form_error
+    noise[layout.RELATIVE], noise[layout.ALIKE] = TUNING.relative_error, TUNING.error_memory
+    noise[layout.MEAN] = TUNING.rest_average
+    noise[layout.LARGE] = TUNING.large_correction
+    noise[layout.STEEP] = TUNING.noise_steep
+    noise[layout.MOST_FREQUENCY] = TUNING.most_frequency
+    noise[layout.MOST_DAMPING] = TUNING.most_damping
     return noise

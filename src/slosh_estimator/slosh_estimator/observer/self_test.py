@@ -6,6 +6,7 @@ import numpy as np
 
 from slosh_base.types import Array
 from slosh_estimator.estimate_kernel import MAX_STEP
+from slosh_estimator.observer import layout
 from slosh_estimator.observer import observer_kernel as kernel
 from slosh_estimator.tuning import TUNING
 from slosh_model.layout import divided
@@ -24,12 +25,12 @@ class _Arrays:
         modes = divided(self.store)[1]
         modes["x"], modes["vy"] = 1e-3, 0.02
         count = len(modes)
-        self.blocks = np.zeros((2 * count, kernel.BLOCK))
-        self.ring = np.zeros((8, kernel.MODES + 4 * count))
-        self.covariance = 1e-4 * np.eye(4 * count + kernel.PARAMETERS)
-        self.averages, self.out = np.zeros(3), np.zeros(kernel.STATE + 4 * count)
-        self.noise = np.full(kernel.NOISES, 0.1)
-        self.noise[kernel.GATE] = 40.0
+        self.blocks = np.zeros((2 * count, layout.BLOCK))
+        self.ring = np.zeros((8, layout.MODES + 4 * count))
+        self.covariance = 1e-4 * np.eye(4 * count + layout.PARAMETERS)
+        self.averages, self.out = np.zeros(layout.AVERAGES), np.zeros(layout.STATE + 4 * count)
+        self.noise = np.full(layout.NOISES, 0.1)
+        self.noise[layout.GATE] = 40.0
         kernel.begin.load()(self.store, self.blocks)
         motion = reference_motion()
         self.poses = motion.poses[:1]
@@ -81,7 +82,7 @@ def _check_correct() -> None:
         one, container = _behind(model), model.container
         compare(
             kernel.correct, one.store, one.ring, 0, INPUTS - 2, one.blocks,
-            np.zeros(kernel.PARAMETERS), one.covariance, one.noise, one.inputs[0][0],
+            np.zeros(layout.PARAMETERS), one.covariance, one.noise, one.inputs[0][0],
             one.inputs[2][0] + 1e-3, container.cornered, np.array(container.reaches), points,
         )  # fmt: skip
 

@@ -18,6 +18,7 @@ SAME_FIELDS: Final = (
 """Fields of FusedEstimate.msg that are attributes of FusedState."""
 TOLD_FIELDS: Final = (
     *SAME_FIELDS, "uncorrected", "heights_taken", "heights_used", "heights_rejected",
+    "sensed_taken",
 )  # fmt: skip
 """All of its numbers but the modal state; see `told_fields`."""
 
@@ -63,6 +64,7 @@ class FusedState(NamedTuple):
         moved_ns: when the container moved last [ns]; None: it has not.
         level: still level above the measurement's zero [m].
         clock_offset: by how much stamps of measurements are late [s].
+        bound, sure_bound: upper bound of the envelope, of 95 % and sure [m]; see EnvelopeBounds.
     """
 
     stamp_ns: int
@@ -85,6 +87,8 @@ class FusedState(NamedTuple):
     moved_ns: int | None
     level: float
     clock_offset: float
+    bound: float
+    sure_bound: float
 
     @property
     def uncorrected(self) -> float:
@@ -99,12 +103,15 @@ class FusedState(NamedTuple):
         return self.corrected_ns is not None and self.msh_stddev <= TUNING.trusted_stddev
 
 
-def told_fields(state: FusedState, counts: Mapping[Outcome, int]) -> dict[str, float]:
+def told_fields(
+    state: FusedState, counts: Mapping[Outcome, int], sensed: int = 0
+) -> dict[str, float]:
     """Returns the values for FusedEstimate.msg by field name, without the modal state.
 
     Args:
         state: to tell.
         counts: of the measurements before it, by outcome.
+        sensed: how many of them are of sensors beside the camera.
     """
     return {
         **{name: getattr(state, name) for name in SAME_FIELDS},
@@ -112,6 +119,7 @@ def told_fields(state: FusedState, counts: Mapping[Outcome, int]) -> dict[str, f
         "heights_taken": sum(counts.values()),
         "heights_used": counts[Outcome.USED],
         "heights_rejected": counts[Outcome.REJECTED],
+        "sensed_taken": sensed,
     }
 
 
@@ -130,3 +138,5 @@ class ObserverState(NamedTuple):
     covariance: Array
     changes: Array
     past: Array
+    sensed: int = 0
+    sensed_ns: int | None = None

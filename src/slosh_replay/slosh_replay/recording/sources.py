@@ -18,6 +18,7 @@ SURFACE = _TYPES[topics.FREE_SURFACE]
 ESTIMATE = _TYPES[topics.ESTIMATE]
 TRAY = _TYPES[topics.TRAY_ESTIMATE]
 COMPARISON = _TYPES[topics.COMPARISON]
+CALM = _TYPES[topics.CALM]
 FUSED = _TYPES[topics.FUSED_ESTIMATE]
 _OWN = {settings.TOPIC: settings.MESSAGE_TYPE, "estimate": ESTIMATE, "comparison": COMPARISON}
 """Topics of an estimator or a monitor: where there is one, there is a cell."""

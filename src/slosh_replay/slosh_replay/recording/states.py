@@ -76,12 +76,13 @@ def _state(message: Any) -> RecordedState:
 def _observer_state(message: Any) -> ObserverState:
     stamps = (int(message.corrected_stamp), int(message.judged_stamp))
     corrected, judged = (None if stamp < 0 else stamp for stamp in stamps)
-    numbers = (
+    model, parameters, covariance, changes, past = (
         np.array(getattr(message, name), dtype=float)
         for name in ("model", "parameters", "covariance", "changes", "past")
     )
     return ObserverState(
         stamp_ns(message), int(message.first_stamp), corrected, judged,
         tuple(map(int, message.counts)), int(message.rejected_in_turn), message.anchored_at,
-        *numbers,
+        model, parameters, covariance, changes, past, int(message.sensed),
+        None if message.sensed_stamp < 0 else int(message.sensed_stamp),
     )  # fmt: skip

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from slosh_estimator.observer.calm import CALM_FIELDS, CalmReason
 from slosh_estimator.observer.states import TOLD_FIELDS
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FREE_SURFACE, FUSED_ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import CALM, COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
+from slosh_replay.recording.sources import CALM as CALM_TYPE
 from slosh_replay.recording.sources import COMPARISON as COMPARISON_TYPE
 from slosh_replay.recording.sources import ESTIMATE as ESTIMATE_TYPE
 from slosh_replay.recording.sources import FUSED as FUSED_TYPE
@@ -15,7 +17,7 @@ from slosh_replay.recording.sources import TRAY as TRAY_TYPE
 from slosh_replay.replay.monitor_feed import ReplayedMonitor
 from slosh_replay.replay.nodes import NodeTopic, ReplayedNode
 from slosh_replay.replay.replayed_estimator import SAMPLES, ReplayedEstimator
-from slosh_replay.replay.replayed_observer import SURFACES, ReplayedObserver
+from slosh_replay.replay.replayed_observer import DOORS, SURFACES, ReplayedObserver
 from slosh_replay.replay.verification import (
     COMPARED,
     ESTIMATED,
@@ -50,8 +52,14 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
         ReplayedNode(
             "observer",
             ReplayedObserver,
-            inputs=(NodeTopic(SAMPLES, ""), NodeTopic(FREE_SURFACE, SURFACE, SURFACES)),
-            outputs=(NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal)),),
+            inputs=(
+                NodeTopic(SAMPLES, ""),
+                *(NodeTopic(door, SURFACE, SURFACES) for door in DOORS),
+            ),
+            outputs=(
+                NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal)),
+                NodeTopic(CALM, CALM_TYPE, CALM_FIELDS, known=_heard),
+            ),
             needs_recorded=True,
         ),
         ReplayedNode(
@@ -76,6 +84,11 @@ def _alone(estimates: Messages) -> Messages:
     """Clears flags that depend on other publishers, which a recording cannot reproduce."""
     flags = estimates.columns["flags"] & ~_UNRECORDED
     return estimates._replace(columns={**estimates.columns, "flags": flags})
+
+
+def _heard(calm: Messages) -> Messages:
+    """Removes what the node told of a silent input, by its own clock."""
+    return calm.rows(calm.columns["reason"] != CalmReason.STALE)
 
 
 def _seen(comparisons: Messages) -> Messages:

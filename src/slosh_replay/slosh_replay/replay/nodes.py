@@ -60,6 +60,7 @@ class Setting(NamedTuple):
         trays: later trays of the estimator, with the last stamps before them [ns]; grows.
         loaded: models that the estimator has loaded so far, that of each start; grows.
         fused: compares the observer's states; None: none are recorded.
+        calm: compares whether the liquid is calm; None: none is recorded.
         observer_states: recorded states of the observer; grows.
         losses: stamps after which the estimator's state is not in the recording [ns]; grows.
     """
@@ -80,6 +81,7 @@ class Setting(NamedTuple):
     trays: list[tuple[int, Tray]] = []  # noqa: RUF012 - given by each replay
     loaded: list[Model] = []  # noqa: RUF012 - given by each replay
     fused: Verifier | None = None
+    calm: Verifier | None = None
     observer_states: list[ObserverState] = []  # noqa: RUF012 - given by each replay
     losses: list[int] = []  # noqa: RUF012 - given by each replay
 
@@ -145,8 +147,8 @@ class ReplayedNode(NamedTuple):
         core: makes its core.
         inputs: topics that it reads, beside measured heights and the input of the models.
         outputs: topics that it gives; recorded messages of these are compared.
-        needs_recorded: whether it reads these recorded messages, too, by `recorded_name`; where
-            there are none it does not run.
+        needs_recorded: whether it reads the recorded messages of the first output, too, by
+            `recorded_name`; where there are none it does not run.
         tolerance: by how much a field may differ from the recorded one [its SI unit]; 0: not by
             a bit; None: a difference is told and is no failure.
     """

@@ -24,7 +24,7 @@ from slosh_estimator.validity import attitude_warning
 from slosh_model.model import Model
 from slosh_model.model_text import format_model
 from slosh_model.tilt import attitude_of, ignored_text
-from slosh_msgs_py.topics import COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
+from slosh_msgs_py.topics import CALM, COMPARISON, ESTIMATE, FUSED_ESTIMATE, TRAY_ESTIMATE
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.recording import settings
 from slosh_replay.recording.facts import (
@@ -140,6 +140,7 @@ def replay_bag(
         outputs=outputs or Outputs(),
         loaded=[],
         fused=verifiers.get(FUSED_ESTIMATE),
+        calm=verifiers.get(CALM),
         observer_states=[],
         losses=losses,
     )
@@ -332,8 +333,7 @@ def _running(sources: Sources, nodes: Sequence[ReplayedNode]) -> tuple[ReplayedN
     return tuple(
         node
         for node in nodes
-        if not node.needs_recorded
-        or all(found(topic.name, topic.message_type) for topic in node.outputs)
+        if not node.needs_recorded or found(node.outputs[0].name, node.outputs[0].message_type)
     )
 
 

@@ -9,20 +9,28 @@ from typing import Final
 import numpy as np
 
 from slosh_estimator.errors import SloshEstimatorError
+from slosh_estimator.observer.calm import CALM_FIELDS, CalmReason, CalmWatch, calm_fields
 from slosh_estimator.observer.observer import Observer
-from slosh_estimator.observer.states import TOLD_FIELDS, WallHeights, told_fields
+from slosh_estimator.observer.states import TOLD_FIELDS, FusedState, WallHeights, told_fields
 from slosh_estimator.observer.surface_heights import SurfaceHeights, wall_heights
 from slosh_estimator.sample import Samples
+from slosh_estimator.tuning import TUNING
 from slosh_estimator.validity import EstimateFlag
-from slosh_msgs_py.topics import FREE_SURFACE, FUSED_ESTIMATE
+from slosh_msgs_py.topics import CALM, FREE_SURFACE, FUSED_ESTIMATE, SENSED_SURFACE
 from slosh_replay.replay.nodes import Moment, Setting, recorded_name
 from slosh_replay.replay.replayed_estimator import SAMPLES, samples_of
 from slosh_replay.replay.verification import Messages
 
-TAKEN: Final = "heights_taken"
+TAKEN: Final = ("heights_taken", "sensed_taken")
+DOORS: Final = (FREE_SURFACE, SENSED_SURFACE)
+"""Topics of measured surfaces: of the camera, and of sensors beside it."""
+TOLERANCE: Final = 1e-3
+"""Of calm, of recordings that do not tell it [m]."""
+Told = list[tuple[int, dict[str, float]]]
 SURFACES: Final = SurfaceHeights._fields
 UNKNOWN = "the observer's state is not in the recording, until the next known one"
 
+BEFORE_A_MOTION = "whether it is calm is not known from a state, until the container moves"
 EMPTY = "the gripper was empty: which heights came after that is not recorded"
 
 
@@ -37,29 +45,42 @@ class ReplayedObserver:
         self._setting = setting
         self._start = -1
         self._observer: Observer | None = None
-        self._surfaces: deque[WallHeights] = deque()
-        self._taken = 0
-        self._states: deque[tuple[int, int]] = deque()
+        self._surfaces: tuple[deque[WallHeights], ...] = tuple(deque() for _ in DOORS)
+        self._taken = [0] * len(DOORS)
+        self._states: deque[tuple[int, tuple[int, ...]]] = deque()
         self._hears = True
-        self._lost = self._was_empty = False
+        self._moved = 0
+        self._calm_slot = -1
+        starts = [one for one in setting.starts if one.node == "estimator"]
+        self._tolerances = [
+            (one.stamp_ns, float(one.parameters.get("calm_tolerance", TOLERANCE)))
+            for one in starts
+            if one is starts[0] or "calm_tolerance" in one.changed
+        ] or [(0, TOLERANCE)]
+        self._watch = CalmWatch(self._tolerances[0][1])
+        self._lost = self._was_empty = self._calm_lost = False
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
         """Processes samples, heights and recorded states; returns the fused states."""
         recorded = moment.messages[recorded_name(FUSED_ESTIMATE)]
         if len(recorded.stamps):
-            counts = recorded.columns[TAKEN].astype(np.int64).tolist()
+            taken, sensed = (recorded.columns[name].astype(np.int64) for name in TAKEN)
+            counts = zip((taken - sensed).tolist(), sensed.tolist(), strict=True)
             self._states.extend(zip(recorded.stamps.tolist(), counts, strict=True))
-        self._surfaces.extend(_heights(moment.messages[FREE_SURFACE]))
+        for door, waiting in zip(DOORS, self._surfaces, strict=True):
+            waiting.extend(_heights(moment.messages[door]))
         batch = moment.messages[SAMPLES]
         if not len(batch.stamps):
             return {}
-        told: list[tuple[int, dict[str, float]]] = []
+        told: Told = []
+        calm: Told = []
         samples = samples_of(batch)
         flags = batch.columns["flags"].astype(np.int64).tolist()
         starts = batch.columns["start"].astype(np.int64).tolist()
         for index, (flag, start) in enumerate(zip(flags, starts, strict=True)):
-            self._follow(samples, index, flag, start, told)
-        return {FUSED_ESTIMATE: _messages(told)} if told else {}
+            self._follow(samples, index, flag, start, told, calm)
+        given = {FUSED_ESTIMATE: (told, TOLD_FIELDS), CALM: (calm, CALM_FIELDS)}
+        return {name: _messages(*found) for name, found in given.items() if found[0]}
 
     def _follow(
         self,
@@ -67,15 +88,15 @@ class ReplayedObserver:
         index: int,
         flags: int,
         start: int,
-        told: list[tuple[int, dict[str, float]]],
+        told: Told,
+        calm: Told,
     ) -> None:
         if flags & EstimateFlag.NO_CONTAINER:
             self._was_empty = True
             return
         sample = samples.one(index)
-        if self._was_empty and self._surfaces and self._setting.fused is not None:
-            self._setting.fused.lose(sample.stamp_ns - 1, EMPTY)
-            self._lost = True
+        if self._was_empty and any(self._surfaces) and self._setting.fused is not None:
+            self._lose(sample.stamp_ns - 1, EMPTY)
         self._was_empty = False
         self._follow_losses(sample.stamp_ns)
         if start != self._start or self._observer is None:
@@ -87,23 +108,49 @@ class ReplayedObserver:
         if self._lost and self._take_up(observer, sample.stamp_ns):
             return
         if state is not None:
-            told.append((state.stamp_ns, told_fields(state, observer.counts)))
+            told.append((state.stamp_ns, told_fields(state, observer.counts, observer.sensed)))
+            self._look(state, calm)
+
+    def _look(self, state: FusedState, calm: Told) -> None:
+        """Computes whether the liquid is calm, as often as the node tells it."""
+        while len(self._tolerances) > 1 and self._tolerances[1][0] < state.stamp_ns:
+            del self._tolerances[0]
+            self._watch = CalmWatch(self._tolerances[0][1])
+        found = self._watch.update(state)
+        if state.stamp_ns // TUNING.calm_ns == self._calm_slot:
+            return
+        self._calm_slot = state.stamp_ns // TUNING.calm_ns
+        calm.append((state.stamp_ns, calm_fields(found)))
+        # In motion all that calm depends on begins anew.
+        self._moved = self._moved + 1 if found.reason is CalmReason.MOVING else 0
+        if self._calm_lost and not self._lost and self._moved > 1:
+            self._calm_lost = False
+            if self._setting.calm is not None:
+                self._setting.calm.find(state.stamp_ns)
+
+    def _lose(self, after_ns: int, why: str) -> None:
+        """Marks that what follows a stamp cannot be compared."""
+        if self._setting.fused is not None:
+            self._setting.fused.lose(after_ns, why)
+        if self._setting.calm is not None and not self._calm_lost:
+            self._setting.calm.lose(after_ns, BEFORE_A_MOTION)
+        self._lost = self._calm_lost = True
 
     def _begin(self, start: int) -> None:
         """Creates the observer at a start of the node."""
         self._start = start
         model = self._setting.loaded[start]
-        self._observer, self._taken = Observer(model), 0
+        self._observer, self._taken = Observer(model, holds=False), [0] * len(DOORS)
         self._hears = not model.uses("reading")
+        self._watch = CalmWatch(self._tolerances[0][1])
 
     def _follow_losses(self, stamp_ns: int) -> None:
         """Excludes messages from the comparison if inputs before them were not recorded."""
-        losses, fused = self._setting.losses, self._setting.fused
+        losses = self._setting.losses
         while losses and losses[0] < stamp_ns:
             after_ns = losses.pop(0)
-            if fused is not None and not self._lost:
-                fused.lose(after_ns, UNKNOWN)
-            self._lost = True
+            if not self._lost:
+                self._lose(after_ns, UNKNOWN)
 
     def _take_up(self, observer: Observer, stamp_ns: int) -> bool:
         """Restores the recorded state with this stamp, if there is one."""
@@ -116,13 +163,16 @@ class ReplayedObserver:
             observer.take_up(states[0])
         except SloshEstimatorError:
             return False
-        self._lost, self._taken = False, observer.taken
+        self._lost = False
+        self._taken = [observer.taken - observer.sensed, observer.sensed]
         self._setting.fused.find(stamp_ns)
-        judged = states[0].judged_ns
-        stamps = [heights.stamp_ns for heights in self._surfaces]
-        if judged in stamps:
-            for _ in range(stamps.index(judged) + 1):
-                self._surfaces.popleft()
+        for waiting, judged in zip(
+            self._surfaces, (states[0].judged_ns, states[0].sensed_ns), strict=True
+        ):
+            stamps = [heights.stamp_ns for heights in waiting]
+            if judged in stamps:
+                for _ in range(stamps.index(judged) + 1):
+                    waiting.popleft()
         return True
 
     def _feed(self, observer: Observer, stamp_ns: int) -> None:
@@ -134,9 +184,10 @@ class ReplayedObserver:
         _, taken = self._states.popleft()
         if self._lost:  # how many came before is not known
             return
-        while self._hears and self._taken < taken and self._surfaces:
-            observer.take(self._surfaces.popleft())
-            self._taken += 1
+        for place, waiting in enumerate(self._surfaces):
+            while self._hears and self._taken[place] < taken[place] and waiting:
+                observer.take(waiting.popleft(), sensed=place > 0)
+                self._taken[place] += 1
 
 
 def _heights(batch: Messages) -> list[WallHeights]:
@@ -150,7 +201,7 @@ def _heights(batch: Messages) -> list[WallHeights]:
     ]
 
 
-def _messages(told: list[tuple[int, dict[str, float]]]) -> Messages:
+def _messages(told: Told, fields: tuple[str, ...]) -> Messages:
     stamps = np.array([stamp_ns for stamp_ns, _ in told], dtype=np.int64)
-    columns = {name: np.array([fields[name] for _, fields in told]) for name in TOLD_FIELDS}
+    columns = {name: np.array([one[name] for _, one in told]) for name in fields}
     return Messages(stamps, columns)

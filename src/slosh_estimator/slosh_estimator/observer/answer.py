@@ -1,0 +1,141 @@
+"""Heights, envelope and their standard deviations of the observer's state."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slosh_base.compiled.compilation import compiled
+from slosh_estimator.observer.layout import (
+    AZIMUTH,
+    DAMPING,
+    DECAY,
+    ENVELOPE,
+    ENVELOPE_NOISE,
+    ENVELOPE_STDDEV,
+    FREQUENCY,
+    GAIN,
+    HEIGHT_X,
+    HEIGHT_Y,
+    MEAN_X,
+    MSH,
+    NOISE,
+    OMEGA,
+    PHI,
+    SENSITIVITY,
+    SH_X,
+    SH_Y,
+    SPECTRUM,
+    STATE,
+    STDDEV,
+    STDDEV_X,
+    STDDEV_Y,
+    TURN,
+    ZETA,
+)
+from slosh_model import kernel
+from slosh_model.layout import records
+
+
+@compiled
+def _rows(blocks, heights, size):  # type: ignore[no-untyped-def]
+    """Returns the measurement matrix (2, size) of the heights, and their noise (2,)."""
+    rows, noise = np.zeros((2, size)), np.zeros(2)
+    states = 2 * blocks.shape[0]
+    for k in range(blocks.shape[0]):
+        block, axis = blocks[k], k % 2
+        gain = block[GAIN]
+        rows[axis, 2 * k] = gain * block[PHI]
+        rows[axis, 2 * k + 1] = gain * block[PHI + 1]
+        rows[axis, states + FREQUENCY] += gain * block[SENSITIVITY]
+        rows[axis, states + DAMPING] += gain * block[SENSITIVITY + 1]
+        noise[axis] += gain * gain * block[NOISE]
+    for axis in range(2):  # the gain follows ω'², so that a constant tilt stays the same
+        rows[axis, states + FREQUENCY] += 2.0 * heights[axis]
+    return rows, noise
+
+
+@compiled
+def _product(one, matrix, other):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(one.shape[0]):
+        if one[i] != 0.0:
+            part = 0.0
+            for j in range(other.shape[0]):
+                part += matrix[i, j] * other[j]
+            total += one[i] * part
+    return total
+
+
+@compiled
+def _envelope(store, blocks, covariance, averages, out):  # type: ignore[no-untyped-def]
+    """Writes the largest height that the wave can still reach if the container rests.
+
+    Each mode goes along an ellipse about the place where the liquid rests; its longer half axis is
+    the height. The standard deviation is bounded from above.
+    """
+    modes, size = records(store)[1], covariance.shape[0]
+    row, states = np.zeros(size), 2 * blocks.shape[0]
+    height = variance = shaken = 0.0
+    decay = math.inf
+    for n in range(modes.shape[0]):
+        mode, wave, axes = modes[n], np.zeros(4), 0.0
+        for axis in range(2):
+            block = blocks[2 * n + axis]
+            omega, gain = block[OMEGA], block[GAIN]
+            place, rate = (mode["x"], mode["vx"]) if axis == 0 else (mode["y"], mode["vy"])
+            wave[axis] = gain * (place + averages[MEAN_X + axis] / (omega * omega))
+            wave[2 + axis] = gain * rate / omega
+            decay = min(decay, omega * block[ZETA])
+            # The stationary variance of an oscillator that white noise drives.
+            shaken += gain * gain * averages[SPECTRUM] / (4.0 * block[ZETA] * omega**3)
+            widest = 0.0
+            for i, scale in ((0, gain), (1, gain / omega)):
+                row[:] = 0.0
+                for j in range(2):
+                    row[2 * (2 * n + axis) + j] = scale * block[PHI + 2 * i + j]
+                    row[states + j] = scale * block[SENSITIVITY + 2 * i + j]
+                noisy = scale * scale * block[NOISE + 2 * i]
+                widest = max(widest, _product(row, covariance, row) + noisy)
+            axes += widest
+        squares = wave[0] ** 2 + wave[1] ** 2 + wave[2] ** 2 + wave[3] ** 2
+        area = wave[0] * wave[3] - wave[1] * wave[2]
+        rest = max(squares * squares - 4.0 * area * area, 0.0)
+        height += math.sqrt(0.5 * (squares + math.sqrt(rest)))
+        variance += axes
+    out[ENVELOPE], out[ENVELOPE_STDDEV], out[DECAY] = height, math.sqrt(max(variance, 0.0)), decay
+    out[ENVELOPE_NOISE] = math.sqrt(shaken)
+
+
+@compiled
+def answered(store, blocks, covariance, averages, row, out):  # type: ignore[no-untyped-def]
+    """Writes the fused state that belongs to a stored input."""
+    _envelope(store, blocks, covariance, averages, out)
+    runs, modes = records(store)
+    hx, hy = kernel.turned(row[HEIGHT_X], row[HEIGHT_Y], row[TURN])
+    rows, noise = _rows(blocks, (row[HEIGHT_X], row[HEIGHT_Y]), covariance.shape[0])
+    xx = _product(rows[0], covariance, rows[0]) + noise[0]
+    yy = _product(rows[1], covariance, rows[1]) + noise[1]
+    xy = _product(rows[0], covariance, rows[1])
+    c, s = math.cos(row[TURN]), math.sin(row[TURN])
+    vx = c * c * xx + 2.0 * c * s * xy + s * s * yy
+    vy = s * s * xx - 2.0 * c * s * xy + c * c * yy
+    vxy = c * s * (yy - xx) + (c * c - s * s) * xy
+    out[SH_X], out[SH_Y] = hx, hy
+    if runs[0]["cornered"] != 0.0:
+        out[MSH] = kernel.corner_height(hx, hy)
+        out[AZIMUTH] = kernel.corner_azimuth(hx, hy, modes[0]["radius"], modes[0]["radius_y"])
+        c, s = math.copysign(1.0, hx), math.copysign(1.0, hy)
+    else:
+        out[MSH] = math.sqrt(hx * hx + hy * hy)
+        out[AZIMUTH] = math.atan2(hy, hx)
+        c, s = math.cos(out[AZIMUTH]), math.sin(out[AZIMUTH])
+    out[STDDEV_X], out[STDDEV_Y] = math.sqrt(max(vx, 0.0)), math.sqrt(max(vy, 0.0))
+    highest = c * c * vx + 2.0 * c * s * vxy + s * s * vy
+    out[STDDEV] = math.sqrt(max(highest, 0.0))
+    for n in range(modes.shape[0]):
+        mode, at = modes[n], STATE + 4 * n
+        out[at], out[at + 1], out[at + 2], out[at + 3] = (
+            mode["x"], mode["y"], mode["vx"], mode["vy"],
+        )  # fmt: skip

@@ -1,0 +1,72 @@
+"""Bounds the wave's envelope while nothing moves and nothing is measured."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from slosh_estimator.tuning import TUNING
+
+
+class Envelope(NamedTuple):
+    """The largest height that the wave still reaches, as the filter has it.
+
+    Attributes:
+        stamp_ns: the moment [ns].
+        height, stddev: the height and its standard deviation [m].
+        noise: standard deviation of what the input's noise at rest adds to the height [m].
+        decay: rate of its decay [1/s].
+        damping_stddev: standard deviation of the rate's logarithm.
+    """
+
+    stamp_ns: int
+    height: float
+    stddev: float
+    noise: float
+    decay: float
+    damping_stddev: float
+
+
+class EnvelopeBounds:
+    """Upper bounds of the envelope: of 95 %, and the sure one that calm is told by.
+
+    In motion, and at each measurement, a bound is the filter's height and some of its deviations.
+    At rest nothing gives the liquid energy, so that a bound decays from there with the least
+    plausible damping. The filter itself does not tell that: an error of the frequency turns the
+    phase of the wave by more and more, which in a linear filter grows beyond the wave, but changes
+    no envelope. Only a vibration that the input shows above its own noise holds a bound up.
+    """
+
+    def __init__(self) -> None:
+        self._bounds = (math.inf, math.inf)
+        self._stamp_ns: int | None = None
+        self._corrected_ns: int | None = None
+
+    def update(
+        self, envelope: Envelope, *, resting: bool, corrected_ns: int | None, contradicted: bool
+    ) -> tuple[float, float]:
+        """Returns the bound of 95 % and the sure one [m].
+
+        Args:
+            envelope: of a newer moment.
+            resting: whether the container rests.
+            corrected_ns: stamp of the last measurement that was used [ns]; None: none.
+            contradicted: whether the last measurement was rejected: then no bound decays.
+        """
+        height, deviations = envelope.height, (TUNING.bound, TUNING.surely_calm)
+        filtered = [height + by * envelope.stddev for by in deviations]
+        corrected = corrected_ns != self._corrected_ns
+        known = math.isfinite(height) and math.isfinite(self._bounds[0])
+        if self._stamp_ns is None or not resting or corrected or not known:
+            bounds = filtered
+        elif contradicted:
+            bounds = [max(pair) for pair in zip(self._bounds, filtered, strict=True)]
+        else:
+            elapsed = max(envelope.stamp_ns - self._stamp_ns, 0) / 1e9
+            slowest = envelope.decay * math.exp(-TUNING.bound * envelope.damping_stddev)
+            faded = math.exp(-slowest * elapsed)
+            shaken = height - TUNING.surely_calm * envelope.noise
+            bounds = [max(before * faded, shaken) for before in self._bounds]
+        self._bounds = (bounds[0], bounds[1])
+        self._stamp_ns, self._corrected_ns = envelope.stamp_ns, corrected_ns
+        return self._bounds

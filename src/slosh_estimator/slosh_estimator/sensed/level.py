@@ -1,0 +1,51 @@
+"""Heights at the wall from a level sensor anywhere above the liquid."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_model.bessel import radial_shape
+from slosh_model.model import Model
+
+
+class LevelPlace(NamedTuple):
+    """Where a level is measured.
+
+    Attributes:
+        azimuth: about the container's axis [rad].
+        radius: distance from the axis [m].
+    """
+
+    azimuth: float
+    radius: float
+
+
+def wall_factor(model: Model, place: LevelPlace) -> float:
+    """Returns the first wave's height at the wall over that at a place.
+
+    In a round container the wave follows J₁(ξ₁r/R), else a sine up to the wall.
+
+    Raises:
+        SloshEstimatorError: the place is outside the container, or so near the axis that the wave
+            is hardly seen; one line.
+    """
+    reach_x, reach_y = model.container.reaches
+    c, s = math.cos(place.azimuth), math.sin(place.azimuth)
+    if model.container.cornered:
+        share = max(abs(c) * place.radius / reach_x, abs(s) * place.radius / reach_y)
+        here = math.sin(0.5 * math.pi * min(share, 1.0))
+    else:
+        share = place.radius / reach_x
+        here = float(radial_shape(1, min(share, 1.0)))
+    if share > 1.0 + 1e-6:
+        raise SloshEstimatorError(
+            f"the level sensor is {1e3 * place.radius:.0f} mm from the axis, outside the container"
+        )
+    if share < 0.1:
+        raise SloshEstimatorError(
+            f"the level sensor is {1e3 * place.radius:.0f} mm from the axis, where no wave is "
+            "seen: mount it near the wall"
+        )
+    return 1.0 / here

@@ -1,0 +1,143 @@
+"""A recorder of events for an hour: a bag of each, bit for bit, and the nodes' memory.
+
+    tools/run python -m validation.long_runs.events [--events 100] [--every 36] [-o FOLDER]
+
+Estimator, monitor and recorder run as processes of their own; a robot and a camera beside them
+make a limit event every so often. In the end: how many events have a bag of their own, whether
+each bag replays bit for bit, and what each node's memory did. A shorter `--every` is a shorter
+soak; an event within the window of the one before would lengthen its bag.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tqdm import tqdm
+
+from slosh_bag.black_box.black_box import Cause
+from slosh_bag.black_box.event_bags import event_bags, noted_events
+from slosh_base.files import new_folder
+from slosh_bringup.processes import NodeGroup, NodeProcess, node_environment
+from slosh_msgs.msg import SloshComparison
+from slosh_msgs_py.node.domain import own_domain
+from slosh_replay.recorded_run import RecordedRun
+from slosh_replay.replay import replay_bag
+from slosh_testing.robot import RobotNode, nodes_and_robot, swing
+from validation.long_runs.long_cell import resident
+
+BEFORE, AFTER = 2.0, 1.0  # s
+HIGH, LOW, LONGEST = 0.03, 1e-4, 0.3  # m; s; how long a wave is high
+NODES = ("estimator", "monitor", "recorder")
+GROWTH, BUFFERS = 1.05, 3.0  # 1, MB; what memory may grow from the first half to the second one
+EXACT, TOLD = ("estimate", "fused_estimate"), "comparison"
+"""What a replay gives bit for bit; and what depends on a live monitor's deadlines."""
+
+
+def main() -> int:
+    """Runs the soak; 1 where an event has no bag, a bag differs in its replay, or a node grew."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--events", type=int, default=100, help="how many")
+    parser.add_argument("--every", type=float, default=36.0, help="time between them [s]")
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/events"))
+    given = parser.parse_args()
+    if given.every < BEFORE + AFTER + 1.0:
+        parser.error(f"--every must be at least {BEFORE + AFTER + 1.0:g} s: bags would overlap")
+    with own_domain() as domain, new_folder(given.output) as folder:
+        os.environ.update(node_environment(domain), ROS_DOMAIN_ID=str(domain))
+        memory, told = soak(folder, domain, given.events, given.every)
+        return report(folder / "bags", given.events, memory, told)
+
+
+def soak(
+    folder: Path, domain: int, count: int, every: float
+) -> tuple[dict[str, list[float]], int]:
+    """Plays so many events.
+
+    Returns:
+        each node's memory at each event [MB], and how many limit events the monitor told of.
+    """
+    recorder = {
+        "output": str(folder / "bags"), "mode": "events", "event_before": str(BEFORE),
+        "event_after": str(AFTER), "bags_per_cause": str(10 * count),
+    }  # fmt: skip
+    memory: dict[str, list[float]] = {name: [] for name in NODES}
+    told = 0
+    with nodes_and_robot(folder, domain) as (group, robot):
+        robot.push = swing(0.05)
+        group.start(NodeProcess("recorder", (), recorder))
+        robot.until(lambda: "recorder" in robot.health, "the recorder")
+        due = time.monotonic()
+        for _ in tqdm(range(count), unit="event"):
+            due += every
+            play_until(robot, lambda due=due: time.monotonic() >= due)
+            told += high_wave(robot)
+            look(group, memory)
+        play_until(robot, lambda due=due: time.monotonic() >= due + AFTER + 3.0)
+    return memory, told
+
+
+def high_wave(robot: RobotNode) -> bool:
+    """Shows a high wave until the monitor tells of it; returns whether it did."""
+    assert robot.surface is not None
+    robot.surface.msh, end = HIGH, time.monotonic() + 10.0
+
+    def is_told() -> bool:
+        state = robot.comparisons[-1].state if robot.comparisons else None
+        return state == SloshComparison.STATE_ERROR or time.monotonic() > end
+
+    play_until(robot, is_told, forget=False)
+    robot.surface.msh = LOW
+    return time.monotonic() <= end
+
+
+def play_until(robot: RobotNode, done: Callable[[], bool], *, forget: bool = True) -> None:
+    """Plays on; forgets what was heard, so that this process does not grow."""
+    while not done():
+        end = time.monotonic() + LONGEST
+        robot.until(lambda end=end: done() or time.monotonic() >= end, "the next event")
+        if forget:
+            robot.estimates.clear()
+            del robot.comparisons[:-1]
+
+
+def look(group: NodeGroup, memory: dict[str, list[float]]) -> None:
+    """Notes each node's own memory."""
+    for name, sizes in memory.items():
+        sizes.append(resident(group.pid(name), own=True))
+
+
+def report(folder: Path, wanted: int, memory: dict[str, list[float]], told: int) -> int:
+    """Prints what came of it; returns the exit code."""
+    bags = event_bags(folder)
+    differing: list[str] = []
+    limits = with_limit = late = 0
+    for bag in tqdm(bags, unit="bag", desc="replayed", leave=False):
+        run = RecordedRun(bag)
+        causes = [one.cause for one in noted_events(run.facts.get("events", ""))]
+        limits += causes.count(Cause.LIMIT)
+        with_limit += Cause.LIMIT in causes
+        found = replay_bag(run).verified
+        differing += [f"{bag.name}: {name}" for name in EXACT if not found[name].exact]
+        late += not found[TOLD].exact
+    print(f"events {wanted}, told by the monitor {told}; in bags {limits}")
+    print(f"bags {len(bags)}, {with_limit} with a limit event; in replay differ {len(differing)}")
+    print(f"bags whose comparisons differ, by the monitor's deadlines: {late}")
+    for line in differing:
+        print(f"  {line}")
+    grown = False
+    for name, sizes in memory.items():
+        settled = sizes[len(sizes) // 4 :]  # the first quarter fills buffers and reads code
+        half = len(settled) // 2
+        early, late = (sum(part) / max(len(part), 1) for part in (settled[:half], settled[half:]))
+        grown |= late > GROWTH * early + BUFFERS
+        print(f"{name:<10} memory {sizes[0]:6.1f} MB at first, {early:6.1f}, then {late:6.1f}")
+    return int(with_limit != wanted or told != wanted or bool(differing) or grown)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
