@@ -26,6 +26,7 @@ MODULES = (
     "slosh_estimator.estimator",
     "slosh_estimator.observer.observer",
     "slosh_estimator.pose_input",
+    "slosh_plan.governor",
     "slosh_bag.mcap_files.chunk_scan",
     "slosh_bag.columns.cdr_columns",
     "slosh_discovery.discover",

@@ -28,6 +28,7 @@ NODES: Mapping[str, str] = {
     "cell": "slosh_bringup.nodes.cell_node",
     "camera": "slosh_camera.nodes.camera_node",
     "estimator": "slosh_estimator.nodes.estimator_node",
+    "governor": "slosh_plan.nodes.governor_node",
     "monitor": "slosh_estimator.nodes.monitor_node",
     "planner": "slosh_plan.nodes.planner_node",
     "player": "slosh_bag.nodes.player_node",

@@ -305,6 +305,38 @@ def _write_heights(lanes, answers, heights, first, count):  # type: ignore[no-un
             )
 
 
+@compiled
+def advance_lanes(  # type: ignore[no-untyped-def]
+    stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
+    heights,
+):  # fmt: skip
+    """Does what `advance_block` does, for other compiled code."""
+    lanes = stores.shape[0]
+    w = np.zeros(LENGTH)
+    memory = np.empty((lanes, max(DRIVE_MEMORY_COUNT, 1)))
+    motion = (interval_rows, input_rows, intervals, inputs, yaws)
+    _load_runs(lanes, w, stores, memory)
+    _take_poses(lanes, w, input_rows, poses, 0)
+    mode_count = records(stores[0])[1].shape[0]
+    if mode_count == 1:
+        _load_mode(lanes, w, stores, 0)
+    chunk, answers = np.empty(_CHUNK * _GIVEN), np.empty(_CHUNK * _ANSWERS)
+    for first in range(0, counts.shape[0], _CHUNK):
+        count = min(_CHUNK, counts.shape[0] - first)
+        _fill(lanes, w, chunk, motion, first, count)
+        for j in range(count):
+            _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, INPUT_COUNT)
+            _take_inputs(lanes, w, chunk, j)
+            if driven:
+                if poses.shape[0] > 0:
+                    _take_poses(lanes, w, input_rows, poses, first + j + 1)
+                all_lane_drives(lanes, w, memory)
+            _advance_modes(lanes, w, stores, mode_count, counts[first + j], modulated)
+            _add_static_heights(lanes, w)
+            _finish_sample(lanes, w, answers, j)
+        _write_heights(lanes, answers, heights, first, count)
+
+
 @entry_point(
     void(
         CHANGED_2, int64[::1], int64[::1], int64[::1], GIVEN_2, GIVEN_3, GIVEN_2, GIVEN_3,
@@ -331,27 +363,7 @@ def advance_block(  # type: ignore[no-untyped-def]
         heights: (K, N, 2) receives the wall heights at the containers' +x and +y [m], but for the
             first input's.
     """
-    lanes = stores.shape[0]
-    w = np.zeros(LENGTH)
-    memory = np.empty((lanes, max(DRIVE_MEMORY_COUNT, 1)))
-    motion = (interval_rows, input_rows, intervals, inputs, yaws)
-    _load_runs(lanes, w, stores, memory)
-    _take_poses(lanes, w, input_rows, poses, 0)
-    mode_count = records(stores[0])[1].shape[0]
-    if mode_count == 1:
-        _load_mode(lanes, w, stores, 0)
-    chunk, answers = np.empty(_CHUNK * _GIVEN), np.empty(_CHUNK * _ANSWERS)
-    for first in range(0, counts.shape[0], _CHUNK):
-        count = min(_CHUNK, counts.shape[0] - first)
-        _fill(lanes, w, chunk, motion, first, count)
-        for j in range(count):
-            _copy(lanes, w, NEW_INPUTS, OLD_INPUTS, INPUT_COUNT)
-            _take_inputs(lanes, w, chunk, j)
-            if driven:
-                if poses.shape[0] > 0:
-                    _take_poses(lanes, w, input_rows, poses, first + j + 1)
-                all_lane_drives(lanes, w, memory)
-            _advance_modes(lanes, w, stores, mode_count, counts[first + j], modulated)
-            _add_static_heights(lanes, w)
-            _finish_sample(lanes, w, answers, j)
-        _write_heights(lanes, answers, heights, first, count)
+    advance_lanes(
+        stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven,
+        modulated, heights,
+    )  # fmt: skip

@@ -52,6 +52,15 @@ LIMIT_EVENT: Final = "limit_event"
 SETTINGS: Final = "settings"
 PLANNED_TRAJECTORY: Final = "planned_trajectory"
 """What the robot is about to do, by whoever planned it."""
+DESIRED_TWIST: Final = "desired_twist"
+"""Commands of a teleoperation, a jog or a servo for the governor,"""
+DESIRED_POSE: Final = "desired_pose"
+"""or targets; what the governor passes on:"""
+SAFE_TWIST: Final = "safe_twist"
+GOVERNED_MOTION: Final = "governed_motion"
+"""The same with all that is known of it."""
+STOP_TRAJECTORY: Final = "stop_trajectory"
+"""The motion of an emergency stop; latched."""
 PREDICTION: Final = "prediction"
 PREDICTION_OUTCOME: Final = "prediction_outcome"
 TRUTH: Final = "cell/truth"
@@ -68,6 +77,8 @@ ROBOT_DESCRIPTION: Final = "/robot_description"
 
 WAIT_UNTIL_CALM: Final = "wait_until_calm"
 """The action: ends when the liquid is calm."""
+EMERGENCY_STOP: Final = "emergency_stop"
+RELEASE_STOP: Final = "release_stop"
 PREDICT: Final = "predict"
 PLAN: Final = "plan"
 PLAN_MOTION: Final = "plan_motion"
@@ -165,6 +176,14 @@ TOPICS: tuple[Topic, ...] = (
     Topic(IMAGE_COMPRESSED, "sensor_msgs/msg/CompressedImage", _INPUT, remappable=True),
     Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", _INPUT, remappable=True),
     Topic(PLANNED_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _INPUT, _MANY),
+    Topic(DESIRED_TWIST, "geometry_msgs/msg/TwistStamped", _INPUT, remappable=True),
+    Topic(DESIRED_POSE, "geometry_msgs/msg/PoseStamped", _INPUT, remappable=True),
+    Topic(SAFE_TWIST, "geometry_msgs/msg/TwistStamped", _ANSWER, remappable=True),
+    Topic(GOVERNED_MOTION, "slosh_msgs/msg/GovernedMotion", _ANSWER),
+    Topic(
+        STOP_TRAJECTORY, "trajectory_msgs/msg/MultiDOFJointTrajectory", _ANSWER,
+        remappable=True, latched=True,
+    ),
     Topic(FREE_SURFACE, "slosh_msgs/msg/FreeSurface", _ANSWER, remappable=True, page=True),
     Topic(ESTIMATE, "slosh_msgs/msg/SloshEstimate", _ANSWER, remappable=True, page=True),
     Topic(EXPECTED_READING, "slosh_msgs/msg/ExpectedReading", _ANSWER, remappable=True),
@@ -207,6 +226,8 @@ SERVICES: tuple[Service, ...] = (
     Service(RESET, "std_srvs/srv/Trigger", remappable=True),
     Service(MONITOR_RESET, "std_srvs/srv/Trigger", remappable=True),
     Service(KEEP, "std_srvs/srv/Trigger", remappable=True),
+    Service(EMERGENCY_STOP, "std_srvs/srv/Trigger"),
+    Service(RELEASE_STOP, "std_srvs/srv/Trigger"),
     Service(PREDICT, "slosh_msgs/srv/PredictSlosh"),
     Service(PLAN, "slosh_msgs/srv/PlanMotion"),
 )

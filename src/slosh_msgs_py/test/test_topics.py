@@ -56,7 +56,8 @@ def test_inputs_are_what_the_robot_its_planner_and_its_camera_publish():
         if not row.is_absolute and topics.cell_name(f"/slosh/{row.name}").is_input
     }
     assert inputs == {
-        "accel", "imu", "pose", "twist", "planned_trajectory", "force", "level", "level_point",
+        "accel", "imu", "pose", "twist", "planned_trajectory", "desired_twist", "desired_pose",
+        "force", "level", "level_point",
         "camera/image_raw", "camera/image_raw/compressed", "camera/camera_info",
     }  # fmt: skip
     assert topics.cell_name("/slosh/camera/points").is_input

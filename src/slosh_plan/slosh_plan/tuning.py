@@ -99,6 +99,26 @@ class PlanTuning:
     stop_coarse: float = number(0.004, "s", "sampling of the search")
     searched: float = number(1.5, "1", "periods of the first mode that the search looks at")
     stop_rows: int = number(61, "1", "rows of a law that give its acceleration and jerk")
+    # governor/governor.py
+    governor_timeout: float = number(0.1, "s", "time for which a command holds")
+    governor_late: float = number(3.0, "period", "time between two steps that is late")
+    governor_fastest: float = number(20.0, "m/s", "speed above which a command is an error")
+    governor_phase: float = number(0.2, "rad", "phase of the fastest mode between two rows, ωh")
+    governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
+    governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
+    governor_longest: float = number(1.2, "s", "longest stop")
+    governor_reserve: float = number(0.02, "1", "part by which heights are raised")
+    governor_spread: float = number(
+        0.4, "1", "part of the difference of heights that is added for liquids between two"
+    )
+    governor_ratio: float = number(1.06, "1", "ratio of two durations that are tried")
+    governor_early: float = number(0.5, "1", "step of the first bump of a stop")
+    governor_late_bump: float = number(1.0, "1", "step of the second one")
+    governor_enough: float = number(0.9, "1", "part of the limit below which stops are alike")
+    governor_haste: float = number(0.3, "1/s", "part of the limit that a second of a stop costs")
+    governor_past: int = number(256, "1", "steps that an observed state may be behind")
+    governor_stddevs: float = number(4.0, "σ", "by which an observed height is raised")
+    governor_pull: float = number(4.0, "1/s", "speed towards a target by the distance")
     # consistency.py
     window: float = number(0.1, "s", "window over which two fields are compared")
     window_samples: int = number(4, "1", "sampling intervals of that window, at least")

@@ -22,6 +22,7 @@ from slosh_bringup.live.run_result import RunResult, evaluate
 from slosh_bringup.live.shortfall import shortfall, slowness
 from slosh_bringup.replay.frames import bag_topics
 from slosh_bringup.replay.page import make_report
+from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_replay.in_force import in_force, last_starts
 from slosh_replay.recorded_run import RecordedRun
 from slosh_replay.replay import ReplayResult, replay_bag
@@ -168,7 +169,7 @@ def _evaluated(
         reasons = (*problems, *missing) if missing or not began else ()
     result = LiveResult(figures, None, reasons, problems, in_force(starts), failures)
     try:
-        replayed = replay_bag(run)
+        replayed = replay_bag(run, further=[governor_row()])
     except SloshBagError as error:
         if not reasons:  # they tell that nothing drove the models
             result = replace(result, warnings=(*problems, f"not replayed: {error}"))

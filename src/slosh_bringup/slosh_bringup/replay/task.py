@@ -21,6 +21,7 @@ from slosh_bag.mcap_files.bag_facts import read_facts
 from slosh_bag.mcap_files.bag_folder import METADATA
 from slosh_base.files import is_unfinished, new_folder
 from slosh_bringup.errors import SloshBringupError
+from slosh_bringup.replay.replayed_governor import governor_row
 from slosh_estimator.inputs import WantedInput
 from slosh_model.model_text import read_model
 from slosh_replay.manifest import Expectation
@@ -129,13 +130,16 @@ def replay_task(task: Task) -> Replayed:
     run = RecordedRun(task.bag)
     model = read_model(task.model) if task.model else None
     if task.output is None:
-        result = replay_bag(run, model, given=task.given, cell=task.cell, estimator=task.estimator)
+        result = replay_bag(
+            run, model, given=task.given, cell=task.cell, estimator=task.estimator,
+            further=[governor_row()],
+        )  # fmt: skip
     else:
         _check_pages(task.output / task.name)
         with new_bag(task.output / task.name) as outputs:
             result = replay_bag(
                 run, model, given=task.given, outputs=outputs, cell=task.cell,
-                estimator=task.estimator,
+                estimator=task.estimator, further=[governor_row()],
             )  # fmt: skip
     result = replace(result, name=task.name)
     checked = _checked(result, task)

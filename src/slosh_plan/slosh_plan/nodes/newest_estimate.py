@@ -67,7 +67,7 @@ class NewestEstimate:
         """
         fused = self._newest(self._fused, FusedEstimate)
         if fused is not None and fused.trusted and self._age(fused) <= OLDEST:
-            modal = _modal(fused)
+            modal = modal_of(fused)
             return LiquidState(modal, modal)
         message = self._newest(self._estimates, SloshEstimate)
         if message is None:
@@ -88,7 +88,7 @@ class NewestEstimate:
             )
         if message.flags & EstimateFlag.INPUT_TOO_SLOW:
             raise SloshEstimatorError(f"{TOO_SLOW}, and so is the liquid's state")
-        return LiquidState(_modal(message.linear), _modal(message.nonlinear))
+        return LiquidState(modal_of(message.linear), modal_of(message.nonlinear))
 
     def state_for(self, tray: Tray) -> LiquidState:
         """Returns the present state of the liquid that the gripper holds; see `state`.
@@ -113,7 +113,8 @@ class NewestEstimate:
         return float(now - to_nanoseconds(message.header.stamp)) / SECOND
 
 
-def _modal(answer: ModelEstimate | FusedEstimate) -> Any:
+def modal_of(answer: ModelEstimate | FusedEstimate) -> Any:
+    """Returns (modes, 4) x, y, vx, vy of each mode's mass of a message [m, m/s]."""
     position = np.array(answer.modal_position).reshape(-1, 2)
     velocity = np.array(answer.modal_velocity).reshape(-1, 2)
     return np.hstack((position, velocity))

@@ -37,6 +37,8 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
         containers: of a tray; 0: there is none.
     """
     estimate = ("samples_used", *estimate_fields(modes))
+    # What a governor reads of it.
+    modal = [f"modal_{kind}[{k}]" for kind in ("position", "velocity") for k in range(2 * modes)]
     tray = NodeTopic(TRAY_ESTIMATE, TRAY_TYPE, tray_fields(containers))
     return (
         ReplayedNode(
@@ -55,7 +57,7 @@ def node_table(modes: int = 1, containers: int = 0) -> tuple[ReplayedNode, ...]:
                 *(NodeTopic(door, SURFACE, SURFACES) for door in DOORS),
             ),
             outputs=(
-                NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, TOLD_FIELDS),
+                NodeTopic(FUSED_ESTIMATE, FUSED_TYPE, (*TOLD_FIELDS, *modal)),
                 NodeTopic(CALM, CALM_TYPE, CALM_FIELDS, known=_heard),
             ),
             needs_recorded=True,

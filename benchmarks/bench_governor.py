@@ -1,0 +1,74 @@
+"""Cost of a step of the governor, on one core.
+
+    tools/run python benchmarks/bench_governor.py [--streams 20]
+
+Random commands of `validation/studies/governor.py` at 100 and at 1,000 steps a second, without and
+with an observed state every 10 ms. The claim: the 99th percentile of a step is at most 1 ms of
+the processor's time; of the clock's time another process may take any part.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "validation" / "studies"))
+from governor import NOISE, PERIOD, Stream, drawn
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_plan.governor import Command, Governor, SeenLiquid
+
+GOAL = 1e-3
+"""Of the 99th percentile [s]."""
+LATE = 0.03
+"""Age of an observed state [s],"""
+EVERY = 0.01
+"""and how often one comes."""
+
+
+def step_times(stream: Stream, period: float, *, observed: bool) -> list[float]:
+    """Processor time of each step of a stream [s]."""
+    governor = Governor(stream.model, stream.limits, period=period)
+    still, found = np.zeros((stream.model.modes, 4)), []
+    for step in range(round(len(stream.commands) * PERIOD / period)):
+        now = 1 + step * round(period * SECOND)
+        row = stream.commands[int(step * period / PERIOD)]
+        begun = time.thread_time()
+        if not np.isinf(row).any():
+            governor.take(Command(now, tuple(row)))
+        if observed and step * period > LATE and step % max(round(EVERY / period), 1) == 0:
+            governor.see(SeenLiquid(now - round(LATE * SECOND), still, NOISE))
+        governor.step(now)
+        found.append(time.thread_time() - begun)
+    return found
+
+
+def main() -> int:
+    """Runs the command; returns its exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--streams", type=int, default=20)
+    streams = range(parser.parse_args().streams)
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    slow = False
+    for period in (1e-2, 1e-3):
+        for observed in (False, True):
+            times = np.concatenate(
+                [
+                    step_times(drawn(np.random.default_rng(seed)), period, observed=observed)[1:]
+                    for seed in streams
+                ]
+            )
+            median, high = 1e6 * np.percentile(times, [50, 99])
+            slow |= high > 1e6 * GOAL
+            how = "observed" if observed else "open loop"
+            print(f"{1.0 / period:.0f} Hz, {how}: median {median:.0f} µs, 99 % {high:.0f} µs")
+    return int(slow)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,124 @@
+"""The governor in a replay: its steps come out again from commands and fused estimates."""
+
+import numpy as np
+import pytest
+
+from slosh_bringup.replay.replayed_governor import governor_row
+from slosh_estimator.observer.observer import Observer
+from slosh_estimator.observer.states import told_fields
+from slosh_model import format_model
+from slosh_plan.governor import SeenLiquid
+from slosh_plan.governor.parameters import governor_of, velocity_command
+from slosh_plan.nodes.governor_node import PARAMETERS
+from slosh_replay import replay_bag
+from slosh_replay.manifest import Expectation
+from slosh_replay.replay.checking import check_result
+from slosh_testing import live_bag
+from slosh_testing.live_bag import MODEL, START, TYPES, LiveBag
+
+TWIST, GOVERNED, FUSED = "desired_twist", "governed_motion", "fused_estimate"
+VALUES = {one.name: one.default for one in PARAMETERS} | {"limit": 0.012}
+EVERY, AHEAD = 5, 40_000_000
+"""Inputs of 500 a second to a step; by how much the commands' clock is ahead [ns]."""
+
+
+class GovernedBag(LiveBag):
+    """A recording of a governor beside an estimator with an observer.
+
+    Its first step tells a wrong share, by `wrong`; the first `cut` seconds are not recorded.
+    """
+
+    def __init__(self, *, wrong: float = 0.0, cut: float = 0.0, ahead: int = 0) -> None:
+        super().__init__()
+        self._wrong, self._cut, self._ahead, self._count = wrong, cut, ahead, 0
+        self._observer = Observer(self.model)
+        self._governor = governor_of(self.model, VALUES)
+        self.states = True
+
+    def entries(self, seconds):
+        begin = START + round(1e9 * self._cut)
+        return [
+            entry
+            for entry in super().entries(seconds)
+            if entry[0] >= begin or entry[1].endswith("settings")
+        ]
+
+    def _start(self, model, stamp, log_ns, **how):
+        self._settings("governor", stamp, {"model": format_model(model)}, log_ns)
+        return super()._start(model, stamp, log_ns, **how)
+
+    def _estimate(self, estimator, estimate, gate, log_ns):
+        super()._estimate(estimator, estimate, gate, log_ns)
+        now = estimate.sample.stamp_ns
+        self._count += 1
+        state = self._observer.follow(estimate.sample, estimate.flags)
+        if state is not None:
+            modal = np.array(state.modal).reshape(-1, 4)
+            self._put(
+                FUSED, now, log_ns, modal_position=modal[:, :2].ravel(),
+                modal_velocity=modal[:, 2:].ravel(), trusted=True, distance_to_rim=np.nan,
+                **told_fields(state, self._observer.counts),
+            )  # fmt: skip
+            seen = SeenLiquid(now, modal, state.msh_stddev, state.frequency_factor)
+            self._governor.see(seen)
+        if self._count % EVERY == 0:
+            self._move(now, log_ns)
+
+    def _move(self, now, log_ns):
+        step = self._count // EVERY
+        if step % 2 == 0 and not 100 < step < 130:  # there is a silence
+            speed = 0.3 * np.sign(np.sin(step / 20.0))
+            sent = now - 1000 + self._ahead
+            linear = self._types["geometry_msgs/msg/Vector3"](speed, 0.1, 0.0)
+            angular = self._types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+            twist = self._types["geometry_msgs/msg/Twist"](linear, angular)
+            self._put(TWIST, sent, log_ns, twist=twist)
+            self._governor.take(velocity_command(sent, (speed, 0.1, 0.0), (0.0, 0.0, 0.0)))
+        if step == 200:
+            self._governor.stop()
+        moved = self._governor.step(now)
+        sec, nanosec = divmod(moved.liquid_ns, 1_000_000_000)
+        self._put(
+            GOVERNED, now, log_ns, velocity=np.array(moved.velocity),
+            acceleration=np.array(moved.acceleration), position=np.array(moved.position),
+            share=moved.share + self._wrong, state=int(moved.state), reason=int(moved.reason),
+            safe=moved.safe, peak=moved.peak, margin=moved.margin, limit=moved.limit,
+            stop_duration=moved.rest, command_age=moved.age, steps=moved.steps,
+            commands_taken=moved.commands,
+            liquid_stamp=self._types["builtin_interfaces/msg/Time"](sec, nanosec),
+        )  # fmt: skip
+        self._wrong = 0.0
+
+
+@pytest.fixture(autouse=True)
+def types(monkeypatch):
+    monkeypatch.setitem(live_bag.PARAMETERS, "governor", VALUES)
+    monkeypatch.setitem(TYPES, TWIST, "geometry_msgs/msg/TwistStamped")
+    monkeypatch.setitem(TYPES, GOVERNED, "slosh_msgs/msg/GovernedMotion")
+    monkeypatch.setitem(TYPES, FUSED, "slosh_msgs/msg/FusedEstimate")
+
+
+def replayed(bag, folder, seconds=3.0):
+    result = replay_bag(bag.write(folder / "bag", seconds), further=[governor_row()])
+    return result, result.verified[GOVERNED]
+
+
+@pytest.mark.parametrize("ahead", [0, AHEAD])
+def test_its_steps_come_out_again_bit_for_bit(tmp_path, ahead):
+    result, found = replayed(GovernedBag(ahead=ahead), tmp_path)
+    assert found.exact, found.lines()
+    assert found.recorded == 500
+    assert check_result(result, Expectation(tolerance=0.0)).failures == ()
+
+
+def test_a_difference_is_told(tmp_path):
+    result, found = replayed(GovernedBag(wrong=1e-9), tmp_path)
+    assert found.identical == found.recorded - 1
+    assert found.first.field == "share"
+    assert check_result(result, Expectation(tolerance=0.0)).failures
+
+
+def test_a_recording_from_the_middle_is_not_compared(tmp_path):
+    result = replay_bag(GovernedBag(cut=1.0).write(tmp_path / "bag"), further=[governor_row()])
+    assert GOVERNED not in result.verified or not result.verified[GOVERNED].missing
+    assert MODEL.modes == 1

@@ -1,0 +1,93 @@
+"""Converts commands to plain values, and what the governor gives to messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import Transform, Twist, TwistStamped
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_msgs.msg import GovernedMotion
+from slosh_msgs_py.conversions import filled
+from slosh_msgs_py.stamps import to_duration, to_nanoseconds, to_time
+from slosh_plan.governor import Command, Governed
+from slosh_plan.governor.parameters import velocity_command
+
+AXES = "xyz"
+
+
+def twist_command(message: TwistStamped) -> Command:
+    """Makes the command of a velocity."""
+    linear, angular = (
+        tuple(float(getattr(part, axis)) for axis in AXES)
+        for part in (message.twist.linear, message.twist.angular)
+    )
+    return velocity_command(to_nanoseconds(message.header.stamp), linear, angular)
+
+
+def pose_command(message: Any) -> Command:
+    """Makes the command of a target from a PoseStamped; its attitude is not used."""
+    place = message.pose.position
+    return Command(to_nanoseconds(message.header.stamp), target=(place.x, place.y, place.z))
+
+
+def governed_message(moved: Governed, frame: str) -> GovernedMotion:
+    """Makes the message of a step."""
+    return filled(
+        GovernedMotion,
+        stamp_ns=moved.stamp_ns,
+        frame_id=frame,
+        velocity=moved.velocity,
+        acceleration=moved.acceleration,
+        position=moved.position,
+        share=moved.share,
+        state=int(moved.state),
+        reason=int(moved.reason),
+        safe=moved.safe,
+        peak=moved.peak,
+        margin=moved.margin,
+        limit=moved.limit,
+        stop_duration=moved.rest,
+        command_age=moved.age,
+        steps=moved.steps,
+        commands_taken=moved.commands,
+        liquid_stamp_ns=moved.liquid_ns,
+    )
+
+
+def safe_twist(moved: Governed, frame: str) -> TwistStamped:
+    """Makes the velocity for the robot."""
+    message = TwistStamped()
+    message.header.stamp, message.header.frame_id = to_time(moved.stamp_ns), frame
+    _set(message.twist.linear, moved.velocity)
+    return message
+
+
+def stop_message(moving: Sequence[Governed], period: float, frame: str) -> MultiDOFJointTrajectory:
+    """Makes the message of a stop; positions are from where it begins.
+
+    Args:
+        moving: steps, the first before the stop begins.
+        period: between two of them [s].
+        frame: of the world.
+    """
+    message = MultiDOFJointTrajectory(joint_names=["container"])
+    message.header.stamp, message.header.frame_id = to_time(moving[0].stamp_ns), frame
+    for number, one in enumerate(moving):
+        pose, rate, change = Transform(), Twist(), Twist()
+        begin = moving[0].position
+        _set(pose.translation, [a - b for a, b in zip(one.position, begin, strict=True)])
+        _set(rate.linear, one.velocity)
+        _set(change.linear, one.acceleration)
+        point = MultiDOFJointTrajectoryPoint(
+            time_from_start=to_duration(round(number * period * SECOND))
+        )
+        point.transforms, point.velocities, point.accelerations = [pose], [rate], [change]
+        message.points.append(point)
+    return message
+
+
+def _set(vector: Any, values: Any) -> None:
+    vector.x, vector.y, vector.z = values

@@ -1,0 +1,230 @@
+"""The governor over DDS: it moves, limits, stops for its reasons, and says what it does."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+import yaml
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.executors import SingleThreadedExecutor
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+
+from slosh_estimator.errors import SloshEstimatorError
+from slosh_model import Inputs, simulate
+from slosh_model.model_text import format_model, parse_model
+from slosh_model.tray import format_tray, read_tray
+from slosh_msgs.msg import ContainerChange, FusedEstimate, GovernedMotion
+from slosh_msgs_py import qos, topics
+from slosh_msgs_py.conversions import filled
+from slosh_msgs_py.node.diagnostics import OK, WARN
+from slosh_msgs_py.stamps import to_nanoseconds
+from slosh_plan.governor import Governor, SeenLiquid
+from slosh_plan.governor.parameters import governor_of, velocity_command
+from slosh_plan.nodes.governor_messages import governed_message
+from slosh_plan.nodes.governor_node import GovernorNode
+from slosh_testing.graph import Graph
+
+TEXT = """
+container: {shape: cylinder, radius: 0.05, fill_height: 0.07}
+damping_ratio: auto
+effects: [{name: vertical_acceleration}, {name: surface_nonlinearity}]
+"""
+MODEL = parse_model(TEXT, "text")
+RATE, LIMIT = 20.0, 0.012
+"""A slow rate: other processes may hold a step up for as long as three of them."""
+
+
+class Cell(Graph):
+    """The node, and who commands it."""
+
+    def __init__(self, model: Any, **given: Any) -> None:
+        super().__init__(executor=SingleThreadedExecutor())
+        values = {"model": str(model), "limit": LIMIT, "rate": RATE, "timeout": 1.0, **given}
+        self.governor = self.with_parameters(GovernorNode, **values)
+        self.moved = self.listen(GovernedMotion, topics.GOVERNED_MOTION)
+        self.safe = self.listen(TwistStamped, topics.SAFE_TWIST)
+        kinds = {"twist": (TwistStamped, topics.DESIRED_TWIST),
+                 "pose": (PoseStamped, topics.DESIRED_POSE)}  # fmt: skip
+        self.commands = self.publisher(*kinds[given.get("command", "twist")])
+        self.until(lambda: self.moved)
+
+    def command(self, x: float, turn: float = 0.0) -> None:
+        message = TwistStamped()
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.twist.linear.x, message.twist.angular.y = x, turn
+        self.commands.publish(message)
+
+    def follow(self, x: float, steps: int) -> GovernedMotion:
+        """Commands a velocity for some steps; returns the last one."""
+        end = len(self.moved) + steps
+        while len(self.moved) < end:
+            self.command(x)
+            count = len(self.moved)
+            self.until(lambda count=count: len(self.moved) > count)
+        return self.moved[-1]
+
+    def rest(self, reason: int) -> GovernedMotion:
+        """Waits until it rests for a reason."""
+        self.until(lambda: (self.moved[-1].state, self.moved[-1].reason) == (
+            GovernedMotion.RESTING, reason))  # fmt: skip
+        return self.moved[-1]
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    path = tmp_path_factory.mktemp("model") / "model.yaml"
+    path.write_text(TEXT)
+    rclpy.init()
+    yield path
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def cell(model: Any) -> Iterator[Cell]:
+    made = Cell(model)
+    yield made
+    made.close()
+
+
+def test_it_limits_a_fast_command_and_says_so(cell: Cell) -> None:
+    cell.follow(0.5, 40)
+    moved = [one for one in cell.moved if one.commands_taken]
+    assert all(one.safe and one.peak <= LIMIT == one.limit for one in moved)
+    assert {one.state for one in moved} >= {GovernedMotion.FOLLOWING, GovernedMotion.LIMITED}
+    assert moved[-1].velocity[0] > 0.2
+    assert 0.0 < moved[-1].margin < LIMIT
+    assert 0.0 <= moved[-1].command_age < 1.0
+    assert np.diff([one.steps for one in moved]).tolist() == [1] * (len(moved) - 1)
+    # The velocity for the robot is the same, and the liquid keeps the limit.
+    cell.until(lambda: len(cell.safe) >= len(cell.moved))
+    told = {to_nanoseconds(one.header.stamp): one.twist.linear.x for one in cell.safe}
+    for one in moved:
+        assert told[to_nanoseconds(one.header.stamp)] == one.velocity[0]
+    rows = np.array([[0.0] * 3, *(one.acceleration for one in moved)])
+    t = np.arange(len(rows)) / RATE
+    assert simulate(MODEL, Inputs(t, rows))[0].msh.max() <= LIMIT
+    assert cell.governor._health()[0] == OK
+    assert cell.governor._facts()["step, 99th percentile [ms]"] > 0.0
+
+
+def test_silence_nan_and_a_turn_stop_it_and_the_next_command_moves_it(cell: Cell) -> None:
+    cell.follow(0.1, 10)
+    cell.command(math.nan)
+    assert cell.rest(GovernedMotion.INVALID).velocity.tolist() == [0.0] * 3
+    assert cell.governor._health() == (WARN, "resting: invalid")
+    assert cell.follow(0.1, 20).velocity[0] > 0.05
+    cell.command(0.1, turn=0.5)
+    cell.rest(GovernedMotion.INVALID)
+    assert cell.follow(0.1, 20).velocity[0] > 0.05
+    cell.rest(GovernedMotion.SILENT)
+
+
+def test_an_emergency_stop_holds_until_it_is_released(cell: Cell) -> None:
+    stops = cell.listen(MultiDOFJointTrajectory, topics.STOP_TRAJECTORY, qos.EVENT)
+    before = cell.follow(0.2, 20)
+    answer = cell.call(Trigger, topics.EMERGENCY_STOP, Trigger.Request())
+    assert answer.success
+    assert re.match(r"at rest in [\d.]+ s, \d+ mm from here; .* at most$", answer.message), (
+        answer.message
+    )
+    cell.until(lambda: stops)
+    points = stops[0].points
+    assert points[0].velocities[0].linear.x == pytest.approx(before.velocity[0], abs=0.05)
+    assert points[-1].velocities[0].linear.x == 0.0
+    gap = points[1].time_from_start.nanosec - points[0].time_from_start.nanosec
+    assert gap == 50_000_000
+    refused = cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request())
+    assert not refused.success or cell.governor._core.rests
+    rest = cell.rest(GovernedMotion.REQUESTED)
+    # It has gone as far as was told.
+    gone = next(one.position[0] for one in cell.moved if one.steps == rest.steps)
+    told = points[-1].transforms[0].translation.x
+    begun = next(
+        one for one in cell.moved
+        if to_nanoseconds(one.header.stamp) == to_nanoseconds(stops[0].header.stamp)
+    )  # fmt: skip
+    assert gone - begun.position[0] == pytest.approx(told, abs=1e-9)
+    assert cell.follow(0.2, 5).velocity[0] == 0.0
+    assert cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
+    assert cell.follow(0.2, 20).velocity[0] > 0.05
+
+
+def test_it_takes_trusted_states_of_the_liquid(cell: Cell) -> None:
+    fused = cell.publisher(FusedEstimate, topics.FUSED_ESTIMATE)
+    stamp = cell.moved[-1].header.stamp
+    values = {"modal_position": [0.004, 0.0], "modal_velocity": [0.0, 0.0], "msh_stddev": 1e-4,
+              "frequency_factor": 1.0}  # fmt: skip
+    message = filled(FusedEstimate, stamp_ns=to_nanoseconds(stamp) + 1, trusted=False, **values)
+    fused.publish(message)
+    cell.follow(0.0, 3)
+    assert to_nanoseconds(cell.moved[-1].liquid_stamp) == 0
+    peak = cell.moved[-1].peak
+    message.trusted, message.header.stamp = True, cell.moved[-1].header.stamp
+    fused.publish(message)
+    cell.until(lambda: to_nanoseconds(cell.moved[-1].liquid_stamp))
+    assert cell.moved[-1].peak > peak + 0.003
+
+
+def test_it_follows_targets(model: Any) -> None:
+    cell = Cell(model, command="pose")
+    try:
+        message = PoseStamped()
+        message.pose.position.x = 1.0
+        for step in range(100):
+            message.header.stamp = cell.node.get_clock().now().to_msg()
+            message.pose.position.x = 1.0 if step < 5 else 1.1
+            cell.commands.publish(message)
+            count = len(cell.moved)
+            cell.until(lambda count=count: len(cell.moved) > count)
+        assert cell.moved[-1].position[0] == pytest.approx(0.1, abs=0.005)
+    finally:
+        cell.close()
+
+
+def test_another_container_is_governed_from_rest_on(cell: Cell) -> None:
+    change = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    other = parse_model(TEXT.replace("0.05", "0.03"), "text")
+    cell.follow(0.1, 10)
+    change.publish(filled(ContainerChange, present=True, model=format_model(other), limit=0.005))
+    cell.until(lambda: cell.moved[-1].limit == 0.005)
+    begun = next(one for one in cell.moved if one.limit == 0.005)
+    assert begun.steps == 1
+    assert begun.velocity.tolist() == [0.0] * 3
+    assert cell.follow(0.1, 20).velocity[0] > 0.03
+
+
+def test_a_tray_is_refused(cell: Cell, tmp_path: Any) -> None:
+    tray = tmp_path / "tray.yaml"
+    model = yaml.safe_load(TEXT)
+    cups = [{"name": name, "model": model, "place": [x, 0.0, 0.0]}
+            for name, x in (("left", -0.1), ("right", 0.1))]  # fmt: skip
+    tray.write_text(yaml.safe_dump({"containers": cups}))
+    text = format_tray(read_tray(tray))
+    with pytest.raises(SloshEstimatorError, match=r"tray.yaml: the governor keeps .* one"):
+        cell.with_parameters(GovernorNode, model=str(tray))
+    change = cell.publisher(ContainerChange, topics.CONTAINER, qos.LATCHED_STREAM)
+    cell.follow(0.1, 10)
+    change.publish(filled(ContainerChange, present=True, model=TEXT, tray=text))
+    cell.rest(GovernedMotion.REQUESTED)
+    assert not cell.call(Trigger, topics.RELEASE_STOP, Trigger.Request()).success
+    assert cell.follow(0.1, 5).velocity[0] == 0.0
+
+
+def test_the_core_gives_the_same(cell: Cell) -> None:
+    cell.follow(0.3, 15)
+    values = dict(cell.governor._values)
+    core = governor_of(MODEL, values)
+    taken = {to_nanoseconds(one.header.stamp) for one in cell.safe}
+    assert taken
+    assert isinstance(core, Governor)
+    core.take(velocity_command(1, (0.3, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    core.see(SeenLiquid(0, np.zeros((1, 4)), math.nan))
+    message = governed_message(core.step(2), "world")
+    assert (message.steps, message.commands_taken, message.header.frame_id) == (1, 1, "world")

@@ -1,0 +1,119 @@
+"""Write the table of emergency stops: time, distance and height beside a stop without the liquid.
+
+    tools/run python validation/studies/emergency_stop.py [--runs 100] [--half 1] [--workers 1]
+
+Cups move by the streams of `governor.py` and are stopped at a random moment, in one of three ways:
+by the governor; by `slosh_plan.stopping.safe_stop` from the state that the governor's model has;
+and without regard to the liquid, as fast as acceleration and jerk allow. The liquid's frequency
+and damping are wrong as there. Rows of medians; *above* counts stops whose height exceeds the
+limit, which the motion before kept.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import sys
+from functools import partial
+
+import numpy as np
+import with_tools  # noqa: F401
+from governor import COMMANDS, DAMPING, FREQUENCY, PERIOD, drawn, highest, other, tracked
+from observer_accuracy import write_table
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
+from slosh_model import Inputs, simulate
+from slosh_plan import LiquidState
+from slosh_plan.governor import Command, Governed, Governor
+from slosh_plan.planning.limits import PlanLimits
+from slosh_plan.stopping import NoSafeStopError, safe_stop
+
+HEAD = (
+    "stop",
+    "stops",
+    "time [s]",
+    "distance [mm]",
+    "above",
+    "highest, of the limit",
+    "none found",
+)
+WAYS = ("governor", "safe_stop", "without the liquid")
+LEAST = 0.1
+"""Speed of a container that is stopped [m/s]."""
+TURN = PERIOD * SECOND
+
+
+def moving(seed: int) -> tuple[Governor, list[Governed], np.random.Generator] | None:
+    """A governor in the middle of a stream; None: it does not move fast enough."""
+    rng = np.random.default_rng(seed)
+    stream = drawn(rng)
+    governor, told = Governor(stream.model, stream.limits, period=PERIOD), []
+    for step, row in enumerate(stream.commands[: int(rng.integers(50, COMMANDS))], 1):
+        if np.isfinite(row).all():
+            governor.take(Command(round(step * TURN), tuple(row)))
+        told.append(governor.step(round(step * TURN)))
+    return (governor, told, rng) if np.linalg.norm(told[-1].velocity) > LEAST else None
+
+
+def stop_of(governor: Governor, told: list[Governed], way: str) -> Array:
+    """(N, 3) acceleration of a stop at the governor's rate [m/s²].
+
+    Raises:
+        NoSafeStopError: there is none.
+    """
+    model, limits, before = governor.model, governor.limits, told[-1]
+    if way == "safe_stop":
+        rows = np.array([[0.0] * 3, *(one.acceleration for one in told)])
+        t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
+        _, state = simulate(model, Inputs(t, rows))
+        found = safe_stop(
+            model, before.velocity, PlanLimits(limits.height, limits.height,
+            limits.acceleration, limits.jerk), acceleration=before.acceleration,
+            state=LiquidState(state.modal, state.modal),
+        )  # fmt: skip
+        t = np.arange(PERIOD, found.duration + PERIOD, PERIOD)
+        motion = found.trajectory
+        return np.column_stack([np.interp(t, motion.t, row) for row in motion.acceleration.T])
+    if way == "governor":
+        return np.array([one.acceleration for one in copy.deepcopy(governor).stopped()])
+    return tracked(np.empty((0, 3)), limits, before.velocity, before.acceleration)[1]
+
+
+def run(way: str, seed: int) -> tuple[float, float, float]:
+    """Time [s], distance [m] and highest height over the limit; NaN: not moving, or no stop."""
+    begun = moving(seed)
+    if begun is None:
+        return math.nan, math.nan, 0.0
+    governor, told, rng = begun
+    pair = 1.0 + FREQUENCY * rng.uniform(-1.0, 1.0), DAMPING ** rng.uniform(-1.0, 1.0)
+    try:
+        rows = stop_of(governor, told, way)
+    except NoSafeStopError:
+        return math.nan, math.nan, math.inf
+    past = np.array([one.acceleration for one in told])
+    height = highest([other(governor.model, *pair)], np.concatenate([past, rows]))
+    before = np.concatenate([past[-1:], rows[:-1]])
+    velocity = np.array(told[-1].velocity) + np.cumsum(0.5 * PERIOD * (before + rows), axis=0)
+    way_gone = np.linalg.norm(velocity, axis=1).sum() * PERIOD
+    return len(rows) * PERIOD, float(way_gone), height / governor.limits.height
+
+
+def row(way: str, runs: Array) -> str:
+    """A row of the table from (N, 3) of `run`."""
+    none = np.isinf(runs[:, 2])
+    time, distance, height = runs[np.isfinite(runs).all(axis=1)].T
+    return (
+        f"| {way} | {len(time)} | {np.median(time):.2f} | {1e3 * np.median(distance):.0f} "
+        f"| {100 * np.mean(height > 1.0):.0f} % | {height.max():.2f} | {int(none.sum())} |"
+    )
+
+
+def main() -> int:
+    """Runs the command; returns its exit code."""
+    rows = [(partial(run, way), partial(row, way)) for way in WAYS]
+    return write_table(__doc__, "stops", HEAD, rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,235 @@
+"""Write the table of the governor: heights under random commands with wrong models.
+
+    tools/run python validation/studies/governor.py [--runs 5000] [--half 1] [--workers 1]
+
+A stream of commands is 3 s, at 50 Hz, of steps, ramps, swings and jitter, with pauses and NaN;
+cup, limit and liquid are drawn, too. The liquid's frequency is up to 3 % off, its damping by a
+factor of up to 2. The governed motion is simulated with 12 such liquids: 4 drawn ones, 8 on a
+grid; with an observer by the one that it sees, 40 ms late, with an error of 0.3 mm. *Without*
+keeps acceleration and jerk alone. *Delay* is the time until 90 % of a
+changed velocity. Tuned on `--half 0`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import with_tools  # noqa: F401
+from observer_accuracy import write_table
+
+from slosh_base.files.nanoseconds import SECOND
+from slosh_base.types import Array
+from slosh_model import Cylinder, Inputs, Model, Rectangle, wall_heights
+from slosh_model.containers import Container
+from slosh_model.simulate import Simulator
+from slosh_plan.governor import Command, Governed, Governor, SeenLiquid
+from slosh_plan.heights import first_period, msh_of
+from slosh_plan.planning.limits import PlanLimits
+
+PERIOD, COMMANDS, WATCHED = 0.02, 150, 3.0
+FREQUENCY, DAMPING = 0.03, 2.0
+GRID = [(1.0 + FREQUENCY * part, 1.0 / DAMPING) for part in (-1.0, -0.75, -0.25, 0.25, 0.75, 1.0)]
+GRID += [(0.97, 2.0), (1.03, 2.0)]
+LATE, NOISE, ALIKE = 2, 3e-4, 0.94
+HEAD = (
+    "liquid", "streams", "liquids", "above the limit", "highest, of the limit",
+    "without: streams above", "delay [s]", "without [s]", "ratio", "margin, of the limit",
+)  # fmt: skip
+
+
+class Stream(NamedTuple):
+    """A cup with its limit, and what is commanded."""
+
+    model: Model
+    limits: PlanLimits
+    commands: Array
+
+
+def drawn(rng: np.random.Generator) -> Stream:
+    """A stream of commands (COMMANDS, 3) [m/s]; rows of NaN, and of infinity: none is sent."""
+    if rng.random() < 0.7:
+        radius = rng.uniform(0.03, 0.06)
+        size = radius
+        container: Container = Cylinder(radius, radius * rng.uniform(1.0, 2.0))
+    else:
+        width = rng.uniform(0.06, 0.12)
+        size = width / 2.0
+        container = Rectangle(width, width * rng.uniform(0.6, 1.0), width * rng.uniform(0.5, 1.0))
+    model = Model(container).with_effect("vertical_acceleration").nonlinear()
+    limits = PlanLimits(size * rng.uniform(0.12, 0.35), acceleration=5.0, jerk=74.0)
+    commands, t, speed = (
+        np.zeros((COMMANDS, 3)),
+        PERIOD * np.arange(COMMANDS),
+        rng.uniform(0.1, 0.5),
+    )
+    scale = speed * np.array([1.0, 1.0, 0.3 * (rng.random() < 0.3)])
+    at = 0
+    while at < COMMANDS:
+        until = min(at + int(rng.uniform(0.1, 1.2) / PERIOD), COMMANDS)
+        part, kind = slice(at, until), rng.integers(0, 5)
+        one, other = rng.normal(size=3) * scale, rng.normal(size=3) * scale
+        u = np.linspace(0.0, 1.0, until - at)[:, np.newaxis]
+        swing = rng.uniform(0.7, 1.3) / first_period(model)
+        choices = (
+            one + 0.0 * u, one + (other - one) * u, 0.0 * u * one,
+            one * np.sin(2.0 * np.pi * swing * t[part])[:, np.newaxis],
+            one + 0.2 * speed * rng.normal(size=(until - at, 3)),
+        )  # fmt: skip
+        commands[part] = choices[kind]
+        at = until
+    commands[rng.random(COMMANDS) < 0.002] = np.nan
+    if rng.random() < 0.2:
+        begin = rng.integers(0, COMMANDS)
+        commands[begin : begin + round(0.3 / PERIOD)] = np.inf
+    return Stream(model, limits, commands)
+
+
+def other(model: Model, frequency: float, damping: float) -> Model:
+    """The model of a liquid that differs."""
+    first = model.mode_constants()[0]
+    return replace(
+        model,
+        natural_frequency=model.mode_frequency(1) * frequency,
+        damping_ratio=first.damping_ratio * damping,
+    )
+
+
+def governed(
+    stream: Stream, limits: PlanLimits, truth: Model | None, rng: np.random.Generator
+) -> tuple[Array, Array, Array]:
+    """(N, 3) velocities, accelerations and (N,) stated margins of a stream and its stop."""
+    governor = Governor(stream.model, limits, period=PERIOD)
+    liquid = None if truth is None else Simulator(truth)
+    error = np.zeros(4)
+    told: list[Governed] = []
+    seen = [np.zeros((stream.model.modes, 4))]
+    if liquid is not None:
+        liquid.step(0.0, 0.0, 0.0, 0.0)
+    step = 0
+    while step < COMMANDS or (told[-1].rest > 0.0 and step < 2 * COMMANDS):
+        now = 1 + step * round(PERIOD * SECOND)
+        row = stream.commands[step] if step < COMMANDS else np.full(3, np.inf)
+        if not np.isinf(row).any():
+            governor.take(Command(now, tuple(row)))
+        if liquid is not None and truth is not None and step >= LATE:
+            factor = truth.mode_frequency(1) / stream.model.mode_frequency(1)
+            gain = truth.height_gains()[0]
+            scale = NOISE / gain * np.array([1.0, 1.0, *2 * [truth.mode_frequency(1)]])
+            error = ALIKE * error + math.sqrt(1.0 - ALIKE**2) * scale * rng.normal(size=4)
+            late = now - LATE * round(PERIOD * SECOND)
+            governor.see(SeenLiquid(late, seen[-1 - LATE] + error, NOISE, factor))
+        told.append(governor.step(now))
+        if liquid is not None:
+            liquid.step(PERIOD, *told[-1].acceleration)
+            seen.append(liquid.modal)
+        step += 1
+    columns = (
+        [one.velocity for one in told], [one.acceleration for one in told],
+        [one.margin for one in told],
+    )  # fmt: skip
+    return tuple(np.array(column) for column in columns)  # type: ignore[return-value]
+
+
+def tracked(
+    commands: Array,
+    limits: PlanLimits,
+    velocity: Sequence[float] = (0.0, 0.0, 0.0),
+    acceleration: Sequence[float] = (0.0, 0.0, 0.0),
+) -> tuple[Array, Array]:
+    """(N, 3) velocities and accelerations that follow commands and stop at their end.
+
+    They keep acceleration and jerk alone; what is no number is a stop.
+    """
+    v, a = np.array(velocity), np.array(acceleration)
+    rows: list[tuple[Array, Array]] = []
+    step, wanted = limits.jerk * PERIOD, np.where(np.isfinite(commands), commands, 0.0)
+    while len(rows) < len(wanted) or np.linalg.norm(v) > 1e-4 or np.linalg.norm(a) > 1e-3:
+        goal = wanted[len(rows)] if len(rows) < len(wanted) else np.zeros(3)
+        left = goal - v - 0.5 * PERIOD * a
+        size = max(float(np.linalg.norm(left)), 1e-12)
+        most = min(math.sqrt(step**2 + 2.0 * limits.jerk * size) - step, limits.acceleration)
+        change = left / size * most - a
+        change *= min(1.0, step / max(float(np.linalg.norm(change)), 1e-12))
+        v = v + PERIOD * (a + 0.5 * change)
+        a = a + change
+        rows.append((v, a))
+    return np.array([one for one, _ in rows]), np.array([*(one for _, one in rows), np.zeros(3)])
+
+
+def highest(models: list[Model], acceleration: Array) -> float:
+    """The highest height of a motion over all liquids, sampled every 2 ms [m]."""
+    rest = np.zeros((round(WATCHED / PERIOD), 3))
+    rows = np.concatenate([np.zeros((1, 3)), acceleration, rest])
+    t: Array = PERIOD * np.arange(len(rows), dtype=np.float64)
+    inputs = Inputs(t, rows)
+    fine = inputs.resampled(np.arange(0.0, inputs.t[-1], 0.002))
+    found = wall_heights(models, fine, threads=1)
+    return max(float(msh_of(models[0].container, one).max()) for one in found)
+
+
+def delays(commands: Array, velocity: Array) -> float:
+    """Median time until 90 % of a changed velocity that lasts [s]; NaN: there is none."""
+    found = []
+    with np.errstate(invalid="ignore"):
+        steps = np.linalg.norm(np.diff(commands, axis=0), axis=1)
+    changes = np.flatnonzero(steps > 0.05) + 1
+    for at, until in zip(changes, [*changes, COMMANDS][1:], strict=True):
+        if (until - at) * PERIOD < 0.4 or not np.isfinite(commands[at:until]).all():
+            continue
+        change = commands[at] - velocity[at - 1]
+        size = float(change @ change)
+        if size < 0.05**2 or np.ptp(commands[at:until], axis=0).max() > 0:
+            continue
+        done = (velocity[at:] - velocity[at - 1]) @ change >= 0.9 * size
+        found.append(PERIOD * (np.argmax(done) if done.any() else until - at))
+    return float(np.median(found)) if found else math.nan
+
+
+def run(observed: bool, seed: int) -> tuple[float, ...]:
+    """Highest height over the limit, governed and not; delays [s]; margin over the limit."""
+    rng = np.random.default_rng(seed)
+    stream = drawn(rng)
+    pairs = [
+        (1.0 + FREQUENCY * rng.uniform(-1.0, 1.0), DAMPING ** rng.uniform(-1.0, 1.0))
+        for _ in range(4)
+    ]
+    liquids = [other(stream.model, *pair) for pair in (pairs[:1] if observed else pairs + GRID)]
+    truth = liquids[0] if observed else None
+    velocity, acceleration, margins = governed(stream, stream.limits, truth, rng)
+    limit = stream.limits.height
+    free, pushed = tracked(stream.commands, stream.limits)
+    return (
+        highest(liquids, acceleration) / limit, highest(liquids, pushed) / limit,
+        delays(stream.commands, velocity), delays(stream.commands, free),
+        float(np.median(margins)) / limit, len(liquids),
+    )  # fmt: skip
+
+
+def row(observed: bool, runs: Array) -> str:
+    """A row of the table from (N, 6) of `run`."""
+    peak, blind, delay, free, margin, liquids = runs.T
+    steps = np.isfinite(delay) & np.isfinite(free)
+    above = np.mean(blind > 1.0)
+    ratio = np.median(delay[steps] / np.maximum(free[steps], PERIOD))
+    return (
+        f"| {'observed' if observed else 'open loop'} | {len(runs)} | {int(liquids.sum())} "
+        f"| {int((peak > 1.0).sum())} | {peak.max():.3f} | {100 * above:.0f} % "
+        f"| {np.median(delay[steps]):.2f} | {np.median(free[steps]):.2f} | {ratio:.2f} "
+        f"| {np.median(margin):.2f} |"
+    )
+
+
+def main() -> int:
+    """Runs the command; returns its exit code."""
+    rows = [(partial(run, observed), partial(row, observed)) for observed in (False, True)]
+    return write_table(__doc__, "governor", HEAD, rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
