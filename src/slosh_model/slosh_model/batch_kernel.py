@@ -310,7 +310,7 @@ def advance_lanes(  # type: ignore[no-untyped-def]
     stores, counts, interval_rows, input_rows, intervals, inputs, yaws, poses, driven, modulated,
     heights,
 ):  # fmt: skip
-    """Does what `advance_block` does, for other compiled code."""
+    """Does the work of `advance_block`, for calls from other compiled code."""
     lanes = stores.shape[0]
     w = np.zeros(LENGTH)
     memory = np.empty((lanes, max(DRIVE_MEMORY_COUNT, 1)))

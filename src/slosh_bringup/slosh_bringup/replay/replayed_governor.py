@@ -1,4 +1,4 @@
-"""The governor as a node of a replay: from recorded commands and fused estimates, step by step."""
+"""Replays the governor node step by step, from recorded commands and fused estimates."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class _FromTheStart:
 
 
 def governor_row() -> ReplayedNode:
-    """Returns the governor's row of a replay."""
+    """Returns the governor's entry in the table of replayed nodes."""
     return ReplayedNode(
         NODE,
         ReplayedGovernor,
@@ -72,7 +72,7 @@ def governor_row() -> ReplayedNode:
 
 
 class ReplayedGovernor:
-    """Replays the governor; each recorded step tells what had come before it.
+    """Replays the governor; each recorded step tells which inputs had arrived before it.
 
     Args:
         setting: of the replay.
@@ -89,7 +89,7 @@ class ReplayedGovernor:
         self._taken = self._liquid_ns = self._begun_ns = 0
 
     def update(self, moment: Moment) -> Mapping[str, Messages]:
-        """Takes commands and states of the liquid; returns the replayed steps."""
+        """Processes commands and states of the liquid; returns the replayed steps."""
         self._hear(moment)
         recorded = self._known(moment.messages[recorded_name(GOVERNED_MOTION)])
         if len(recorded.stamps):
@@ -125,7 +125,7 @@ class ReplayedGovernor:
             self._liquids.extend(_liquids(seen))
 
     def _begin(self, stamp_ns: int) -> None:
-        """Creates the governor of the next start: of a process, or for another container."""
+        """Creates the governor at the next start of its process or for another container."""
         self._begun_ns = stamp_ns
         if not self._starts:
             return
@@ -157,7 +157,7 @@ class ReplayedGovernor:
 
 
 def _liquids(seen: Messages) -> list[SeenLiquid]:
-    """Converts recorded fused estimates as the node does."""
+    """Converts recorded fused estimates to states of the liquid, as the node does."""
     modes = sum(name.startswith("modal_position[") for name in seen.columns) // 2
     modal = np.stack(
         [

@@ -1,4 +1,4 @@
-"""The streaming governor: safe motion from commands, in real time."""
+"""Streaming governor: limits commanded motions in real time so that the liquid stays safe."""
 
 from slosh_plan.governor.governor import (
     Command,

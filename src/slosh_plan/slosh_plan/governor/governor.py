@@ -1,4 +1,4 @@
-"""Passes on as much of a commanded motion as the liquid allows; see `governor.kernel`."""
+"""Executes as much of a commanded motion as the liquid allows; see `governor.kernel`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class GovernorState(IntEnum):
 
 
 class StopReason(IntEnum):
-    """Why it stops; the values of GovernedMotion.msg."""
+    """Reason why the governor stops; the values are those of GovernedMotion.msg."""
 
     NONE = 0
     SILENT = 1
@@ -49,7 +49,7 @@ class StopReason(IntEnum):
 
 
 class Command(NamedTuple):
-    """A commanded motion.
+    """A commanded motion of the container.
 
     Attributes:
         stamp_ns: when it was sent [ns]; 0: unknown.
@@ -65,7 +65,7 @@ class Command(NamedTuple):
 
 
 class SeenLiquid(NamedTuple):
-    """The liquid as an observer sees it.
+    """State of the liquid as an observer estimates it.
 
     Attributes:
         stamp_ns: the moment [ns].
@@ -83,7 +83,7 @@ class SeenLiquid(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ModelDoubt:
-    """By how much the liquid may differ from the model.
+    """Largest deviation of the liquid from the model that the governor allows for.
 
     >>> from slosh_plan.governor import ModelDoubt
     >>> ModelDoubt(frequency=0.03, damping=2.0).factors[0]
@@ -108,7 +108,7 @@ class ModelDoubt:
 
     @property
     def factors(self) -> tuple[tuple[float, float], ...]:
-        """Of frequency and damping in each of the models, the nominal one first."""
+        """Factors of frequency and damping for each of the models, the nominal one first."""
         e, d = self.frequency, self.damping
         count = kernel.LIGHT - 1
         light = [(1.0 + e * (2.0 * k / count - 1.0), 1.0 / d) for k in range(count + 1)]
@@ -116,7 +116,7 @@ class ModelDoubt:
 
 
 class Governed(NamedTuple):
-    """The motion at the next moment, and what is known of it.
+    """The container's motion at the next step, with the governor's state and heights.
 
     Attributes:
         stamp_ns: of the step [ns]; the motion is that of one period later.
@@ -153,7 +153,7 @@ class Governed(NamedTuple):
 
 
 class Governor:
-    """Gives safe motion for commands, step by step; deterministic, without a clock.
+    """Computes safe motion from commands, step by step, without reading a clock.
 
     The liquid is at rest at the first step. It makes one step of `period` at each call, whatever
     the times are; a step that comes late is a reason to stop.
@@ -230,20 +230,20 @@ class Governor:
         kernel.govern.load()
 
     def take(self, command: Command) -> None:
-        """Takes a command; the last one before a step counts."""
+        """Stores a command; the last one before a step is used."""
         self._commands += 1
         self._command, self._came = command, True
 
     def see(self, liquid: SeenLiquid) -> None:
-        """Takes an observed state of the liquid; the last one before a step counts."""
+        """Stores an observed state of the liquid; the last one before a step is used."""
         self._seen = liquid
 
     def stop(self) -> None:
-        """Stops at the next step, until `release`."""
+        """Requests a stop that begins at the next step and lasts until `release`."""
         self._reason = StopReason.REQUESTED
 
     def release(self) -> bool:
-        """Ends a requested stop; returns whether it did: not before the container rests."""
+        """Ends a requested stop if the container is at rest; returns whether it did."""
         if self._reason is StopReason.REQUESTED and self.rests:
             self._reason = StopReason.NONE
             self._command = None
@@ -251,11 +251,11 @@ class Governor:
 
     @property
     def rests(self) -> bool:
-        """Whether the container rests."""
+        """Whether the container is at rest."""
         return not self._state[: kernel.AZ + 1].any()
 
     def step(self, now_ns: int) -> Governed:
-        """Makes a step.
+        """Computes the container's motion for the next step.
 
         Args:
             now_ns: the present moment [ns].
@@ -275,7 +275,7 @@ class Governor:
         return self._told(now_ns, follow, not unsafe)
 
     def _look(self, now_ns: int) -> None:
-        """Looks for reasons to stop."""
+        """Checks whether there is a reason to stop."""
         late = not 0 < now_ns - self._last_ns <= TUNING.governor_late * self.period * SECOND
         late = late and self._last_ns > -(2**62)
         self._last_ns = now_ns
@@ -297,7 +297,7 @@ class Governor:
             self._reason = StopReason.NONE
 
     def _velocity(self) -> Array:
-        """Returns the commanded velocity; towards a target it falls with the distance."""
+        """Returns the commanded velocity, which decreases with the distance to a target."""
         assert self._command is not None
         if self._command.target is None:
             return np.array(self._command.velocity, dtype=np.float64)
@@ -308,7 +308,7 @@ class Governor:
         return wanted
 
     def _use(self, liquid: SeenLiquid) -> None:
-        """Sets all models to an observed state, carried on to the present."""
+        """Sets all models to an observed state, propagated to the present time."""
         modes = divided(self._stores[0])[1]
         known = liquid.modal.shape == (len(modes), 4) and np.isfinite(liquid.modal).all()
         behind = []
@@ -356,7 +356,7 @@ class Governor:
         )  # fmt: skip
 
     def stopped(self) -> list[Governed]:
-        """Makes all steps until the container rests, if nothing else comes.
+        """Computes all steps until the container is at rest, without new commands.
 
         A copy of a governor tells so how it will stop.
         """
@@ -368,14 +368,14 @@ class Governor:
 
 
 def _possible(command: Command) -> bool:
-    """Whether a command can be meant; not NaN, and no other unit."""
+    """Whether a command is plausible: finite and in the right unit."""
     if command.target is not None:
         return math.hypot(*command.target) <= FARTHEST
     return math.hypot(*command.velocity) <= TUNING.governor_fastest
 
 
 def _twin(model: Model, frequency: float, damping: float) -> Array:
-    """Returns the store of a model at rest with other frequencies and damping ratios."""
+    """Returns the state array of a model at rest with changed frequencies and damping ratios."""
     other = replace(model, natural_frequency=model.mode_frequency(1) * frequency, covariance=None)
     store = store_of(other)
     divided(store)[1]["damping_ratio"] *= damping

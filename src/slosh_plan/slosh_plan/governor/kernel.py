@@ -1,4 +1,4 @@
-"""Compiled step of the governor: the largest share of a command from which a stop is safe.
+"""Compiled step of the governor: finds the largest part of a command with a safe stop after it.
 
 The governor holds a *stop*: accelerations at the rows of a time grid, linear between them, that
 bring the container to rest and the liquid's height below the limit in every one of its models.
@@ -75,7 +75,7 @@ _COUNTS = Array(int64, 1, "C")
 
 @compiled
 def _wanted(state, command, settings, found):  # type: ignore[no-untyped-def]
-    """Writes the acceleration that leads to the commanded velocity as fast as the limits allow."""
+    """Writes the acceleration that reaches the commanded velocity as fast as the limits allow."""
     dt, jerk = settings[PERIOD], settings[JERK]
     size = 0.0
     for k in range(3):
@@ -97,7 +97,7 @@ def _wanted(state, command, settings, found):  # type: ignore[no-untyped-def]
 
 @compiled
 def _grid(state, settings, count, intervals, times):  # type: ignore[no-untyped-def]
-    """Writes the times of a candidate's rows after the next step, and the intervals to them.
+    """Writes the times of a candidate motion's samples after the next step, and their intervals.
 
     Returns the stop's row that is the candidate's row 2.
     """
@@ -115,13 +115,13 @@ def _grid(state, settings, count, intervals, times):  # type: ignore[no-untyped-
 
 @compiled
 def _held(state, stop, settings, row, k):  # type: ignore[no-untyped-def]
-    """Returns the held stop's acceleration in a row; 0 after its end."""
+    """Returns the acceleration of the stored safe stop at a sample; 0 after its end."""
     return stop[row, k] if row < state[ROWS] else 0.0
 
 
 @compiled
 def _next_held(state, stop, settings, found):  # type: ignore[no-untyped-def]
-    """Writes the held stop's acceleration at the next step."""
+    """Writes the acceleration of the stored safe stop at the next step."""
     left = settings[SUBDIVISION] - state[SUBSTEP]
     for k in range(3):
         later = _held(state, stop, settings, 1, k)
@@ -130,7 +130,7 @@ def _next_held(state, stop, settings, found):  # type: ignore[no-untyped-def]
 
 @compiled
 def _add_law(velocity, acceleration, law, times, rows):  # type: ignore[no-untyped-def]
-    """Adds a law that takes a velocity and an acceleration to 0; see `stopping`, `_Moving.law`.
+    """Adds a law that reduces velocity and acceleration to 0; see `stopping`, `_Moving.law`.
 
     The law is in the rows from 2 on, its first value in row 1; returns the rows up to its end. Its
     integral by the rows is exactly the velocity.
@@ -168,7 +168,7 @@ def _add_law(velocity, acceleration, law, times, rows):  # type: ignore[no-untyp
 
 @compiled
 def _allowed(rows, intervals, end, settings):  # type: ignore[no-untyped-def]
-    """Whether a candidate keeps the limits of acceleration and jerk."""
+    """Whether a candidate motion keeps the limits of acceleration and jerk."""
     for row in range(1, end + 1):
         size = change = 0.0
         for k in range(3):
@@ -182,7 +182,7 @@ def _allowed(rows, intervals, end, settings):  # type: ignore[no-untyped-def]
 
 @compiled
 def _candidate(state, stop, settings, plan, wanted, held, first, times, rows):  # type: ignore[no-untyped-def]
-    """Writes a candidate's rows; returns how many until it rests."""
+    """Writes the samples of a candidate motion; returns their number until it is at rest."""
     dt, share = settings[PERIOD], plan[PART]
     law = (plan[LAW], plan[LAW + 1], plan[LAW + 2])
     velocity, acceleration = np.empty(3), np.empty(3)
@@ -208,7 +208,7 @@ def _candidate(state, stop, settings, plan, wanted, held, first, times, rows):  
 
 @compiled
 def _peaks(stores, rows, ends, intervals, count, how, settings, peaks):  # type: ignore[no-untyped-def]
-    """Writes the highest height of any model, and of the nominal one, for each candidate.
+    """Writes each candidate's greatest height over all models, and that of the nominal model.
 
     After a stop the two axes of a wall with corners have waves of different frequencies, whose
     crests may meet at any time: the highest of both add.
@@ -252,7 +252,7 @@ def _peaks(stores, rows, ends, intervals, count, how, settings, peaks):  # type:
 
 @compiled
 def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
-    """Returns a law near the last good one: each step tries others."""
+    """Returns a variation of the last good time law; each step tries other variations."""
     duration, early, late = state[DURATION], state[BUMP_EARLY], state[BUMP_LATE]
     place, sign = turn % 5, 1.0 if (turn // 5) % 2 == 0 else -1.0
     if place < 2:
@@ -268,7 +268,7 @@ def _variant(state, settings, turn):  # type: ignore[no-untyped-def]
 
 @compiled
 def _take(state, stop, settings, rows, end):  # type: ignore[no-untyped-def]
-    """Makes a step along a candidate, which becomes the held stop."""
+    """Makes a step along a candidate motion, which becomes the stored safe stop."""
     dt, per_row = settings[PERIOD], settings[SUBDIVISION]
     for k in range(3):
         now, following = state[AX + k], rows[1, k]
@@ -288,7 +288,7 @@ def _take(state, stop, settings, rows, end):  # type: ignore[no-untyped-def]
 
 @compiled
 def _best(peaks, kept, rests, settings, limit, in_order, follow):  # type: ignore[no-untyped-def]
-    """Returns the best candidate: a safe one, or else the lowest.
+    """Returns the best candidate: a safe one, or else the one with the lowest height.
 
     Of safe ones the first where they are in order; the quickest in a stop; else height and
     duration count, so that the next steps have a choice.
@@ -311,7 +311,7 @@ def _best(peaks, kept, rests, settings, limit, in_order, follow):  # type: ignor
 
 @compiled
 def _trimmed(state, stop, settings):  # type: ignore[no-untyped-def]
-    """Removes rows of rest from the end of the stop; returns the time until it rests [s]."""
+    """Removes samples at rest from the end of the stop; returns the time until rest [s]."""
     count = int(state[ROWS])
     while count > 1 and not (stop[count - 1] != 0.0).any():
         count -= 1
@@ -328,7 +328,7 @@ def _trimmed(state, stop, settings):  # type: ignore[no-untyped-def]
 
 @compiled
 def _plan(state, settings, block, follow, plans, best):  # type: ignore[no-untyped-def]
-    """Writes what is tried together.
+    """Writes the candidates that are simulated together.
 
     All of the command with various stops; shares of it with the lowest of them, down to nothing;
     the held stop and others from now on, in a stop shorter ones.
@@ -358,7 +358,7 @@ def _plan(state, settings, block, follow, plans, best):  # type: ignore[no-untyp
     )
 )  # fmt: skip
 def govern(stores, stop, state, command, follow, settings, how, chosen, answer):  # type: ignore[no-untyped-def]
-    """Makes a step of PERIOD.
+    """Computes one step of the governor, of duration PERIOD.
 
     Args:
         stores: (MODELS, …) the models at this moment; advanced to the next.

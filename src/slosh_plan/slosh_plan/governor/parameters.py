@@ -1,4 +1,4 @@
-"""The governor by the parameters of its node, live and in a replay."""
+"""Creates the governor from the parameters of its node, live and in a replay."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NOWHERE = (math.nan,) * 3
 
 
 def governor_of(model: Model, parameters: Mapping[str, Any]) -> Governor:
-    """Makes the governor of a node.
+    """Creates the governor of a node.
 
     Args:
         model: of the container and its liquid.
@@ -42,7 +42,7 @@ def governor_of(model: Model, parameters: Mapping[str, Any]) -> Governor:
 def velocity_command(
     stamp_ns: int, linear: tuple[float, ...], angular: tuple[float, ...]
 ) -> Command:
-    """Makes the command of a TwistStamped; one that turns the container is no number.
+    """Creates a command from a TwistStamped; a rotation of the container makes it invalid.
 
     Args:
         stamp_ns: of the message [ns].

@@ -1,4 +1,4 @@
-"""Converts commands to plain values, and what the governor gives to messages."""
+"""Converts messages to commands, and the governor's results to messages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ AXES = "xyz"
 
 
 def twist_command(message: TwistStamped) -> Command:
-    """Makes the command of a velocity."""
+    """Creates the command of a velocity."""
     linear, angular = (
         tuple(float(getattr(part, axis)) for axis in AXES)
         for part in (message.twist.linear, message.twist.angular)
@@ -28,13 +28,13 @@ def twist_command(message: TwistStamped) -> Command:
 
 
 def pose_command(message: Any) -> Command:
-    """Makes the command of a target from a PoseStamped; its attitude is not used."""
+    """Creates the command of a target position from a PoseStamped; its attitude is not used."""
     place = message.pose.position
     return Command(to_nanoseconds(message.header.stamp), target=(place.x, place.y, place.z))
 
 
 def governed_message(moved: Governed, frame: str) -> GovernedMotion:
-    """Makes the message of a step."""
+    """Creates the message of a step."""
     return filled(
         GovernedMotion,
         stamp_ns=moved.stamp_ns,
@@ -58,7 +58,7 @@ def governed_message(moved: Governed, frame: str) -> GovernedMotion:
 
 
 def safe_twist(moved: Governed, frame: str) -> TwistStamped:
-    """Makes the velocity for the robot."""
+    """Creates the velocity message for the robot."""
     message = TwistStamped()
     message.header.stamp, message.header.frame_id = to_time(moved.stamp_ns), frame
     _set(message.twist.linear, moved.velocity)
@@ -66,7 +66,7 @@ def safe_twist(moved: Governed, frame: str) -> TwistStamped:
 
 
 def stop_message(moving: Sequence[Governed], period: float, frame: str) -> MultiDOFJointTrajectory:
-    """Makes the message of a stop; positions are from where it begins.
+    """Creates the message of a stop; positions are relative to where it begins.
 
     Args:
         moving: steps, the first before the stop begins.

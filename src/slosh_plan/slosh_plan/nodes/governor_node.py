@@ -1,4 +1,4 @@
-"""The governor node: passes on as much of a commanded motion as the liquid allows."""
+"""Governor node: executes as much of a commanded motion as the liquid allows."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ ONE_CONTAINER = "the governor keeps the liquid of one container, not of a tray"
 
 
 class GovernorNode(PreparedNode):
-    """Converts messages, calls the core at its own rate and publishes.
+    """ROS node that runs the governor at a fixed rate and publishes its motion.
 
     Args:
         later: it gets ready by `run_node`.
@@ -104,13 +104,13 @@ class GovernorNode(PreparedNode):
         self._get_ready(later=later)
 
     def prepare(self, progress: Progress) -> None:
-        """Compiles or loads the kernels; makes the core."""
+        """Compiles or loads the compiled code, and creates the governor."""
         for module in ("slosh_model.kernel", "slosh_plan.governor"):
             load_telling(progress, module)
         self._core = governor_of(self._tray.first.model, self._values)
 
     def begin(self) -> None:
-        """Starts the steps."""
+        """Starts the steps of the governor."""
         self._container = ContainerWatch(self, self._tray, self._on_container)
         self._settings.publish(self._container.files)
         self._safe = self.create_publisher(TwistStamped, topics.SAFE_TWIST, qos.STREAM_OUT)
@@ -157,7 +157,7 @@ class GovernorNode(PreparedNode):
         self._told.publish(governed_message(moved, frame))
 
     def _on_container(self) -> None:
-        """Stops; the governor for the next container starts at rest."""
+        """Stops the motion; the governor for the next container starts at rest."""
         self._waits = True
         self._core.stop()
         if self._container.tray.is_tray:
@@ -223,7 +223,7 @@ class GovernorNode(PreparedNode):
 
 
 def main() -> int:
-    """Runs the node."""
+    """Runs the governor node."""
     return run_node(lambda: GovernorNode(later=True))
 
 

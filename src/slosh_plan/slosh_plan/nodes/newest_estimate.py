@@ -114,7 +114,7 @@ class NewestEstimate:
 
 
 def modal_of(answer: ModelEstimate | FusedEstimate) -> Any:
-    """Returns (modes, 4) x, y, vx, vy of each mode's mass of a message [m, m/s]."""
+    """Returns each mode's state x, y, vx, vy (modes, 4) from a message [m, m/s]."""
     position = np.array(answer.modal_position).reshape(-1, 2)
     velocity = np.array(answer.modal_velocity).reshape(-1, 2)
     return np.hstack((position, velocity))
