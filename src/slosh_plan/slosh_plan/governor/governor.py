@@ -39,7 +39,7 @@ class GovernorState(IntEnum):
 
 
 class StopReason(IntEnum):
-    """Reason why the governor stops; the values are those of GovernedMotion.msg."""
+    """Reason why the governor stops; values are those of GovernedMotion.msg."""
 
     NONE = 0
     SILENT = 1
