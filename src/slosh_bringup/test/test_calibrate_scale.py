@@ -115,7 +115,7 @@ def test_the_models_lengths_are_used_and_a_diameter_is_no_radius(images, capsys)
     assert main(words) == 0
     assert "0.500 mm/px" in capsys.readouterr().out
     assert main(["calibrate", still, "--model", model, "-o", output]) == 2
-    assert "a side view needs --scale" in capsys.readouterr().err
+    assert "from the side all bodies of revolution (--scale)" in capsys.readouterr().err
     assert main([*words, "--page", str(images / "page.html")]) == 2
     assert "do not give both" in capsys.readouterr().err
 

@@ -102,7 +102,9 @@ def test_the_file_of_a_rectangular_container():
 
 
 def test_a_reader_of_cylinders_says_what_it_needs():
-    with pytest.raises(SloshCameraError, match=r"camera\.yaml: container\.shape: rectangle"):
+    with pytest.raises(
+        SloshCameraError, match=r"camera\.yaml: container\.shape: this is a side view"
+    ):
         parse_calibration(TEXT)
 
 

@@ -285,7 +285,7 @@ class Simulator:
 
     @property
     def modal(self) -> Array:
-        """Modal state (modes, 4): x, y, vx, vy of each mode's mass [m, m/s]."""
+        """Modal state: (modes, 4) x, y, vx, vy of each mode's mass [m, m/s]."""
         return np.column_stack([self._modes[name] for name in MODAL])
 
     def run(self, inputs: Inputs, state: State | None = None) -> tuple[Response, State]:

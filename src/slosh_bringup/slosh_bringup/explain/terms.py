@@ -28,6 +28,8 @@ COLUMNS: Mapping[str, str] = {
     "sh_left sh_right": "height at the left or right end of the visible wall [m]",
     "azimuth_left azimuth_right": "azimuth of the left or right end of the visible wall [rad]",
     "frame": "image or file name of the sample",
+    "cell": "namespace of a cell on the operator's page",
+    "reason": "cause of a state, in one sentence",
     "peak_u peak_v": "pixel of the highest liquid [px]",
     "peak_side": "wall on which the highest liquid lies: front, rear or unknown",
     "flags": "what limits the validity, by names or as a sum of bits; slosh explain 0x3 splits it",
