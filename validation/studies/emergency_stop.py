@@ -18,7 +18,7 @@ from functools import partial
 
 import numpy as np
 import with_tools  # noqa: F401
-from governor import COMMANDS, DAMPING, FREQUENCY, PERIOD, drawn, highest, other, tracked
+from governor import COMMANDS, DAMPING, FREQUENCY, PAGE, PERIOD, drawn, highest, other, tracked
 from observer_accuracy import write_table
 
 from slosh_base.files.nanoseconds import SECOND
@@ -112,7 +112,7 @@ def row(way: str, runs: Array) -> str:
 def main() -> int:
     """Runs the command; returns its exit code."""
     rows = [(partial(run, way), partial(row, way)) for way in WAYS]
-    return write_table(__doc__, "stops", HEAD, rows)
+    return write_table(__doc__, "stops", HEAD, rows, PAGE)
 
 
 if __name__ == "__main__":

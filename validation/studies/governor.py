@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 import with_tools  # noqa: F401
+from camera_sequences import ROOT
 from observer_accuracy import write_table
 
 from slosh_base.files.nanoseconds import SECOND
@@ -32,6 +33,7 @@ from slosh_plan.governor import Command, Governed, Governor, SeenLiquid
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.planning.limits import PlanLimits
 
+PAGE = ROOT / "docs" / "governor.md"
 PERIOD, COMMANDS, WATCHED = 0.02, 150, 3.0
 FREQUENCY, DAMPING = 0.03, 2.0
 GRID = [(1.0 + FREQUENCY * part, 1.0 / DAMPING) for part in (-1.0, -0.75, -0.25, 0.25, 0.75, 1.0)]
@@ -228,7 +230,7 @@ def row(observed: bool, runs: Array) -> str:
 def main() -> int:
     """Runs the command; returns its exit code."""
     rows = [(partial(run, observed), partial(row, observed)) for observed in (False, True)]
-    return write_table(__doc__, "governor", HEAD, rows)
+    return write_table(__doc__, "governor", HEAD, rows, PAGE)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import multiprocessing
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,6 +116,7 @@ def write_table(
     name: str,
     head: Sequence[str],
     rows: Sequence[tuple[Callable[[int], Any], Callable[[Array], str]]],
+    page: Path = PAGE,
 ) -> int:
     """Runs a study by the command line; prints its table and writes that of the page.
 
@@ -123,6 +125,7 @@ def write_table(
         name: of the table on the page.
         head: of the table.
         rows: what is run for each seed, and what makes a row of all that it gives.
+        page: that shows the table.
 
     Returns:
         the exit code.
@@ -142,7 +145,7 @@ def write_table(
     text = "\n".join(lines)
     print(text)
     if arguments.docs:
-        fill(PAGE, name, text)
+        fill(page, name, text)
     return 0
 
 
