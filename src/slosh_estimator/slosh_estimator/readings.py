@@ -56,7 +56,7 @@ class ReadingJoiner:
         return self._complete()
 
     def add_reading(self, reading: Reading) -> list[EstimatePoint]:
-        """Adds an expected measurement; returns the estimates that are now complete."""
+        """Adds a predicted sensor reading; returns the estimates that have theirs."""
         self._readings.append(reading)
         return self._complete()
 

@@ -263,7 +263,7 @@ class Container(ABC):
 
     @property
     def linear_height(self) -> float:
-        """Height above which linear waves are invalid [m]; infinite if nonlinear models exist."""
+        """Wave height above which the linear model fails [m]; infinite with a nonlinear one."""
         return math.inf
 
     @property

@@ -281,7 +281,7 @@ class Model:
         return modes
 
     def _damping(self, container: Container, number: int) -> float:
-        """Returns the damping ratio ζ of a mode before any effect."""
+        """Returns the damping ratio ζ of a mode without the model's effects."""
         if self.damping_ratio is not None:
             return self.damping_ratio
         return container.mode_damping(self.liquid.kinematic_viscosity, number)

@@ -62,7 +62,7 @@ def unfelt_tilt(model: Model, attitude: Array | None) -> float:
 
 
 def feeling(model: Model, attitude: Array | None) -> Model:
-    """Returns the model for a motion, with gravity by tilt if the motion tilts the container."""
+    """Returns the model for a motion, with the effect `gravity_tilt` if the container tilts."""
     return model.feeling_gravity() if unfelt_tilt(model, attitude) else model
 
 

@@ -28,7 +28,7 @@ def add_arguments(parser: Any) -> None:
     )  # fmt: skip
     group.add_argument(
         "--wrench", metavar="TOPIC", default="",
-        help="topic of the force, if there are several (WrenchStamped, Wrench, Twist)",
+        help="topic of the force, if there are several (WrenchStamped, Wrench, or Twist with it)",
     )  # fmt: skip
     add_input_options(group)
 

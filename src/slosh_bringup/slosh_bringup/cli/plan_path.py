@@ -44,7 +44,7 @@ def add_path_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options that describe the path to the argument parser."""
     parser.add_argument(
         "path", type=Path, nargs="?",
-        help="waypoints: t,x,y,z[,qx,qy,qz,qw] (.csv); with --urdf t and the robot's joints",
+        help="table (.csv) of waypoints t,x,y,z[,qx,qy,qz,qw], or with --urdf of t and the joints",
     )  # fmt: skip
     parser.add_argument(
         "--straight", type=quantities.length(10.0), metavar="M",

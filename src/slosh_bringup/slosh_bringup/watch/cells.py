@@ -74,7 +74,7 @@ class CellList:
         self._cells: dict[str, _Cell] = {own: _Cell()}
 
     def keep(self, names: Collection[str]) -> None:
-        """Removes the cells that are not in `names`, except the page's own cell."""
+        """Removes the cells that are not in `names`, except the cell that this page shows."""
         for name in self._cells.keys() - {*names, self._own}:
             del self._cells[name]
 

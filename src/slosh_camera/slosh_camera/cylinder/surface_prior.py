@@ -50,7 +50,7 @@ class Prior:
     def about(
         self, heights: FloatArray, radius: float, *, front_alone: bool = False
     ) -> tuple[FloatArray, FloatArray]:
-        """Returns mean (SHAPES,) [m] and inverse covariance of the amplitudes, given a first mode.
+        """Returns mean and inverse covariance of the mode amplitudes [m], given the first mode's.
 
         The shapes of second order grow with the square of the first mode. Crests are sharper than
         troughs: the double shape has its crest where the first mode has it. A contact line alone

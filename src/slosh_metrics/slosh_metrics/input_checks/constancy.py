@@ -1,4 +1,4 @@
-"""Detects when a container is at rest: when its acceleration is constant, not small.
+"""Detects when a container is at rest, by a constant acceleration of any size.
 
 A vector is averaged over bins of BIN_NS. A stretch of bins is constant as long as each bin lies
 near the mean of those before it. What "near" means follows the sensor's noise, which the second

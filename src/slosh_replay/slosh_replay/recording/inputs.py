@@ -92,7 +92,7 @@ def fields(kind: str) -> tuple[str, ...]:
 
 
 def _columns_of(kind: str) -> str:
-    """Returns the type of the columns; joint states and transforms become poses."""
+    """Returns the kind of the columns of an input; joints and transforms have those of poses."""
     return POSE if kind in POSES else kind
 
 
