@@ -1,6 +1,7 @@
 """Tests `slosh predict`: output, exit codes and errors."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -180,6 +181,22 @@ def test_of_a_tray_the_worst_container_is_named(capsys, tmp_path):
     assert "give its model, no tray" in capsys.readouterr().err
     assert main(["simulate", str(tray), motion, "-o", str(tmp_path / "o.csv")]) == 2
     assert "a tray of containers" in capsys.readouterr().err
+
+
+def test_limits_for_a_gantry_are_numbers_and_lines_of_a_protocol(capsys, tmp_path):
+    assert main(["predict", MODEL, "--limit", "0.01", "--gantry", "5", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert 0.0 < found["acceleration"] < found["smooth_acceleration"]
+    assert main(["predict", MODEL, "--limit", "0.01", "--gantry", "5"]) == 0
+    said = capsys.readouterr().out
+    assert f"pipette.default_speed = {math.floor(1e3 * found['speed'])}  # mm/s" in said
+    assert f"protocol.delay(seconds={math.ceil(found['wait'])})" in said
+    for words, told in (
+        (["--gantry", "-3"], "--gantry -3: an acceleration above 0 is needed"),
+        ([], "give at least one TRAJECTORY, or --gantry"),
+    ):
+        assert main(["predict", MODEL, "--limit", "0.01", *words]) == 2
+        assert told in capsys.readouterr().err
 
 
 def test_a_cup_that_slides_is_named_and_fails(capsys, tmp_path):

@@ -82,6 +82,13 @@ class PlanTuning:
         1e-3, "m", "distance from a corner within which a stop is looked for"
     )
     path_step: float = number(1e-4, "m", "step of a path from which distances are measured")
+    # gantry.py
+    gantry_rows: int = number(60, "1", "samples of a period of the liquid")
+    gantry_moves: int = number(13, "1", "lengths of each part of a move that are tried")
+    gantry_fine: float = number(5.0, "1", "lengths of a push by which it has fewer samples")
+    gantry_reserve: float = number(0.02, "1", "part of the height for moves that are not tried")
+    gantry_short: float = number(0.05, "1", "shortest push by the liquid's period")
+    gantry_exact: float = number(5e-3, "1", "part by which a limit may be too low")
     # motion_map/
     map_segments: int = number(8, "1", "segments of a stroke's law")
     map_rows: int = number(400, "1", "samples of a stroke")

@@ -13,8 +13,10 @@ from typing import Any
 
 from slosh_base.files import check_apart, new_text, write_text
 from slosh_base.files.plain_text import plain_line
+from slosh_bringup.cli import quantities
 from slosh_bringup.cli.parser import old_name
 from slosh_bringup.cli.pictures import check_picture
+from slosh_bringup.cli.predict_gantry import gantry_text
 from slosh_bringup.cli.progress import share_bar
 from slosh_bringup.cli.quantities import ERROR, FRACTION, HEIGHT, time
 from slosh_bringup.cli.rim_option import add_rim_distance, rim_words
@@ -23,7 +25,7 @@ from slosh_bringup.cli.teller import Teller
 from slosh_bringup.errors import SloshBringupError
 from slosh_model.model import Model
 from slosh_model.tilt import added_text, attitude_of
-from slosh_model.tray import read_tray
+from slosh_model.tray import Tray, read_tray
 from slosh_plan import (
     HeightLimits,
     ModelError,
@@ -70,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "model", type=Path, help="model of the liquid (model.yaml), or a tray file"
     )
     parser.add_argument(
-        "trajectories", type=Path, nargs="+", metavar="TRAJECTORY",
+        "trajectories", type=Path, nargs="*", metavar="TRAJECTORY",
         help="trajectory: motion table t,ax,ay,az[,...] or poses t,x,y,z[,qx,qy,qz,qw] (.csv, "
         ".csv.gz)",
     )  # fmt: skip
@@ -92,6 +94,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     ):
         parser.add_argument(f"--{name}", type=kind, metavar=unit, help=text)
     add_rim_distance(parser)
+    parser.add_argument(
+        "--gantry", type=quantities.ACCELERATION, nargs="?", const=math.nan, metavar="A",
+        help="without TRAJECTORY: find acceleration, jerk and waiting time for strokes of any "
+        "length; with the machine's own acceleration A [m/s²] also the speed",
+    )  # fmt: skip
     mae = parser.add_argument(
         "--mae", dest="sigma", type=ERROR, default=0.0, metavar="M",
         help="mean absolute error (MAE) of the model, as reported by slosh replay [m] (default 0)",
@@ -137,6 +144,10 @@ def run(arguments: argparse.Namespace) -> int:
         *(math.inf if value is None else value for value in (arguments.limit, arguments.residual)),
         rim_distance=arguments.rim_distance,
     )
+    if arguments.gantry is not None:
+        return _gantry(arguments, tray, limits)
+    if not arguments.trajectories:
+        raise SloshBringupError("give at least one TRAJECTORY, or --gantry")
     error = ModelError(arguments.sigma, arguments.epsilon)
     motions = read_motions(arguments)
     tell = Teller("predict")
@@ -165,6 +176,17 @@ def run(arguments: argparse.Namespace) -> int:
     print(show(found, scales, each if tray.is_tray else None))
     kept = all(one.of_worst.kept and one.stands for one in each)
     return tell.exit_code if kept else EXIT_EXCEEDED
+
+
+def _gantry(arguments: argparse.Namespace, tray: Tray, limits: HeightLimits) -> int:
+    """Prints the limits of a machine whose strokes are not known."""
+    if arguments.trajectories or tray.is_tray:
+        raise SloshBringupError("--gantry: needs the model of one container, and no TRAJECTORY")
+    machine = None if math.isnan(arguments.gantry) else arguments.gantry
+    if machine is not None and not 0.0 < machine < math.inf:
+        raise SloshBringupError(f"--gantry {machine:g}: an acceleration above 0 is needed")
+    print(gantry_text(tray.first.model, limits, machine, as_json=arguments.json))
+    return 0
 
 
 def read_motions(arguments: argparse.Namespace) -> list[Trajectory]:

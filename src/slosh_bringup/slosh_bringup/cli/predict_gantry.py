@@ -1,0 +1,52 @@
+"""`slosh predict --gantry`: limits for a machine whose strokes nobody knows beforehand."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+
+from slosh_model.model import Model
+from slosh_plan.gantry import GantryLimits, gantry_limits
+from slosh_plan.limits import HeightLimits
+from slosh_report.json_values import plain
+
+RESIDUAL = 1e-3
+"""Residual height at which the next stroke may begin, where none is given [m]."""
+
+
+def gantry_text(
+    model: Model, limits: HeightLimits, machine: float | None, *, as_json: bool
+) -> str:
+    """Finds the limits of a machine's axes and describes them.
+
+    Args:
+        model: of the container and its liquid.
+        limits: of the height in a stroke, and after it.
+        machine: acceleration of each axis that the machine has [m/s²]; None: it can be set.
+        as_json: whether to describe them as JSON in SI units.
+    """
+    quiet = limits.residual if math.isfinite(limits.residual) else RESIDUAL
+    kept = HeightLimits(limits.height, quiet, rim_distance=limits.rim_distance)
+    found = gantry_limits(model, kept, machine)
+    if as_json:
+        return json.dumps(plain(asdict(found)))
+    return "\n".join(_lines(found, quiet))
+
+
+def _lines(found: GantryLimits, quiet: float) -> list[str]:
+    lines = [
+        "limits of each axis, for strokes of any length, two axes at once:",
+        f"  acceleration up to {found.acceleration:.3g} m/s², or with a jerk of up to "
+        f"{found.jerk:.3g} m/s³ up to {found.smooth_acceleration:.3g} m/s²",
+        f"  wait {found.wait:.1f} s after a stroke until the liquid is below {1e3 * quiet:.3g} mm",
+    ]
+    if math.isfinite(found.speed):
+        lines += [
+            f"  at the machine's own acceleration: speed up to {found.speed:.3g} m/s",
+            "Opentrons protocol (its acceleration is fixed):",
+            f"  pipette.default_speed = {math.floor(1e3 * found.speed)}  # mm/s",
+            f"  protocol.delay(seconds={math.ceil(found.wait)})",
+        ]
+    lines += ["PyLabRobot protocol:", f"  await asyncio.sleep({math.ceil(found.wait)})"]
+    return lines
