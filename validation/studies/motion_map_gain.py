@@ -12,15 +12,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import numpy as np
 import with_tools  # noqa: F401
 from result_tables import fill
 from tm20.design import DEPTH, FILL_HEIGHT, GEOMETRIES, RATIO, STROKE, Geometry
 
-from slosh_base.types import Array
 from slosh_model import Model, Rectangle
-from slosh_model.motion_profiles import LAWS
-from slosh_plan.motion_map.design import Stroke, designed, heights
+from slosh_plan.motion_map.design import NamedLaw, Stroke, designed, heights
 from slosh_plan.motion_map.motion_map import motion_map
 from slosh_plan.planning.limits import PlanLimits
 
@@ -34,15 +31,6 @@ HEAD = (
 )
 
 
-class Harmonic:
-    """The harmonic law, with the interface of a map's law."""
-
-    def acceleration(self, u: Array) -> Array:
-        """The second derivative at normalised times; 0 outside 0 to 1."""
-        inside = (u >= 0.0) & (u <= 1.0)
-        return np.where(inside, LAWS["harmonic"](np.clip(u, 0.0, 1.0))[2], 0.0)
-
-
 def row(geometry: Geometry) -> str:
     """One container's line of the table."""
     known = geometry.published
@@ -50,7 +38,7 @@ def row(geometry: Geometry) -> str:
         Rectangle(geometry.width, DEPTH, FILL_HEIGHT), damping_ratio=known.damping_ratio,
         natural_frequency=known.natural_frequency, modes=3,
     )  # fmt: skip
-    now = heights(model, CYCLE, Harmonic(), known.fastest)
+    now = heights(model, CYCLE, NamedLaw("harmonic"), known.fastest)
     limits = PlanLimits(now.peak, now.residual, jerk=JERK)
     law = designed(model, CYCLE, known.fastest, limits, None)
     assert law is not None

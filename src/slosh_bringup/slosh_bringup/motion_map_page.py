@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from slosh_base.types import Array
 from slosh_model.model import Model
-from slosh_model.motion_profiles import LAWS
-from slosh_plan.motion_map.design import heights
+from slosh_plan.motion_map.design import NamedLaw, heights
 from slosh_plan.motion_map.motion_map import MotionMap
 from slosh_report.page.svg import INK, LIMIT, LINEAR, NONLINEAR, canvas, style, svg_text
 from slosh_report.page.template import make_environment
@@ -19,15 +17,6 @@ SIZE = (6.4, 3.0)
 SHOWN = 5
 """Laws that are drawn."""
 COMPARED = "quintic"
-
-
-class KnownProfile:
-    """A known time law for comparison, with the interface of `Profile`."""
-
-    def acceleration(self, u: Array) -> Array:
-        """Returns the second derivative at normalised times; 0 outside the range 0 to 1."""
-        inside = (u >= 0.0) & (u <= 1.0)
-        return np.where(inside, LAWS[COMPARED](np.clip(u, 0.0, 1.0))[2], 0.0)
 
 
 def render_map(model: Model, found: MotionMap, name: str) -> str:
@@ -46,7 +35,7 @@ def render_map(model: Model, found: MotionMap, name: str) -> str:
 def _waves(model: Model, found: MotionMap) -> Markup:
     """Draws peak and dwell height over the machine's speed, also for a known time law."""
     speeds = [row.speed for row in found.rows]
-    known = [heights(model, found.stroke, KnownProfile(), speed).peak for speed in speeds]
+    known = [heights(model, found.stroke, NamedLaw(COMPARED), speed).peak for speed in speeds]
     top = 1.6 * 1e3 * found.limits.height
     with style("waves"):
         figure = canvas(SIZE)

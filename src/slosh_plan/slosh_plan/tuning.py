@@ -114,7 +114,7 @@ class PlanTuning:
     governor_tail: float = number(0.6, "period", "periods of the first mode after a stop")
     governor_first: float = number(2.0, "period", "duration of the first stop, in its periods")
     governor_longest: float = number(1.2, "s", "longest stop")
-    governor_reserve: float = number(0.02, "1", "part by which heights are raised")
+    governor_reserve: float = number(0.04, "1", "part by which heights are raised")
     governor_spread: float = number(
         0.4, "1", "part of the difference of heights that is added for liquids between two"
     )

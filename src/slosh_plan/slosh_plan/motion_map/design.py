@@ -17,6 +17,7 @@ from scipy.optimize import linprog
 from slosh_base.types import Array, BoolArray
 from slosh_model.batch import wall_heights
 from slosh_model.model import Model
+from slosh_model.motion_profiles import LAWS
 from slosh_model.simulate import Inputs
 from slosh_plan.heights import first_period, msh_of
 from slosh_plan.motion_map.profile import COUNT, Profile, moments, spline
@@ -31,6 +32,22 @@ class Law(Protocol):
 
     def acceleration(self, u: Array) -> Array:
         """Returns the second derivative at normalised times; 0 outside the range 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedLaw:
+    """One of the packaging laws of `slosh_model.motion_profiles`, for comparison.
+
+    Attributes:
+        name: one of LAWS.
+    """
+
+    name: str
+
+    def acceleration(self, u: Array) -> Array:
+        """Returns the second derivative at normalised times; 0 outside 0 to 1."""
+        inside = (u >= 0.0) & (u <= 1.0)
+        return np.where(inside, LAWS[self.name](np.clip(u, 0.0, 1.0))[2], 0.0)
 
 
 @dataclass(frozen=True, slots=True)
